@@ -8,11 +8,10 @@ use super::{
     Args, Error, Outcome, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, Value,
     findings, named, warn,
 };
-use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m, export, stem};
-use crate::geometry::bounds;
+use crate::export::{Form, Format, Mode, end_heights_m, stem};
 use crate::plan::Plan;
 use crate::preflight::{
-    Checked, LED_MEMORY, PICTURE, Profile, Severity, checks, flown, of_flights, preflight,
+    Checked, CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, Severity,
 };
 use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
@@ -58,25 +57,23 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         }
         Ok(())
     })?;
-    let strokes = shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());
-    let word = strokes.map_or("drawing", |strokes| strokes.word.as_str());
-    let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
-    let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
-    let flies = trajectory.as_ref().unwrap_or(&shoot);
     let profile = args.profile.profile(&shoot.scene);
     if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;
     }
-    let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
-    let checks = checks(flies, &flights, &profile);
+    let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    let (format, mode, is_unchecked) = (args.to, args.mode, args.unchecked);
+    let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked };
+    let checked = CheckedExport::new(shoot, options)?;
+    let word = checked.word();
     let stops = match args.to.flies() {
-        true => warned(args, flies, &of_flights(flies, flights, &profile)?.findings),
+        true => warned(args, checked.flies(), &checked.findings),
         false => None,
     };
     let mut report = Report::empty();
     report.value("word", word);
     report.value("format", args.to.name());
-    report.value("drones", shoot.plans.len());
+    report.value("drones", plans.len());
     report.value("stops", &stops);
     if let Some(stops) = stops.as_ref().filter(|_| !args.unchecked) {
         for key in ["bytes", "deviation_mm"] {
@@ -88,40 +85,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         report.line("", hint);
         return Ok(report.with_files(&[]).with_outcome(Outcome::NotSafe));
     }
-    // The script of setpoints can be told to fly the trajectory, if that is safe as well.
-    let on_board = match args.to {
-        Format::Cflib if trajectory.is_none() => {
-            let is_safe = |shoot: &Shoot| {
-                let checked = preflight(shoot, &profile);
-                checked.is_ok_and(|checked| findings::stops(&checked.findings).is_none())
-            };
-            let shoot = fly((Form::Compressed, Length::OnBoard)).ok();
-            shoot.filter(|shoot| args.unchecked || is_safe(shoot))
-        }
-        _ => trajectory,
-    };
-    let plans_of = |shoot: &Shoot| -> Vec<Plan> {
-        shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
-    };
-    let (plans, sim) = (plans_of(&shoot), shoot.scene.sim());
-    let flown = match args.to {
-        Format::Skyc | Format::Vviz => shoot.as_shown(tolerance_m)?,
-        _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
-    };
-    let job = Job {
-        plans: &plans,
-        flown: &flown,
-        unsafe_because: stops.as_deref(),
-        word,
-        light: &shoot.lamps(),
-        sim: &sim,
-        camera: &shoot.scene.camera.camera(bounds_m(&shoot), 0.0)?,
-        tolerance_m,
-        mode: args.mode,
-        trajectory_clock: shoot.scene.trajectory_clock(),
-        checks: &checks,
-    };
-    let files = export(args.to, &job)?;
+    let ExportedFiles { files, deviation_m } = checked.files(stops.as_deref())?;
     let paths = match files.as_slice() {
         [file] => {
             let path = args.output.clone().unwrap_or_else(|| file.name.clone().into());
@@ -149,7 +113,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let exported = format!("{word} to {}, {bytes} bytes", args.to.name());
     report.figure("bytes", bytes, "exported", &exported);
     report.optional("note", args.to.note(), "note", |note| (*note).to_owned());
-    let deviation_mm = deviation_m(args.to, &job)?.map(|m| 1e3 * m);
+    let deviation_mm = deviation_m.map(|m| 1e3 * m);
     report.optional("deviation_mm", deviation_mm, "deviation", |off_mm| {
         format!("up to {off_mm:.1} mm from the design")
     });
@@ -208,14 +172,4 @@ pub(super) fn warn_of_trailing(shoot: &Shoot) {
              `preview --as-exported compressed`, or fly `--set controller.kind=geometric`",
         ]);
     }
-}
-
-/// The box of the word, or of the plans.
-fn bounds_m(shoot: &Shoot) -> [f64; 4] {
-    if let Some(strokes) = &shoot.strokes {
-        return strokes.bounds_m();
-    }
-    let setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
-    let written = setpoints.filter(|setpoint| setpoint.letter.is_some());
-    bounds(written.map(|setpoint| [setpoint.position_m.x, setpoint.position_m.z]))
 }
