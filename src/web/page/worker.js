@@ -19,7 +19,9 @@ addEventListener("message", async ({ data: { kind, body } }) => {
   try {
     const module = await ready;
     const request = new TextEncoder().encode(body);
-    new Uint8Array(module.memory.buffer, module.reserve(request.length), request.length).set(request);
+    // To reserve place may move the memory.
+    const place = module.reserve(request.length);
+    new Uint8Array(module.memory.buffer, place, request.length).set(request);
     let told = -1;
     tell = (stage, share) => {
       const done = Math.floor(20 * (stage ? 0.7 + 0.3 * share : 0.7 * share)) / 20;
