@@ -124,9 +124,9 @@ pub(super) fn whole_of(title: &str) -> Option<(String, f64)> {
     let plain = simplified(title);
     FRACTIONS.iter().find_map(|(end, size)| {
         let place = plain.rfind(end)?;
-        let after = &plain[place + end.len()..];
-        let is_end = ["", "s", "ond", "onds"].contains(&after);
-        is_end.then(|| (format!("{}sec{after}", &plain[..place]), *size))
+        let unit = format!("sec{}", &plain[place + end.len()..]);
+        let is_unit = ["sec", "secs", "second", "seconds"].contains(&&*unit);
+        is_unit.then(|| (format!("{}{unit}", &plain[..place]), *size))
     })
 }
 
