@@ -26,7 +26,8 @@ PRESETS = ["cf-brushless", "bzzz"]
 HOUSE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><path d="M20 90 V45 L50 15 L80 45 V90 Z" fill="none" stroke="#d22"/><circle cx="50" cy="62" r="9" fill="none" stroke="#22d"/></svg>'
 HAND = json.dumps({"strokes": [[[0, 80, 0], [5, 10, 0.4], [60, 85, 1.1], [62, 12, 1.6]], [[90, 10, 2.0], [90, 80, 2.5]]], "y": "down"})
 CASES = [*(({"word": word}, {}) for word in WORDS), *(({"word": "NOOR"}, {"preset": preset}) for preset in PRESETS),
-         ({"drawing": {"kind": "svg", "text": HOUSE}}, {}), ({"drawing": {"kind": "json", "text": HAND}}, {"letters.pace": "even"})]
+         ({"drawing": {"kind": "svg", "text": HOUSE}}, {}), ({"drawing": {"kind": "json", "text": HAND}}, {"letters.pace": "even"}),
+         ({"word": "HELLO", "room": "4x3x2.5"}, {}), ({"word": "HI", "room": "6x4x3"}, {"letters.cap_height_m": "0.8", "controller.kind": "geometric"})]
 # Of the verdict, which `preview --json` prints with more.
 VERDICT = ["read", "legible", "readability", "reason", "rival", "letters", "faithfulness", "causes", "advice", "flight_sha256"]
 
@@ -52,6 +53,7 @@ class Host:
 def by_command_line(subject, settings):
     """What `preview` prints, its files, and the folder that a drawing's scene names."""
     arguments = [f"--set={key}={value}" for key, value in settings.items()]
+    arguments += [f"--room={subject['room']}"] if "room" in subject else []
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder).resolve()
         if "drawing" in subject:
@@ -86,7 +88,7 @@ def the_same_bytes(page):
     """Photograph, plan and flight by their digests, and the verdict."""
     print(f"{'':26}{'photo':18}{'plan':18}{'flight':18}read      (browser, command line)")
     for subject, settings in CASES:
-        name = " ".join([subject.get("word") or f"drawing.{subject['drawing']['kind']}", *settings.values()])
+        name = " ".join([subject.get("word") or f"drawing.{subject['drawing']['kind']}", *settings.values(), subject.get("room", "")])
         request = json.dumps({**subject, "settings": settings, "visitor": "test", "aspect": 16 / 9})
         here = page.evaluate("async request => (await import('./maker.js')).make('photos', request)", request)
         assert "error" not in here, (name, here)
@@ -113,6 +115,7 @@ def a_link_opens_with_what_it_says(browser, host):
     first_s = time.monotonic() - begun
     ready(page)
     assert shown(page).startswith("Reads as NOOR."), page.inner_text("#verdict")
+    until(page, "document.querySelector('main').dataset.large", 60, "the large photograph")
     times = page.evaluate("""async () => {
         const { make } = await import('./maker.js'), times = [];
         for (const word of ['AMARA', 'KENJI', 'RIGA', 'NOOR', 'SALMA', 'AMARA']) {
@@ -153,6 +156,16 @@ def a_broken_link_opens_the_page(browser, host):
         page, trouble = opened(browser, host.url + hash_)
         ready(page)
         assert not trouble, (hash_, trouble)
+
+
+def an_old_browser_is_told_so(browser, host):
+    """One that cannot run the module."""
+    context = browser.new_context(locale="fr-FR", service_workers="block")
+    context.route("**/noctograph.wasm", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
+    page = context.new_page()
+    page.goto(host.url)
+    until(page, "document.querySelector('#verdict').textContent.includes('trop ancien')")
+    context.close()
 
 
 def files_are_saved(browser, host):
@@ -229,6 +242,7 @@ if __name__ == "__main__":
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
         a_link_opens_with_what_it_says(browser, host)
+        an_old_browser_is_told_so(browser, host)
         page = files_are_saved(browser, host)
         a_broken_link_opens_the_page(browser, host)
         drawings_and_pictures_are_photographed(browser, host)

@@ -13,8 +13,9 @@
 const waiting = [];
 /** @type {Job | null} */
 let running = null;
+// The module is compiled while the page loads.
 /** @type {Worker | null} */
-let worker = null;
+let worker = start();
 
 function start() {
   const started = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
