@@ -128,6 +128,7 @@ def a_link_opens_with_what_it_says(browser, host):
     }""")
     memory = int(page.get_attribute("html", "data-memory")) / 1e6
     print(f"first photograph {first_s:.2f} s after opening; photograph and verdict in {times} ms; {memory:.0f} MB", flush=True)
+    assert memory <= 120, f"{memory} MB"
 
     # A word with settings, shared: another browser makes the same photograph.
     write(page, "RIGA")
@@ -171,6 +172,7 @@ def an_old_browser_is_told_so(browser, host):
 def files_are_saved(browser, host):
     page, trouble = opened(browser, host.url)
     ready(page)
+    assert "send" not in write(page, "Illi"), "nobody sends from here"
     write(page, "SALMA")
     until(page, "document.querySelector('main').dataset.large", 60, "the large photograph")
     page.click("#more")
