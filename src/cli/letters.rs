@@ -66,6 +66,7 @@ fn color(text: &str) -> Result<[u8; 4], String> {
 
 impl LetterFlags {
     /// The keys of the scene that were typed. A room does not change letters that are planned.
+    #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
     pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
         let mut settings = Vec::new();
         let mut set = |key: &str, value: &dyn Display| {
