@@ -41,7 +41,7 @@ pub(super) struct CoverageArgs {
 }
 
 pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
-    let mut scene = args.scene.load(&[], &args.letters.settings(false))?;
+    let mut scene = args.scene.load(&[], &args.letters.settings(false, false))?;
     if let Some(word) = &args.word {
         set_word(&mut scene, word)?;
     }

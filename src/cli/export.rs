@@ -8,11 +8,10 @@ use super::{
     Args, Error, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, findings, json,
     named, warn,
 };
-use crate::export::{Form, Format, Job, Length, Mode, deviation_m, end_heights_m, export, stem};
-use crate::geometry::bounds;
+use crate::export::{Form, Format, Mode, end_heights_m, stem};
 use crate::plan::Plan;
 use crate::preflight::{
-    Checked, LED_MEMORY, PICTURE, Profile, Severity, checks, flown, of_flights, preflight,
+    Checked, CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, Severity,
 };
 use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
@@ -58,62 +57,27 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         }
         Ok(())
     })?;
-    let strokes = shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());
-    let word = strokes.map_or("drawing", |strokes| strokes.word.as_str());
-    let fly = |(form, length)| shoot.as_exported(form, tolerance_m, length);
-    let trajectory = args.to.trajectory(args.mode).map(fly).transpose()?;
-    let flies = trajectory.as_ref().unwrap_or(&shoot);
     let profile = args.profile.profile(&shoot.scene);
     if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;
     }
-    let flights = if args.to.flies() { flown(flies)? } else { Vec::new() };
-    let checks = checks(flies, &flights, &profile);
+    let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
+    let (format, mode, is_unchecked) = (args.to, args.mode, args.unchecked);
+    let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked };
+    let checked = CheckedExport::new(shoot, options)?;
+    let word = checked.word();
     let stops = match args.to.flies() {
-        true => warned(args, flies, &of_flights(flies, flights, &profile)?.findings),
+        true => warned(args, checked.flies(), &checked.findings),
         false => None,
     };
     let mut product = json!({
-        "word": word, "format": args.to.name(), "drones": shoot.plans.len(), "stops": stops,
+        "word": word, "format": args.to.name(), "drones": plans.len(), "stops": stops,
         "bytes": null, "deviation_mm": null,
     });
     if stops.is_some() && !args.unchecked {
         return Ok(Report::of(product, REFUSED).with_files(&[]).passes(false));
     }
-    // The script of setpoints can be told to fly the trajectory, if that is safe as well.
-    let on_board = match args.to {
-        Format::Cflib if trajectory.is_none() => {
-            let is_safe = |shoot: &Shoot| {
-                let checked = preflight(shoot, &profile);
-                checked.is_ok_and(|checked| findings::stops(&checked.findings).is_none())
-            };
-            let shoot = fly((Form::Compressed, Length::OnBoard)).ok();
-            shoot.filter(|shoot| args.unchecked || is_safe(shoot))
-        }
-        _ => trajectory,
-    };
-    let plans_of = |shoot: &Shoot| -> Vec<Plan> {
-        shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
-    };
-    let (plans, sim) = (plans_of(&shoot), shoot.scene.sim());
-    let flown = match args.to {
-        Format::Skyc | Format::Vviz => shoot.as_shown(tolerance_m)?,
-        _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
-    };
-    let job = Job {
-        plans: &plans,
-        flown: &flown,
-        unsafe_because: stops.as_deref(),
-        word,
-        light: &shoot.lamps(),
-        sim: &sim,
-        camera: &shoot.scene.camera.camera(bounds_m(&shoot), 0.0)?,
-        tolerance_m,
-        mode: args.mode,
-        trajectory_clock: shoot.scene.trajectory_clock(),
-        checks: &checks,
-    };
-    let files = export(args.to, &job)?;
+    let ExportedFiles { files, deviation_m } = checked.files(stops.as_deref())?;
     let paths = match files.as_slice() {
         [file] => {
             let path = args.output.clone().unwrap_or_else(|| file.name.clone().into());
@@ -134,10 +98,9 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             folder.keep()?
         }
     };
-    let deviation_mm = deviation_m(args.to, &job)?.map(|m| 1e3 * m);
     product["bytes"] = files.iter().map(|file| file.bytes.len()).sum::<usize>().into();
     product["note"] = args.to.note().into();
-    product["deviation_mm"] = deviation_mm.into();
+    product["deviation_mm"] = deviation_m.map(|m| 1e3 * m).into();
     if args.to.stays_in_the_air() {
         for plan in &plans {
             let [begins_m, ends_m] = end_heights_m(plan)?;
@@ -148,7 +111,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             )]);
         }
     }
-    if deviation_mm.is_some_and(|off_mm| off_mm > 2.0 * tolerance_mm) {
+    if deviation_m.is_some_and(|off_m| off_m > 2.0 * tolerance_m) {
         warn(["the design jumps; plan with --style even for a smooth one"]);
     }
     Ok(Report::of(product, EXPORTED).with_files(&paths))
@@ -205,14 +168,4 @@ pub(super) fn warn_of_trailing(shoot: &Shoot) {
              `preview --as-exported compressed`, or fly `--set controller.kind=geometric`",
         ]);
     }
-}
-
-/// The box of the word, or of the plans.
-fn bounds_m(shoot: &Shoot) -> [f64; 4] {
-    if let Some(strokes) = &shoot.strokes {
-        return strokes.bounds_m();
-    }
-    let setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
-    let written = setpoints.filter(|setpoint| setpoint.letter.is_some());
-    bounds(written.map(|setpoint| [setpoint.position_m.x, setpoint.position_m.z]))
 }

@@ -11,7 +11,7 @@ use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
 };
 use crate::plan::{Plan, Style};
-use crate::preflight::{Profile, canvas_within, frame_within};
+use crate::preflight::{Profile, fit_within, frame_within, hang_stations};
 use crate::scene::{CarriedScene, NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{Recording, Shoot};
@@ -185,12 +185,10 @@ impl DesignFlags {
     /// Fits a word to what the camera shows of it from within the room, unless its size was typed.
     fn fit(&self, scene: &mut Scene) -> Result<()> {
         let is_typed = ["letters.cap_height_m", "letters.canvas_m"].map(|key| self.scene.sets(key));
-        if let Some(room_m) = self.letters.room.filter(|_| is_typed == [false; 2])
-            && let Some(canvas_m) = canvas_within(scene, room_m)?
-        {
-            scene.letters.canvas_m = Some(canvas_m);
+        match self.letters.room.filter(|_| is_typed == [false; 2]) {
+            Some(room_m) => fit_within(scene, room_m),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     fn unfitted(
@@ -199,17 +197,11 @@ impl DesignFlags {
         is_planned: bool,
         more: &[Setting],
     ) -> Result<Scene> {
-        let mut settings = self.letters.settings(is_planned);
+        let is_height_typed = self.scene.sets("letters.cap_height_m");
+        let mut settings = self.letters.settings(is_planned, is_height_typed);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
         settings.extend(self.drones.iter().map(|n| ("plan.drones".to_owned(), n.to_string())));
         settings.extend_from_slice(more);
-        // A height that was typed is meant: no room shrinks it, and the check stops what is too
-        // large.
-        if self.scene.sets("letters.cap_height_m") {
-            settings.retain(|(key, _)| key != "letters.fit");
-            let canvases = settings.iter_mut().filter(|(key, _)| key == "letters.canvas_m");
-            canvases.for_each(|(_, canvas_m)| *canvas_m = "[1000, 1000]".to_owned());
-        }
         let mut scene = self.scene.load_from(carried, &settings, &[])?;
         // A plan keeps its room where another scene has none.
         if let Some(carried) = carried.filter(|_| is_planned && scene.expose.room_m.is_none()) {
@@ -217,11 +209,7 @@ impl DesignFlags {
         }
         let room_m = scene.expose.room_m.filter(|_| is_planned).or(self.letters.room);
         if let Some(room_m) = room_m {
-            let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
-            let stations = &mut scene.sensors.lighthouse.stations;
-            if *stations == usual {
-                *stations = Profile::indoor().in_room(room_m).stations().into();
-            }
+            hang_stations(&mut scene, room_m);
         }
         Ok(scene)
     }

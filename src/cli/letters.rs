@@ -2,9 +2,9 @@
 
 use std::fmt::Display;
 
-use super::{Args, Corners, Setting, numbers};
+use super::{Args, Corners, Setting};
 use crate::light::{ColorLedLevels, color_led_wrgb};
-use crate::preflight::Profile;
+use crate::preflight::{letters_within, parse_room};
 
 /// The word as it is drawn.
 #[derive(Debug, Args)]
@@ -46,7 +46,7 @@ pub(super) struct LetterFlags {
     /// the 4 m that two Lighthouse stations serve, and shown whole by a camera that stands in the
     /// room; stations hang in its corners where no scene places them, and safety checks keep any
     /// plan 0.2 m from its walls
-    #[arg(long, value_name = "WxDxH", value_parser = room)]
+    #[arg(long, value_name = "WxDxH", value_parser = parse_room)]
     pub(super) room: Option<[f64; 3]>,
 }
 
@@ -64,51 +64,10 @@ fn color(text: &str) -> Result<[u8; 4], String> {
     Ok(color_led_wrgb([color.red, color.green, color.blue], LEVELS))
 }
 
-/// Least distance of the word from the sides of the volume that a drone may fly in, and from its
-/// top: a base station 0.1 m higher then sees the word's top from as far as it reaches, 6 m.
-const FROM_SIDES_M: f64 = 0.3;
-const FROM_TOP_M: f64 = 0.5;
-
-/// Width that two base stations serve (Bitcraze, "Getting started with the Lighthouse system":
-/// about 4 m by 4 m).
-const SERVED_M: f64 = 4.0;
-
-/// Least and greatest room, m: a flight with its margins; a sports hall (three playing fields are
-/// 27 m by 45 m, DIN 18032), with room to spare.
-const LEAST_ROOM_M: [f64; 3] = [1.5, 1.5, 1.0];
-const GREATEST_ROOM_M: [f64; 3] = [60.0, 60.0, 20.0];
-
-/// Units that sizes of rooms are typed in by mistake, per meter.
-const OTHER_UNITS: [(&str, f64); 3] =
-    [("centimeters", 100.0), ("millimeters", 1000.0), ("inches", 39.37)];
-
-fn room(text: &str) -> Result<[f64; 3], String> {
-    let in_words = |room_m: [f64; 3]| room_m.map(|m| format!("{m}")).join("x");
-    let wanted = format!(
-        "wanted WIDTHxDEPTHxHEIGHT in meters, from {} to {}, such as 4x3x2.5",
-        in_words(LEAST_ROOM_M),
-        in_words(GREATEST_ROOM_M)
-    );
-    let Some(sides) = numbers::<3>(text, &['x', 'X', '×']) else { return Err(wanted) };
-    let fits = |sides: [f64; 3]| {
-        (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&sides[side]))
-    };
-    if fits(sides) {
-        return Ok(sides);
-    }
-    let meant = OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|m| m / per_m)));
-    Err(match meant.into_iter().find(|(_, room_m)| fits(*room_m)) {
-        Some((unit, room_m)) => {
-            let room_m = in_words(room_m.map(|m| (100.0 * m).round() / 100.0));
-            format!("is this in {unit}, a room of {room_m} m? {wanted}")
-        }
-        None => wanted,
-    })
-}
-
 impl LetterFlags {
     /// The keys of the scene that were typed. A room does not change letters that are planned.
-    pub(super) fn settings(&self, is_planned: bool) -> Vec<Setting> {
+    #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
+    pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
         let mut settings = Vec::new();
         let mut set = |key: &str, value: &dyn Display| {
             settings.push((key.to_owned(), value.to_string()));
@@ -138,18 +97,8 @@ impl LetterFlags {
             set("expose.room_m", &format!("{room_m:?}"));
         }
         if let Some(room_m) = self.room.filter(|_| !is_planned) {
-            let [low, high] = Profile::indoor().in_room(room_m).volume_m;
-            let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
-            // A low room has the word nearer to its floor.
-            let baseline_m = (0.25 * room_m[2]).min(0.5);
-            let high_m = high[2] - FROM_TOP_M - baseline_m;
-            set("letters.canvas_m", &format!("[{wide_m}, {high_m}]"));
-            set("letters.baseline_m", &baseline_m);
-            set("letters.align", &"center");
-            // A drawing fills its canvas as it is.
-            if self.drawing.is_none() {
-                set("letters.fit", &"fill");
-            }
+            let is_drawing = self.drawing.is_some();
+            settings.extend(letters_within(room_m, is_drawing, is_height_typed));
         }
         settings
     }
@@ -158,23 +107,6 @@ impl LetterFlags {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_room_in_another_unit_is_asked_about_and_halls_are_bounded() {
-        assert_eq!(room("4x3x2.5"), Ok([4.0, 3.0, 2.5]));
-        assert_eq!(room("20 X 20 × 8"), Ok([20.0, 20.0, 8.0]));
-        for (typed, question) in [
-            ("400x300x250", "is this in centimeters, a room of 4x3x2.5 m?"),
-            ("4000x3000x2500", "is this in millimeters, a room of 4x3x2.5 m?"),
-            ("100x30x8", "wanted WIDTHxDEPTHxHEIGHT in meters, from 1.5x1.5x1 to 60x60x20"),
-            ("1x3x2.5", "wanted"),
-            ("4x3", "wanted"),
-            ("nanx3x2", "wanted"),
-        ] {
-            let error = room(typed).unwrap_err();
-            assert!(error.starts_with(question), "{typed}: {error}");
-        }
-    }
 
     #[test]
     fn black_is_no_color_of_a_lamp() {

@@ -18,3 +18,13 @@ pub mod settings;
 pub mod srgb;
 pub mod statistics;
 pub mod strokes;
+
+/// Does work in the widest registers of this processor; a module of WebAssembly is built for one
+/// width.
+#[inline(always)]
+pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
+    #[cfg(target_family = "wasm")]
+    return work.call();
+    #[cfg(not(target_family = "wasm"))]
+    pulp::Arch::new().dispatch(work)
+}

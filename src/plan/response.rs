@@ -71,7 +71,7 @@ impl StepResponse {
         });
         let factors = Banded::new(times_s.len(), width.max().unwrap_or(1));
         let mut inverse = Inverse { response: self, settled_s, times_s, ridge, factors };
-        pulp::Arch::new().dispatch(Factoring(&mut inverse));
+        noctograph_core::dispatch(Factoring(&mut inverse));
         inverse
     }
 }

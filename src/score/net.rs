@@ -8,7 +8,7 @@ use std::ops::Range;
 use std::sync::LazyLock;
 
 use pulp::bytemuck::cast;
-use pulp::{i16x16, i32x8};
+use pulp::{NullaryFnOnce, i16x16, i32x8};
 
 use super::strip::{HEIGHT, Strip};
 
@@ -178,7 +178,10 @@ impl Layer {
             pulp::Simd::vectorize(simd, With(simd, all));
             return sums;
         }
-        pulp::Arch::new().dispatch(With((), all));
+        #[cfg(all(target_family = "wasm", target_feature = "simd128"))]
+        With(Simd128, all).call();
+        #[cfg(not(all(target_family = "wasm", target_feature = "simd128")))]
+        noctograph_core::dispatch(With((), all));
         sums
     }
 
@@ -231,10 +234,33 @@ impl Registers for pulp::x86::V3 {
     }
 }
 
+/// Registers of 128 bits of WebAssembly.
+#[cfg(all(target_family = "wasm", target_feature = "simd128"))]
+#[derive(Clone, Copy)]
+struct Simd128;
+
+#[cfg(all(target_family = "wasm", target_feature = "simd128"))]
+impl Registers for Simd128 {
+    #[inline(always)]
+    fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
+        use core::arch::wasm32::{
+            i32x4_add, i32x4_dot_i16x8, i32x4_splat, u64x2, u64x2_extract_lane,
+        };
+        let pair = i32x4_splat(cast(pair));
+        let [sums, weights]: [[[u64; 2]; 2]; 2] = [cast(sums), cast(weights)];
+        let halves = [0, 1].map(|half| {
+            let [sums, weights] = [sums, weights].map(|all| u64x2(all[half][0], all[half][1]));
+            let sum = i32x4_add(sums, i32x4_dot_i16x8(pair, weights));
+            [u64x2_extract_lane::<0>(sum), u64x2_extract_lane::<1>(sum)]
+        });
+        cast(halves)
+    }
+}
+
 /// Sums, and the registers that they are taken in.
 struct With<'a, R>(R, Sums<'a>);
 
-impl<R: Registers> pulp::NullaryFnOnce for With<'_, R> {
+impl<R: Registers> NullaryFnOnce for With<'_, R> {
     type Output = ();
 
     #[inline(always)]

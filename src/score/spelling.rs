@@ -65,8 +65,7 @@ static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
 
 impl Runs {
     fn cost(&self, number: usize) -> Option<u8> {
-        let own =
-            |bytes: &[u8; 3]| usize::from_le_bytes([bytes[0], bytes[1], bytes[2], 0, 0, 0, 0, 0]);
+        let own = |[a, b, c]: &[u8; 3]| u32::from_le_bytes([*a, *b, *c, 0]) as usize;
         let at = self.numbers.binary_search_by_key(&number, own).ok()?;
         Some(self.costs[at])
     }

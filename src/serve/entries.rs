@@ -12,10 +12,10 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 
 use super::gallery::{self, Entry, Gallery, Order, State, regular};
-use super::messages::{Key, KeyResult};
 use super::photo_cache::CachedPhoto;
-use super::request::Subject;
 use noctograph_core::error::Result;
+use noctograph_web::messages::{Key, KeyResult};
+use noctograph_web::request::Subject;
 
 /// Most entries that wait: all, and those of an address.
 const MOST: usize = 1000;

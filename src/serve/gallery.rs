@@ -16,11 +16,11 @@ use serde_json::{Value, json};
 use super::address::secret;
 use super::photo_cache::CachedPhoto;
 use super::render::{JPEG, PNG, REPLAY, SCENE};
-use super::request::Subject;
 use super::timestamp::now;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, Output, entries_in, folder_in};
 use noctograph_export::stem;
+use noctograph_web::request::Subject;
 
 const ENTRY: &str = "entry.json";
 const SUBJECT: &str = "wish.json";

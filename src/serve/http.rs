@@ -21,6 +21,7 @@ use hyper::header::HeaderValue;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
+use noctograph_web::messages::{Key, Message};
 use serde_json::Value;
 use tokio::net::TcpListener;
 use tokio::task::AbortHandle;
@@ -211,6 +212,13 @@ pub(crate) fn with_field(mut reply: Reply, name: &'static str, value: &str) -> R
     let value = HeaderValue::from_str(value).expect("a line of ASCII");
     reply.headers_mut().insert(name, value);
     reply
+}
+
+/// What is answered where something was refused.
+pub(crate) fn refused(message: impl Into<Message>) -> Reply {
+    let message = message.into();
+    let status = Key::ALL.iter().find(|key| key.name() == message.key).map(|key| key.status());
+    with_status(json(&message.json()), status.unwrap_or(422))
 }
 
 impl From<HttpError> for Reply {

@@ -21,7 +21,6 @@ use brand::Brand;
 use entries::Entries;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::folder_in;
-use noctograph_pipeline::preflight::Profile;
 use noctograph_pipeline::scene::{Change, Scene};
 use noctograph_pipeline::shoot::Shot;
 use queue::Queue;
@@ -34,34 +33,23 @@ mod brand;
 mod entries;
 mod gallery;
 mod http;
-mod messages;
 mod operator;
 mod page;
 mod photo_cache;
 mod qr;
 mod queue;
 mod render;
-mod replay;
-mod request;
 mod routes;
 mod timestamp;
 mod worker;
 
+pub use noctograph_web::PreparedScene;
 pub use qr::printed as printed_code;
 pub use render::bring_files;
 pub use worker::work;
 
 /// Most threads for what waits for the disk.
 const DISK_THREADS: usize = 8;
-
-/// A scene that is ready to be planned, and what its flight is checked against.
-#[derive(Clone, Debug)]
-pub struct PreparedScene {
-    /// The scene, with its word or drawing.
-    pub scene: Scene,
-    /// Limits of the flight.
-    pub profile: Profile,
-}
 
 /// Changes of a scene, and how much the probability that its word is read grows by them.
 pub type Suggestion = (Vec<Change>, f64);

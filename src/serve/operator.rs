@@ -5,12 +5,12 @@ use serde_json::{Value, json};
 use super::access::Request;
 use super::address;
 use super::http::{self, Reply};
-use super::messages::{Key, KeyResult, Message};
 use super::queue::Outcome;
 use super::render::{JPEG, PNG, REPLAY};
-use super::request::Task;
 use super::routes::{NamedFiles, Posted, Server, archive, files_of, sent};
 use noctograph_export::stem;
+use noctograph_web::messages::{Key, KeyResult, Message};
+use noctograph_web::request::Task;
 
 impl Server {
     pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
@@ -53,7 +53,7 @@ impl Server {
             Some(refused) => {
                 let message: Message =
                     serde_json::from_value(refused.clone()).map_err(|_broken| Key::Broken)?;
-                Ok(message.into())
+                Ok(http::refused(message))
             }
             None => Ok(archive(&files)),
         }

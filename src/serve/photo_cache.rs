@@ -8,8 +8,8 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use super::render::{FIGURES, OUT};
-use super::request::Subject;
 use noctograph_core::files::Limit;
+use noctograph_web::request::Subject;
 
 const LIMIT: Limit = Limit { bytes: 16 << 20, what: "a photo's figures", hint: "take it again" };
 

@@ -10,9 +10,9 @@ use serde_json::value::RawValue;
 use tempfile::TempDir;
 use tokio::sync::oneshot;
 
-use super::messages::Message;
-use super::request::Task;
 use noctograph_pipeline::shoot::Stop;
+use noctograph_web::messages::Message;
+use noctograph_web::request::Task;
 
 /// Most jobs that wait.
 pub(crate) const MAX_WAITING: usize = 64;
@@ -163,7 +163,7 @@ impl RequestNumbers {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::request::PhotoRequest;
+    use noctograph_web::request::PhotoRequest;
     use serde_json::json;
 
     fn task(word: &str) -> Task {

@@ -7,33 +7,27 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use base64::prelude::{BASE64_STANDARD, Engine};
-use serde_json::value::to_raw_value;
+use serde::{Deserialize, Serialize};
+use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
 
-use super::messages::{JobResult, Message};
-use super::replay::{boxes, replay};
-use super::request::{Subject, Task};
-use super::{PreparedScene, Program};
+use super::Program;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Output;
-use noctograph_core::geometry::{bounds, simplify};
-use noctograph_core::strokes::{Source, SourceStroke, Strokes};
-use noctograph_picture::expose::BackendChoice;
-use noctograph_picture::photo::{Photo, jpeg};
+use noctograph_core::strokes::Strokes;
 use noctograph_pipeline::scene::Scene;
-use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Stop};
+use noctograph_pipeline::shoot::{Judging, Stop};
+use noctograph_web::PreparedScene;
+use noctograph_web::answer::{self, LARGE, LIVE, Large, Take};
+use noctograph_web::messages::Message;
+use noctograph_web::request::{Subject, Task};
 
-/// Pixels of the photo while one types: alone, where others wait, and where a hall waits, in which
-/// it is not read either; and of the large photo.
-const LIVE: f64 = 960.0 * 540.0;
+/// Pixels of the photo while one types, where others wait, and where a hall waits, in which it is
+/// not read either.
 const SHARED: f64 = 640.0 * 360.0;
 const CROWDED: f64 = 480.0 * 270.0;
 /// Visitors who wait that make a crowd.
 const CROWD: usize = 4;
-const LARGE: f64 = 1920.0 * 1080.0;
-const LIVE_QUALITY: u8 = 85;
-const LARGE_QUALITY: u8 = 92;
 
 /// Folder of what a job makes, inside its own.
 pub(crate) const OUT: &str = "out";
@@ -46,6 +40,16 @@ pub(crate) const FIGURES: &str = "figures.json";
 
 /// Most words whose typefaces are known: an evening's, letter by letter.
 const MOST_FACES: usize = 4096;
+
+/// What became of a job.
+#[derive(Debug, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum JobResult {
+    /// An object, as text: it is passed on as it is.
+    Done(Box<RawValue>),
+    Failed(Message),
+    Stopped,
+}
 
 /// Makes photos and files.
 #[derive(Debug)]
@@ -88,8 +92,9 @@ impl Renderer {
     /// The strokes of a subject, whose photo has about as many pixels. A word of which the scene's
     /// font lacks a letter is written in a typeface of this machine that has all of them.
     fn draw(&mut self, subject: &Subject, pixels: Option<f64>) -> Result<Drawn> {
-        let mut arguments = subject.arguments()?;
-        arguments.extend(pixels.map(|pixels| subject.size(pixels).into()));
+        let mut arguments = arguments(subject)?;
+        let size = |[width, height]: [u32; 2]| format!("--size={width}x{height}").into();
+        arguments.extend(pixels.map(|pixels| size(subject.size_px(pixels))));
         let mut prepared = (self.program.prepare)(&arguments)?;
         let strokes = match (prepared.scene.strokes(), subject.title()) {
             (Err(lacks @ Error::Letter { .. }), Some(word)) => {
@@ -121,50 +126,27 @@ impl Renderer {
             _ => CROWDED,
         };
         let Drawn { prepared, strokes, .. } = self.draw(subject, Some(pixels))?;
-        let source = source(&strokes);
-        let shoot = match Shoot::of_strokes(prepared.scene, strokes) {
-            Ok(shoot) => shoot,
-            // Of what is too much for a flight, the page leaves strokes out.
-            Err(error) => {
-                let mut message = Message::of_error(&error, subject.is_picture());
-                message.values["source"] = source;
-                return Ok(Err(message));
-            }
-        };
         let is_judged = n_waiting < CROWD;
         let judging = if is_judged { Judging::Scored } else { Judging::Skipped };
-        stop.check()?;
-        let shot = taken(shoot, judging, None, stop)?;
-        let jpeg = BASE64_STANDARD.encode(jpeg(&shot.photo, LIVE_QUALITY));
-        let mut json = json!({
-            "photo": format!("data:image/jpeg;base64,{jpeg}"), "verdict": shot.verdict,
-            "replay": replay(&shot), "judged": is_judged, "source": source,
-        });
-        describe(&shot, &mut json);
-        Ok(Ok(json))
+        let take = Take { judging, stop: stop.clone(), watch: &|_, _| {} };
+        answer::live(prepared, strokes, subject.is_picture(), &take)
     }
 
     /// The large photo, with what stops its flight and, where it does not read, what helps.
     fn large(&mut self, subject: &Subject, advice: bool, stop: &Stop) -> Result<Made> {
         let Drawn { prepared, strokes, .. } = self.draw(subject, Some(LARGE))?;
-        let shoot = Shoot::of_strokes(prepared.scene, strokes)?;
-        let shot = taken(shoot, Judging::Scored, Some(Format::Png), stop)?;
-        let findings = shot.findings(&prepared.profile)?;
-        let stops: Vec<Message> = findings.iter().filter_map(Message::of_stop).collect();
+        let take = Take { judging: Judging::Scored, stop: stop.clone(), watch: &|_, _| {} };
+        let Large { shot, jpeg, mut json } = answer::large(prepared, strokes, &take)?;
         let remedies = if advice { (self.program.advice)(&shot)? } else { Vec::new() };
         let remedies = remedies.into_iter().map(|(changes, gain)| {
             json!({ "gain": gain, "said": Message::of_changes(&changes), "set": changes })
         });
-        let mut json = json!(shot.verdict);
         json["remedies"] = remedies.collect();
-        json["stops"] = json!(stops);
-        json["replay"] = replay(&shot);
-        describe(&shot, &mut json);
         let file = |name: &str, bytes: &[u8]| {
             Output::create(&Path::new(OUT).join(name))?.keep(|out| out.write_all(bytes)).map(drop)
         };
         file(PNG, shot.file.as_deref().expect("a format was asked for"))?;
-        file(JPEG, &jpeg(&shot.photo, LARGE_QUALITY))?;
+        file(JPEG, &jpeg)?;
         file(REPLAY, json["replay"].to_string().as_bytes())?;
         file(SCENE, shot.shoot.scene.to_toml().as_bytes())?;
         file(FIGURES, json.to_string().as_bytes())?;
@@ -181,10 +163,20 @@ impl Renderer {
     }
 }
 
-fn taken(shoot: Shoot, judging: Judging, format: Option<Format>, stop: &Stop) -> Result<Shot> {
-    let (backend, stop) = (BackendChoice::Cpu, stop.clone());
-    let shoot = Shoot { judging, format, backend, stop, keeps_film: false, ..shoot };
-    shoot.take(&|_, _| {})
+/// Arguments for a verb that takes a subject, so that the page can do what the command line does
+/// and nothing else; a drawing is written into the present folder.
+fn arguments(subject: &Subject) -> Result<Vec<OsString>> {
+    let settings = subject.settings.iter().map(|(key, value)| format!("--set={key}={value}"));
+    let mut arguments: Vec<OsString> = settings.map(OsString::from).collect();
+    arguments.extend(subject.room.iter().map(|room| format!("--room={room}").into()));
+    match subject.drawing()? {
+        None => arguments.push(format!("--word={}", subject.word).into()),
+        Some((name, bytes)) => {
+            Output::create(name.as_ref())?.keep(|out| out.write_all(&bytes))?;
+            arguments.push(format!("--drawing={name}").into());
+        }
+    }
+    Ok(arguments)
 }
 
 /// Brings the files of a scene into the present folder, and names them by their names alone.
@@ -214,43 +206,4 @@ fn brought_here(path: &Path) -> Result<String> {
     let brought = linked.or_else(|_| std::fs::copy(path, &name).map(drop));
     brought.map_err(|source| Error::read(name.as_ref(), source))?;
     Ok(name)
-}
-
-/// Adds what a photo of either size has: its size, the flight, problems, and the letters' places.
-fn describe(shot: &Shot, json: &mut Value) {
-    let Photo { width_px, height_px, .. } = shot.photo;
-    let flight_s = shot.shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
-    let problems = |are: bool| -> Vec<Message> {
-        let problems = shot.problems.iter().filter(|it| it.is_obstacle() == are);
-        problems.filter(|it| !matches!(it, Problem::Flight(..))).map(Message::of_problem).collect()
-    };
-    json["width"] = width_px.into();
-    json["height"] = height_px.into();
-    json["flight_s"] = flight_s.into();
-    json["obstacles"] = json!(problems(true));
-    json["warnings"] = json!(problems(false));
-    json["boxes"] = boxes(shot);
-}
-
-/// A drawing as its file has it, in whole pixels of a picture, or in thousandths of the larger side
-/// of any other; null of a word.
-fn source(strokes: &Strokes) -> Value {
-    let Source { corners_px, is_bitmap, strokes: all } = &strokes.source;
-    let [left, top, right, bottom] = bounds(all.iter().flat_map(|it| it.points.iter().copied()));
-    let ([x, y], scale) = match is_bitmap {
-        true => ([0.0; 2], 1.0),
-        false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
-    };
-    let stroke_json = |SourceStroke { points, color }: &SourceStroke| {
-        let points: Vec<[f64; 2]> =
-            points.iter().map(|point| [scale * (point[0] - x), scale * (point[1] - y)]).collect();
-        let kept = simplify(&points, 1.0).into_iter().flat_map(|index| points[index]);
-        #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-        let places: Vec<i64> = kept.map(|place| place.round() as i64).collect();
-        json!({ "color": color, "at": places })
-    };
-    if all.is_empty() {
-        return Value::Null;
-    }
-    json!({ "corners": corners_px, "strokes": all.iter().map(stroke_json).collect::<Vec<_>>() })
 }

@@ -12,17 +12,17 @@ use super::access::{Access, Base, Request};
 use super::brand::Brand;
 use super::entries::Entries;
 use super::http::{self, Arrival, MAX_BODY, Reply, with_field, with_status};
-use super::messages::{Key, KeyResult, Message};
 use super::page::FILES;
 use super::photo_cache::{CachedPhoto, PhotoCache};
 use super::queue::{Outcome, Queue, RequestNumbers};
 use super::render::{JPEG, OUT, PNG, REPLAY, SCENE};
-use super::request::{MAX_WORD, PhotoRequest, Task, is_name};
 use super::{address, qr};
 use noctograph_core::files::{Limit, files_in};
 use noctograph_export::zip::zip;
-use noctograph_picture::light::{LightOptions, color_led_wrgb, ring_rgb};
 use noctograph_pipeline::scene::Scene;
+use noctograph_web::colors;
+use noctograph_web::messages::{Key, KeyResult, Message};
+use noctograph_web::request::{MAX_WORD, PhotoRequest, Task, is_name};
 
 /// Files of an archive: their names and bytes.
 pub(crate) type NamedFiles = Vec<(String, Vec<u8>)>;
@@ -69,7 +69,7 @@ impl Server {
                 match read {
                     Ok(body) => {
                         request.body = body;
-                        self.route(request).await.unwrap_or_else(Reply::from)
+                        self.route(request).await.unwrap_or_else(http::refused)
                     }
                     Err(error) => error.into(),
                 }
@@ -96,7 +96,7 @@ impl Server {
             (Base::Visitors | Base::Kiosk, Some(body), [size @ ("live" | "photos")]) => {
                 match PhotoRequest::parse(body, request.base == Base::Kiosk) {
                     Ok(photo) => self.photo(photo, *size == "photos").await,
-                    Err(message) if message == Key::NotHere.into() => Ok(message.into()),
+                    Err(message) if message == Key::NotHere.into() => Ok(http::refused(message)),
                     Err(message) => Ok(http::json(&message.json())),
                 }
             }
@@ -271,13 +271,13 @@ impl Server {
         }
         let stops = photo.figures()["stops"].take();
         if stops.as_array().is_some_and(|stops| !stops.is_empty()) {
-            return Ok(Message::of_stops(&stops).into());
+            return Ok(http::refused(Message::of_stops(&stops)));
         }
         // A place of its own: a script ends no photo, and another script of the photo does.
         let task = Task::Script(photo.subject.clone());
         match self.large.ask(&photo.id, task).ok_or(Key::Busy)?.outcome().await {
             Outcome::Made(_, folder) => Ok(archive(&files_of(folder.path())?)),
-            Outcome::Failed(message) => Ok(message.into()),
+            Outcome::Failed(message) => Ok(http::refused(message)),
             Outcome::Stopped => Err(Key::Busy),
         }
     }
@@ -373,24 +373,4 @@ pub(crate) fn files_of(folder: &Path) -> KeyResult<NamedFiles> {
     };
     let files = files_in(&folder.join(OUT)).map_err(|_cause| Key::Broken)?;
     files.into_iter().map(read).collect::<Option<_>>().ok_or(Key::Broken)
-}
-
-/// Colors that the page offers: of the screen, and the bytes of each lamp that show them.
-fn colors() -> Value {
-    let colors = [
-        ("white", [255, 255, 255]),
-        ("red", [255, 0, 0]),
-        ("orange", [255, 165, 0]),
-        ("yellow", [255, 255, 0]),
-        ("green", [0, 255, 0]),
-        ("cyan", [0, 255, 255]),
-        ("blue", [0, 0, 255]),
-        ("magenta", [255, 0, 255]),
-    ];
-    let entry = |(name, screen): (&str, [u8; 3])| {
-        let deck = color_led_wrgb(screen, LightOptions::default().color_led_levels);
-        let [r, g, b] = ring_rgb(screen);
-        json!({ "name": name, "screen": screen, "color-led": deck, "ring": [0, r, g, b] })
-    };
-    colors.map(entry).into_iter().collect()
 }

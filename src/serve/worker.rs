@@ -15,13 +15,13 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::messages::{JobResult, Key, Message};
 use super::queue::{Job, Outcome, Queue};
-use super::render::Renderer;
-use super::request::Task;
+use super::render::{JobResult, Renderer};
 use super::{Program, no_thread};
 use noctograph_core::error::{Error, Result};
 use noctograph_pipeline::shoot::Stop;
+use noctograph_web::messages::{Key, Message};
+use noctograph_web::request::Task;
 
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
 const MEMORY: u64 = 1 << 30;

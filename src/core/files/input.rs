@@ -1,9 +1,12 @@
 //! Inputs: files, pipes and devices, opened once and read up to a limit.
 
+#[cfg(not(target_family = "wasm"))]
 use std::fs::File;
 use std::io::{Read, Take};
 use std::path::{Path, PathBuf};
 
+#[cfg(target_family = "wasm")]
+use super::brought::File;
 use crate::error::{Error, Result};
 
 /// The most that is read of one kind of file.

@@ -5,6 +5,8 @@
 //! bytes is taken off a [`Budget`]. Every writer stages its file beside its place, see [`Output`]
 //! and [`OutputFolder`].
 
+#[cfg(target_family = "wasm")]
+mod brought;
 mod budget;
 mod csv_reader;
 #[expect(clippy::disallowed_methods, reason = "copies what this program wrote")]
@@ -18,6 +20,8 @@ mod staging;
 mod text;
 mod titles;
 
+#[cfg(target_family = "wasm")]
+pub use brought::bring;
 pub use budget::{Budget, push};
 pub use csv_reader::{Head, RowRules, Separator, Sheet, SheetColumn};
 pub use folder::OutputFolder;

@@ -7,7 +7,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{SVector, Vector3};
-use pulp::{Arch, NullaryFnOnce};
+use pulp::NullaryFnOnce;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
@@ -90,7 +90,7 @@ impl<const N: usize> Field<N> {
 
     /// One component of the field at a place.
     pub fn component(&self, component: usize, position_m: &Vector3<f64>) -> f64 {
-        let heights = Arch::new().dispatch(Heights(&self.waves[component], position_m));
+        let heights = crate::dispatch(Heights(&self.waves[component], position_m));
         self.amplitude * heights.iter().sum::<f64>()
     }
 }

@@ -56,7 +56,7 @@ impl Normals {
         for (number, bytes) in drawn.as_flattened_mut().iter_mut().zip(bytes.as_chunks().0) {
             *number = u64::from_le_bytes(*bytes);
         }
-        pulp::Arch::new().dispatch(Fill { drawn: &drawn, block: &mut self.block });
+        crate::dispatch(Fill { drawn: &drawn, block: &mut self.block });
         self.drawn = 0;
     }
 }

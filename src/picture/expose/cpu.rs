@@ -45,7 +45,7 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
             .collect(),
     });
     let bands: Vec<Band<'_>> = bands.collect();
-    bands.into_par_iter().for_each(|band| pulp::Arch::new().dispatch(band));
+    bands.into_par_iter().for_each(noctograph_core::dispatch);
     counts
 }
 

@@ -40,6 +40,7 @@ use tone::{Levels8, Levels16};
 
 mod backdrop;
 mod camera_exif;
+#[cfg(not(target_family = "wasm"))]
 pub mod exr;
 pub mod flip;
 mod glare;
@@ -168,7 +169,7 @@ fn process<T: Copy + Default + Send>(
     rows.for_each_init(scratch, |(light, counts, scattered, reading), (y, out)| {
         for (channel, light) in light.iter_mut().enumerate() {
             lens.row(channel, y, scattered, counts);
-            pulp::Arch::new().dispatch(|| {
+            noctograph_core::dispatch(|| {
                 for (light, &count) in light.iter_mut().zip(&*counts) {
                     *light = count as f32 * per_count;
                 }

@@ -85,7 +85,7 @@ impl Sensor {
     /// little below 0 where noise or the matrix leads there). It runs in the widest registers of
     /// this processor, with the same bits in all, since no product is fused with a sum.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
-        pulp::Arch::new().dispatch(Reading { sensor: self, y, rows, scratch });
+        noctograph_core::dispatch(Reading { sensor: self, y, rows, scratch });
     }
 }
 

@@ -16,6 +16,7 @@ use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, Plan, Style};
 use noctograph_sim::vehicle::Downwash;
 
+mod checked_export;
 mod flown;
 mod letters;
 mod memory;
@@ -23,9 +24,11 @@ mod picture;
 mod placement;
 mod plans;
 mod profile;
+mod room;
 mod row;
 mod surroundings;
 
+pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles};
 pub use flown::MAX_SATURATED_S;
 use flown::check_flight;
 use letters::check_letters;
@@ -39,6 +42,7 @@ use placement::{camera_place, check_people, outside_of, place};
 pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
+pub use room::{fit_within, hang_stations, letters_within, parse_room};
 pub use row::{Checked, Row, Severity};
 use row::{at, largest, warn_if};
 use surroundings::{check_coverage, check_surroundings};

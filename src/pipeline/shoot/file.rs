@@ -99,6 +99,9 @@ pub(super) fn encode(
             let camera = (camera, dots_per_inch);
             readout()?.write_png16(&mut out, scene.photo.tone, camera, &notes, Some(&toml))
         }
+        #[cfg(target_family = "wasm")]
+        Format::Exr => unreachable!("a page asks for PNG"),
+        #[cfg(not(target_family = "wasm"))]
         Format::Exr => {
             notes.push(("noctograph.scene", scene.to_toml()));
             readout()?.write_exr(&mut out, camera, &notes)

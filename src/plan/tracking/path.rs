@@ -142,7 +142,7 @@ impl Walk<'_> {
         }
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
         let whole = || path.legs.square_m2(point_m, first + 1..last);
-        ends_m2.min(pulp::Arch::new().dispatch(whole)).sqrt()
+        ends_m2.min(noctograph_core::dispatch(whole)).sqrt()
     }
 }
 

@@ -19,6 +19,17 @@ export function onLost(/** @type {(lost: boolean | "moved") => void} */ tell) {
   tellLost = tell;
 }
 
+/** Who answers a route: the server, or in a page without one its own worker. */
+let answers = (/** @type {string} */ route, /** @type {RequestInit} */ init) => fetch(route, init);
+
+/** @param {typeof answers} other */
+export function answeredBy(other) {
+  answers = other;
+}
+
+/** What is answered to a route. @param {string} route @param {RequestInit} init */
+export const request = (route, init = {}) => answers(route, init);
+
 const setLost = (/** @type {boolean | "moved"} */ now) => {
   if (now !== lost) tellLost(now);
   lost = now === true;
@@ -56,7 +67,7 @@ export class Refused extends Error {
  */
 export async function post(route, body, signal) {
   return told(
-    await fetch(route, {
+    await request(route, {
       method: "POST",
       headers: { "Content-Type": "application/json" },
       body: JSON.stringify(body),
@@ -70,7 +81,7 @@ export async function get(
   /** @type {string} */ route,
   /** @type {AbortSignal} */ signal = new AbortController().signal,
 ) {
-  return told(await fetch(route, { signal, cache: "no-store" }));
+  return told(await request(route, { signal, cache: "no-store" }));
 }
 
 /** @param {Response} response */

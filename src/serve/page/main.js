@@ -36,6 +36,7 @@ const strip = replay(byId("replay"), stage.expose);
  * @property {Source | null} source what a file has
  * @property {string} of what of the wish that depends on
  * @property {boolean} busy whether many wait
+ * @property {boolean} linked whether its link was given
  * @property {number} cut letters that did not fit
  */
 /** @type {Known} */
@@ -47,6 +48,7 @@ const known = {
   source: null,
   of: "",
   busy: false,
+  linked: false,
   cut: 0,
 };
 let asked = "",
@@ -58,6 +60,7 @@ let asked = "",
 
 /** The shape of the photograph that fills the stage; what is chosen of a file keeps it. */
 function aspect() {
+  if (state.aspect) return state.aspect;
   if (isDrawing()) return rounded(shape(state.sketch));
   if (!(isChoosing() && filled))
     filled = rounded(area.clientWidth / Math.max(1, area.clientHeight));
@@ -76,6 +79,7 @@ async function wanted() {
   clearTimeout(resting);
   const mine = begin();
   Object.assign(known, { shot: null, large: null, error: null, refused: null, busy: false });
+  known.linked = false;
   const { opened } = state;
   const of = opened ? JSON.stringify([opened.text, opened.corners]) : "";
   if (of !== known.of) Object.assign(known, { of, source: null });
@@ -146,7 +150,7 @@ async function enlarged(advice) {
   if (
     await stage
       .hang(
-        `photos/${large.id}/photo.jpg`,
+        large.photo ?? `photos/${large.id}/photo.jpg`,
         alt(),
         large.replay,
         known.shot.width / known.shot.height,
@@ -200,6 +204,8 @@ const isChoosing = () => state.mode === "word" && state.opened?.choosing === tru
 /** Why it cannot be sent; "" if it can. */
 function hindrance() {
   if (!known.shot || known.error) return "nothing";
+  // A link has no place for a file.
+  if (about.alone) return state.opened ? "nothing" : "";
   return obstacle(known.shot) || known.large?.stops.length ? "unsafe" : "";
 }
 
@@ -216,7 +222,7 @@ function putDesk() {
   for (const id of ["send", "send-drawing"]) {
     byId(id).setAttribute("aria-disabled", `${hindrance() !== "" || sending}`);
     byId(id).textContent = t(
-      sending ? "sending" : unread && id === "send" ? "send-anyway" : "send",
+      about.alone ? "share" : sending ? "sending" : unread && id === "send" ? "send-anyway" : "send",
     );
   }
   say(verdict, spoken());
@@ -232,6 +238,7 @@ function putDesk() {
 /** @returns {import("./verdict.js").Spoken} */
 function spoken() {
   if (known.cut) return { first: t("cut", { n: about.limits.letters }) };
+  if (known.linked) return { first: t("linked") };
   const wrong = known.error ?? known.refused;
   if (wrong) return ofError(wrong);
   if (isEmpty()) return { first: t(state.opened ? "all-out" : "empty") };
@@ -274,6 +281,7 @@ async function insist(work) {
 
 async function send() {
   if (hindrance() || sending) return;
+  if (about.alone) return share();
   sending = true;
   clearTimeout(resting);
   putDesk();
@@ -305,6 +313,16 @@ async function send() {
     sending = false;
     putDesk();
   }
+}
+
+/** Gives the link that makes the photograph again: in the address, and to share or to paste. */
+async function share() {
+  const { putLink } = await import("./link.js");
+  const url = putLink(aspect());
+  const given = navigator.share?.({ url }) ?? navigator.clipboard?.writeText(url);
+  await given?.catch(() => {});
+  known.linked = true;
+  putDesk();
 }
 
 /** Another one: the same visitor at an own device, another one at the kiosk. */
@@ -508,6 +526,8 @@ async function begun() {
       startKiosk(),
     );
   else if (state.mode === "word") word.focus({ preventScroll: true });
+  document.body.dataset.ready = "true";
+  if (about.alone) return;
   follow((_, restarted) => {
     if (restarted) {
       asked = "";
@@ -515,6 +535,5 @@ async function begun() {
     }
     dispatchEvent(new Event("news"));
   });
-  document.body.dataset.ready = "true";
 }
 begun();

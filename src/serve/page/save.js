@@ -1,11 +1,11 @@
 // Downloads that may be refused: a refusal is a sentence, no file.
 
-import { Refused } from "./ask.js";
+import { Refused, request } from "./ask.js";
 import { make } from "./dom.js";
 
 /** Saves what a route gives. @param {string} route @param {string} name */
 export async function save(route, name) {
-  const response = await fetch(route);
+  const response = await request(route);
   if (!response.ok)
     throw new Refused(
       (await response.json().catch(() => null))?.error ?? { key: "not-possible", text: "" },

@@ -4,7 +4,8 @@ import { emptySketch } from "./sketch.js";
 
 const KEY = "noctograph";
 
-const fresh = () => ({
+/** A visitor who has made nothing yet. */
+export const fresh = () => ({
   /** Random name of this visitor, and the number of the newest wish. */
   visitor: Array.from(crypto.getRandomValues(new Uint32Array(4)), (part) =>
     part.toString(16).padStart(8, "0"),
@@ -25,6 +26,8 @@ const fresh = () => ({
   body: "",
   pace: "written",
   seed: 0,
+  /** Width / height of a photograph that a link names; 0: that of the screen. */
+  aspect: 0,
   /** @type {Record<string, string>} settings that differ from the scene's */
   settings: {},
   /**

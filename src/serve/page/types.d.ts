@@ -71,6 +71,8 @@ interface Remedy {
 interface Large extends Partial<Verdict> {
   number: number;
   id: string;
+  /** Where the page has no server that keeps it. */
+  photo?: string;
   flight_s: number;
   replay: Replay;
   obstacles: Said[];
@@ -84,6 +86,8 @@ type Wrgb = [number, number, number, number];
 interface About {
   role: "visitor" | "operator" | "entry";
   home: boolean;
+  /** Whether the page has no server. */
+  alone?: boolean;
   kiosk: boolean;
   network: boolean;
   wall: "approved" | "open";

@@ -1,6 +1,7 @@
 // The verdict, as a sentence or two.
 
 import { make } from "./dom.js";
+import { about } from "./wish.js";
 import { hasWord, sentence, t } from "./words.js";
 
 /** @typedef {{ first: string, then?: string }} Spoken */
@@ -22,7 +23,9 @@ export function ofShot(shot) {
   const read = verdict.read.replace(/\s+/g, " ").trim();
   if (verdict.legible) return { first: t("reads", { read }), then: flight };
   const wrong = verdict.letters.find(({ expected, best }) => best !== expected);
-  const way = wrong ? t("way-letter", { letter: wrong.expected }) : t("way");
+  // Without a server nothing is sent.
+  const sends = wrong ? t("way-letter", { letter: wrong.expected }) : t("way");
+  const way = about.alone ? t("way-alone") : sends;
   if (!wrong && verdict.reason) {
     return {
       first: t("unsure"),

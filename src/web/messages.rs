@@ -3,10 +3,8 @@
 //! it.
 
 use serde::{Deserialize, Serialize};
-use serde_json::value::RawValue;
 use serde_json::{Value, json};
 
-use super::http::{self, Reply};
 use noctograph_core::error::{Error, Segment};
 use noctograph_pipeline::preflight::{Checked, Severity};
 use noctograph_pipeline::scene::Change;
@@ -14,14 +12,15 @@ use noctograph_pipeline::shoot::Problem;
 
 /// A message.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-pub(crate) struct Message {
+pub struct Message {
     /// Name of the sentence: `word-long`.
-    pub(crate) key: String,
+    pub key: String,
     /// Its figures, by name with their unit.
-    pub(crate) values: Value,
-    pub(crate) text: String,
+    pub values: Value,
+    /// An English sentence, where the page has none.
+    pub text: String,
     /// What to do, in English; may be empty.
-    pub(crate) hint: String,
+    pub hint: String,
 }
 
 /// Declares the keys of refusals: name, status of HTTP where it is one, English sentence and hint.
@@ -29,16 +28,21 @@ macro_rules! keys {
     ($($key:ident $name:literal $status:literal $text:literal $hint:literal;)+) => {
         /// What can be refused.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub(crate) enum Key { $($key,)+ }
+        pub enum Key { $(#[doc = $text] $key,)+ }
 
         impl Key {
-            const ALL: &[Self] = &[$(Self::$key,)+];
+            /// All keys.
+            pub const ALL: &[Self] = &[$(Self::$key,)+];
 
-            fn name(self) -> &'static str {
+            /// Its name: `word-long`.
+            #[must_use]
+            pub fn name(self) -> &'static str {
                 match self { $(Self::$key => $name,)+ }
             }
 
-            fn status(self) -> u16 {
+            /// Status of HTTP.
+            #[must_use]
+            pub fn status(self) -> u16 {
                 match self { $(Self::$key => $status,)+ }
             }
 
@@ -77,7 +81,7 @@ keys! {
 }
 
 /// What can be refused with a key.
-pub(crate) type KeyResult<T> = Result<T, Key>;
+pub type KeyResult<T> = Result<T, Key>;
 
 /// Keys of what stops a flight: the checks, whose names the crate `studio` gives.
 const STOPS: &str = "stop-acceleration stop-altitude-hold stop-baseline stop-battery stop-camera \
@@ -102,18 +106,21 @@ fn listed(keys: &str, key: &str) -> String {
 
 impl Message {
     /// A refusal in words of its own.
-    pub(crate) fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
+    #[must_use]
+    pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
 
     /// A request that no page of this program sends.
-    pub(crate) fn of_old_page(found: &str) -> Self {
+    #[must_use]
+    pub fn of_old_page(found: &str) -> Self {
         let text = format!("{}: {found}", Key::PageOld.sentences()[0]);
         Self { text, ..Key::PageOld.into() }
     }
 
     /// A flight that is not safe.
-    pub(crate) fn of_stops(stops: &Value) -> Self {
+    #[must_use]
+    pub fn of_stops(stops: &Value) -> Self {
         let key = Key::NotSafe;
         let texts = stops.as_array().into_iter().flatten().filter_map(|stop| stop["text"].as_str());
         let texts: Vec<&str> = texts.collect();
@@ -122,7 +129,8 @@ impl Message {
     }
 
     /// An error of a stage, which followed a picture or something else.
-    pub(crate) fn of_error(error: &Error, is_picture: bool) -> Self {
+    #[must_use]
+    pub fn of_error(error: &Error, is_picture: bool) -> Self {
         let key = key_of(error, is_picture);
         let values = match error {
             Error::Letter { position, letter, .. } => {
@@ -134,7 +142,8 @@ impl Message {
     }
 
     /// A problem of the picture.
-    pub(crate) fn of_problem(problem: &Problem) -> Self {
+    #[must_use]
+    pub fn of_problem(problem: &Problem) -> Self {
         let (key, values) = match problem {
             Problem::ShutterCloses { at_s, early_s } => {
                 ("shutter-closes", json!({ "at_s": at_s, "early_s": early_s }))
@@ -160,7 +169,8 @@ impl Message {
     }
 
     /// What stops a flight; `None` of what does not.
-    pub(crate) fn of_stop(checked: &Checked) -> Option<Self> {
+    #[must_use]
+    pub fn of_stop(checked: &Checked) -> Option<Self> {
         let row = &checked.row;
         let values = json!({
             "value": row.value, "limit": row.limit, "time_s": row.time_s, "detail": row.detail,
@@ -173,50 +183,31 @@ impl Message {
     }
 
     /// A change that helps.
-    pub(crate) fn of_changes(changes: &[Change]) -> Option<Self> {
+    #[must_use]
+    pub fn of_changes(changes: &[Change]) -> Option<Self> {
         let first = changes.first()?;
         let key = listed(ADVICE, &format!("set-{}", first.key));
         let text = changes.iter().map(Change::to_string).collect::<Vec<_>>().join(", ");
         Some(Self { key, values: json!({ "value": first.value }), text, hint: String::new() })
     }
 
-    pub(crate) fn with_values(self, values: Value) -> Self {
+    /// The message with other values.
+    #[must_use]
+    pub fn with_values(self, values: Value) -> Self {
         Self { values, ..self }
     }
 
     /// What is answered where something was refused.
-    pub(crate) fn json(&self) -> Value {
+    #[must_use]
+    pub fn json(&self) -> Value {
         json!({ "error": self })
     }
-}
-
-/// What became of a job.
-#[derive(Debug, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum JobResult {
-    /// An object, as text: it is passed on as it is.
-    Done(Box<RawValue>),
-    Failed(Message),
-    Stopped,
 }
 
 impl From<Key> for Message {
     fn from(key: Key) -> Self {
         let [text, hint] = key.sentences();
         Self::new(key, json!({}), text.into(), hint)
-    }
-}
-
-impl From<Message> for Reply {
-    fn from(message: Message) -> Self {
-        let status = Key::ALL.iter().find(|key| key.name() == message.key).map(|key| key.status());
-        http::with_status(http::json(&message.json()), status.unwrap_or(422))
-    }
-}
-
-impl From<Key> for Reply {
-    fn from(key: Key) -> Self {
-        Message::from(key).into()
     }
 }
 
@@ -322,17 +313,16 @@ mod tests {
             "stops": STOPS.split(' ').collect::<Vec<_>>(),
         });
         // What tests/exhibit.py compares with the tables of words.
-        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/keys.json");
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../serve/page/keys.json");
         if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
             std::fs::write(file, format!("{keys:#}\n")).unwrap();
         }
         let known: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
         assert_eq!(known, keys, "NOCTOGRAPH_BLESS=1 writes {file} anew");
-        let tables = crate::page::FILES.iter().filter(|(name, _)| name.starts_with("words/"));
-        let tables: Vec<_> = tables.collect();
-        assert!(tables.len() >= 4, "languages");
-        for (name, text) in tables {
-            let table: Value = serde_json::from_str(text).unwrap();
+        for name in ["de", "en", "es", "fr"] {
+            let file = format!("{}/../serve/page/words/{name}.json", env!("CARGO_MANIFEST_DIR"));
+            let table = std::fs::read_to_string(file).unwrap();
+            let table: Value = serde_json::from_str(&table).unwrap();
             for (group, keys) in keys.as_object().unwrap() {
                 for key in keys.as_array().unwrap() {
                     let words = &table[group][key.as_str().unwrap()];

@@ -1,12 +1,10 @@
-//! A photo that a visitor asks for: a word or a drawing, and settings. It becomes the arguments of
-//! a verb, so that the page can do what the command line does and nothing else.
+//! A photo that a visitor asks for: a word or a drawing, and settings.
 //!
-//! No path comes from the network: a drawing is a text, which is written into the job's own folder,
+//! No path comes from the network: a drawing is a text, which is whose file has a name of ours,
 //! and only keys that name no file can be set.
 
 use std::collections::BTreeMap;
-use std::ffi::OsString;
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use image::{ImageFormat, ImageReader};
@@ -15,10 +13,9 @@ use serde_json::json;
 
 use super::messages::{Key, Message};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Output;
 
 /// Most characters of a word, and of the name of a visitor.
-pub(crate) const MAX_WORD: usize = 24;
+pub const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
 /// Most bytes of a setting's value: the longest lists the strokes that are left out.
@@ -62,24 +59,27 @@ struct Posted {
 
 /// A photo that a visitor asks for.
 #[derive(Debug)]
-pub(crate) struct PhotoRequest {
+pub struct PhotoRequest {
     /// Random name of the page that asks.
-    pub(crate) visitor: String,
+    pub visitor: String,
     /// Rises with each change, so that a request that arrives late is known.
-    pub(crate) number: Option<u64>,
+    pub number: Option<u64>,
     /// Whether changes are flown where a word does not read.
-    pub(crate) advice: bool,
-    pub(crate) subject: Subject,
+    pub advice: bool,
+    /// What is written or drawn.
+    pub subject: Subject,
 }
 
 /// What is written or drawn, and how: equal subjects make equal photos.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-pub(crate) struct Subject {
-    pub(crate) word: String,
+pub struct Subject {
+    /// The word; that of a drawing is empty.
+    pub word: String,
     drawing: Option<Drawing>,
     /// Width, depth and height in meters, as `--room` takes them.
-    room: Option<String>,
-    settings: BTreeMap<String, String>,
+    pub room: Option<String>,
+    /// Keys of the scene with their values.
+    pub settings: BTreeMap<String, String>,
     /// Width of the photo by its height.
     aspect: Option<f64>,
 }
@@ -87,7 +87,7 @@ pub(crate) struct Subject {
 /// What can be made.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum Task {
+pub enum Task {
     /// The photo while one types.
     Live(Subject),
     /// The large photo, with advice or without.
@@ -97,7 +97,9 @@ pub(crate) enum Task {
 }
 
 impl Task {
-    pub(crate) fn subject(&self) -> &Subject {
+    /// What is made a photo of.
+    #[must_use]
+    pub fn subject(&self) -> &Subject {
         match self {
             Self::Live(subject) | Self::Large(subject, _) | Self::Script(subject) => subject,
         }
@@ -143,7 +145,11 @@ impl Drawing {
 
 impl PhotoRequest {
     /// Reads and checks a request; that of a kiosk has no settings but those of its page.
-    pub(crate) fn parse(body: &[u8], is_kiosk: bool) -> std::result::Result<Self, Message> {
+    ///
+    /// # Errors
+    ///
+    /// The message to its visitor.
+    pub fn parse(body: &[u8], is_kiosk: bool) -> std::result::Result<Self, Message> {
         let refused = |found: String| Err(Message::of_old_page(&found));
         let posted: Posted = match serde_json::from_slice(body) {
             Ok(posted) => posted,
@@ -189,49 +195,47 @@ impl PhotoRequest {
 }
 
 /// Whether a visitor may be called so.
-pub(crate) fn is_name(visitor: &str) -> bool {
+#[must_use]
+pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
 impl Subject {
     /// The word; `None` for a drawing.
-    pub(crate) fn title(&self) -> Option<&str> {
+    #[must_use]
+    pub fn title(&self) -> Option<&str> {
         self.drawing.is_none().then_some(&*self.word)
     }
 
     /// Whether it is a picture, whose lines are looked for.
-    pub(crate) fn is_picture(&self) -> bool {
+    #[must_use]
+    pub fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
 
-    /// The size of a photo of about as many pixels: `--size=960x540`.
-    pub(crate) fn size(&self, pixels: f64) -> String {
+    /// The size of a photo of about as many pixels.
+    #[must_use]
+    pub fn size_px(&self, pixels: f64) -> [u32; 2] {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
         let even = |side: f64| 2 * (side / 2.0).round() as u32;
         let width = (pixels * aspect).sqrt();
-        format!("--size={}x{}", even(width), even(width / aspect))
+        [even(width), even(width / aspect)]
     }
 
-    /// Arguments for a verb that takes a subject; a drawing is written into the present folder.
-    pub(crate) fn arguments(&self) -> Result<Vec<OsString>> {
-        let settings = self.settings.iter().map(|(key, value)| format!("--set={key}={value}"));
-        let mut arguments: Vec<OsString> = settings.map(OsString::from).collect();
-        arguments.extend(self.room.iter().map(|room| format!("--room={room}").into()));
-        match &self.drawing {
-            None => arguments.push(format!("--word={}", self.word).into()),
-            Some(drawing) => {
-                let name = match drawing.kind {
-                    Kind::Svg => "drawing.svg",
-                    Kind::Json => "drawing.json",
-                    Kind::Jpg => "drawing.jpg",
-                };
-                let bytes = drawing.bytes()?;
-                Output::create(name.as_ref())?.keep(|out| out.write_all(&bytes))?;
-                arguments.push(format!("--drawing={name}").into());
-            }
-        }
-        Ok(arguments)
+    /// Name and content of the drawing's file; `None` of a word.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] for a picture that is none, or too large.
+    pub fn drawing(&self) -> Result<Option<(&'static str, Vec<u8>)>> {
+        let Some(drawing) = &self.drawing else { return Ok(None) };
+        let name = match drawing.kind {
+            Kind::Svg => "drawing.svg",
+            Kind::Json => "drawing.json",
+            Kind::Jpg => "drawing.jpg",
+        };
+        Ok(Some((name, drawing.bytes()?)))
     }
 }

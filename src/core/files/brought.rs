@@ -1,0 +1,35 @@
+//! Files that a page brought, where there is no file system: they stand in memory, by their names.
+
+use std::collections::BTreeMap;
+use std::fs::Metadata;
+use std::io::{Cursor, Error, ErrorKind, Read, Result};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+static BROUGHT: Mutex<BTreeMap<PathBuf, Vec<u8>>> = Mutex::new(BTreeMap::new());
+
+/// Brings a file, in the place of one of the same name.
+pub fn bring(name: &str, bytes: Vec<u8>) {
+    BROUGHT.lock().unwrap_or_else(PoisonError::into_inner).insert(name.into(), bytes);
+}
+
+/// A brought file, as `std::fs::File` is read.
+pub(super) struct File(Cursor<Vec<u8>>);
+
+impl File {
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let brought = BROUGHT.lock().unwrap_or_else(PoisonError::into_inner);
+        let bytes = brought.get(path).ok_or(Error::from(ErrorKind::NotFound))?;
+        Ok(Self(Cursor::new(bytes.clone())))
+    }
+
+    pub(super) fn metadata(&self) -> Result<Metadata> {
+        Err(ErrorKind::Unsupported.into())
+    }
+}
+
+impl Read for File {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        self.0.read(buffer)
+    }
+}

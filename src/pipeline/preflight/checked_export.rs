@@ -1,0 +1,136 @@
+//! An export that is checked before it is written: what flies, what speaks against it, its files.
+
+use super::{Checked, Profile, Severity, checks, flown, of_flights, preflight};
+use crate::shoot::Shoot;
+use noctograph_core::error::Result;
+use noctograph_core::geometry::bounds;
+use noctograph_export::safety::Checks;
+use noctograph_export::{File, Form, Format, Job, Length, Mode, deviation_m, export};
+use noctograph_plan::Plan;
+
+/// What is exported, and within which limits.
+#[derive(Clone, Debug)]
+pub struct ExportOptions {
+    /// Form of the files.
+    pub format: Format,
+    /// What the script for cflib sends, unless it is told otherwise.
+    pub mode: Mode,
+    /// Largest distance of a trajectory from the design.
+    pub tolerance_m: f64,
+    /// Limits of the flight.
+    pub profile: Profile,
+    /// Whether what is not safe is written all the same.
+    pub is_unchecked: bool,
+}
+
+/// An export whose flight was checked.
+#[derive(Debug)]
+pub struct CheckedExport {
+    options: ExportOptions,
+    shoot: Shoot,
+    /// The trajectory that is exported in place of the plans.
+    trajectory: Option<Shoot>,
+    checks: Checks,
+    /// Every check that was made; none of a format that does not fly.
+    pub findings: Vec<Checked>,
+}
+
+/// The files of an export.
+#[derive(Debug)]
+pub struct ExportedFiles {
+    /// Each with its name.
+    pub files: Vec<File>,
+    /// Largest distance of a trajectory from the design.
+    pub deviation_m: Option<f64>,
+}
+
+impl CheckedExport {
+    /// Flies what is exported of a shoot's plans, and checks it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Shoot::as_exported`] and [`preflight`].
+    pub fn new(shoot: Shoot, options: ExportOptions) -> Result<Self> {
+        let fly = |(form, length)| shoot.as_exported(form, options.tolerance_m, length);
+        let trajectory = options.format.trajectory(options.mode).map(fly).transpose()?;
+        let flies = trajectory.as_ref().unwrap_or(&shoot);
+        let flights = if options.format.flies() { flown(flies)? } else { Vec::new() };
+        let checks = checks(flies, &flights, &options.profile);
+        let findings = match options.format.flies() {
+            true => of_flights(flies, flights, &options.profile)?.findings,
+            false => Vec::new(),
+        };
+        Ok(Self { options, shoot, trajectory, checks, findings })
+    }
+
+    /// The plans as they fly.
+    #[must_use]
+    pub fn flies(&self) -> &Shoot {
+        self.trajectory.as_ref().unwrap_or(&self.shoot)
+    }
+
+    /// What the files write: a word, or a drawing.
+    #[must_use]
+    pub fn word(&self) -> &str {
+        let strokes = self.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());
+        strokes.map_or("drawing", |strokes| strokes.word.as_str())
+    }
+
+    /// The files; scripts say why they are not safe, where that is given.
+    ///
+    /// # Errors
+    ///
+    /// As [`export`].
+    pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
+        let Self { options, shoot, trajectory, checks, .. } = self;
+        let ExportOptions { format, mode, tolerance_m, profile, is_unchecked } = options;
+        // The script of setpoints can be told to fly the trajectory, if that is safe as well.
+        let on_board = match format {
+            Format::Cflib if trajectory.is_none() => {
+                let is_safe = |shoot: &Shoot| {
+                    let is_stop = |checked: &Checked| checked.row.severity == Severity::Stop;
+                    preflight(shoot, profile).is_ok_and(|it| !it.findings.iter().any(is_stop))
+                };
+                let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
+                on_board.ok().filter(|on_board| *is_unchecked || is_safe(on_board))
+            }
+            _ => trajectory.clone(),
+        };
+        let plans = plans_of(shoot);
+        let flown = match format {
+            Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
+            _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
+        };
+        let job = Job {
+            plans: &plans,
+            flown: &flown,
+            unsafe_because,
+            word: self.word(),
+            light: &shoot.lamps(),
+            sim: &shoot.scene.sim(),
+            camera: &shoot.scene.camera.camera(bounds_m(shoot), 0.0)?,
+            tolerance_m: *tolerance_m,
+            mode: *mode,
+            trajectory_clock: shoot.scene.trajectory_clock(),
+            checks,
+        };
+        Ok(ExportedFiles {
+            files: export(*format, &job)?,
+            deviation_m: deviation_m(*format, &job)?,
+        })
+    }
+}
+
+fn plans_of(shoot: &Shoot) -> Vec<Plan> {
+    shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
+}
+
+/// The box of the word, or of the plans.
+fn bounds_m(shoot: &Shoot) -> [f64; 4] {
+    if let Some(strokes) = &shoot.strokes {
+        return strokes.bounds_m();
+    }
+    let setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
+    let written = setpoints.filter(|setpoint| setpoint.letter.is_some());
+    bounds(written.map(|setpoint| [setpoint.position_m.x, setpoint.position_m.z]))
+}

@@ -1,0 +1,37 @@
+// The worker of a page without a server: it holds the module, and makes one photograph at a time.
+
+/** @type {(stage: number, share: number) => void} */
+let tell = () => {};
+const page = { progress: (/** @type {number} */ stage, /** @type {number} */ share) => tell(stage, share) };
+
+const ready = (async () => {
+  const response = await fetch(new URL("noctograph.wasm", import.meta.url));
+  if (!response.ok) throw new Error(`noctograph.wasm: ${response.status}`);
+  // A host that does not know the type of the module is no obstacle.
+  const streams = response.headers.get("Content-Type") === "application/wasm";
+  const { instance } = streams
+    ? await WebAssembly.instantiateStreaming(response, { page })
+    : await WebAssembly.instantiate(await response.arrayBuffer(), { page });
+  return /** @type {any} */ (instance.exports);
+})();
+
+addEventListener("message", async ({ data: { kind, body } }) => {
+  try {
+    const module = await ready;
+    const request = new TextEncoder().encode(body);
+    // To reserve place may move the memory.
+    const place = module.reserve(request.length);
+    new Uint8Array(module.memory.buffer, place, request.length).set(request);
+    let told = -1;
+    tell = (stage, share) => {
+      const done = Math.floor(20 * (stage ? 0.7 + 0.3 * share : 0.7 * share)) / 20;
+      if (done !== told) postMessage({ done });
+      told = done;
+    };
+    const length = module[kind]();
+    const answer = new Uint8Array(module.memory.buffer, module.output(), length);
+    postMessage({ answer: JSON.parse(new TextDecoder().decode(answer)), memory: module.memory.buffer.byteLength });
+  } catch (error) {
+    postMessage({ broken: String(error) });
+  }
+});

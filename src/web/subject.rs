@@ -1,0 +1,67 @@
+//! A subject as a scene, where no command line reads it.
+
+use noctograph_core::digest::sha256;
+use noctograph_core::error::{Error, Result};
+use noctograph_pipeline::preflight::{
+    Profile, fit_within, frame_within, hang_stations, letters_within, parse_room,
+};
+use noctograph_pipeline::scene::Scene;
+
+use super::PreparedScene;
+use super::request::Subject;
+
+impl Subject {
+    /// The scene of the usual settings with those of the page, for a photo of about as many pixels.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::parse_with`] and [`Scene::check`]; [`Error::Input`] for a room that is none.
+    pub fn prepared(&self, pixels: f64) -> Result<PreparedScene> {
+        let drawing = self.drawing()?;
+        let room = self.room.as_deref().map(|text| (text, parse_room(text)));
+        let room_m = room.map(|(text, room)| {
+            room.map_err(|wanted| Error::input("room", text, wanted, "reload the page"))
+        });
+        let room_m = room_m.transpose()?;
+        let is_typed = |key: &str| self.settings.contains_key(key);
+        let mut settings: Vec<(String, String)> = Vec::new();
+        if let Some(room_m) = room_m {
+            let is_height_typed = is_typed("letters.cap_height_m");
+            settings.push(("expose.room_m".into(), format!("{room_m:?}")));
+            settings.extend(letters_within(room_m, drawing.is_some(), is_height_typed));
+        }
+        if let Some((name, bytes)) = &drawing {
+            settings.push(("letters.drawing".into(), (*name).into()));
+            settings.push(("letters.drawing_sha256".into(), sha256(bytes)));
+        }
+        settings.extend(self.settings.clone());
+        let settings: Vec<(&str, &str)> = settings.iter().map(|(k, v)| (&**k, &**v)).collect();
+        let mut scene = Scene::parse_with("", "scene", &settings)?;
+        [scene.camera.width_px, scene.camera.height_px] = self.size_px(pixels);
+        match drawing {
+            Some((name, bytes)) => bring(name, bytes)?,
+            None => scene.set_word(&self.word.replace("\\n", "\n")),
+        }
+        scene.check()?;
+        let mut profile = Profile::indoor();
+        if let Some(room_m) = room_m {
+            profile = profile.in_room(room_m);
+            hang_stations(&mut scene, room_m);
+            if !["letters.cap_height_m", "letters.canvas_m"].into_iter().any(is_typed) {
+                fit_within(&mut scene, room_m)?;
+            }
+            frame_within(&mut scene, room_m)?;
+        }
+        Ok(PreparedScene { scene, profile })
+    }
+}
+
+/// Puts a file where the scene finds it: into the present folder, or into memory.
+pub(crate) fn bring(name: &str, bytes: Vec<u8>) -> Result<()> {
+    #[cfg(target_family = "wasm")]
+    noctograph_core::files::bring(name, bytes);
+    #[cfg(not(target_family = "wasm"))]
+    noctograph_core::files::Output::create(name.as_ref())?
+        .keep(|out| std::io::Write::write_all(out, &bytes))?;
+    Ok(())
+}

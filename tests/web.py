@@ -1,0 +1,256 @@
+"""The page without a server, in Chromium: tests/web.py NOCTOGRAPH FOLDER
+
+The browser's photographs, verdicts, flights and plans against those of the command line, byte by byte;
+the page with its link, its files and its element, and without a network."""
+
+import base64
+import functools
+import http.server
+import io
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import zipfile
+from hashlib import sha256
+from pathlib import Path
+
+from browser import *
+
+PROGRAM, FOLDER = [Path(path).resolve() for path in sys.argv[1:3]]
+WORDS = ["NOOR", "HI", "AMARA", "Łukasz", "NO WAY", "Straße", "42", "Illi", "RALF", "Жаба"]
+PRESETS = ["cf-brushless", "bzzz"]
+HOUSE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><path d="M20 90 V45 L50 15 L80 45 V90 Z" fill="none" stroke="#d22"/><circle cx="50" cy="62" r="9" fill="none" stroke="#22d"/></svg>'
+HAND = json.dumps({"strokes": [[[0, 80, 0], [5, 10, 0.4], [60, 85, 1.1], [62, 12, 1.6]], [[90, 10, 2.0], [90, 80, 2.5]]], "y": "down"})
+CASES = [*(({"word": word}, {}) for word in WORDS), *(({"word": "NOOR"}, {"preset": preset}) for preset in PRESETS),
+         ({"drawing": {"kind": "svg", "text": HOUSE}}, {}), ({"drawing": {"kind": "json", "text": HAND}}, {"letters.pace": "even"}),
+         ({"word": "HELLO", "room": "4x3x2.5"}, {}), ({"word": "HI", "room": "6x4x3"}, {"letters.cap_height_m": "0.8", "controller.kind": "geometric"})]
+# Of the verdict, which `preview --json` prints with more.
+VERDICT = ["read", "legible", "readability", "reason", "rival", "letters", "faithfulness", "causes", "advice", "flight_sha256"]
+
+
+class Files(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_):
+        pass
+
+
+class Host:
+    """A host of the folder that ends when it is told to."""
+
+    def __init__(self):
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Files, directory=FOLDER))
+        self.url = f"http://127.0.0.1:{self.server.server_port}/"
+        threading.Thread(target=self.server.serve_forever, daemon=True).start()
+
+    def end(self):
+        self.server.shutdown()
+        self.server.server_close()
+
+
+def by_command_line(subject, settings):
+    """What `preview` prints, its files, and the folder that a drawing's scene names."""
+    arguments = [f"--set={key}={value}" for key, value in settings.items()]
+    arguments += [f"--room={subject['room']}"] if "room" in subject else []
+    with tempfile.TemporaryDirectory() as folder:
+        folder = Path(folder).resolve()
+        if "drawing" in subject:
+            name = f"drawing.{subject['drawing']['kind']}"
+            (folder / name).write_text(subject["drawing"]["text"])
+            arguments += ["--drawing", name]
+        else:
+            arguments += ["--word", subject["word"]]
+        command = [PROGRAM, "preview", *arguments, "--size=1920x1080", "--backend=cpu", "--json", "-o", "out"]
+        made = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        assert made.returncode in (0, 1), made.stderr
+        files = {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
+        return json.loads(made.stdout), files, f"{folder}/".encode()
+
+
+def pixels(png):
+    """The compressed pixels of a picture, without its notes."""
+    place, found = 8, []
+    while place < len(png):
+        length = int.from_bytes(png[place : place + 4], "big")
+        if png[place + 4 : place + 8] == b"IDAT":
+            found.append(png[place + 8 : place + 8 + length])
+        place += length + 12
+    return found
+
+
+def digest(content):
+    return sha256(b"".join(content) if isinstance(content, list) else content).hexdigest()
+
+
+def the_same_bytes(page):
+    """Photograph, plan and flight by their digests, and the verdict."""
+    print(f"{'':26}{'photo':18}{'plan':18}{'flight':18}read      (browser, command line)")
+    for subject, settings in CASES:
+        name = " ".join([subject.get("word") or f"drawing.{subject['drawing']['kind']}", *settings.values(), subject.get("room", "")])
+        request = json.dumps({**subject, "settings": settings, "visitor": "test", "aspect": 16 / 9})
+        here = page.evaluate("async request => (await import('./maker.js')).make('photos', request)", request)
+        assert "error" not in here, (name, here)
+        told, files, folder = by_command_line(subject, settings)
+        own = {file: base64.b64decode(text) for file, text in here["files"].items()}
+        if "drawing" in subject:
+            # The command line's scene, which is in its photograph, has the drawing's whole path.
+            for photos in own, files:
+                photos["photo.png"] = pixels(photos["photo.png"])
+            files["scene.toml"] = files["scene.toml"].replace(folder, b"")
+        for file in own:
+            assert own[file] == files[file], f"{name}: {file} differs"
+        for key in VERDICT:
+            assert here.get(key) == told.get(key), f"{name}: {key} is {here.get(key)}, by the command line {told.get(key)}"
+        digests = [[digest(made[file]) for made in (own, files)] for file in ["photo.png", "plan.csv"]]
+        digests += [[here["flight_sha256"], told["flight_sha256"]]]
+        print(f"{name:26}" + "".join(f"{a[:7]} {b[:7]}   " for a, b in digests) + f"{told.get('read')}", flush=True)
+
+
+def a_link_opens_with_what_it_says(browser, host):
+    begun = time.monotonic()
+    page, trouble = opened(browser, host.url + "#word=NOOR")
+    until(page, "document.querySelector('main').dataset.shown")
+    first_s = time.monotonic() - begun
+    ready(page)
+    assert shown(page).startswith("Reads as NOOR."), page.inner_text("#verdict")
+    until(page, "document.querySelector('main').dataset.large", 60, "the large photograph")
+    times = page.evaluate("""async () => {
+        const { make } = await import('./maker.js'), times = [];
+        for (const word of ['AMARA', 'KENJI', 'RIGA', 'NOOR', 'SALMA', 'AMARA']) {
+            const begun = performance.now();
+            const { verdict } = await make('live', JSON.stringify({ word, visitor: 'test', settings: {} }));
+            if (!verdict) throw new Error(word);
+            times.push(Math.round(performance.now() - begun));
+        }
+        return times;
+    }""")
+    memory = int(page.get_attribute("html", "data-memory")) / 1e6
+    print(f"first photograph {first_s:.2f} s after opening; photograph and verdict in {times} ms; {memory:.0f} MB", flush=True)
+    assert memory <= 120, f"{memory} MB"
+
+    # A word with settings, shared: another browser makes the same photograph.
+    write(page, "RIGA")
+    page.click("#more")
+    before = page.get_attribute("main", "data-shown")
+    page.select_option("[data-key='controller.kind']", "lqr")
+    until(page, f"document.querySelector('main').dataset.shown !== {before!r}")
+    page.keyboard.press("Escape")
+    page.click("#send")
+    until(page, "document.querySelector('#verdict').textContent.includes('any browser')", what="the link")
+    link = page.evaluate("location.href")
+    photo = page.get_attribute("#photo", "src")
+    other, more_trouble = opened(browser, link, viewport=PHONE)
+    shown(other)
+    until(other, "document.querySelector('#word').value === 'RIGA' && document.querySelector('main').dataset.shown")
+    until(other, f"document.querySelector('#photo').src === {photo!r} || document.querySelector('main').dataset.large", what="the photograph of the link")
+    # What is changed is no longer what the address says.
+    write(other, "RIGAS")
+    assert "#" not in other.evaluate("location.href")
+    assert not trouble and not more_trouble, (trouble, more_trouble)
+
+
+def a_broken_link_opens_the_page(browser, host):
+    for hash_ in ["#word=HI&seed=x&settings=[1]&sketch={}&painted=7&aspect=null", "#sketch=nonsense", "#word=" + "W" * 30,
+                  "#word=HI&settings=" + '{"letters.font":"/etc/passwd"}']:
+        page, trouble = opened(browser, host.url + hash_)
+        ready(page)
+        assert not trouble, (hash_, trouble)
+
+
+def an_old_browser_is_told_so(browser, host):
+    """One that cannot run the module."""
+    context = browser.new_context(locale="fr-FR", service_workers="block")
+    context.route("**/noctograph.wasm", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
+    page = context.new_page()
+    page.goto(host.url)
+    until(page, "document.querySelector('#verdict').textContent.includes('trop ancien')")
+    context.close()
+
+
+def files_are_saved(browser, host):
+    page, trouble = opened(browser, host.url)
+    ready(page)
+    assert "send" not in write(page, "Illi"), "nobody sends from here"
+    write(page, "SALMA")
+    until(page, "document.querySelector('main').dataset.large", 60, "the large photograph")
+    page.click("#more")
+    until(page, "document.querySelectorAll('#drawer .files button').length === 3")
+    for name, begins in {"photo.png": b"\x89PNG", "scene.toml": b"# A noctograph", "flight.zip": b"PK"}.items():
+        with page.expect_download(timeout=60_000) as download:
+            page.click(f"[data-file='{name}']")
+        content = Path(download.value.path()).read_bytes()
+        assert content.startswith(begins), (name, content[:40])
+    names = zipfile.ZipFile(io.BytesIO(content)).namelist()
+    assert any(name.endswith(".py") for name in names), names
+    assert not trouble, trouble
+    return page
+
+
+def drawings_and_pictures_are_photographed(browser, host):
+    page, trouble = opened(browser, host.url)
+    ready(page)
+    page.click("#draw")
+    page.wait_for_selector("#pad .cursor", state="attached")
+    stroke(page, (0.3, 0.8), (0.3, 0.2), (0.6, 0.8), (0.6, 0.2))
+    until(page, "document.querySelectorAll('#pad .lit').length === 1")
+    page.click("#send-drawing")
+    until(page, "location.hash.includes('sketch=')")
+    other, _ = opened(browser, page.evaluate("location.href"))
+    until(other, "document.querySelectorAll('#pad .lit').length === 1", what="the drawing of the link")
+    page.click("#type")
+    drop_sheet(page)
+    page.click("#choose")
+    until(page, "document.querySelectorAll('#picture path[data-n]').length === 2", what="two strokes of a picture")
+    assert not trouble, trouble
+
+
+def an_element_stands_in_any_page(browser, host):
+    page, trouble = opened(browser, host.url + "example.html")
+    captions = "[...document.querySelectorAll('noctograph-photo')].map(it => it.shadowRoot.querySelector('figcaption').textContent)"
+    until(page, f"{captions}[0].startsWith('Reads as NOOR.') && {captions}[1].startsWith('Most people could not read it.')", 60)
+    link = page.evaluate("document.querySelectorAll('noctograph-photo')[1].shadowRoot.querySelector('a').href")
+    page.evaluate("document.querySelector('noctograph-photo').setAttribute('word', '')")
+    until(page, f"{captions}[0].startsWith('No photograph:')")
+    page.evaluate("document.querySelector('noctograph-photo').setAttribute('word', 'HI')")
+    until(page, f"{captions}[0].startsWith('Reads as HI.')")
+    assert not trouble, trouble
+    page.goto(link)
+    until(page, "JSON.parse(sessionStorage.noctograph).settings['controller.kind'] === 'lqr'")
+
+
+def no_network_is_needed(browser):
+    host = Host()
+    context = browser.new_context(locale="de-DE", viewport=DESK)
+    page = context.new_page()
+    page.goto(host.url)
+    ready(page)
+    page.evaluate("navigator.serviceWorker.ready.then(() => true)")
+    until(page, "navigator.serviceWorker.controller !== null", what="the service worker")
+    host.end()
+    page.reload()
+    ready(page)
+    assert write(page, "NOOR").startswith("Lesbar als NOOR") or "NOOR" in page.inner_text("#verdict"), page.inner_text("#verdict")
+    page.click("#more")
+    page.wait_for_selector("#drawer[open]")
+    page.goto(host.url + "example.html")
+    until(page, "document.querySelector('noctograph-photo').shadowRoot?.querySelector('img').src")
+    context.close()
+
+
+if __name__ == "__main__":
+    host = Host()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        a_link_opens_with_what_it_says(browser, host)
+        an_old_browser_is_told_so(browser, host)
+        page = files_are_saved(browser, host)
+        a_broken_link_opens_the_page(browser, host)
+        drawings_and_pictures_are_photographed(browser, host)
+        an_element_stands_in_any_page(browser, host)
+        no_network_is_needed(browser)
+        the_same_bytes(page)
+        browser.close()
+    host.end()
+    print("the page without a server in Chromium: link, files, drawing, picture, element, no network, the same bytes")
