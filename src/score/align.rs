@@ -87,9 +87,9 @@ impl Finder {
             let scales = [scale / ratio, scale * ratio].map(|scale| [scale, rotation_rad]);
             let turns = [-turn_rad, turn_rad].map(|turn_rad| [scale, rotation_rad + turn_rad]);
             for tried in scales.into_iter().chain(turns) {
-                let found = half.peak(&self.word_to_try(tried), shift);
-                if found.0 > similarity {
-                    (similarity, shift, between) = found;
+                let peak = half.peak(&self.word_to_try(tried), shift);
+                if peak.0 > similarity {
+                    (similarity, shift, between) = peak;
                     [scale, rotation_rad] = tried;
                 }
             }
@@ -102,8 +102,7 @@ impl Finder {
     /// The word at a scale and a rotation, kept where there is room.
     fn word_to_try(&self, [scale, rotation_rad]: [f64; 2]) -> Arc<Raster> {
         let tried = || self.tried.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_known = |known: &&([f64; 2], _)| known.0 == [scale, rotation_rad];
-        if let Some((_, word)) = tried().iter().find(is_known) {
+        if let Some((_, word)) = tried().iter().find(|(known, _)| *known == [scale, rotation_rad]) {
             return word.clone();
         }
         let word = Arc::new(self.word(scale, rotation_rad, BLURS_PX[1]));
@@ -175,9 +174,9 @@ impl Target {
             if bend <= 0.0 {
                 return 0.0;
             }
-            let off = (0.5 * slope / bend).clamp(-0.5, 0.5);
-            top += 0.25 * off * slope;
-            off
+            let offset = (0.5 * slope / bend).clamp(-0.5, 0.5);
+            top += 0.25 * offset * slope;
+            offset
         });
         (top, shift, between)
     }
@@ -192,13 +191,12 @@ impl Target {
 
     /// Sum of products with the word moved right and down; what leaves the page is lost.
     fn product(&self, word: &Raster, [right, down]: [isize; 2]) -> f32 {
-        let (width, height) = (word.width, word.height);
-        let overlap = |shift: isize, side: usize| {
+        let width = word.width;
+        let overlaps = [(right, width), (down, word.height)].map(|(shift, side)| {
             let length = side.saturating_sub(shift.unsigned_abs());
             (shift.max(0).unsigned_abs(), shift.min(0).unsigned_abs(), length)
-        };
-        let (x, word_x, n_columns) = overlap(right, width);
-        let (y, word_y, n_rows) = overlap(down, height);
+        });
+        let [(x, word_x, n_columns), (y, word_y, n_rows)] = overlaps;
         (0..n_rows)
             .map(|row| {
                 let here = &self.raster.values[(y + row) * width + x..][..n_columns];

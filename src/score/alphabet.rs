@@ -87,7 +87,7 @@ pub(super) fn is_untrained(character: char) -> bool {
 
 /// The class of a character of the net.
 pub(super) fn class_of(character: char) -> Option<usize> {
-    CHARACTERS.iter().position(|known| char::from(*known) == character).map(|at| at + 1)
+    CHARACTERS.iter().position(|known| char::from(*known) == character).map(|index| index + 1)
 }
 
 /// The classes that count as a character; `None` for one that the net does not know. A letter with
@@ -151,24 +151,26 @@ pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classe
 /// Whether a reading spells a word, equal shapes being equal: cases, marks, punctuation and spaces
 /// aside. A small l has the shape of an I, and is the small letter of L.
 pub(super) fn spells(reading: &str, word: &str) -> bool {
-    let shape = |character: char| {
-        let mark = if has_mark(character) { NO_LETTER } else { 0 };
-        mark | match latin(character) {
-            Some(_) if SHARP_S.contains(&character) => set_of("B38"),
-            Some('O' | 'o' | '0') => set_of("O"),
-            Some('I' | 'i' | '1') => set_of("I"),
-            Some('l') => set_of("IL"),
-            Some(letter) => bit(letter.to_ascii_uppercase()),
-            None => NO_LETTER,
-        }
-    };
     let read = reading.chars().filter(|c| !c.is_whitespace()).map(shape);
     let wanted = word.chars().filter(|c| classes_of(*c).is_some()).map(shape);
-    let both = |(read, wanted): (Classes, Classes)| read & wanted != 0;
-    read.clone().count() == wanted.clone().count() && read.zip(wanted).all(both)
+    read.clone().count() == wanted.clone().count()
+        && read.zip(wanted).all(|(read, wanted)| read & wanted != 0)
 }
 
-/// Classes of a character of a reading; `?` is what is no letter.
+/// The capitals and digits whose shape is that of a character.
+fn shape(character: char) -> Classes {
+    let mark = if has_mark(character) { NO_LETTER } else { 0 };
+    mark | match latin(character) {
+        Some(_) if SHARP_S.contains(&character) => set_of("B38"),
+        Some('O' | 'o' | '0') => set_of("O"),
+        Some('I' | 'i' | '1') => set_of("I"),
+        Some('l') => set_of("IL"),
+        Some(letter) => bit(letter.to_ascii_uppercase()),
+        None => NO_LETTER,
+    }
+}
+
+/// Classes of a character of a reading; `?` stands for light that no letter explains.
 pub(super) fn seen_as(character: char) -> Classes {
     classes_of(character).unwrap_or(NO_LETTER)
 }

@@ -24,14 +24,13 @@ const AROUND: usize = 6;
 /// How far from its stroke light may be: 0.10 H.
 const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
 
-/// Shorter gaps, less `CLOSE_PX` at each end, are none: 0.12 H. A corner that is cut leaves as
-/// much.
+/// Least length of a gap, without `CLOSE_PX` at each end: 0.12 H. A cut corner leaves as much.
 const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
 
 /// Gaps that reach no farther than this from a corner are a cut corner: 0.2 H.
 const CUT_PX: usize = 6;
 
-/// Shorter lines are no stray light: 0.1 H.
+/// Least length of a line of stray light: 0.1 H.
 const LEAST_STRAY_PX: f64 = 3.2;
 
 /// A straight stroke on a page, in pixels: from a point to a point.
@@ -43,7 +42,7 @@ pub(super) struct Bent {
     /// Points of each run of the pen as intended, a pixel apart.
     pub(super) intended: Vec<Vec<[f64; 2]>>,
     /// The same where the light is.
-    pub(super) found: Vec<Vec<[f64; 2]>>,
+    pub(super) on_light: Vec<Vec<[f64; 2]>>,
     /// Mean distance of the light from the intended strokes, where there is light.
     pub(super) off_px: f64,
     /// Where each run turns a corner: indices of its points.
@@ -71,9 +70,9 @@ pub(super) struct Stray {
 }
 
 impl Bent {
-    /// The found strokes as segments.
+    /// The strokes on their light as segments.
     pub(super) fn segments(&self) -> Vec<Segment> {
-        let pairs = self.found.iter().flat_map(|points| points.windows(2));
+        let pairs = self.on_light.iter().flat_map(|points| points.windows(2));
         pairs.map(|pair| [pair[0], pair[1]]).collect()
     }
 }
@@ -82,38 +81,38 @@ impl LightLines {
     /// Moves runs of the pen onto their light.
     pub(super) fn bend(&self, runs: &[Vec<Segment>]) -> Bent {
         let mut bent = Bent::default();
-        let (mut sum_px, mut n_found) = (0.0, 0_u32);
+        let (mut sum_px, mut n_lit) = (0.0, 0_u32);
         for run in runs {
-            let (mut intended, mut found, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+            let (mut intended, mut on_light, mut corners) = (Vec::new(), Vec::new(), Vec::new());
             for stroke in run.chunk_by(|a, b| turn(*a, *b) < CORNER_RAD) {
-                corners.push(found.len());
+                corners.push(on_light.len());
                 let points: Vec<([f64; 2], [f64; 2])> =
                     stroke.iter().flat_map(|s| walk(*s).map(|point| (point, normal(*s)))).collect();
-                let offs: Vec<Option<f64>> =
-                    points.iter().map(|(point, across)| self.off(*point, *across)).collect();
-                sum_px += offs.iter().flatten().map(|off| off.abs()).sum::<f64>();
-                n_found += offs.iter().map(|off| u32::from(off.is_some())).sum::<u32>();
+                let offsets = points.iter().map(|(point, across)| self.offset(*point, *across));
+                let offsets: Vec<Option<f64>> = offsets.collect();
+                sum_px += offsets.iter().flatten().map(|offset| offset.abs()).sum::<f64>();
+                n_lit += offsets.iter().map(|offset| u32::from(offset.is_some())).sum::<u32>();
                 for (index, (point, across)) in points.into_iter().enumerate() {
-                    let off = smooth(&offs, index);
+                    let offset = smooth(&offsets, index);
                     intended.push(point);
-                    found.push([0, 1].map(|axis| point[axis] + off * across[axis]));
+                    on_light.push([0, 1].map(|axis| point[axis] + offset * across[axis]));
                 }
             }
             bent.intended.push(intended);
-            bent.found.push(found);
+            bent.on_light.push(on_light);
             bent.corners.push(corners);
         }
-        bent.off_px = sum_px / f64::from(n_found.max(1));
+        bent.off_px = sum_px / f64::from(n_lit.max(1));
         bent
     }
 
     /// Offset of the nearest light across a stroke; `None` where there is none.
-    fn off(&self, [x, y]: [f64; 2], across: [f64; 2]) -> Option<f64> {
+    fn offset(&self, [x, y]: [f64; 2], across: [f64; 2]) -> Option<f64> {
         let mut nearest: Option<f64> = None;
         let mut from = None;
         for step in -REACH_PX..=REACH_PX + 1 {
-            let off = f64::from(step);
-            let point = [x + off * across[0], y + off * across[1]];
+            let offset = f64::from(step);
+            let point = [x + offset * across[0], y + offset * across[1]];
             match (from, step <= REACH_PX && self.is_lit(point)) {
                 (None, true) => from = Some(step),
                 (Some(first), false) => {
@@ -144,21 +143,20 @@ impl LightLines {
         is_lost: impl Fn(&[[f64; 2]]) -> bool,
     ) -> (Vec<Gap>, f64) {
         let (mut gaps, mut n_points, mut n_lit) = (Vec::new(), 0, 0);
-        for (stroke, points) in bent.found.iter().enumerate() {
-            let is_lit = |point: &&[f64; 2]| self.has_light_near(**point, TOLERANCE_PX);
+        for (stroke, points) in bent.on_light.iter().enumerate() {
             n_points += points.len();
-            n_lit += points.iter().filter(is_lit).count();
+            n_lit += points.iter().filter(|p| self.has_light_near(**p, TOLERANCE_PX)).count();
             let has_light: Vec<bool> = points.iter().map(|point| self.is_drawn(*point)).collect();
             let mut end = 0;
             for same in has_light.chunk_by(|a, b| a == b) {
                 let (from, to) = (end, end + same.len());
                 end = to;
                 // A drone that trails cuts a corner: nothing is missing there.
-                let is_between = |corner: &usize| {
-                    (from + 1..=from + CUT_PX).contains(corner) && to <= corner + CUT_PX
-                };
+                let near = from + 1..=from + CUT_PX;
+                let mut corners =
+                    bent.corners[stroke].iter().filter(|corner| near.contains(*corner));
                 let is_cut =
-                    from > 0 && to < points.len() && bent.corners[stroke].iter().any(is_between);
+                    from > 0 && to < points.len() && corners.any(|corner| to <= corner + CUT_PX);
                 let is_small = is_cut || (same.len() as f64) < LEAST_GAP_PX;
                 if same[0] || (is_small && !is_lost(&points[from..to])) {
                     continue;
@@ -170,8 +168,8 @@ impl LightLines {
                 // What is missing went on where the light before it ended, or after it begins.
                 let beside = if from > 0 { from - 1 } else { to.min(points.len() - 1) };
                 let intended = &bent.intended[stroke];
-                let off = [0, 1].map(|axis| points[beside][axis] - intended[beside][axis]);
-                let moved = intended[from..to].iter().map(|[x, y]| [x + off[0], y + off[1]]);
+                let offset = [0, 1].map(|axis| points[beside][axis] - intended[beside][axis]);
+                let moved = intended[from..to].iter().map(|[x, y]| [x + offset[0], y + offset[1]]);
                 let along_px = [from as f64, to as f64];
                 gaps.push(Gap { stroke, along_px, points: moved.collect() });
             }
@@ -179,8 +177,8 @@ impl LightLines {
         (gaps, n_lit as f64 / n_points.max(1) as f64)
     }
 
-    /// Lines away from the intended strokes, and the share of the letter's lines that is not.
-    /// Lines of the neighbors count for neither.
+    /// Lines away from the intended strokes, and the share of the letter's lines near them, without
+    /// lines of its neighbors.
     pub(super) fn strays(&self, own: &[Segment], beside: &[Segment]) -> (Vec<Stray>, f64) {
         let mut far = vec![false; self.thin.len()];
         let (mut n_own, mut n_far) = (0_u32, 0_u32);
@@ -215,8 +213,8 @@ impl LightLines {
 
 /// Distance of a point from the nearest of some segments.
 pub(super) fn distance(point: [f64; 2], segments: &[Segment]) -> f64 {
-    let from_one = |segment: &Segment| segment_distance(point, *segment);
-    segments.iter().map(from_one).fold(f64::INFINITY, f64::min)
+    let distances = segments.iter().map(|segment| segment_distance(point, *segment));
+    distances.fold(f64::INFINITY, f64::min)
 }
 
 /// From the start of a segment to its end.
@@ -245,17 +243,17 @@ fn normal(segment: Segment) -> [f64; 2] {
     [-dy / length, dx / length]
 }
 
-/// The median of the offsets around a point, over a wider range where none was found.
-fn smooth(offs: &[Option<f64>], index: usize) -> f64 {
+/// The median of the offsets around a point, over a wider range where there is no light.
+fn smooth(offsets: &[Option<f64>], index: usize) -> f64 {
     let mut reach = AROUND;
     loop {
-        let around = &offs[index.saturating_sub(reach)..(index + reach + 1).min(offs.len())];
-        let mut found: Vec<f64> = around.iter().flatten().copied().collect();
-        if !found.is_empty() {
-            found.sort_by(f64::total_cmp);
-            return found[found.len() / 2];
+        let around = &offsets[index.saturating_sub(reach)..(index + reach + 1).min(offsets.len())];
+        let mut lit: Vec<f64> = around.iter().flatten().copied().collect();
+        if !lit.is_empty() {
+            lit.sort_by(f64::total_cmp);
+            return lit[lit.len() / 2];
         }
-        if reach > offs.len() {
+        if reach > offsets.len() {
             return 0.0;
         }
         reach += usize::from(PX_PER_H) / 8;
@@ -275,7 +273,7 @@ mod tests {
         }
         let trace = LightLines::new(&page);
         let bent = trace.bend(&[vec![[[10.0, 9.5], [60.0, 9.5]]]]);
-        assert!(bent.found[0].iter().all(|[_, y]| (y - 13.5).abs() < 1.0), "{bent:?}");
+        assert!(bent.on_light[0].iter().all(|[_, y]| (y - 13.5).abs() < 1.0), "{bent:?}");
         assert!((bent.off_px - 4.0).abs() < 1.0, "{}", bent.off_px);
         let (gaps, recall) = trace.gaps(&bent, |_| false);
         let [from, to] = gaps[0].along_px;

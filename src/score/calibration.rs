@@ -53,10 +53,9 @@ pub const CALIBRATION: Calibration = Calibration {
 /// judged letter, ln of the odds of the word against the likeliest other word, and the mean of ln p
 /// of its spelling.
 pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
-    let log_odds = |choice: &Choice| {
-        libm::log(choice.p / (1.0 - choice.p).max(LEAST_REST)).clamp(LOG_ODDS[0], LOG_ODDS[1])
-    };
-    let log_odds: Vec<f64> = choices.iter().map(log_odds).collect();
+    let odds = choices.iter().map(|choice| choice.p / (1.0 - choice.p).max(LEAST_REST));
+    let log_odds: Vec<f64> =
+        odds.map(|odds| libm::log(odds).clamp(LOG_ODDS[0], LOG_ODDS[1])).collect();
     let n_letters = log_odds.len().max(1) as f64;
     let mean = log_odds.iter().sum::<f64>() / n_letters;
     let against = ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
@@ -72,20 +71,22 @@ pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spel
 mod tests {
     use super::*;
 
+    fn choices(shares: &[f64]) -> Vec<Choice> {
+        shares.iter().map(|&p| Choice { p, none: 1.0 - p, others: Vec::new() }).collect()
+    }
+
+    fn read(shares: &[f64], rival: f64) -> f64 {
+        readability(&choices(shares), rival, -2.5)
+    }
+
     #[test]
     fn readability_rises_with_letters_and_spelling_and_falls_with_the_rival() {
-        let of = |p: &[f64], rival: f64| {
-            let choice = |p: &f64| Choice { p: *p, none: 1.0 - p, others: Vec::new() };
-            let choices: Vec<Choice> = p.iter().map(choice).collect();
-            readability(&choices, rival, -2.5)
-        };
-        let (sure, bad) = (of(&[1.0; 4], 9.0), of(&[1.0, 1.0, 1.0, 0.1], -2.0));
+        let (sure, bad) = (read(&[1.0; 4], 9.0), read(&[1.0, 1.0, 1.0, 0.1], -2.0));
         assert!(sure > 0.9 && bad < sure - 0.2, "{sure}, {bad}");
-        assert!(of(&[0.9; 4], 2.0) > of(&[0.8, 0.9, 0.9, 0.9], 2.0), "a worse letter");
-        assert!(of(&[0.9; 4], 2.0) > of(&[0.9; 4], 1.0), "a likelier rival");
-        assert!(of(&[0.0; 2], f64::NEG_INFINITY).is_finite(), "bounded");
+        assert!(read(&[0.9; 4], 2.0) > read(&[0.8, 0.9, 0.9, 0.9], 2.0), "a worse letter");
+        assert!(read(&[0.9; 4], 2.0) > read(&[0.9; 4], 1.0), "a likelier rival");
+        assert!(read(&[0.0; 2], f64::NEG_INFINITY).is_finite(), "bounded");
         assert!(readability(&[], 2.0, -2.5) > readability(&[], 2.0, -4.0), "unusual spelling");
-        let choice = |p: f64| [Choice { p, none: 1.0 - p, others: Vec::new() }];
-        assert!(readability(&choice(0.9999), 9.0, -4.0) > 0.9, "unusual and clear");
+        assert!(readability(&choices(&[0.9999]), 9.0, -4.0) > 0.9, "unusual and clear");
     }
 }

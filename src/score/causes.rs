@@ -240,8 +240,7 @@ fn named(causes: &[&Cause], letters: &[char]) -> String {
 /// The letters whose design resembles others, and which.
 fn alike(causes: &[&Cause], letters: &[char]) -> String {
     let alike = causes.iter().filter_map(|cause| {
-        let letter = letters[cause.letter?];
-        Some(format!("{letter} is read as {}", cause.reads_as?))
+        Some(format!("{} is read as {}", letters[cause.letter?], cause.reads_as?))
     });
     let mut alike: Vec<String> = alike.collect();
     alike.dedup();

@@ -4,6 +4,8 @@
 //! A Crazyflie's status lights draw along with the headlights, all the time. People tell the blue
 //! and red lines from the white ones; luminance alone does not where they are overexposed.
 
+use std::cmp::Ordering;
+
 use super::light::{Rgb, luminance};
 
 /// Channels with less than this share of the ink's strongest channel say nothing about the ink:
@@ -21,13 +23,13 @@ pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     let mut sorted: Vec<(i32, u32)> = ranks.zip(0..).collect();
     let n_pixels = n_pixels.clamp(1, sorted.len());
     sorted.select_nth_unstable_by(n_pixels - 1, |a, b| {
-        let by_channel = |at: usize| light[b.1 as usize][at].total_cmp(&light[a.1 as usize][at]);
-        let alike = || by_channel(0).then_with(|| by_channel(1)).then_with(|| by_channel(2));
-        b.0.cmp(&a.0).then_with(alike)
+        let [one, other] = [a.1, b.1].map(|index| light[index as usize]);
+        let mut channels = other.iter().zip(&one).map(|(b, a)| b.total_cmp(a));
+        b.0.cmp(&a.0).then_with(|| channels.find(|order| order.is_ne()).unwrap_or(Ordering::Equal))
     });
     let mut sum = [0.0; 3];
-    for (_, at) in &sorted[..n_pixels] {
-        (0..3).for_each(|channel| sum[channel] += light[*at as usize][channel]);
+    for (_, index) in &sorted[..n_pixels] {
+        (0..3).for_each(|channel| sum[channel] += light[*index as usize][channel]);
     }
     sum.map(|sum| sum / n_pixels as f32)
 }
@@ -46,17 +48,17 @@ fn holds(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let counts = color.map(|c| c >= MIN_CHANNEL * strongest && c > 0.0);
     let per_color = color.map(|c| scale / c);
     move |light| {
-        let share = |at: usize| match counts[at] {
-            true => light[at] * per_color[at],
+        let shares = [0, 1, 2].map(|channel| match counts[channel] {
+            true => light[channel] * per_color[channel],
             false => f32::INFINITY,
-        };
-        let share = share(0).min(share(1)).min(share(2));
+        });
+        let share = shares[0].min(shares[1]).min(shares[2]);
         if share.is_finite() { share.max(0.0) } else { 0.0 }
     }
 }
 
 /// The light of a color in a pixel less what shines there in another color: a status light that is
-/// overexposed nearly to white is no stroke.
+/// overexposed nearly to white is not a stroke.
 pub(super) fn pure(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let holds = holds(color);
     move |light| {

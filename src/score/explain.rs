@@ -5,10 +5,9 @@
 
 use super::alphabet::in_case_of;
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
-use super::faults::{Found, Mending, lost_in, mend};
+use super::faults::{Fault, Mending, lost_in, mend};
 use super::judge::Judgment;
 use super::lattice::Columns;
-use super::raster::Raster;
 use super::reader::{Reader, Seen};
 use super::sketch::Sketch;
 use super::verdict::Verdict;
@@ -33,14 +32,14 @@ const AMBIGUOUS: f64 = 0.01;
 /// Share in the choice from which a letter is sure: mending it gains nothing.
 const SURE: f64 = 0.97;
 
-/// Gains of readability below this are no reason for advice.
+/// Least gain of readability that is advised.
 const LEAST_GAIN: f64 = 0.005;
 
 /// Letters whose faults are taken out of a photo: those with the least shares. Each fault is read
 /// anew.
 const MOST_MENDED: usize = 12;
 
-/// Longest word, in letters, whose faults are taken out: those of a longer one are named, without
+/// Longest word, in letters, whose faults are taken out. In a longer one, faults are named without
 /// their gains.
 const LONGEST_MENDED: usize = 32;
 
@@ -77,9 +76,9 @@ impl Reader {
         let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        let mut found = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
+        let mut faults = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         if self.expected.indices.len() > LONGEST_MENDED {
-            found.iter_mut().for_each(|(_, mending)| *mending = None);
+            faults.iter_mut().for_each(|(_, mending)| *mending = None);
         }
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
@@ -88,7 +87,7 @@ impl Reader {
         let mut worst: Vec<usize> = (0..in_place.choices.len()).collect();
         worst.sort_by(|a, b| in_place.choices[*a].p.total_cmp(&in_place.choices[*b].p));
         worst.truncate(MOST_MENDED);
-        for (cause, mending) in &mut found {
+        for (cause, mending) in &mut faults {
             let (Some(index), Some(fault)) = (cause.letter, mending.as_ref()) else { continue };
             let place = self.expected.indices.iter().position(|judged| *judged == index);
             let Some(place) = place else { continue };
@@ -104,17 +103,16 @@ impl Reader {
                 self.expected.choice_near(&mended, &middles, place).p - before
             });
         }
-        self.flaws_of_design(&verdict, &mut found);
+        self.flaws_of_design(&verdict, &mut faults);
         if verdict.cap_height_px.is_some_and(|px| px < FEW_PX) {
-            found.push((Cause::new(CauseKind::FewPixels, None), None));
+            faults.push((Cause::new(CauseKind::FewPixels, None), None));
         }
         if seen.contrast < DIM {
-            found.push((Cause::new(CauseKind::Dim, None), None));
+            faults.push((Cause::new(CauseKind::Dim, None), None));
         }
-        verdict.advice = self.advise((seen, &in_place), &verdict, &sketches, &found, known);
-        let gain = |cause: &Cause| cause.gain.unwrap_or(0.0);
-        found.sort_by(|a, b| gain(&b.0).total_cmp(&gain(&a.0)));
-        verdict.causes = found.into_iter().map(|(cause, _)| cause).collect();
+        verdict.advice = self.advise((seen, &in_place), &verdict, &sketches, &faults, known);
+        faults.sort_by(|(a, _), (b, _)| b.gain.unwrap_or(0.0).total_cmp(&a.gain.unwrap_or(0.0)));
+        verdict.causes = faults.into_iter().map(|(cause, _)| cause).collect();
         Ok((verdict, marks))
     }
 
@@ -127,15 +125,16 @@ impl Reader {
         known: &Known,
         verdict: &mut Verdict,
         marks: &mut Marks,
-    ) -> Vec<Found> {
+    ) -> Vec<Fault> {
         let placed = &seen.placed;
-        let mut found: Vec<Found> = Vec::new();
+        let mut faults: Vec<Fault> = Vec::new();
         // Length of all strokes, and the parts of it that have light and whose light is theirs.
         let [mut length, mut lit, mut own] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
-            let is_lost = |points: &_| lost_in(points, page, placed, known).is_some();
-            let (gaps, recall) = sketch.trace.gaps(&sketch.bent, is_lost);
+            let (gaps, recall) = sketch
+                .trace
+                .gaps(&sketch.bent, |points| lost_in(points, page, placed, known).is_some());
             let (mut strays, precision) = sketch.trace.strays(&sketch.own, &sketch.beside);
             strays.retain(|stray| stray.points.iter().any(|point| page.holds(*point)));
             let n_segments = sketch.own.len() as f64;
@@ -152,20 +151,22 @@ impl Reader {
             letter.stray_mm = Some(stray * pitch_mm);
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
-            let in_photo = |point: &[f64; 2]| {
-                view.image_from_plane(placed.apply(page.plane_from_page(*point)))
+            let photo_line = |points: &[[f64; 2]]| {
+                let in_plane =
+                    points.iter().map(|point| placed.apply(page.plane_from_page(*point)));
+                in_plane.filter_map(|point_m| view.image_from_plane(point_m)).collect()
             };
-            let line = |points: &[[f64; 2]]| points.iter().filter_map(in_photo).collect();
-            marks.intended.extend(sketch.bent.intended.iter().map(|points| line(points)));
-            marks.missing.extend(gaps.iter().map(|gap| line(&gap.points)));
-            marks.stray.extend(strays.iter().map(|stray| line(&stray.points)));
+            marks.intended.extend(sketch.bent.intended.iter().map(|points| photo_line(points)));
+            marks.missing.extend(gaps.iter().map(|gap| photo_line(&gap.points)));
+            marks.stray.extend(strays.iter().map(|stray| photo_line(&stray.points)));
             let [left, top, right, bottom] = page.cell();
-            marks.cells.push(line(&[[left, top], [right, top], [right, bottom], [left, bottom]]));
-            found.extend(self.faults(index, sketch, (gaps, strays), (placed, known)));
+            let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+            marks.cells.push(photo_line(&corners));
+            faults.extend(self.faults(index, sketch, (gaps, strays), (placed, known)));
         }
         let [recall, precision] = [lit, own].map(|part| part / length.max(1e-9));
         verdict.faithfulness = Some(2.0 * recall * precision / (recall + precision).max(1e-9));
-        found
+        faults
     }
 
     /// Sentences for kinds of faults: first those whose mending gains readability, the most gainful
@@ -175,24 +176,22 @@ impl Reader {
         (seen, in_place): (&Seen, &Judgment),
         verdict: &Verdict,
         sketches: &[Sketch],
-        found: &[Found],
+        faults: &[Fault],
         known: &Known,
     ) -> Vec<Advice> {
-        let is_first = |(at, (cause, _)): &(usize, &Found)| {
-            found[..*at].iter().all(|(before, _)| before.kind != cause.kind)
-        };
-        let kinds = found.iter().enumerate().filter(is_first).map(|(_, (cause, _))| cause.kind);
+        let kinds = faults.iter().enumerate().map(|(index, (cause, _))| (index, cause.kind));
+        let kinds = kinds
+            .filter(|(index, kind)| faults[..*index].iter().all(|(cause, _)| cause.kind != *kind));
         let letters: Vec<char> = self.strokes.glyphs.iter().map(|glyph| glyph.character).collect();
-        let is_sure = |index: usize| verdict.letters[index].p.is_none_or(|p| p >= SURE);
-        let advice = kinds.filter_map(|kind| {
-            let of_kind = || found.iter().filter(move |(cause, _)| cause.kind == kind);
-            let mendings: Vec<(usize, &Mending)> = of_kind()
-                .filter_map(|(cause, mending)| cause.letter.zip(mending.as_ref()))
-                .collect();
-            let causes: Vec<&Cause> = of_kind().map(|(cause, _)| cause).collect();
+        let advice = kinds.filter_map(|(_, kind)| {
+            let alike = faults.iter().filter(|(cause, _)| cause.kind == kind);
+            let (causes, mendings): (Vec<&Cause>, Vec<_>) =
+                alike.map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref()))).unzip();
+            let mendings: Vec<(usize, &Mending)> = mendings.into_iter().flatten().collect();
+            let mut shares = mendings.iter().map(|(index, _)| verdict.letters[*index].p);
             let gain = if mendings.is_empty() {
                 (!verdict.legible).then_some(None)?
-            } else if mendings.iter().all(|(index, _)| is_sure(*index)) {
+            } else if shares.all(|p| p.is_none_or(|p| p >= SURE)) {
                 return None;
             } else {
                 let columns = self.mended(seen, sketches, &mendings);
@@ -202,8 +201,7 @@ impl Reader {
             Some(Advice { kind, text: sentence(kind, &causes, &letters, known), gain })
         });
         let mut advice: Vec<Advice> = advice.collect();
-        let gain = |advice: &Advice| advice.gain.unwrap_or(0.0);
-        advice.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
+        advice.sort_by(|a, b| b.gain.unwrap_or(0.0).total_cmp(&a.gain.unwrap_or(0.0)));
         advice.truncate(MAX_ADVICE);
         advice
     }
@@ -212,13 +210,13 @@ impl Reader {
     fn mended(&self, seen: &Seen, sketches: &[Sketch], mendings: &[(usize, &Mending)]) -> Columns {
         let (mut strips, mut columns) = (seen.strips.clone(), seen.columns.clone());
         let mut changed = vec![Vec::new(); strips.len()];
-        let blurred = |raster: &Raster| raster.blur(BLUR_H * f32::from(PX_PER_H));
         for letters in mendings.chunk_by(|a, b| a.0 == b.0) {
             let (index, line) = (letters[0].0, self.line_of[letters[0].0]);
             let (sketch, page) = (&sketches[index], &self.pages[index].grid);
             let mut mended = sketch.ink.clone();
             letters.iter().for_each(|(_, mending)| mend(&mut mended, mending, sketch));
-            let [before, after] = [&sketch.ink, &mended].map(blurred);
+            let [before, after] =
+                [&sketch.ink, &mended].map(|raster| raster.blur(BLUR_H * f32::from(PX_PER_H)));
             changed[line].push(strips[line].change(&self.lines[line], page, &before, &after));
         }
         for (line, parts) in changed.into_iter().enumerate() {
@@ -229,7 +227,7 @@ impl Reader {
 
     /// Letters that look like other ones even where they are drawn without fault, or that do so a
     /// little and are read as these in the photo.
-    fn flaws_of_design(&self, verdict: &Verdict, found: &mut Vec<Found>) {
+    fn flaws_of_design(&self, verdict: &Verdict, faults: &mut Vec<Fault>) {
         let choices = self.expected.choices(&self.drawn_columns());
         for (index, choice) in self.expected.indices.iter().zip(choices) {
             let letter = &verdict.letters[*index];
@@ -239,10 +237,8 @@ impl Reader {
             });
             let reads_as = rival.map(|(letter, _)| *letter);
             if choice.p < STRANGE || (rival_is_read && letter.best != Some(letter.expected)) {
-                found.push((
-                    Cause { reads_as, ..Cause::new(CauseKind::Design, Some(*index)) },
-                    None,
-                ));
+                let flaw = Cause { reads_as, ..Cause::new(CauseKind::Design, Some(*index)) };
+                faults.push((flaw, None));
             }
         }
     }

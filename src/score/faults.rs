@@ -47,7 +47,7 @@ const BELONGS_PX: f64 = 0.12 * H_PX;
 const OWN_PX: f64 = 0.06 * H_PX;
 
 /// A fault, and how it is taken out of a picture, where it can be.
-pub(super) type Found = (Cause, Option<Mending>);
+pub(super) type Fault = (Cause, Option<Mending>);
 
 /// How a fault is taken out of a picture.
 pub(super) enum Mending {
@@ -67,11 +67,11 @@ pub(super) enum Mending {
 pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
     match mending {
         Mending::Straighten(points) => {
-            paint(picture, 0.0, |at| distance(at, &sketch.own) < BELONGS_PX);
+            paint(picture, 0.0, |pixel| distance(pixel, &sketch.own) < BELONGS_PX);
             draw(picture, points);
         }
-        Mending::Erase(points) => paint(picture, 0.0, |at| {
-            is_near(at, points, |px| px < BELONGS_PX) && distance(at, &sketch.own) > OWN_PX
+        Mending::Erase(points) => paint(picture, 0.0, |pixel| {
+            is_near(pixel, points, |px| px < BELONGS_PX) && distance(pixel, &sketch.own) > OWN_PX
         }),
         Mending::Draw(points) => draw(picture, points),
         Mending::Move([right, down]) => {
@@ -92,7 +92,7 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
 
 /// Draws with the pen at points.
 fn draw(picture: &mut Raster, points: &[[f64; 2]]) {
-    paint(picture, 1.0, |at| is_near(at, points, |px| px <= 0.5 * PEN_H * H_PX + 0.2));
+    paint(picture, 1.0, |pixel| is_near(pixel, points, |px| px <= 0.5 * PEN_H * H_PX + 0.2));
 }
 
 /// Lights, or darkens, the pixels whose middles fulfill a condition.
@@ -106,8 +106,8 @@ fn paint(picture: &mut Raster, light: f32, is_meant: impl Fn([f64; 2]) -> bool) 
 }
 
 /// Whether the nearest of some points is near enough.
-fn is_near(at: [f64; 2], points: &[[f64; 2]], is_enough: impl Fn(f64) -> bool) -> bool {
-    points.iter().any(|point| is_enough(geometry::distance(*point, at)))
+fn is_near(pixel: [f64; 2], points: &[[f64; 2]], is_enough: impl Fn(f64) -> bool) -> bool {
+    points.iter().any(|point| is_enough(geometry::distance(*point, pixel)))
 }
 
 impl Reader {
@@ -118,23 +118,23 @@ impl Reader {
         sketch: &Sketch,
         (gaps, strays): (Vec<Gap>, Vec<Stray>),
         (placed, known): (&Placed, &Known),
-    ) -> Vec<Found> {
+    ) -> Vec<Fault> {
         let page = &self.pages[index];
-        let missing = |gap| missing_run(index, page, gap, (placed, known));
-        let mut found: Vec<Found> = gaps.into_iter().map(missing).collect();
-        found.extend(strays.into_iter().map(|stray| self.stray(index, stray, sketch, known)));
-        found.extend(displaced(index, page, sketch));
-        found.extend(off_path(index, page, sketch));
+        let missing = gaps.into_iter().map(|gap| missing_run(index, page, gap, (placed, known)));
+        let mut faults: Vec<Fault> = missing.collect();
+        faults.extend(strays.into_iter().map(|stray| self.stray(index, stray, sketch, known)));
+        faults.extend(displaced(index, page, sketch));
+        faults.extend(off_path(index, page, sketch));
         if sketch.trace.thickness() > GLOWING_PX {
             let length_mm = Some(1000.0 * sketch.trace.thickness() * page.grid.pitch_m);
             let glow = Cause { length_mm, ..Cause::new(CauseKind::Glow, Some(index)) };
-            found.push((glow, Some(Mending::Redraw)));
+            faults.push((glow, Some(Mending::Redraw)));
         }
-        found
+        faults
     }
 
     /// Light beside the strokes, with its kind.
-    fn stray(&self, index: usize, stray: Stray, sketch: &Sketch, known: &Known) -> Found {
+    fn stray(&self, index: usize, stray: Stray, sketch: &Sketch, known: &Known) -> Fault {
         let kind = self.kind_of(index, &stray, sketch);
         let page = &self.pages[index];
         let length_m = stray.points.len() as f64 * page.grid.pitch_m;
@@ -184,9 +184,9 @@ pub(super) fn lost_in<'a>(
     placed: &Placed,
     known: &'a Known,
 ) -> Option<&'a LogGap> {
-    let at_m = |point: &[f64; 2]| placed.apply(page.plane_from_page(*point));
+    let points_m = points.iter().map(|point| placed.apply(page.plane_from_page(*point)));
     known.gaps.iter().find(|log| {
-        let held = points.iter().filter(|point| log.may_hold(at_m(point))).count();
+        let held = points_m.clone().filter(|point_m| log.may_hold(*point_m)).count();
         held as f64 >= LOST_IN_LOG * points.len() as f64
     })
 }
@@ -197,7 +197,7 @@ fn missing_run(
     page: &LetterPage,
     gap: Gap,
     (placed, known): (&Placed, &Known),
-) -> Found {
+) -> Fault {
     let log = lost_in(&gap.points, page, placed, known);
     let [from_mm, to_mm] = gap.along_px.map(|px| px * 1000.0 * page.grid.pitch_m);
     let kind = if log.is_some() { CauseKind::LogGap } else { CauseKind::MissingRun };
@@ -212,7 +212,7 @@ fn missing_run(
 }
 
 /// A letter beside its place.
-fn displaced(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> {
+fn displaced(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Fault> {
     let [right, down] = sketch.shift.map(|px| px as f64);
     let away_px = libm::hypot(right, down);
     let length_mm = Some(1000.0 * away_px * page.grid.pitch_m);
@@ -223,12 +223,12 @@ fn displaced(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> 
 }
 
 /// A letter with light beside its strokes, apart from its shift.
-fn off_path(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> {
-    let Bent { intended, found, off_px, .. } = &sketch.bent;
+fn off_path(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Fault> {
+    let Bent { intended, on_light, off_px, .. } = &sketch.bent;
     (*off_px > OFF_PATH_PX).then(|| {
         let length_mm = Some(1000.0 * off_px * page.grid.pitch_m);
-        let pairs = intended.iter().flatten().zip(found.iter().flatten());
-        let lit = pairs.filter(|(_, found)| sketch.trace.is_drawn(**found));
+        let pairs = intended.iter().flatten().zip(on_light.iter().flatten());
+        let lit = pairs.filter(|(_, point)| sketch.trace.is_drawn(**point));
         let cause = Cause { length_mm, ..Cause::new(CauseKind::OffPath, Some(index)) };
         (cause, Some(Mending::Straighten(lit.map(|(intended, _)| *intended).collect())))
     })
@@ -237,6 +237,6 @@ fn off_path(index: usize, page: &LetterPage, sketch: &Sketch) -> Option<Found> {
 /// The middle of points of a page, in the plane of the word.
 fn middle_m(page: &LetterPage, points: &[[f64; 2]]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
-    let mean = |axis: usize| points.iter().map(|point| point[axis]).sum::<f64>() / n_points;
-    (!points.is_empty()).then(|| page.plane_from_page([mean(0), mean(1)]))
+    let mean = [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / n_points);
+    (!points.is_empty()).then(|| page.plane_from_page(mean))
 }

@@ -21,8 +21,8 @@ const LEAST_SHARE: f64 = 0.001;
 /// Rivals that a letter names.
 const N_RIVALS: usize = 3;
 
-/// Least share of a letter in a faultless drawing of one that the net was not trained on, from
-/// which it counts as it.
+/// Least share of a letter in a faultless drawing of one that the net was not trained on that
+/// counts as it.
 const LEAST_TAKEN: f64 = 0.02;
 
 /// Letters to either side that decide what is seen in the place of one.
@@ -65,9 +65,9 @@ pub(super) struct Odds {
 impl Judgment {
     /// Takes another word into account that may be likelier.
     pub(super) fn against(mut self, other: Option<Odds>) -> Self {
-        let share =
-            |Odds { word, ln_odds }| RivalWord { word, p: 1.0 / (1.0 + libm::exp(-ln_odds)) };
-        let words = self.rival.take().into_iter().chain(other.map(share));
+        let other = other.map(|odds| (1.0 / (1.0 + libm::exp(-odds.ln_odds)), odds.word));
+        let words =
+            self.rival.take().into_iter().chain(other.map(|(p, word)| RivalWord { word, p }));
         self.rival = words.reduce(|a, b| if b.p > a.p { b } else { a });
         if self.has_other_length() {
             self.readability = self.readability.min(MOST_OF_OTHER_LENGTH);
@@ -77,9 +77,8 @@ impl Judgment {
 
     /// Whether a word of another length is likelier than the expected one.
     pub(super) fn has_other_length(&self) -> bool {
-        let differs =
-            |rival: &RivalWord| rival.p > 0.5 && rival.word.chars().count() != self.choices.len();
-        self.rival.as_ref().is_some_and(differs)
+        let rival = self.rival.as_ref().filter(|rival| rival.p > 0.5);
+        rival.is_some_and(|rival| rival.word.chars().count() != self.choices.len())
     }
 }
 
@@ -87,9 +86,9 @@ impl Expected {
     /// Takes for a Latin letter that the net was not trained on also what the net takes it for in
     /// the columns of a faultless drawing: people read it by an alphabet that the net lacks.
     pub(super) fn learn(&mut self, drawn: &Columns) {
-        for at in (0..self.characters.len()).rev() {
-            if let Some(pair) = ligature(self.characters[at]) {
-                self.split(at, pair, drawn);
+        for place in (0..self.characters.len()).rev() {
+            if let Some(pair) = ligature(self.characters[place]) {
+                self.split(place, pair, drawn);
             }
         }
         let choices = self.choices(drawn);
@@ -104,15 +103,15 @@ impl Expected {
     }
 
     /// Takes a ligature for its two letters, where a faultless drawing shows them.
-    fn split(&mut self, at: usize, pair: [char; 2], drawn: &Columns) {
+    fn split(&mut self, place: usize, pair: [char; 2], drawn: &Columns) {
         let mut apart = self.classes.clone();
         let pair_classes = pair.map(seen_as);
-        apart.splice(at..=at, pair_classes);
+        apart.splice(place..=place, pair_classes);
         if drawn.ln_p(&apart) > drawn.ln_p(&self.classes) {
             self.classes = apart;
-            self.characters.splice(at..=at, pair);
-            self.indices.insert(at, self.indices[at]);
-            self.line_ends.iter_mut().filter(|end| **end > at).for_each(|end| *end += 1);
+            self.characters.splice(place..=place, pair);
+            self.indices.insert(place, self.indices[place]);
+            self.line_ends.iter_mut().filter(|end| **end > place).for_each(|end| *end += 1);
         }
     }
 
@@ -135,16 +134,17 @@ impl Expected {
     }
 
     pub(super) fn new(strokes: &Strokes) -> Self {
-        let characters = || strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
-        let known = || characters().filter_map(|(at, c)| Some((at, c, classes_of(c)?)));
-        let before = |end: usize| known().filter(|(at, ..)| *at < end).count();
-        let mut line_ends: Vec<usize> =
-            [0].into_iter().chain(strokes.lines().iter().map(|line| before(line.end))).collect();
+        let characters = strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
+        let known = characters.filter_map(|(index, c)| Some((index, (c, classes_of(c)?))));
+        let (indices, (characters, classes)): (Vec<usize>, (_, _)) = known.unzip();
+        let ends = strokes.lines().into_iter().map(|line| line.end);
+        let ends = ends.map(|end| indices.iter().filter(|index| **index < end).count());
+        let mut line_ends: Vec<usize> = [0].into_iter().chain(ends).collect();
         line_ends.dedup();
         Self {
-            indices: known().map(|(at, ..)| at).collect(),
-            characters: known().map(|(_, c, _)| c).collect(),
-            classes: known().map(|(.., classes)| classes).collect(),
+            indices,
+            characters,
+            classes,
             ln_p_of_spelling: spelling::mean_ln_p(&strokes.word),
             line_ends,
         }
@@ -193,38 +193,38 @@ impl Expected {
     pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
         let n_letters = self.classes.len();
         let middles = self.middles(columns);
-        let parts = self.line_ends.iter().map(|&at| {
+        let parts = self.line_ends.iter().map(|&end| {
             let letters = if n_letters <= 2 * NEAR + 1 {
                 0..n_letters
             } else {
-                self.near(at.min(n_letters - 1))
+                self.near(end.min(n_letters - 1))
             };
             let part = columns_of(columns, &middles, &letters);
             let own = part.ln_p(&self.classes[letters.clone()]);
-            (at, letters, part, own)
+            (end, letters, part, own)
         });
         let parts: Vec<_> = parts.collect();
         let any = !(BLANK | NO_LETTER);
         let all = names(0, self.characters.iter().all(char::is_ascii_digit));
-        let longer = parts.iter().flat_map(|(at, letters, part, own)| {
-            let with = move |set: Classes| {
+        let longer = parts.iter().flat_map(|(end, letters, part, own)| {
+            let ln_odds = move |set: Classes| {
                 let mut word = self.classes[letters.clone()].to_vec();
-                word.insert(at - letters.start, set);
+                word.insert(end - letters.start, set);
                 part.ln_p(&word) - own
             };
-            let names = if with(any) > 0.0 { &all[..] } else { &[] };
+            let names = if ln_odds(any) > 0.0 { &all[..] } else { &[] };
             names.iter().map(move |(letter, set)| {
                 let mut word = self.characters.clone();
-                word.insert(*at, in_case_of(*letter, word[at.saturating_sub(1)]));
-                Odds { word: word.into_iter().collect(), ln_odds: with(*set) }
+                word.insert(*end, in_case_of(*letter, word[end.saturating_sub(1)]));
+                Odds { word: word.into_iter().collect(), ln_odds: ln_odds(*set) }
             })
         });
         let shorter = parts.windows(2).flat_map(|ends| [(&ends[0], 0), (&ends[1], 1)]);
-        let shorter = shorter.filter(|_| n_letters > 1).map(|((at, letters, part, own), back)| {
+        let shorter = shorter.filter(|_| n_letters > 1).map(|((end, letters, part, own), back)| {
             let (mut word, mut classes) =
                 (self.characters.clone(), self.classes[letters.clone()].to_vec());
-            word.remove(at - back);
-            classes.remove(at - back - letters.start);
+            word.remove(end - back);
+            classes.remove(end - back - letters.start);
             Odds { word: word.into_iter().collect(), ln_odds: part.ln_p(&classes) - own }
         });
         let likeliest =
@@ -234,13 +234,13 @@ impl Expected {
 
     /// Whether a free reading is the expected word.
     fn is_spelled(&self, text: &str, word: &str) -> bool {
-        let is_same = |((read, character), classes): ((char, &char), &Classes)| {
+        let same_length = text.chars().count() == self.characters.len();
+        let letters = text.chars().zip(&self.characters).zip(&self.classes);
+        let mut are_same = letters.map(|((read, character), classes)| {
             let is_taken = is_untrained(*character) && seen_as(read) & classes != 0;
             is_taken || spells(&read.to_string(), &character.to_string())
-        };
-        let same_length = text.chars().count() == self.characters.len();
-        spells(text, word)
-            || same_length && text.chars().zip(&self.characters).zip(&self.classes).all(is_same)
+        });
+        spells(text, word) || same_length && are_same.all(|is_same| is_same)
     }
 
     /// The likeliest other word: with one letter replaced, or as a free reading has it.
@@ -256,7 +256,7 @@ impl Expected {
         let own = columns.ln_p(&self.classes);
         let all = names(0, self.characters.iter().all(char::is_ascii_digit));
         let free = search(columns, &all, &all).into_iter();
-        // Light beside a word that is no letter makes no other word.
+        // Light beside a word that no letter explains makes no other word.
         let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
         let free = free.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
         let free = free.take(N_FREE);
@@ -264,7 +264,7 @@ impl Expected {
             let ln_p = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>());
             let last = self.characters.len() - 1;
             let named = text.chars().enumerate();
-            let named = named.map(|(at, c)| in_case_of(c, self.characters[at.min(last)]));
+            let named = named.map(|(index, c)| in_case_of(c, self.characters[index.min(last)]));
             Odds { word: named.collect(), ln_odds: ln_p - own }
         });
         let all = by_letter.chain(free).filter(|rival| !rival.ln_odds.is_nan());
@@ -274,19 +274,20 @@ impl Expected {
 
 /// The columns from halfway to the letter before some letters to halfway to the one behind them.
 fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Columns {
-    let end = |letter: usize| match (letter.checked_sub(1), middles.get(letter)) {
+    let ends = [letters.start, letters.end];
+    let [from, to] = ends.map(|letter| match (letter.checked_sub(1), middles.get(letter)) {
         (Some(before), Some(middle)) => whole(0.5 * (middles[before] + middle)),
         (None, _) => 0,
         (_, None) => columns.0.len(),
-    };
-    let (from, to) = (end(letters.start), end(letters.end));
+    });
     columns.part(from..to.max(from + 1))
 }
 
 /// The verdict on one letter.
 pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
-    let rival = |(letter, p): &(char, f64)| Rival { letter: in_case_of(*letter, expected), p: *p };
-    let likely = choice.others.iter().filter(|other| other.1 >= LEAST_SHARE).map(rival);
+    let others = choice.others.iter();
+    let rivals = others.map(|(c, p)| Rival { letter: in_case_of(*c, expected), p: *p });
+    let likely = rivals.clone().filter(|rival| rival.p >= LEAST_SHARE);
     let mut confusion: Vec<Rival> =
         [Rival { letter: expected, p: choice.p }].into_iter().chain(likely).collect();
     confusion.sort_by(|a, b| b.p.total_cmp(&a.p));
@@ -294,7 +295,7 @@ pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
         best: choice.best(expected).0,
         p: Some(choice.p),
         no_letter: Some(choice.none),
-        rivals: choice.others.iter().take(N_RIVALS).map(rival).collect(),
+        rivals: rivals.take(N_RIVALS).collect(),
         confusion,
         ..LetterVerdict::unseen(expected)
     }

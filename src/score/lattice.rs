@@ -23,18 +23,18 @@ pub(super) struct Columns(pub(super) Vec<[f64; N_CLASSES]>);
 
 impl Columns {
     /// Shares along a strip.
-    pub(super) fn of(strip: &Strip) -> Self {
+    pub(super) fn along(strip: &Strip) -> Self {
         Self(net::logits(strip).iter().map(shares).collect())
     }
 
     /// The mean of the shares along a strip, its own, and along its neighbors: of letters that they
     /// disagree on, one is there all the same.
     pub(super) fn agreed(mut self, strip: &Strip) -> Self {
-        let beside: Vec<Self> = strip.neighbors().par_iter().map(Self::of).collect();
+        let beside: Vec<Self> = strip.neighbors().par_iter().map(Self::along).collect();
         let part = 1.0 / (beside.len() + 1) as f64;
-        for (at, column) in self.0.iter_mut().enumerate() {
+        for (index, column) in self.0.iter_mut().enumerate() {
             for (class, share) in column.iter_mut().enumerate() {
-                let sum = beside.iter().map(|columns| columns.0[at][class]).sum::<f64>();
+                let sum = beside.iter().map(|columns| columns.0[index][class]).sum::<f64>();
                 *share = part * (*share + sum);
             }
         }
@@ -49,8 +49,8 @@ impl Columns {
         }
     }
 
-    /// The same with nothing where there is light that is no letter: trails lead to and from every
-    /// word.
+    /// The same with darkness in place of light that no letter explains: trails lead to and from
+    /// every word.
     pub(super) fn letters_alone(mut self) -> Self {
         for shares in &mut self.0 {
             shares[0] += std::mem::replace(&mut shares[N_CLASSES - 1], LEAST) - LEAST;
@@ -90,13 +90,12 @@ impl Columns {
     pub(super) fn choices(&self, word: &[Classes], letters: &[char]) -> Vec<Choice> {
         let lattice = Lattice::new(self, word);
         let own = lattice.total();
-        let choice = |index: usize| {
+        let choices = (0..word.len()).map(|index| {
             let expected = word[index];
             let replaced = |set| lattice.replaced(index, &self.shares(set), set);
             let none = replaced(NO_LETTER & !expected) + lattice.without(index);
             let others = names(expected, letters[index].is_ascii_digit()).into_iter();
-            let mut others: Vec<(char, f64)> =
-                others.map(|(name, set)| (name, replaced(set))).collect();
+            let mut others: Vec<_> = others.map(|(name, set)| (name, replaced(set))).collect();
             let sum = own + none + others.iter().map(|(_, p)| p).sum::<f64>();
             if sum <= 0.0 {
                 // Every way through the columns is too unlikely for a number.
@@ -105,8 +104,8 @@ impl Columns {
             others.iter_mut().for_each(|(_, p)| *p /= sum);
             others.sort_by(|a, b| b.1.total_cmp(&a.1));
             Choice { p: own / sum, none: none / sum, others }
-        };
-        (0..word.len()).map(choice).collect()
+        });
+        choices.collect()
     }
 }
 
@@ -121,7 +120,7 @@ fn shares(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
 pub(super) struct Choice {
     /// Share of the expected letter.
     pub(super) p: f64,
-    /// Share of light that is no letter, or of nothing.
+    /// Share of light that no letter explains, or of darkness.
     pub(super) none: f64,
     /// Shares of the other letters and digits, the likeliest first.
     pub(super) others: Vec<(char, f64)>,
@@ -159,45 +158,47 @@ impl<'a> Lattice<'a> {
         let mut letters: Vec<Vec<f64>> = word.iter().map(|set| columns.shares(*set)).collect();
         let mut blanks = columns.shares(BLANK);
         let n_columns = blanks.len();
-        let scales: Vec<f64> = (0..n_columns)
-            .map(|at| letters.iter().map(|shares| shares[at]).fold(blanks[at], f64::max))
-            .collect();
+        let mut scales = blanks.clone();
+        for shares in &letters {
+            scales.iter_mut().zip(shares).for_each(|(scale, share)| *scale = scale.max(*share));
+        }
         for shares in letters.iter_mut().chain([&mut blanks]) {
             shares.iter_mut().zip(&scales).for_each(|(share, scale)| *share /= scale);
         }
-        let share = |at: usize, state: usize| {
-            if state.is_multiple_of(2) { blanks[at] } else { letters[state / 2][at] }
-        };
         let n_states = 2 * word.len() + 1;
+        let shares = (0..n_states)
+            .map(|state| if state.is_multiple_of(2) { &blanks } else { &letters[state / 2] });
+        let shares: Vec<&Vec<f64>> = shares.collect();
         // Two equal letters have a blank between them.
-        let may_follow = |state: usize| {
+        let may_follow = (0..n_states).map(|state| {
             state % 2 == 1 && state >= 3 && word[state / 2] & word[state / 2 - 1] == 0
-        };
+        });
+        let may_follow: Vec<bool> = may_follow.collect();
         let mut forward = vec![vec![0.0; n_states]; n_columns];
         let mut backward = forward.clone();
-        for at in 0..n_columns {
+        for column in 0..n_columns {
             for state in 0..n_states {
-                let ways = match at.checked_sub(1).map(|before| &forward[before]) {
+                let ways = match column.checked_sub(1).map(|before| &forward[before]) {
                     None => f64::from(u8::from(state < 2)),
                     Some(before) => {
-                        let step = |back: usize| state.checked_sub(back).map_or(0.0, |s| before[s]);
-                        step(0) + step(1) + if may_follow(state) { step(2) } else { 0.0 }
+                        let ways = before[state] + if state > 0 { before[state - 1] } else { 0.0 };
+                        ways + if may_follow[state] { before[state - 2] } else { 0.0 }
                     }
                 };
-                forward[at][state] = ways * share(at, state);
+                forward[column][state] = ways * shares[state][column];
             }
         }
-        for at in (0..n_columns).rev() {
+        for column in (0..n_columns).rev() {
             for state in 0..n_states {
-                let ways = match backward.get(at + 1) {
+                let ways = match backward.get(column + 1) {
                     None => f64::from(u8::from(state + 2 >= n_states)),
                     Some(after) => {
-                        let step = |on: usize| after.get(state + on).copied().unwrap_or(0.0);
-                        let skips = state + 2 < n_states && may_follow(state + 2);
-                        step(0) + step(1) + if skips { step(2) } else { 0.0 }
+                        let ways = after[state] + after.get(state + 1).copied().unwrap_or(0.0);
+                        let skips = may_follow.get(state + 2) == Some(&true);
+                        ways + if skips { after[state + 2] } else { 0.0 }
                     }
                 };
-                backward[at][state] = ways * share(at, state);
+                backward[column][state] = ways * shares[state][column];
             }
         }
         Self { word, forward, backward, scales }
@@ -217,20 +218,20 @@ impl<'a> Lattice<'a> {
     #[expect(clippy::needless_range_loop, reason = "the columns before and after")]
     pub(super) fn replaced(&self, index: usize, shares: &[f64], set: Classes) -> f64 {
         let (before, after) = (2 * index, 2 * index + 2);
-        let differs = |at: Option<&Classes>| at.is_some_and(|letter| letter & set == 0);
-        let from_letter = index > 0 && differs(self.word.get(index - 1));
-        let to_letter = differs(self.word.get(index + 1));
+        let [from_letter, to_letter] = [index.checked_sub(1), Some(index + 1)].map(|beside| {
+            beside.and_then(|beside| self.word.get(beside)).is_some_and(|letter| letter & set == 0)
+        });
         let (mut letter, mut total) = (0.0, 0.0);
-        for at in 0..self.scales.len() {
-            let ways = match at.checked_sub(1).map(|column| &self.forward[column]) {
+        for column in 0..self.scales.len() {
+            let ways = match column.checked_sub(1).map(|before| &self.forward[before]) {
                 None => f64::from(u8::from(index == 0)),
                 Some(left) => {
                     letter + left[before] + if from_letter { left[before - 1] } else { 0.0 }
                 }
             };
-            letter = ways * shares[at] / self.scales[at];
+            letter = ways * shares[column] / self.scales[column];
             total += letter
-                * match self.backward.get(at + 1) {
+                * match self.backward.get(column + 1) {
                     None => f64::from(u8::from(index + 1 == self.word.len())),
                     Some(right) => right[after] + if to_letter { right[after + 1] } else { 0.0 },
                 };
@@ -257,10 +258,10 @@ impl<'a> Lattice<'a> {
     pub(super) fn middle(&self, index: usize, shares: &[f64]) -> f64 {
         let state = 2 * index + 1;
         let (mut sum, mut moment) = (0.0, 0.0);
-        for at in 0..self.scales.len() {
-            let weight =
-                self.forward[at][state] * self.backward[at][state] * self.scales[at] / shares[at];
-            (sum, moment) = (sum + weight, moment + weight * at as f64);
+        for column in 0..self.scales.len() {
+            let ways = self.forward[column][state] * self.backward[column][state];
+            let weight = ways * self.scales[column] / shares[column];
+            (sum, moment) = (sum + weight, moment + weight * column as f64);
         }
         if sum > 0.0 { moment / sum } else { 0.0 }
     }
@@ -279,12 +280,12 @@ mod tests {
 
     /// Columns that show a character each, ' ' the blank, with a share of 0.9; the rest is spread.
     fn columns(text: &str) -> Columns {
-        let column = |c: char| {
+        let columns = text.chars().map(|c| {
             let mut column = [0.1 / (N_CLASSES - 1) as f64; N_CLASSES];
             column[class_of(c).unwrap_or(0)] = 0.9;
             column
-        };
-        Columns(text.chars().map(column).collect())
+        });
+        Columns(columns.collect())
     }
 
     fn word(text: &str) -> Vec<Classes> {
@@ -295,12 +296,13 @@ mod tests {
     fn by_trial(columns: &Columns, word: &[Classes]) -> f64 {
         let symbols = |code: usize| -> Vec<usize> {
             let n = word.len() + 1;
-            (0..columns.0.len()).map(|at| code / n.pow(u32::try_from(at).unwrap()) % n).collect()
+            let powers = std::iter::successors(Some(1), |power| Some(power * n));
+            powers.take(columns.0.len()).map(|power| code / power % n).collect()
         };
         let spells = |path: &[usize]| {
             let mut read = Vec::new();
-            for (at, symbol) in path.iter().enumerate() {
-                if *symbol > 0 && (at == 0 || path[at - 1] != *symbol) {
+            for (index, symbol) in path.iter().enumerate() {
+                if *symbol > 0 && (index == 0 || path[index - 1] != *symbol) {
                     read.push(*symbol);
                 }
             }
@@ -311,7 +313,9 @@ mod tests {
         let n_paths = (word.len() + 1).pow(u32::try_from(columns.0.len()).unwrap());
         let paths = (0..n_paths).map(symbols).filter(|path| spells(path));
         paths
-            .map(|path| path.iter().enumerate().map(|(at, s)| shares[*s][at]).product::<f64>())
+            .map(|path| {
+                path.iter().enumerate().map(|(column, s)| shares[*s][column]).product::<f64>()
+            })
             .sum()
     }
 
@@ -319,12 +323,9 @@ mod tests {
     fn the_lattice_sums_all_ways_that_spell_a_word() {
         let columns = columns("N  OR");
         for text in ["NOR", "NO", "OR", "N"] {
-            let (found, wanted) = (columns.ln_p(&word(text)), by_trial(&columns, &word(text)));
-            assert!(
-                (found - libm::log(wanted)).abs() < 1e-9,
-                "{text}: {found}, {}",
-                libm::log(wanted)
-            );
+            let wanted = libm::log(by_trial(&columns, &word(text)));
+            let ln_p = columns.ln_p(&word(text));
+            assert!((ln_p - wanted).abs() < 1e-9, "{text}: {ln_p}, {wanted}");
         }
     }
 
@@ -344,8 +345,8 @@ mod tests {
                 let set = classes_of(other).unwrap();
                 let replaced = lattice.replaced(index, &columns.shares(set), set);
                 let wanted = columns.ln_p(&word(&text.iter().collect::<String>())) - noor;
-                let found = libm::log(replaced / lattice.total());
-                assert!((found - wanted).abs() < 1e-9, "{text:?}: {found}, {wanted}");
+                let ln_odds = libm::log(replaced / lattice.total());
+                assert!((ln_odds - wanted).abs() < 1e-9, "{text:?}: {ln_odds}, {wanted}");
             }
         }
     }

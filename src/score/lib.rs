@@ -105,12 +105,12 @@ settings! {
 /// knows all of these.
 #[must_use]
 pub fn is_judged(strokes: &Strokes) -> bool {
-    let unknown = |character: char| classes_of(character).is_none();
-    let characters = || strokes.glyphs.iter().map(|glyph| glyph.character);
-    strokes.font.is_some() && !characters().all(unknown) && !characters().any(is_foreign)
+    let mut known = strokes.glyphs.iter().filter(|glyph| classes_of(glyph.character).is_some());
+    let has_foreign = strokes.glyphs.iter().any(|glyph| is_foreign(glyph.character));
+    strokes.font.is_some() && known.next().is_some() && !has_foreign
 }
 
-/// Refuses what is no word of letters that the reader knows and that leave light.
+/// Refuses all but a word of letters that the reader knows and that leave light.
 fn check(strokes: &Strokes) -> Result<()> {
     let hint = "write the word with Latin letters and digits, or look at the photo yourself";
     if strokes.glyphs.is_empty() {
@@ -149,12 +149,8 @@ fn check_size(photo: &Photo, view: &View) -> Result<()> {
     if [width_px, height_px] != [width, height] {
         let hint = "name the scene that the photo was taken with";
         let wanted = format!("{width} x {height} pixels, as the camera has");
-        return Err(Error::input(
-            "photo",
-            format!("{width_px} x {height_px} pixels"),
-            wanted,
-            hint,
-        ));
+        let size = format!("{width_px} x {height_px} pixels");
+        return Err(Error::input("photo", size, wanted, hint));
     }
     let bytes = 3 * width_px as usize * height_px as usize;
     assert_eq!(photo.rgb8.len(), bytes, "three bytes a pixel");

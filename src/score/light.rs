@@ -23,7 +23,7 @@ const BLOCK_PLANE_PX: f64 = 4.0;
 /// letter's strokes are a minority and the glow of a floor or a window is not.
 const BLOCKS_AROUND: usize = 4;
 
-/// Which share of the blocks around is darker than the sky. Half would take off a bold letter's own
+/// Share of the blocks around that is darker than the sky. Half would take off a bold letter's own
 /// light; much less would leave half of a glow's slope.
 const SKY_SHARE: f64 = 0.4;
 
@@ -65,8 +65,8 @@ pub(super) struct Light {
 pub(super) type Frame = [f64; 4];
 
 impl Light {
-    /// Decodes a part of the photo of which a pixel of the plane is `pixel_px` wide; all of it
-    /// without a frame. Returns the median luminance of the part as it was, too; `None` where the
+    /// Decodes a part of the photo, all of it without a frame; a pixel of the plane is `pixel_px`
+    /// wide there. Returns the median luminance of the part as it was, too; `None` where the
     /// photo does not show the part.
     pub(super) fn decode(
         photo: &Photo,
@@ -109,8 +109,8 @@ impl Light {
         Self { step, origin, width, height, values }
     }
 
-    /// Mean in a rectangle of the photo of something that each pixel's light has.
-    pub(super) fn mean_of(&self, frame: Frame, of: impl Fn(Rgb) -> Rgb) -> Rgb {
+    /// Mean of a measure of the light in a rectangle of the photo.
+    pub(super) fn mean_of(&self, frame: Frame, measure: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
         let [x0, x1] = [frame[0], frame[2]].map(|px| px * per_px - left);
@@ -123,7 +123,7 @@ impl Light {
         for (y, high) in overlaps(y0, y1, self.height) {
             let row = &self.values[y * self.width..][..self.width];
             for (x, wide) in overlaps(x0, x1, self.width) {
-                let (share, value) = (wide * high, of(row[x]));
+                let (share, value) = (wide * high, measure(row[x]));
                 for channel in 0..3 {
                     sum[channel] += share * value[channel];
                 }
@@ -135,12 +135,12 @@ impl Light {
 
     /// Light of the pixels in a rectangle of the photo.
     pub(super) fn within(&self, [left, top, right, bottom]: Frame) -> Vec<Rgb> {
-        let place = |px: f64, axis: usize| {
+        let sides = [(left, 0), (right, 0), (top, 1), (bottom, 1)].map(|(px, axis)| {
             let place = px / self.step as f64 - self.origin[axis] as f64;
             whole(place.max(0.0)).min([self.width, self.height][axis])
-        };
-        let (columns, rows) = (place(left, 0)..place(right, 0), place(top, 1)..place(bottom, 1));
-        rows.flat_map(|y| &self.values[y * self.width..][columns.clone()]).copied().collect()
+        });
+        let [left, right, top, bottom] = sides;
+        (top..bottom).flat_map(|y| &self.values[y * self.width..][left..right]).copied().collect()
     }
 
     /// Takes off the sky around each pixel: a quantile of the means of blocks, channel by channel,
@@ -168,19 +168,19 @@ impl Light {
         });
 
         // Bilinear between the middles of blocks.
-        let between = |at: usize, n_blocks: usize| {
-            let place = (at as f32 + 0.5) / block as f32 - 0.5;
+        let between = |pixel: usize, n_blocks: usize| {
+            let place = (pixel as f32 + 0.5) / block as f32 - 0.5;
             let place = place.clamp(0.0, (n_blocks - 1) as f32);
             let first = whole(f64::from(place));
             (first, (first + 1).min(n_blocks - 1), place - first as f32)
         };
         let columns: Vec<_> = (0..n_columns).map(|x| between(x, width)).collect();
         let across = |row: usize| -> Vec<f32> {
-            let at = |(left, right, share): &(usize, usize, f32)| {
-                let ends = |channel: usize| [*left, *right].map(|x| sky[channel][row * width + x]);
-                [0, 1, 2].map(ends).map(|[a, b]| a + share * (b - a))
-            };
-            columns.iter().flat_map(at).collect()
+            let lights = columns.iter().flat_map(|(left, right, share)| {
+                let ends = sky.each_ref().map(|sky| [*left, *right].map(|x| sky[row * width + x]));
+                ends.map(|[a, b]| a + share * (b - a))
+            });
+            lights.collect()
         };
         let mut rows = [(0, across(0)), (0, across(0))];
         for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
@@ -211,8 +211,8 @@ fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
 
-/// Means over blocks of `step` pixels by `step`, of which `STEP` is the number where it is known
-/// beforehand, else 0.
+/// Means over blocks of `step` pixels by `step`; `STEP` is the same number where it is known to the
+/// compiler, else 0.
 #[inline(always)]
 fn means<const STEP: usize>(
     photo: &Photo,
@@ -261,17 +261,15 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     let mut order: Vec<usize> = (0..means.len()).collect();
     order.sort_unstable_by(|a, b| means[*a].total_cmp(&means[*b]));
     let mut ranks = vec![0; means.len()];
-    order.iter().enumerate().for_each(|(rank, at)| ranks[*at] = rank);
-    let around =
-        |at: usize, n: usize| at.saturating_sub(BLOCKS_AROUND)..(at + BLOCKS_AROUND + 1).min(n);
+    order.iter().enumerate().for_each(|(rank, block)| ranks[*block] = rank);
     let mut sky = Vec::with_capacity(means.len());
     for y in 0..height {
-        let rows = around(y, height);
+        let rows = y.saturating_sub(BLOCKS_AROUND)..(y + BLOCKS_AROUND + 1).min(height);
         let mut counts = vec![0_usize; means.len()];
         let mut groups = vec![0_usize; means.len().div_ceil(GROUP)];
         let mut counted = 0..0;
         for x in 0..width {
-            let columns = around(x, width);
+            let columns = x.saturating_sub(BLOCKS_AROUND)..(x + BLOCKS_AROUND + 1).min(width);
             for (x, is_new) in (counted.start..columns.start)
                 .map(|x| (x, false))
                 .chain((counted.end..columns.end).map(|x| (x, true)))
@@ -285,31 +283,31 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
             }
             let mut left = whole(SKY_SHARE * (rows.len() * columns.len()) as f64);
             counted = columns;
-            let mut found = |counts: &[usize]| {
-                let is_below = |count: &&usize| {
-                    let below = left >= **count;
-                    left -= if below { **count } else { 0 };
-                    below
-                };
-                counts.iter().take_while(is_below).count()
-            };
-            let group = found(&groups) * GROUP;
-            sky.push(means[order[group + found(&counts[group..])]]);
+            let (mut group, mut rank) = (0, 0);
+            while left >= groups[group] {
+                left -= groups[group];
+                (group, rank) = (group + 1, rank + GROUP);
+            }
+            while left >= counts[rank] {
+                left -= counts[rank];
+                rank += 1;
+            }
+            sky.push(means[order[rank]]);
         }
     }
     sky
 }
 
-/// Something of every pixel, in the widest registers of this processor, with the same bits in all.
-pub(super) fn map(light: &[Rgb], of: impl Fn(Rgb) -> f32) -> Vec<f32> {
+/// A measure of every pixel, in the widest registers of this processor, with the same bits in all.
+pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     let mut values = vec![0.0; light.len()];
     noctograph_core::dispatch(|| {
-        values.iter_mut().zip(light).for_each(|(value, light)| *value = of(*light));
+        values.iter_mut().zip(light).for_each(|(value, light)| *value = measure(*light));
     });
     values
 }
 
-/// Median of the sizes of values. Those of bits rise alike, and are compared in less time.
+/// Median of the sizes of values, compared by their bits, which is faster and gives the same order.
 pub(super) fn median_size(values: &[f32]) -> f32 {
     let sizes = values.iter().map(|value| value.abs().to_bits());
     f32::from_bits(median(sizes).expect("a picture has pixels"))

@@ -31,7 +31,7 @@ const MIN_CROSSINGS: f64 = 0.4;
 /// How far above and below the line a letter's ink may reach, in its height.
 const SLACK_H: f64 = 0.25;
 
-/// Height of a letter in the color of the ink, in its line's, from which that is all of it.
+/// Share of its line's height from which the ink of a letter's own color is all of the letter.
 const OWN_BOX: f64 = 0.7;
 
 /// Most lines of a photo.
@@ -93,11 +93,9 @@ impl Search {
         let rank = whole(full_rank * levels.len() as f64);
         let n_brightest = levels.len() - rank;
         let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
-        let pure = color::pure(color::of_brightest(values, n_brightest));
-        let exposed = |light: f32| (light / full).clamp(0.0, 1.0);
-        let bright = self.bright.iter().map(|light| exposed(*light)).collect();
-        let pure = map(values, |light| exposed(pure(light)));
-        Some([bright, pure].map(|values| Arc::new(Raster { width, height, values })))
+        let pure = map(values, color::pure(color::of_brightest(values, n_brightest)));
+        let lights = [self.bright.clone(), pure].map(|values| Raster { width, height, values });
+        Some(lights.map(|light| Arc::new(light.exposed(full))))
     }
 
     /// The lines of an ink, which is one of two lights, from the top.
@@ -127,8 +125,9 @@ impl Line {
         let (width, height) = (ink.width, ink.height);
         let [top, bottom] = band(mask, width)?;
         let stroke_px = stroke_width(mask, width);
-        let has_ink = |x: &usize| (top..bottom).any(|y| mask[y * width + x]);
-        let columns = [(0..width).find(has_ink)?, (0..width).rev().find(has_ink)? + 1];
+        let mut inked = (0..width).filter(|x| (top..bottom).any(|y| mask[y * width + x]));
+        let first = inked.next()?;
+        let columns = [first, inked.next_back().unwrap_or(first) + 1];
         let slack = whole(SLACK_H * (bottom - top) as f64);
         let rows = [top.saturating_sub(slack), (bottom + slack).min(height)];
         let half = 0.5 * stroke_px;
@@ -172,28 +171,28 @@ impl Line {
         let top = self.extent[1] - (CAP_PX + HEAD_ROW) as f64 * pitch;
         let width = self.strip_width(cap_px);
         let per_area = narrow(1.0 / (pitch * pitch));
-        let channel = |light: &Raster| -> Vec<f32> {
+        let [bright, pure] = self.light.each_ref().map(|light| {
             let sums = light.sums([left, top], pitch, 0..width, HEIGHT);
             sums.into_iter().map(|sum| (sum * per_area).clamp(0.0, 1.0)).collect()
-        };
-        let [bright, pure] = self.light.each_ref().map(|light| channel(light));
+        });
         (Strip::of_light(width, bright, pure), left * self.step, pitch * self.step)
     }
 
     /// The boxes of letters whose middles are given, in pixels of the photo. Two letters part where
     /// there is the least ink between their middles.
     pub(super) fn boxes(&self, middles_px: &[f64]) -> Vec<[f64; 4]> {
-        let column =
-            |px: f64| whole((px / self.step).max(0.0)).clamp(self.columns[0], self.columns[1] - 1);
-        let ink = |x: usize| -> f32 {
+        let [first, end] = self.columns;
+        let middles = middles_px.iter().map(|px| whole((px / self.step).max(0.0)));
+        let middles: Vec<usize> = middles.map(|column| column.clamp(first, end - 1)).collect();
+        let ink = (0..self.ink.width).map(|x| {
             (self.rows[0]..self.rows[1]).map(|y| self.ink.values[y * self.ink.width + x]).sum()
-        };
-        let between = middles_px.windows(2).map(|pair| {
-            let (from, to) = (column(pair[0]), column(pair[1]).max(column(pair[0]) + 1));
-            (from..to).min_by(|a, b| ink(*a).total_cmp(&ink(*b))).unwrap_or(to)
         });
-        let mut ends: Vec<usize> =
-            [self.columns[0]].into_iter().chain(between).chain([self.columns[1]]).collect();
+        let ink: Vec<f32> = ink.collect();
+        let between = middles.windows(2).map(|pair| {
+            let (from, to) = (pair[0], pair[1].max(pair[0] + 1));
+            (from..to).min_by(|a, b| ink[*a].total_cmp(&ink[*b])).unwrap_or(to)
+        });
+        let mut ends: Vec<usize> = [first].into_iter().chain(between).chain([end]).collect();
         ends.sort_unstable();
         let [left, right] = self.columns.map(|column| column as f64);
         let whole_line = [left, self.extent[0], right, self.extent[1]];
@@ -207,29 +206,28 @@ impl Line {
     /// color does: trails of other lamps lead to it and from it.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
         let own = self.box_of(&self.light[1], from, to);
-        let is_high = |sides: &[f64; 4]| sides[3] - sides[1] >= OWN_BOX * self.letter_px;
-        own.filter(is_high).or_else(|| self.box_of(&self.ink, from, to))
+        let own = own.filter(|[_, top, _, bottom]| bottom - top >= OWN_BOX * self.letter_px);
+        own.or_else(|| self.box_of(&self.ink, from, to))
     }
 
     fn box_of(&self, ink: &Raster, from: usize, to: usize) -> Option<[f64; 4]> {
         let width = ink.width;
         let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);
         for y in self.rows[0]..self.rows[1] {
-            let row = &ink.values[y * width..][from..to];
-            let lit = |value: &f32| *value > INK_LEVEL;
-            if let (Some(first), Some(last)) = (row.iter().position(lit), row.iter().rposition(lit))
-            {
-                (left, right) = (left.min(from + first), right.max(from + last + 1));
+            let mut lit = (from..to).filter(|x| ink.values[y * width + x] > INK_LEVEL);
+            if let Some(first) = lit.next() {
+                let last = lit.next_back().unwrap_or(first);
+                (left, right) = (left.min(first), right.max(last + 1));
                 (top, bottom) = (top.min(y), bottom.max(y + 1));
             }
         }
         let half = 0.5 * self.stroke_px;
-        let shrunk = |low: usize, high: usize| {
-            let (low, high) = (low as f64 + half, high as f64 - half);
-            if low < high { [low, high] } else { [0.5 * (low + high); 2] }
-        };
         (left < right).then(|| {
-            let ([left, right], [top, bottom]) = (shrunk(left, right), shrunk(top, bottom));
+            let [[left, right], [top, bottom]] =
+                [[left, right], [top, bottom]].map(|[low, high]| {
+                    let (low, high) = (low as f64 + half, high as f64 - half);
+                    if low < high { [low, high] } else { [0.5 * (low + high); 2] }
+                });
             [left, top, right, bottom]
         })
     }
@@ -237,22 +235,22 @@ impl Line {
 
 /// First and last row of the letters: around the row with the most crossings.
 fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
-    let crossings = |row: &[bool]| {
+    let crossings = mask.chunks_exact(width).map(|row| {
         u32::from(row[0]) + row.iter().zip(&row[1..]).map(|(a, b)| u32::from(!a & b)).sum::<u32>()
-    };
-    let rows: Vec<u32> = mask.chunks_exact(width).map(crossings).collect();
+    });
+    let rows: Vec<u32> = crossings.collect();
     // Means over some rows: noise has crossings, too, but not for long.
     let reach = (rows.len() / 100).max(1);
-    let smooth = |y: usize| {
+    let smooth = (0..rows.len()).map(|y| {
         let around = &rows[y.saturating_sub(reach)..(y + reach + 1).min(rows.len())];
         f64::from(around.iter().sum::<u32>()) / around.len() as f64
-    };
-    let smooth: Vec<f64> = (0..rows.len()).map(smooth).collect();
+    });
+    let smooth: Vec<f64> = smooth.collect();
     let most = smooth.iter().copied().fold(0.0, f64::max);
-    let enough = |y: &usize| smooth[*y] >= MIN_CROSSINGS * most;
+    let enough: Vec<bool> = smooth.iter().map(|mean| *mean >= MIN_CROSSINGS * most).collect();
     let middle = (0..rows.len()).find(|y| smooth[*y] >= most).filter(|_| most > 0.0)?;
-    let top = (0..=middle).rev().take_while(enough).last()?;
-    let bottom = (middle..rows.len()).take_while(enough).last()? + 1;
+    let top = (0..=middle).rev().take_while(|y| enough[*y]).last()?;
+    let bottom = (middle..rows.len()).take_while(|y| enough[*y]).last()? + 1;
     (bottom - top >= 8).then_some([top, bottom])
 }
 

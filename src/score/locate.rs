@@ -4,7 +4,7 @@
 //! their numbers agree, else from the first to the last. The plane is assumed to be seen square on,
 //! with separate scales across and down and a slope of the line.
 
-use super::reading::{ReadLetter, Reading};
+use super::reading::Reading;
 use super::view::{Homography, View};
 use noctograph_core::error::Result;
 use noctograph_core::geometry::bounds;
@@ -12,7 +12,7 @@ use noctograph_core::photo::Photo;
 use noctograph_core::statistics::median;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Most that one scale may be of the other.
+/// Largest ratio of the two scales.
 const MAX_STRETCH: f64 = 2.5;
 
 /// Steepest line: rise by run.
@@ -22,7 +22,7 @@ const MAX_SLOPE: f64 = 0.3;
 ///
 /// # Errors
 ///
-/// None but what broken corners would cause.
+/// As [`Homography::from_corners`].
 pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let boxes: Vec<[f64; 4]> = strokes.glyphs.iter().filter_map(lit_box).collect();
     let letters = &reading.letters;
@@ -32,10 +32,10 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
     }
     // Edges of letters, or of the word: where they are in the plane, and where in the picture.
     let pairs: Vec<[f64; 2]> = if letters.len() == boxes.len() {
-        let edges = |(plane, letter): (&[f64; 4], &ReadLetter)| {
+        let edges = boxes.iter().zip(letters).flat_map(|(plane, letter)| {
             [[plane[0], letter.box_px[0]], [plane[2], letter.box_px[2]]]
-        };
-        boxes.iter().zip(letters).flat_map(edges).collect()
+        });
+        edges.collect()
     } else {
         let [left, right] = [boxes[0][0], boxes[boxes.len() - 1][2]];
         vec![[left, first.box_px[0]], [right, last.box_px[2]]]
@@ -46,11 +46,11 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
     let high_px =
         median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1])).expect("letters");
     let down = high_px / (top - bottom);
-    let middle = |letter: &ReadLetter| {
+    let middles = letters.iter().map(|letter| {
         let [left, top, right, bottom] = letter.box_px;
         [0.5 * (left + right), 0.5 * (top + bottom)]
-    };
-    let middles: Vec<[f64; 2]> = letters.iter().map(middle).collect();
+    });
+    let middles: Vec<[f64; 2]> = middles.collect();
     let slope = if letters.len() < 3 { 0.0 } else { median_slope(&middles) };
     let slope = slope.clamp(-MAX_SLOPE, MAX_SLOPE);
     let height_px = median(middles.iter().map(|[x, y]| y - slope * x)).expect("letters");
@@ -60,11 +60,10 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
         return Ok(None);
     }
     let [left, right] = [boxes[0][0], boxes[boxes.len() - 1][2]];
-    let corner = |x: f64, above: f64| {
+    let corners = [(left, 1.0), (right, 1.0), (right, -1.0), (left, -1.0)].map(|(x, above)| {
         let x = at_zero + across * x;
         [x, height_px + slope * x - 0.5 * above * high_px]
-    };
-    let corners = [corner(left, 1.0), corner(right, 1.0), corner(right, -1.0), corner(left, -1.0)];
+    });
     let size_px = [photo.width_px, photo.height_px];
     let plane = Homography::from_corners([left, bottom, right, top], corners, size_px);
     // An I alone has no width.

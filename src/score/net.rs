@@ -21,7 +21,7 @@ pub(super) const N_CLASSES: usize = 64;
 /// Columns of a strip for one column of logits.
 pub(super) const COLUMN_PX: usize = 2;
 
-/// Columns of a strip to either side of a logit's own that are dark where no letter can be.
+/// Columns of a strip to either side of a logit's own: where all are dark, there is no letter.
 const DARK_PX: usize = 2;
 
 /// A unit of logits.
@@ -37,7 +37,7 @@ struct Layer {
     kernel: [usize; 2],
     /// Channels in and out.
     channels: [usize; 2],
-    /// Rows and columns of which the maximum is kept.
+    /// Rows and columns that are pooled to their maximum.
     pool: [usize; 2],
     /// Columns from one of the kernel's to the next; `None`: neighbors.
     apart: Option<usize>,
@@ -83,12 +83,11 @@ pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
 
 /// The logits of the columns that depend on a part of a strip, and the index of the first.
 pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
-    let around = |reach: usize| {
-        let within = |at: usize| at.clamp(strip.read.start, strip.read.end);
-        let first = within(part.start.saturating_sub(reach)) / COLUMN_PX;
-        first..within(part.end + reach).div_ceil(COLUMN_PX)
-    };
-    let (wanted, needed) = (around(*REACH_PX), around(2 * *REACH_PX));
+    let [wanted, needed] = [*REACH_PX, 2 * *REACH_PX].map(|reach| {
+        let [first, end] = [part.start.saturating_sub(reach), part.end + reach]
+            .map(|column| column.clamp(strip.read.start, strip.read.end));
+        first / COLUMN_PX..end.div_ceil(COLUMN_PX)
+    });
     let all = logits_of(strip, COLUMN_PX * needed.start..COLUMN_PX * needed.end);
     let own = wanted.start - needed.start..wanted.end - needed.start;
     (wanted.start, all[own].to_vec())
@@ -101,9 +100,9 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     for layer in layers {
         map = layer.activations(&map).pooled(layer.pool);
     }
-    let logits = |sums: &[i32]| std::array::from_fn(|class| f64::from(sums[class]) * LOGIT);
-    let mut logits: Vec<[f64; N_CLASSES]> =
-        last.sums(&map).chunks_exact(N_CLASSES).map(logits).collect();
+    let sums = last.sums(&map);
+    let logits = sums.as_chunks().0.iter().map(|sums| sums.map(|sum| f64::from(sum) * LOGIT));
+    let mut logits: Vec<[f64; N_CLASSES]> = logits.collect();
     // A dark column is a blank, never "no letter", which the net reads in a gap between words.
     for (column, logits) in columns.step_by(COLUMN_PX).zip(&mut logits) {
         if strip.is_dark(column.saturating_sub(DARK_PX)..column + COLUMN_PX + DARK_PX) {
@@ -117,37 +116,37 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
 fn layers(mut bytes: &[u8]) -> Vec<Layer> {
     let mut layers = Vec::new();
     while let Some((head, rest)) = bytes.split_at_checked(6) {
-        let [kh, kw, ci, co, pool, apart] = [0, 1, 2, 3, 4, 5].map(|at| usize::from(head[at]));
+        let [kh, kw, ci, co, pool, apart] = [0, 1, 2, 3, 4, 5].map(|byte| usize::from(head[byte]));
         let (weights, rest) = rest.split_at(kh * kw * ci * co);
         let (multipliers, rest) = rest.split_at(4 * co);
         let (biases, rest) = rest.split_at(4 * co);
         let padded = co.next_multiple_of(LANES);
-        let integers = |bytes: &[u8]| {
+        let [multipliers, biases] = [multipliers, biases].map(|bytes| {
             let all = bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b));
             all.chain(std::iter::repeat_n(0, padded - co)).collect()
-        };
+        });
         let eights = (1..=MOST_EIGHTS).rev().find(|n| (padded / LANES).is_multiple_of(*n));
         let eights = eights.expect("1 divides every number");
-        let weight = |channel: usize, at: usize| {
-            let own = weights.get(channel * kh * kw * ci + at).filter(|_| channel < co);
+        let weight = |channel: usize, place: usize| {
+            let own = weights.get(channel * kh * kw * ci + place).filter(|_| channel < co);
             own.map_or(0, |byte| i16::from(byte.cast_signed()))
         };
-        let group = |first: usize| {
+        let groups = (0..padded).step_by(eights * LANES).flat_map(|first| {
             (0..kh * kw * ci).step_by(2).flat_map(move |pair| {
                 (first..first + eights * LANES).step_by(LANES).map(move |eight| {
                     cast(std::array::from_fn::<i16, 16, _>(|n| weight(eight + n / 2, pair + n % 2)))
                 })
             })
-        };
+        });
         layers.push(Layer {
             kernel: [kh, kw],
             channels: [ci, co],
             pool: [pool / 16, pool % 16],
             apart: (apart > 0).then_some(apart),
-            weights: (0..padded).step_by(eights * LANES).flat_map(group).collect(),
+            weights: groups.collect(),
             eights,
-            multipliers: integers(multipliers),
-            biases: integers(biases),
+            multipliers,
+            biases,
         });
         bytes = rest;
     }
@@ -218,8 +217,9 @@ impl Registers for () {
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
         let (mut sums, weights): ([i32; LANES], [[i16; 2]; LANES]) = (cast(sums), cast(weights));
         for (sum, weights) in sums.iter_mut().zip(weights) {
-            let product = |n: usize| i32::from(pair[n]) * i32::from(weights[n]);
-            *sum = sum.wrapping_add(product(0)).wrapping_add(product(1));
+            for (value, weight) in pair.into_iter().zip(weights) {
+                *sum = sum.wrapping_add(i32::from(value) * i32::from(weight));
+            }
         }
         cast(sums)
     }
@@ -336,8 +336,8 @@ impl Map {
         }
         let (height, width, channels) = (self.height / rows, self.width / columns, self.channels);
         let mut values = vec![0_i16; height * width * channels];
-        for (at, pixel) in values.chunks_exact_mut(channels).enumerate() {
-            let (y, x) = (at / width * rows, at % width * columns);
+        for (index, pixel) in values.chunks_exact_mut(channels).enumerate() {
+            let (y, x) = (index / width * rows, index % width * columns);
             for (row, column) in (0..rows).flat_map(|r| (0..columns).map(move |c| (y + r, x + c))) {
                 let from = &self.values[(row * self.width + column) * channels..][..channels];
                 pixel.iter_mut().zip(from).for_each(|(most, value)| *most = (*most).max(*value));
@@ -356,10 +356,10 @@ mod tests {
     const LOGITS_FNV_1A: u64 = 7_987_465_851_812_230_209;
 
     fn pattern(width: usize) -> Strip {
-        let light = |step: usize| -> Vec<f32> {
-            (0..width * HEIGHT).map(|at| ((at * step) % 251) as f32 / 250.0).collect()
-        };
-        Strip { width, bright: light(7), pure: light(13), read: 0..width }
+        let [bright, pure] = [7, 13].map(|step| {
+            (0..width * HEIGHT).map(|pixel| ((pixel * step) % 251) as f32 / 250.0).collect()
+        });
+        Strip { width, bright, pure, read: 0..width }
     }
 
     #[test]
@@ -368,16 +368,17 @@ mod tests {
         let strip = pattern(width);
         let whole = logits(&strip);
         for part in [0..10, 130..151, 280..300, 0..300] {
-            let (first, found) = logits_around(&strip, part.clone());
-            assert_eq!(found[..], whole[first..first + found.len()], "{part:?}");
+            let (first, around) = logits_around(&strip, part.clone());
+            assert_eq!(around[..], whole[first..first + around.len()], "{part:?}");
             let mut dark = strip.clone();
             for row in dark.bright.chunks_exact_mut(width) {
                 row[part.clone()].fill(0.0);
             }
             let changed = logits(&dark);
-            let differs = |at: &usize| changed[*at] != whole[*at];
-            let reached = first..first + found.len();
-            assert!((0..whole.len()).filter(differs).all(|at| reached.contains(&at)), "{part:?}");
+            let mut differing =
+                (0..whole.len()).filter(|column| changed[*column] != whole[*column]);
+            let reached = first..first + around.len();
+            assert!(differing.all(|column| reached.contains(&column)), "{part:?}");
         }
     }
 

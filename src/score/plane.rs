@@ -79,11 +79,10 @@ impl Grid {
         let pitch_m = cap_height_m(strokes) / f64::from(PX_PER_H);
         // Shift, and half a cap height for the window and the blur.
         let margin_m = (SEARCH_H + 0.5) * cap_height_m(strokes);
-        let side = |length_m: f64| {
-            // Halved twice by the alignment.
+        // The alignment halves the sides twice.
+        let [width, height] = [right - left, top - bottom].map(|length_m| {
             whole(((length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m).ceil()).next_multiple_of(4)
-        };
-        let (width, height) = (side(right - left), side(top - bottom));
+        });
         let left_m = home.center_m[0] - 0.5 * width as f64 * pitch_m;
         let top_m = home.center_m[1] + 0.5 * height as f64 * pitch_m;
         Self { left_m, top_m, pitch_m, width, height }
@@ -112,20 +111,19 @@ impl Grid {
         light: &Light,
         view: &View,
         placed: &Placed,
-        of: impl Fn(Rgb) -> Rgb,
+        measure: impl Fn(Rgb) -> Rgb,
     ) -> Vec<Rgb> {
-        let row = |y: usize| -> Vec<_> {
-            (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect()
-        };
+        let mut rows = (0..=self.height).map(|y| {
+            (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect::<Vec<_>>()
+        });
         let mut values = vec![[0.0; 3]; self.width * self.height];
-        let mut upper = row(0);
-        for (y, values) in values.chunks_exact_mut(self.width).enumerate() {
-            let lower = row(y + 1);
+        let mut upper = rows.next().expect("a grid has rows");
+        for (values, lower) in values.chunks_exact_mut(self.width).zip(rows) {
             for (x, value) in values.iter_mut().enumerate() {
                 let corners = (upper[x], upper[x + 1], lower[x], lower[x + 1]);
                 // There is no light from behind the camera.
                 if let (Some(a), Some(b), Some(c), Some(d)) = corners {
-                    *value = light.mean_of(bounds([a, b, c, d]), &of);
+                    *value = light.mean_of(bounds([a, b, c, d]), &measure);
                 }
             }
             upper = lower;
@@ -135,11 +133,10 @@ impl Grid {
 
     /// The rectangle of the photo that shows the grid; `None` where a corner is behind the camera.
     pub(super) fn frame(&self, view: &View, placed: &Placed) -> Option<Frame> {
-        let corner = |x: usize, y: usize| self.image_point(view, placed, [x, y]);
         let (right, bottom) = (self.width, self.height);
-        let (upper, lower) =
-            ([corner(0, 0)?, corner(right, 0)?], [corner(0, bottom)?, corner(right, bottom)?]);
-        Some(bounds(upper.into_iter().chain(lower)))
+        let [a, b, c, d] = [[0, 0], [right, 0], [0, bottom], [right, bottom]]
+            .map(|corner| self.image_point(view, placed, corner));
+        Some(bounds([a?, b?, c?, d?]))
     }
 
     /// Edge of the middle pixel in the photo; `None` behind the camera.
@@ -169,8 +166,8 @@ impl LetterPage {
     pub(super) fn new(cell: &Cell) -> Self {
         let pitch_m = cell.cap_height_m / f64::from(PX_PER_H);
         let cell_px = [cell.width_m / pitch_m, f64::from(PX_PER_H)];
-        let half = |axis: usize| whole((0.5 * cell_px[axis] + MARGIN_PX[axis]).ceil()) + REACH_PX;
-        let (width, height) = (2 * half(0), 2 * half(1));
+        let [width, height] = [0, 1]
+            .map(|axis| 2 * (whole((0.5 * cell_px[axis] + MARGIN_PX[axis]).ceil()) + REACH_PX));
         let grid = Grid {
             left_m: cell.left_m + 0.5 * cell.width_m - 0.5 * width as f64 * pitch_m,
             top_m: cell.baseline_m + 0.5 * cell.cap_height_m + 0.5 * height as f64 * pitch_m,

@@ -40,7 +40,7 @@ impl Raster {
     ) -> Vec<f32> {
         type Touched = Vec<(usize, f32)>;
         let touched = |first: f64, squares: Range<usize>, n_pixels: usize| -> Vec<Touched> {
-            let starts = squares.map(|at| first + side * at as f64);
+            let starts = squares.map(|square| first + side * square as f64);
             starts.map(|from| overlaps(from, from + side, n_pixels).collect()).collect()
         };
         let columns = touched(left, columns, self.width);
@@ -110,8 +110,9 @@ pub(super) struct Page(Mask);
 
 impl Page {
     pub(super) fn blank(width: usize, height: usize) -> Self {
-        let side = |pixels| u32::try_from(pixels).expect("pages are some hundred pixels wide");
-        Self(Mask::new(side(width), side(height)).expect("a page has pixels"))
+        let [width, height] = [width, height]
+            .map(|side| u32::try_from(side).expect("pages are some hundred pixels wide"));
+        Self(Mask::new(width, height).expect("a page has pixels"))
     }
 
     /// Draws the lit moves with a round pen.
@@ -210,13 +211,13 @@ mod tests {
         let blurred = spot.blur(2.0);
         let sum: f32 = blurred.values.iter().sum();
         assert!((sum - 1.0).abs() < 1e-5, "light is neither made nor lost: {sum}");
-        let moment = |index: usize, x: bool| {
-            let d = if x { index % 31 } else { index / 31 } as f32 - if x { 15.0 } else { 12.0 };
-            d * d
-        };
         for x in [true, false] {
-            let variance: f32 =
-                blurred.values.iter().enumerate().map(|(i, v)| v * moment(i, x)).sum();
+            let moments = blurred.values.iter().enumerate().map(|(index, value)| {
+                let d =
+                    if x { index % 31 } else { index / 31 } as f32 - if x { 15.0 } else { 12.0 };
+                value * (d * d)
+            });
+            let variance: f32 = moments.sum();
             assert!((variance - 4.0).abs() < 0.12, "σ² is 4, cut off at 3 σ: {variance}");
         }
     }

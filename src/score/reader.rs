@@ -96,25 +96,22 @@ impl Reader {
         options.check("score", None)?;
         check(strokes)?;
         let home = Placed::home(strokes);
-        let ink_px = |glyph: &Glyph| {
+        let ink_px = strokes.glyphs.iter().map(|glyph| {
             let length_h = lit_length_m(glyph) / glyph.cell.cap_height_m;
             length_h * PEN_H * f64::from(PX_PER_H) * f64::from(PX_PER_H)
-        };
+        });
         let lines = strokes.lines();
+        let line_of = lines.iter().enumerate().flat_map(|(n, line)| line.clone().map(move |_| n));
         let mut reader = Self {
             options: options.clone(),
             strokes: strokes.clone(),
             home,
             finder: Finder::new(strokes, home),
             expected: Expected::new(strokes),
-            line_of: lines
-                .iter()
-                .enumerate()
-                .flat_map(|(at, line)| line.clone().map(move |_| at))
-                .collect(),
+            line_of: line_of.collect(),
             lines: lines.into_iter().map(|line| strip_grid(&strokes.glyphs[line])).collect(),
             pages: strokes.glyphs.iter().map(|glyph| LetterPage::new(&glyph.cell)).collect(),
-            ink_px: strokes.glyphs.iter().map(ink_px).collect(),
+            ink_px: ink_px.collect(),
         };
         if reader.expected.is_untrained() {
             let drawn = reader.drawn_columns();
@@ -125,12 +122,12 @@ impl Reader {
 
     /// What the net makes of a faultless drawing of the word.
     pub(super) fn drawn_columns(&self) -> Columns {
-        let drawn = |grid: &Grid| {
+        let drawn = self.lines.iter().map(|grid| {
             let light = draw(grid, &self.home, &self.strokes.glyphs, CAP_PX as f32).values;
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
-            Columns::of(&Strip::drawn(grid.width, light))
-        };
-        Columns::joined(self.lines.iter().map(drawn))
+            Columns::along(&Strip::drawn(grid.width, light))
+        });
+        Columns::joined(drawn)
     }
 
     /// Reads a photo.
@@ -184,14 +181,14 @@ impl Reader {
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
         let views = [in_place, blind].into_iter().flatten();
         let judgments = views.map(|columns| self.expected.judge(&columns));
-        let odds = |judgment: &Judgment| judgment.readability / (1.0 - judgment.readability);
         let n_letters = reading.letters.len();
         let is_spelled = n_letters >= MANY_LETTERS && spells(&reading.text, &self.strokes.word);
         let most = if is_spelled { f64::INFINITY } else { CONTRADICTION };
-        let better = |place: Judgment, line: Judgment| {
-            if (1.0..most).contains(&(odds(&line) / odds(&place))) { line } else { place }
-        };
-        let judgment = judgments.reduce(better).expect("letters beside the word were read");
+        let judgment = judgments.reduce(|place, line| {
+            let [own, other] = [&place, &line].map(|one| one.readability / (1.0 - one.readability));
+            if (1.0..most).contains(&(other / own)) { line } else { place }
+        });
+        let judgment = judgment.expect("letters beside the word were read");
         let judgment = judgment.against(self.expected.at_ends(&seen.around));
         Ok((self.verdict(judgment, &seen, cap_height_px, &reading), Some(seen)))
     }
@@ -205,10 +202,10 @@ impl Reader {
             && reading.letters.iter().any(|letter| {
                 let [left, top, right, bottom] = letter.box_px;
                 let (x, y) = (0.5 * (left + right), 0.5 * (top + bottom));
-                let holds = |[left, top, right, bottom]: &Frame| {
-                    (*left..=*right).contains(&x) && (*top..=*bottom).contains(&y)
-                };
-                letter.p >= CLEAR_SHARE && !frames.iter().any(holds)
+                letter.p >= CLEAR_SHARE
+                    && !frames.iter().any(|[left, top, right, bottom]| {
+                        (*left..=*right).contains(&x) && (*top..=*bottom).contains(&y)
+                    })
             })
     }
 
@@ -227,23 +224,23 @@ impl Reader {
         };
         let placed = self.finder.place(&bright.exposed(full_light));
         let color = color::of_brightest(&colors, whole(INK_SHARE * ink_px));
-        let strip = |(line, grid): (usize, &Grid)| {
+        let wide: Vec<Grid> = self.lines.iter().map(around).collect();
+        let grids = self.lines.iter().enumerate().chain(wide.iter().enumerate());
+        let strips = grids.map(|(line, grid)| {
             let mut strip = Strip::cut(grid, &light, view, &placed, color, full_light);
             let glyphs = self.strokes.glyphs.iter().zip(&self.line_of);
-            for (glyph, _) in glyphs.filter(|(_, of)| **of == line) {
-                if classes_of(glyph.character).is_none() {
-                    strip.darken(grid, lit_columns_m(glyph));
-                }
+            let own = glyphs.filter(|(_, own)| **own == line).map(|(glyph, _)| glyph);
+            for glyph in own.filter(|glyph| classes_of(glyph.character).is_none()) {
+                strip.darken(grid, lit_columns_m(glyph));
             }
             strip
-        };
-        let strips: Vec<Strip> = self.lines.iter().enumerate().map(strip).collect();
-        let around = self.lines.iter().map(around).enumerate();
-        let around: Vec<Strip> =
-            around.map(|(line, grid)| strip((line, &grid)).where_lit()).collect();
-        let columns = |of: &[Strip]| of.par_iter().map(Columns::of).collect::<Vec<_>>();
-        let (columns, around) = rayon::join(|| columns(&strips), || columns(&around));
-        let around = Columns::joined(around).letters_alone();
+        });
+        let mut strips: Vec<Strip> = strips.collect();
+        let around = strips.split_off(wide.len()).into_iter().map(Strip::where_lit);
+        let around: Vec<Strip> = around.collect();
+        let all = strips.par_iter().chain(&around);
+        let mut columns: Vec<Columns> = all.map(Columns::along).collect();
+        let around = Columns::joined(columns.split_off(strips.len())).letters_alone();
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 
@@ -261,11 +258,11 @@ impl Reader {
         let choices = self.expected.by_character(choices);
         let read = self.spelled(&choices);
         let mut choices = choices.iter();
-        let letter = |glyph: &Glyph| match classes_of(glyph.character) {
+        let letters = self.strokes.glyphs.iter().map(|glyph| match classes_of(glyph.character) {
             None => LetterVerdict::not_judged(glyph.character),
             Some(_) => letter_verdict(choices.next().expect("one a letter"), glyph.character),
-        };
-        let letters: Vec<LetterVerdict> = self.strokes.glyphs.iter().map(letter).collect();
+        });
+        let letters: Vec<LetterVerdict> = letters.collect();
         let placement = Placement::from(&seen.placed);
         let reach_m = MAX_SHIFT_H * cap_height_m(&self.strokes);
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
@@ -295,10 +292,9 @@ impl Reader {
 
     /// The likeliest spelling of each word, with the word's spaces, line ends and punctuation.
     fn spelled(&self, choices: &[Choice]) -> String {
-        let judged = |c: char| classes_of(c).is_some();
         let mut choices = choices;
         let read = self.strokes.word.split_inclusive(char::is_whitespace).flat_map(|word| {
-            let expected: Vec<char> = word.chars().filter(|c| judged(*c)).collect();
+            let expected: Vec<char> = word.chars().filter(|c| classes_of(*c).is_some()).collect();
             let (own, rest) = choices.split_at(expected.len());
             choices = rest;
             // What the light alone reads as expected is not spelled otherwise.
@@ -306,8 +302,9 @@ impl Reader {
                 own.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
             let letters = if is_read { expected } else { likeliest(own, &expected) };
             let mut letters = letters.into_iter();
-            let shown = move |c| if judged(c) { letters.next().unwrap_or(c) } else { c };
-            word.chars().map(shown).collect::<Vec<char>>()
+            let shown =
+                word.chars().map(|c| classes_of(c).and_then(|_| letters.next()).unwrap_or(c));
+            shown.collect::<Vec<char>>()
         });
         read.collect()
     }
@@ -355,14 +352,13 @@ fn lit_length_m(glyph: &Glyph) -> f64 {
 /// own pixels: one of ours holds a stroke and the status light beside it.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
-    let color_in = |part: &Grid| {
+    let [mut color, own] = [grid, &page.columns_of_cell()].map(|part| {
         let frame = part.frame(view, &seen.placed);
         let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(frame));
         let share = INK_SHARE * ink_px / (part.width * part.height) as f64;
         let n_brightest = whole(share * pixels.len() as f64);
         if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) }
-    };
-    let (mut color, own) = (color_in(grid), color_in(&page.columns_of_cell()));
+    });
     // Letters beside it may be brighter, and of another color.
     if color::pure(color)(own) < LEAST_OWN * luminance(own) {
         color = own;

@@ -33,8 +33,8 @@ const LEAST_SHARE: f64 = 0.6;
 /// fonts leaves more, two letters leave less.
 const SPACE_H: f64 = 0.65;
 
-/// Mean of ln p over the letters from which other rules for ink are tried only where they find more
-/// of the line.
+/// Mean of ln p over the letters from which a line is sure: then other rules for ink are tried only
+/// where they find more of it.
 const SURE: f64 = -0.1;
 
 /// Share of a letter from which reading it says more than leaving it out.
@@ -109,14 +109,15 @@ struct ReadLine {
     columns: Columns,
 }
 
+/// How much lines say: a rule that leaves out letters reads the others as clearly.
+fn worth(lines: &[ReadLine]) -> f64 {
+    let letters = lines.iter().flat_map(|line| &line.letters);
+    letters.map(|letter| letter.share() - EVEN).sum()
+}
+
 /// Reads a photo.
 #[must_use]
 pub fn read(photo: &Photo) -> Reading {
-    // A rule that leaves out letters reads the others as clearly.
-    let worth = |lines: &[ReadLine]| -> f64 {
-        let letters = lines.iter().flat_map(|line| &line.letters);
-        letters.map(|letter| letter.share() - EVEN).sum()
-    };
     let search = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
     let mut known: Vec<Line> = Vec::new();
@@ -124,23 +125,22 @@ pub fn read(photo: &Photo) -> Reading {
     let exposed = [0.95, 0.6].into_iter().filter_map(|full_rank| search.exposed(full_rank));
     // Ink has the color of the brightest light, or any.
     let inks = exposed.flat_map(|light| [1, 0].map(|ink| search.lines(&light, &light[ink])));
-    for found in inks {
+    for inked in inks {
         let is_sure = lines.iter().any(|line| line.ln_p > SURE);
-        let adds_nothing = |line: &Line| known.iter().any(|known| line.adds_nothing_to(known));
-        if is_sure && found.iter().all(adds_nothing) {
+        let mut new = inked.iter().filter(|line| !known.iter().any(|k| line.adds_nothing_to(k)));
+        if is_sure && new.next().is_none() {
             continue;
         }
-        let sizes: Vec<Vec<f64>> = found.iter().map(|line| sizes_px(line, &mut budget)).collect();
-        let read = found.par_iter().zip(sizes);
+        let sizes: Vec<Vec<f64>> = inked.iter().map(|line| sizes_px(line, &mut budget)).collect();
+        let read = inked.par_iter().zip(sizes);
         let read: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();
         if lines.is_empty() || worth(&read) > worth(&lines) {
-            (lines, known) = (read, found);
+            (lines, known) = (read, inked);
         }
     }
     if lines.len() > 1 {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
-        lines
-            .retain(|line| line.ln_p >= top || (line.letters.len() > 1 && is_clear(&line.letters)));
+        lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
     }
     let texts: Vec<&str> = lines.iter().map(|line| &line.text[..]).collect();
     Reading {
@@ -150,42 +150,42 @@ pub fn read(photo: &Photo) -> Reading {
     }
 }
 
-/// Heights of capitals at which a line is read: those whose columns are no more than are left.
+/// Heights of capitals at which a line is read, as far as the columns that are left suffice.
 fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
     let sizes_px = SIZES.iter().map(|size| size * line.letter_px);
-    let is_left = |cap_px: &f64| {
+    let affordable = sizes_px.filter(|cap_px| {
         let left = columns_left.checked_sub(line.strip_width(*cap_px));
         *columns_left = left.unwrap_or(*columns_left);
         left.is_some()
-    };
-    sizes_px.filter(is_left).collect()
+    });
+    affordable.collect()
 }
 
 /// Reads a line at the size at which it is clearest, and by its neighbors; `None` where it has no
 /// letters.
 fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
-    let read = |cap_px: f64| {
+    let tries = sizes_px.into_par_iter().filter_map(|cap_px| {
         let (strip, left_px, pitch_px) = line.strip(cap_px);
-        let columns = Columns::of(&strip);
+        let columns = Columns::along(&strip);
         let (_, ln_p) = spell(&columns)?;
         Some((strip, ln_p, columns, left_px, pitch_px))
-    };
-    let tried: Vec<_> = sizes_px.into_par_iter().map(read).collect();
-    let best = tried.into_iter().flatten().reduce(|a, b| if b.1 > a.1 { b } else { a });
+    });
+    let best = tries.collect::<Vec<_>>().into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a });
     let (strip, _, own, left_px, pitch_px) = best?;
     let columns = own.agreed(&strip);
     let (text, ln_p) = spell(&columns)?;
     let seen: Vec<char> = text.chars().collect();
     let word: Vec<Classes> = seen.iter().map(|letter| seen_as(*letter)).collect();
     let choices = columns.choices(&word, &seen);
-    let middle_px = |column| left_px + (column + 0.5) * net::COLUMN_PX as f64 * pitch_px;
-    let middles_px: Vec<f64> = columns.middles(&word).into_iter().map(middle_px).collect();
+    let mut middles_px = columns.middles(&word);
+    for middle in &mut middles_px {
+        *middle = left_px + (*middle + 0.5) * net::COLUMN_PX as f64 * pitch_px;
+    }
     let letters = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles_px));
     let letters = letters.zip(choices.iter().zip(&seen));
     let letters = letters.map(|((letter, box_px), (choice, seen))| {
-        let is_read = |(other, _): &&(char, f64)| in_case_of(*other, *seen) == letter;
-        let other = || choice.others.iter().find(is_read).map_or(0.0, |(_, p)| *p);
-        let p = if letter == *seen { choice.p } else { other() };
+        let other = choice.others.iter().find(|(other, _)| in_case_of(*other, *seen) == letter);
+        let p = if letter == *seen { choice.p } else { other.map_or(0.0, |(_, p)| *p) };
         ReadLetter { letter, p, box_px }
     });
     let letters: Vec<ReadLetter> = letters.collect();
@@ -210,12 +210,10 @@ fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
 /// The likeliest text of some columns, and the mean of ln p over its letters.
 fn spell(columns: &Columns) -> Option<(String, f64)> {
     // In a word of one kind, each character stands for those of its shape.
-    let kind = |from: char, to: char| -> Vec<(char, Classes)> {
-        (from..=to).map(|character| (character, alike(character))).collect()
-    };
-    let own = |character: char| Some((character, 1 << class_of(character)?));
-    let [capitals, small, digits] = [kind('A', 'Z'), kind('a', 'z'), kind('0', '9')];
-    let mixed: Vec<_> = ('A'..='Z').chain('0'..='9').filter_map(own).collect();
+    let [capitals, small, digits] = ['A'..='Z', 'a'..='z', '0'..='9']
+        .map(|kind| kind.map(|c| (c, alike(c))).collect::<Vec<(char, Classes)>>());
+    let mixed = ('A'..='Z').chain('0'..='9').filter_map(|c| Some((c, 1 << class_of(c)?)));
+    let mixed: Vec<_> = mixed.collect();
     let kinds: [(&Symbols, &Symbols); 5] = [
         (&capitals, &capitals),
         (&small, &small),

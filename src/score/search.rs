@@ -35,12 +35,13 @@ struct Table {
 
 impl Table {
     fn new(columns: &Columns, symbols: &Symbols) -> Self {
-        let all = || symbols.iter().copied().chain([('?', NO_LETTER)]);
-        let shares: Vec<Vec<f64>> = all().map(|(_, set)| columns.shares(set)).collect();
-        let tried =
-            |at: usize| (0..shares.len()).filter(|&it| shares[it][at] > LEAST_STEP).collect();
-        let tried = (0..columns.0.len()).map(tried).collect();
-        Self { names: all().map(|(name, _)| name).collect(), shares, tried }
+        let all = symbols.iter().copied().chain([('?', NO_LETTER)]);
+        let (names, shares): (_, Vec<Vec<f64>>) =
+            all.map(|(name, set)| (name, columns.shares(set))).unzip();
+        let tried = (0..columns.0.len()).map(|column| {
+            (0..shares.len()).filter(|symbol| shares[*symbol][column] > LEAST_STEP).collect()
+        });
+        Self { names, tried: tried.collect(), shares }
     }
 }
 
@@ -100,22 +101,22 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     let mut beam = vec![(0, Ends { in_blank: 1.0, in_letter: 0.0 })];
     let mut ln_scale = 0.0;
     let mut steps: Vec<(usize, Ends)> = Vec::new();
-    for (at, blank) in blanks.iter().enumerate() {
+    for (column, blank) in blanks.iter().enumerate() {
         steps.clear();
         for (prefix, ends) in &beam {
             let last = tried.last(*prefix);
             let own = last.map(|(symbol, is_first)| {
                 let table = if is_first { &first } else { &rest };
-                (table.names[symbol], table.shares[symbol][at])
+                (table.names[symbol], table.shares[symbol][column])
             });
             let in_letter = ends.in_letter * own.map_or(0.0, |(_, share)| share);
             steps.push((*prefix, Ends { in_blank: ends.sum() * blank, in_letter }));
             let table = if last.is_none() { &first } else { &rest };
-            for &symbol in &table.tried[at] {
+            for &symbol in &table.tried[column] {
                 // A letter follows itself after a blank only.
                 let again = own.is_some_and(|(own, _)| own == table.names[symbol]);
                 let from = if again { ends.in_blank } else { ends.sum() };
-                let in_letter = from * table.shares[symbol][at];
+                let in_letter = from * table.shares[symbol][column];
                 steps.push((tried.and(*prefix, symbol), Ends { in_blank: 0.0, in_letter }));
             }
         }
@@ -139,8 +140,6 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
         }
         ln_scale += libm::log(most);
     }
-    let found = beam.into_iter().map(|(prefix, ends)| {
-        (tried.text(prefix, &first, &rest), libm::log(ends.sum()) + ln_scale)
-    });
-    found.collect()
+    let words = beam.iter().map(|(prefix, _)| tried.text(*prefix, &first, &rest));
+    words.zip(beam.iter().map(|(_, ends)| libm::log(ends.sum()) + ln_scale)).collect()
 }

@@ -36,14 +36,14 @@ impl Reader {
         let target = Target::new(ink.blur(BLUR_H * f32::from(PX_PER_H)));
         let (_, shift) = target.seek(&drawn, [0, 0], REACH_PX.cast_signed());
         let on_page = |from_m, to_m| [from_m, to_m].map(|m| page.page_from_plane(m));
-        let shifted = |step: &&Move| {
-            let ends = on_page(step.from_m, step.to_m);
-            ends.map(|end| [0, 1].map(|axis| end[axis] + shift[axis] as f64))
-        };
-        let is_stroke = |step: &&Move| step.lit && step.from_m != step.to_m;
-        let steps: Vec<&Move> = glyphs[index].moves.iter().filter(is_stroke).collect();
-        let runs = steps.chunk_by(|a, b| a.to_m == b.from_m);
-        let runs: Vec<Vec<Segment>> = runs.map(|run| run.iter().map(shifted).collect()).collect();
+        let lit = glyphs[index].moves.iter().filter(|step| step.lit && step.from_m != step.to_m);
+        let strokes: Vec<&Move> = lit.collect();
+        let [right, down] = shift.map(|px| px as f64);
+        let runs = strokes.chunk_by(|a, b| a.to_m == b.from_m).map(|run| {
+            let segments = run.iter().map(|step| on_page(step.from_m, step.to_m));
+            segments.map(|ends| ends.map(|[x, y]| [x + right, y + down])).collect()
+        });
+        let runs: Vec<Vec<Segment>> = runs.collect();
         let trace = LightLines::new(&ink);
         let bent = trace.bend(&runs);
         let around = &glyphs[index.saturating_sub(1)..(index + 2).min(glyphs.len())];
@@ -53,7 +53,7 @@ impl Reader {
         let dark = around.iter().flat_map(|glyph| &glyph.moves).filter(|step| !step.lit);
         let ways = between.chain(dark.map(|step| on_page(step.from_m, step.to_m))).collect();
         // On two lines, letters above and below are as near as those on both sides.
-        let near = glyphs.iter().enumerate().filter(|(at, _)| *at != index);
+        let near = glyphs.iter().enumerate().filter(|(other, _)| *other != index);
         let near = near.filter(|(_, other)| page.is_near(&other.cell));
         let lit = near.flat_map(|(_, other)| &other.moves).filter(|step| step.lit);
         let beside = lit.map(|step| on_page(step.from_m, step.to_m)).collect();

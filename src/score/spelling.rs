@@ -16,7 +16,7 @@ const N_SYMBOLS: usize = 27;
 /// Letters before one that its probability depends on.
 const N_BEFORE: usize = 4;
 
-/// ln of the factor of a run of letters that the table has not, to the run without its first.
+/// ln of the factor from the run without its first letter to one that is missing in the table.
 const LN_BACKOFF: f64 = -0.916;
 
 /// A unit of the table's ln p.
@@ -52,22 +52,23 @@ struct Runs {
 static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
     let bytes: &'static [u8] = include_bytes!("spelling.bin");
     let (triples, mut bytes) = bytes.split_at(N_SYMBOLS * N_SYMBOLS * N_SYMBOLS);
-    let mut runs = || {
+    let runs = [(), ()].map(|()| {
         let (n, rest) = bytes.split_first_chunk().expect("the table has two lists of runs");
         let n = u32::from_le_bytes(*n) as usize;
         let (numbers, rest) = rest.split_at(3 * n);
         let (costs, rest) = rest.split_at(n);
         bytes = rest;
         Runs { numbers: numbers.as_chunks().0, costs }
-    };
-    (triples, [runs(), runs()])
+    });
+    (triples, runs)
 });
 
 impl Runs {
     fn cost(&self, number: usize) -> Option<u8> {
-        let own = |[a, b, c]: &[u8; 3]| u32::from_le_bytes([*a, *b, *c, 0]) as usize;
-        let at = self.numbers.binary_search_by_key(&number, own).ok()?;
-        Some(self.costs[at])
+        let index = self.numbers.binary_search_by_key(&number, |[a, b, c]| {
+            u32::from_le_bytes([*a, *b, *c, 0]) as usize
+        });
+        Some(self.costs[index.ok()?])
     }
 }
 
@@ -99,7 +100,7 @@ pub(super) fn mean_ln_p(text: &str) -> f64 {
         let ln_p = match symbols {
             Some(symbols) if symbols.len() > 1 => {
                 let spelled =
-                    symbols.iter().fold(Spelled::default(), |word, at| word.and(*at, 0.0));
+                    symbols.iter().fold(Spelled::default(), |word, symbol| word.and(*symbol, 0.0));
                 spelled.and(0, 0.0).spelling
             }
             Some(_) => n_letters * AVERAGE,
@@ -126,8 +127,8 @@ impl Spelled {
     /// The same with one more symbol, or its end.
     fn and(&self, symbol: usize, ln_light: f64) -> Self {
         let n = self.symbols.len();
-        let before = std::array::from_fn(|at| {
-            (at + n).checked_sub(N_BEFORE).map_or(0, |at| self.symbols[at])
+        let before = std::array::from_fn(|place| {
+            (place + n).checked_sub(N_BEFORE).map_or(0, |index| self.symbols[index])
         });
         let mut symbols = self.symbols.clone();
         symbols.push(symbol);
@@ -155,15 +156,16 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     if libm::log(1.0 - RANDOM) + spelled.ln_p() <= as_light {
         return light;
     }
-    let letter = |((symbol, expected), choice): ((&usize, &char), &Choice)| {
+    let symbols = spelled.symbols.iter().zip(expected).zip(choices);
+    let letters = symbols.map(|((symbol, expected), choice)| {
         let letter = char::from(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ"[symbol - 1]);
         match self::symbol(*expected) {
             _ if choice.none > GAP => '?',
             Some(own) if own == *symbol => *expected,
             _ => in_case_of(letter, *expected),
         }
-    };
-    spelled.symbols.iter().zip(expected).zip(choices).map(letter).collect()
+    });
+    letters.collect()
 }
 
 /// The likeliest spelling of what is seen, of letters alone; `None` where there is none.
@@ -181,7 +183,7 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
             tried.map(|symbol| (symbol, libm::log(light[symbol]))).collect();
         let longer = words
             .iter()
-            .flat_map(|word| tried.iter().map(|(at, ln_light)| word.and(*at, *ln_light)));
+            .flat_map(|word| tried.iter().map(|(symbol, ln_light)| word.and(*symbol, *ln_light)));
         words = longer.collect();
         words.sort_by(|a, b| b.ln_p().total_cmp(&a.ln_p()));
         words.truncate(N_WORDS);
@@ -198,11 +200,11 @@ mod tests {
     /// What is seen of a word of which each letter has a share, the rest being another letter's, or
     /// none's where that is '?'.
     fn choices(letters: &[(char, f64, char)]) -> Vec<Choice> {
-        let choice = |(_, p, other): &(char, f64, char)| match other {
-            '?' => Choice { p: *p, none: 1.0 - p, others: Vec::new() },
-            _ => Choice { p: *p, none: 0.0, others: vec![(*other, 1.0 - p)] },
-        };
-        letters.iter().map(choice).collect()
+        let choices = letters.iter().map(|&(_, p, other)| match other {
+            '?' => Choice { p, none: 1.0 - p, others: Vec::new() },
+            _ => Choice { p, none: 0.0, others: vec![(other, 1.0 - p)] },
+        });
+        choices.collect()
     }
 
     fn read(letters: &[(char, f64, char)]) -> String {
@@ -212,8 +214,8 @@ mod tests {
 
     #[test]
     fn a_half_seen_letter_is_what_spells_a_word() {
-        let clear = |c: char| (c, 0.99, 'Q');
-        let word = |third| [clear('H'), clear('O'), third, clear('S'), clear('E')];
+        let [h, o, s, e] = ['H', 'O', 'S', 'E'].map(|c| (c, 0.99, 'Q'));
+        let word = |third| [h, o, third, s, e];
         assert_eq!(read(&word(('U', 0.3, 'D'))), "HOUSE");
         assert_eq!(read(&word(('D', 0.7, 'U'))), "HOUSE", "expected or not");
         assert_eq!(read(&word(('U', 0.3, '?'))), "HOUSE", "a part is missing");

@@ -38,14 +38,14 @@ const LIT: (f32, usize) = (0.15, 2);
 /// Light from which a pixel shows a stroke, where the width of strokes is measured.
 const STROKE_LIT: f32 = 0.4;
 
-/// Which share of the lit pixels is narrower than a stroke: corners, blots and a wall are wider.
+/// Share of the lit pixels that is narrower than a stroke: corners, blots and a wall are wider.
 const STROKE_RANK: f64 = 0.2;
 
 /// Half of the square of the opening, in widths of a stroke, and at least this many pixels.
 const SOFT_REACH: (f64, usize) = (1.5, 3);
 
-/// How often what is wider than the strokes is taken off: the top of a soft light is less wide than
-/// its foot, and the sky that was taken off has taken the foot.
+/// Factor at which light wider than the strokes is taken off: the top of a soft light is less wide
+/// than its foot, and the foot was taken off with the sky.
 const TAKEN: f32 = 3.0;
 
 /// A line of writing: light from 0 to 1.
@@ -72,14 +72,14 @@ impl Strip {
         full_light: f32,
     ) -> Self {
         let pure = color::pure(ink_color);
-        let exposed = |light: f32| (light / full_light).clamp(0.0, 1.0);
         let both = grid.resample(light, view, placed, |light| [luminance(light), pure(light), 0.0]);
-        let channel =
-            |index: usize| -> Vec<f32> { both.iter().map(|light| exposed(light[index])).collect() };
-        Self::of_light(grid.width, channel(0), channel(1))
+        let [bright, pure] = [0, 1].map(|channel| {
+            both.iter().map(|light| (light[channel] / full_light).clamp(0.0, 1.0)).collect()
+        });
+        Self::of_light(grid.width, bright, pure)
     }
 
-    /// A strip of light that was seen, without what of it is soft.
+    /// A strip of light that was seen, without its soft part.
     pub(super) fn of_light(width: usize, mut bright: Vec<f32>, mut pure: Vec<f32>) -> Self {
         take_off_soft_light(width, [&mut bright, &mut pure]);
         Self { width, bright, pure, read: 0..width }
@@ -93,12 +93,12 @@ impl Strip {
     /// The same, read from the first to the last column with light alone, and the margin that the
     /// net knows: it knows no wide darkness, and sees letters in it.
     pub(super) fn where_lit(mut self) -> Self {
-        let is_lit = |x: &usize| {
+        let mut lit = (0..self.width).filter(|x| {
             let column = self.bright.iter().skip(*x).step_by(self.width);
             column.filter(|light| **light >= LIT.0).count() >= LIT.1
-        };
-        let (first, last) = ((0..self.width).find(is_lit), (0..self.width).rfind(is_lit));
-        if let (Some(first), Some(last)) = (first, last) {
+        });
+        if let Some(first) = lit.next() {
+            let last = lit.next_back().unwrap_or(first);
             let end = (last + 1 + MARGIN_PX).next_multiple_of(2).min(self.width);
             self.read = first.saturating_sub(MARGIN_PX) / 2 * 2..end;
         }
@@ -108,12 +108,12 @@ impl Strip {
     /// Takes away the light between two ends, in the plane of the word, and a little beside them:
     /// punctuation is not read.
     pub(super) fn darken(&mut self, own: &Grid, [left_m, right_m]: [f64; 2]) {
-        let column = |x_m: f64| whole(((x_m - own.left_m) / own.pitch_m).max(0.0)).min(self.width);
         let beside_m = BESIDE_PX * own.pitch_m;
-        let columns = column(left_m - beside_m)..column(right_m + beside_m);
+        let [first, end] = [left_m - beside_m, right_m + beside_m]
+            .map(|x_m| whole(((x_m - own.left_m) / own.pitch_m).max(0.0)).min(self.width));
         for channel in [&mut self.bright, &mut self.pure] {
             for row in channel.chunks_exact_mut(self.width) {
-                row[columns.clone()].fill(0.0);
+                row[first..end].fill(0.0);
             }
         }
     }
@@ -133,8 +133,9 @@ impl Strip {
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
-        let column = |x: f64| whole(((x - left) / ratio).max(0.0)).min(self.width);
-        let columns = column(0.0)..(column(part.width as f64) + 1).min(self.width);
+        let [first, last] =
+            [0.0, part.width as f64].map(|x| whole(((x - left) / ratio).max(0.0)).min(self.width));
+        let columns = first..(last + 1).min(self.width);
         let more = change.sums([left, top], ratio, columns.clone(), HEIGHT);
         for (row, more) in more.chunks(columns.len().max(1)).enumerate() {
             for channel in [&mut self.bright, &mut self.pure] {
@@ -168,13 +169,14 @@ impl Strip {
     }
 
     /// The net's input, of some columns: both channels of each pixel, as square roots.
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     pub(super) fn bytes(&self, columns: Range<usize>) -> impl Iterator<Item = u8> {
-        #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-        let byte = |light: f32| (255.0 * light.sqrt()).round() as u8;
         let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
         rows.flat_map(move |(bright, pure)| {
             let pixels = bright[columns.clone()].iter().zip(&pure[columns.clone()]);
-            pixels.flat_map(move |(bright, pure)| [byte(*bright), byte(*pure)])
+            pixels.flat_map(|(bright, pure)| {
+                [bright, pure].map(|light| (255.0 * light.sqrt()).round() as u8)
+            })
         })
     }
 }
@@ -198,7 +200,7 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
 }
 
 /// Takes soft light off the channels of a strip, whose first one is how bright the light looks: a
-/// lit wall or a glow is wider than the strokes, and is none of them.
+/// lit wall or a glow, which is wider than the strokes.
 ///
 /// An opening, the maximum over squares of the minimum in each, keeps what is wider than the square
 /// and loses the strokes: it is taken off the light.
@@ -218,22 +220,20 @@ fn take_off_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
 /// Width of most strokes: the shorter of the lit runs along the row and the column of a pixel.
 fn stroke_px(light: &[f32], width: usize) -> f64 {
     let height = light.len() / width;
-    let lit = |at: usize| light[at] >= STROKE_LIT;
     let mut run = vec![usize::MAX; light.len()];
-    let mut shorten = |line: &mut dyn Iterator<Item = usize>| {
+    let rows = (0..height).map(|y| (y * width..(y + 1) * width).step_by(1));
+    for line in rows.chain((0..width).map(|x| (x..light.len()).step_by(width))) {
         let mut current: Vec<usize> = Vec::new();
-        for at in line.map(Some).chain([None]) {
-            match at.filter(|at| lit(*at)) {
-                Some(at) => current.push(at),
+        for pixel in line.map(Some).chain([None]) {
+            match pixel.filter(|pixel| light[*pixel] >= STROKE_LIT) {
+                Some(pixel) => current.push(pixel),
                 None => {
                     let length = current.len();
-                    current.drain(..).for_each(|at| run[at] = run[at].min(length));
+                    current.drain(..).for_each(|pixel| run[pixel] = run[pixel].min(length));
                 }
             }
         }
-    };
-    (0..height).for_each(|y| shorten(&mut (y * width..(y + 1) * width)));
-    (0..width).for_each(|x| shorten(&mut (x..light.len()).step_by(width)));
+    }
     let mut runs: Vec<usize> = run.into_iter().filter(|length| *length < usize::MAX).collect();
     if runs.is_empty() {
         return 0.0;
@@ -248,10 +248,10 @@ fn over_squares(
     light: &[f32],
     width: usize,
     reach: usize,
-    of: impl Fn(f32, f32) -> f32,
+    pick: impl Fn(f32, f32) -> f32,
 ) -> Vec<f32> {
     let take = |values: &mut [f32], near: &[f32]| {
-        values.iter_mut().zip(near).for_each(|(value, near)| *value = of(*value, *near));
+        values.iter_mut().zip(near).for_each(|(value, near)| *value = pick(*value, *near));
     };
     let mut rows = light.to_vec();
     for (row, light) in rows.chunks_exact_mut(width).zip(light.chunks_exact(width)) {
@@ -274,15 +274,16 @@ mod tests {
 
     #[test]
     fn neighbors_show_the_same_light_elsewhere() {
-        let row = |lit: usize| -> Vec<f32> {
-            (0..2 * HEIGHT).map(|at| if at / 2 == lit { 1.0 } else { 0.0 }).collect()
-        };
         let middle = HEAD_ROW + CAP_PX / 2;
-        assert_eq!(stretched(&row(middle), 2, 1.0, 0.0), row(middle), "as it is");
-        assert_eq!(stretched(&row(middle), 2, 1.0, 1.0), row(middle + 1), "a row lower");
-        let sum = |light: &[f32]| light.iter().sum::<f32>();
-        let larger = stretched(&row(middle), 2, 1.1, 0.0);
-        assert!((sum(&larger) - 2.2).abs() < 0.1, "a tenth higher: {larger:?}");
+        let [row, below] = [middle, middle + 1].map(|lit| {
+            (0..2 * HEIGHT)
+                .map(|pixel| if pixel / 2 == lit { 1.0 } else { 0.0 })
+                .collect::<Vec<f32>>()
+        });
+        assert_eq!(stretched(&row, 2, 1.0, 0.0), row, "as it is");
+        assert_eq!(stretched(&row, 2, 1.0, 1.0), below, "a row lower");
+        let larger = stretched(&row, 2, 1.1, 0.0);
+        assert!((larger.iter().sum::<f32>() - 2.2).abs() < 0.1, "a tenth higher: {larger:?}");
         let light = [0.8; 2 * HEIGHT].to_vec();
         let strip = Strip::drawn(2, light);
         let least = strip.neighbors().map(|strip| strip.bright[2 * middle]);

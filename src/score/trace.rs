@@ -27,18 +27,20 @@ impl LightLines {
 
     /// Width of the lines, in pixels.
     pub(super) fn thickness(&self) -> f64 {
-        let count = |mask: &[bool]| mask.iter().filter(|lit| **lit).count() as f64;
-        count(&self.lit) / count(&self.thin).max(1.0)
+        let [lit, thin] =
+            [&self.lit, &self.thin].map(|mask| mask.iter().filter(|lit| **lit).count());
+        lit as f64 / thin.max(1) as f64
     }
 
     /// Whether light is within reach.
     pub(super) fn has_light_near(&self, [x, y]: [f64; 2], reach_px: f64) -> bool {
         let height = self.lit.len() / self.width;
         let reach = reach_px.ceil();
-        let range =
-            |at: f64, end: usize| whole((at - reach).max(0.0))..end.min(whole(at + reach + 1.0));
-        range(y, height).any(|row| {
-            range(x, self.width).any(|column| {
+        let [mut rows, columns] = [(y, height), (x, self.width)].map(|(middle, end)| {
+            whole((middle - reach).max(0.0))..end.min(whole(middle + reach + 1.0))
+        });
+        rows.any(|row| {
+            columns.clone().any(|column| {
                 let index = row * self.width + column;
                 self.lit[index] && distance(self.middle(index), [x, y]) <= reach_px
             })
@@ -52,8 +54,8 @@ impl LightLines {
 
     /// Number of lit pixels near some points.
     pub(super) fn lit_near(&self, points: &[[f64; 2]]) -> usize {
-        let is_near = |at: [f64; 2]| points.iter().any(|point| distance(*point, at) < 6.0);
-        (0..self.lit.len()).filter(|index| self.lit[*index] && is_near(self.middle(*index))).count()
+        let lit = (0..self.lit.len()).filter(|n| self.lit[*n]).map(|n| self.middle(n));
+        lit.filter(|lit| points.iter().any(|point| distance(*point, *lit) < 6.0)).count()
     }
 
     /// The middle of a pixel.
@@ -97,13 +99,13 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
             let mut gone = Vec::new();
             for y in 1..height - 1 {
                 for x in 1..width - 1 {
-                    let at = y * width + x;
-                    if !ink[at] {
+                    let pixel = y * width + x;
+                    if !ink[pixel] {
                         continue;
                     }
                     // Clockwise from above.
-                    let (up, down) = (at - width, at + width);
-                    let ring = [up, up + 1, at + 1, down + 1, down, down - 1, at - 1, up - 1];
+                    let (up, down) = (pixel - width, pixel + width);
+                    let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
                     let ring = ring.map(|beside| ink[beside]);
                     let n_ink = ring.iter().filter(|ink| **ink).count();
                     let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();
@@ -113,12 +115,12 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
                         _ => !(up && left && (right || down)),
                     };
                     if (2..=6).contains(&n_ink) && n_starts == 1 && open {
-                        gone.push(at);
+                        gone.push(pixel);
                     }
                 }
             }
             changed |= !gone.is_empty();
-            gone.into_iter().for_each(|at| ink[at] = false);
+            gone.into_iter().for_each(|pixel| ink[pixel] = false);
         }
         if !changed {
             return ink;
@@ -145,8 +147,8 @@ mod tests {
     #[test]
     fn a_bar_is_thinned_to_its_middle_line() {
         let trace = LightLines::new(&bar());
-        let line: Vec<usize> = (0..64 * 20).filter(|at| trace.thin[*at]).collect();
-        assert!(line.iter().all(|at| at / 64 == 10), "{line:?}");
+        let line: Vec<usize> = (0..64 * 20).filter(|pixel| trace.thin[*pixel]).collect();
+        assert!(line.iter().all(|pixel| pixel / 64 == 10), "{line:?}");
         assert!((34..=40).contains(&line.len()), "{} of 40 columns", line.len());
     }
 

@@ -17,16 +17,15 @@ const LEAST_LETTERS: usize = 3;
 #[must_use]
 pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     let upright = read(photo);
-    let is_word = |reading: &Reading| reading.text.eq_ignore_ascii_case(word);
     let is_clear = upright.letters.len() >= LEAST_LETTERS && upright.mean_share() >= UPRIGHT;
-    if is_word(&upright) || is_clear && word.is_empty() {
+    if upright.text.eq_ignore_ascii_case(word) || is_clear && word.is_empty() {
         return (upright, 0);
     }
     let turned = (1..4).map(|quarters| (read(&quarter_turned(photo, quarters)), quarters));
     let turned = turned.filter(|(reading, _)| {
         reading.letters.len() >= LEAST_LETTERS
             && reading.mean_share() >= UPRIGHT.max(upright.mean_share())
-            && (is_word(reading) || !is_clear)
+            && (reading.text.eq_ignore_ascii_case(word) || !is_clear)
     });
     let best = turned.reduce(|a, b| if b.0.mean_share() > a.0.mean_share() { b } else { a });
     best.unwrap_or((upright, 0))

@@ -223,14 +223,16 @@ mod tests {
     fn a_likelier_rival_caps_the_probability_of_being_read_by_the_words_share() {
         let strokes = write("PARIS", &LetterOptions::default()).unwrap();
         let unseen = Verdict::unseen(&strokes, None, None);
-        let of = |readability: f64, rival: Option<f64>| {
+        for (readability, rival, wanted, case) in [
+            (0.84, None, 0.84, "nothing else to read"),
+            (0.84, Some(0.3), 0.84, "the rival is less likely"),
+            (0.84, Some(0.5), 0.84, "as likely"),
+            (0.84, Some(0.75), 0.25, "one in four reads the word"),
+            (0.1, Some(0.75), 0.1, "the readability is lower yet"),
+        ] {
             let rival = rival.map(|p| RivalWord { word: "ARIS".into(), p });
-            Verdict { readability, rival, ..unseen.clone() }.read_probability()
-        };
-        assert_eq!(of(0.84, None), 0.84, "nothing else to read");
-        assert_eq!(of(0.84, Some(0.3)), 0.84, "the rival is less likely");
-        assert_eq!(of(0.84, Some(0.5)), 0.84, "as likely");
-        assert_eq!(of(0.84, Some(0.75)), 0.25, "one in four reads the word");
-        assert_eq!(of(0.1, Some(0.75)), 0.1, "the readability is lower yet");
+            let verdict = Verdict { readability, rival, ..unseen.clone() };
+            assert_eq!(verdict.read_probability(), wanted, "{case}");
+        }
     }
 }

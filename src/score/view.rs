@@ -68,7 +68,9 @@ impl View {
                     left + (right - left) * (f64::from(x) + 0.5) / f64::from(width_px),
                     top - (top - bottom) * (f64::from(y) + 0.5) / f64::from(height_px),
                 ];
-                rgb8.extend(self.image_from_plane(point).map_or([0; 3], |at| pixel(photo, at)));
+                rgb8.extend(
+                    self.image_from_plane(point).map_or([0; 3], |point_px| pixel(photo, point_px)),
+                );
             }
         }
         Photo { width_px, height_px, rgb8, scene_toml: None }
@@ -81,8 +83,9 @@ impl View {
     ///
     /// As [`Homography::from_corners`].
     pub fn rectified_by_corners(photo: &Photo, corners_px: [[f64; 2]; 4]) -> Result<Photo> {
-        let side = |a: usize, b: usize| distance(corners_px[a], corners_px[b]);
-        let [width, height] = [side(0, 1).max(side(3, 2)), side(0, 3).max(side(1, 2))];
+        let [top, right, bottom, left] =
+            [0, 1, 2, 3].map(|n| distance(corners_px[n], corners_px[(n + 1) % 4]));
+        let [width, height] = [top.max(bottom), left.max(right)];
         let size_px = [photo.width_px, photo.height_px];
         let plane = Homography::from_corners([0.0, 0.0, width, height], corners_px, size_px)?;
         let margin = CORNERS_MARGIN * height;
@@ -126,8 +129,8 @@ fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
     let inside =
         x >= 0.0 && y >= 0.0 && x < f64::from(photo.width_px) && y < f64::from(photo.height_px);
     #[expect(clippy::cast_possible_truncation, reason = "a pixel of the photo")]
-    let at = 3 * (y as usize * photo.width_px as usize + x as usize);
-    if inside { [photo.rgb8[at], photo.rgb8[at + 1], photo.rgb8[at + 2]] } else { [0; 3] }
+    let index = 3 * (y as usize * photo.width_px as usize + x as usize);
+    if inside { [photo.rgb8[index], photo.rgb8[index + 1], photo.rgb8[index + 2]] } else { [0; 3] }
 }
 
 impl Homography {
@@ -142,7 +145,19 @@ impl Homography {
         corners_px: [[f64; 2]; 4],
         [width_px, height_px]: [u32; 2],
     ) -> Result<Self> {
-        let refuse = || {
+        let is_convex = (0..4).all(|first| {
+            let [a, b, c] = [0, 1, 2].map(|step| corners_px[(first + step) % 4]);
+            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 1.0
+        });
+        let plane = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        let mut rows = SMatrix::<f64, 8, 8>::zeros();
+        let mut values = SVector::<f64, 8>::zeros();
+        for (corner, ([x, y], [u, v])) in plane.into_iter().zip(corners_px).enumerate() {
+            rows.set_row(2 * corner, &[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y].into());
+            rows.set_row(2 * corner + 1, &[0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y].into());
+            (values[2 * corner], values[2 * corner + 1]) = (u, v);
+        }
+        let h = rows.lu().solve(&values).filter(|_| is_convex).ok_or_else(|| {
             Error::input(
                 "corners",
                 format!("{corners_px:?}"),
@@ -150,23 +165,7 @@ impl Homography {
                  from the photo's upper left, each a left or right turn from the next the same way",
                 "read the four corners of the word's box off the photo, clockwise from upper left",
             )
-        };
-        let turn = |at: usize| {
-            let [a, b, c] = [0, 1, 2].map(|step| corners_px[(at + step) % 4]);
-            (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
-        };
-        if !(0..4).all(|at| turn(at) > 1.0) {
-            return Err(refuse());
-        }
-        let plane = [[left, top], [right, top], [right, bottom], [left, bottom]];
-        let mut rows = SMatrix::<f64, 8, 8>::zeros();
-        let mut values = SVector::<f64, 8>::zeros();
-        for (at, ([x, y], [u, v])) in plane.into_iter().zip(corners_px).enumerate() {
-            rows.set_row(2 * at, &[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y].into());
-            rows.set_row(2 * at + 1, &[0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y].into());
-            (values[2 * at], values[2 * at + 1]) = (u, v);
-        }
-        let h = rows.lu().solve(&values).ok_or_else(refuse)?;
+        })?;
         let mut image_from_plane =
             Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0);
         // In front of the camera the third coordinate is positive.
