@@ -117,7 +117,7 @@ fn digest(plan: &Plan, options: &SimOptions) -> String {
     let samples = &flight.samples;
     let squares = samples.iter().map(|s| (s.position_m - s.design_m).norm_squared());
     let rms_mm = 1e3 * (squares.sum::<f64>() / samples.len() as f64).sqrt();
-    let motors = samples.iter().flat_map(|s| s.motors).map(f64::from).sum::<f64>();
+    let motors = samples.iter().flat_map(|s| s.motors).sum::<f64>();
     let end_s = samples.last().unwrap().time_s;
     format!("{}  {end_s:.3} s, error {rms_mm:.3} mm rms, motors {motors:.4e}", flight.sha256())
 }
