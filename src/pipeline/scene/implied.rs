@@ -19,7 +19,7 @@ pub(super) const RULES: [Rule; 4] = [
     Rule {
         when: "plan.style",
         then: "every other key of [plan] is that style's default",
-        apply: |scene, layers| match last(layers, "plan.style").and_then(name) {
+        apply: |scene, layers| match last_name(layers, "plan.style") {
             Some("even") => scene.plan = PlanOptions::even(),
             Some(_) => scene.plan = PlanOptions::default(),
             None => {}
@@ -30,7 +30,7 @@ pub(super) const RULES: [Rule; 4] = [
         then: "plan.lights = [\"color-led\"]: it has no headlights beside it",
         apply: |scene, layers| {
             let color_led = Deck::ColorLed.name();
-            if last(layers, "light.deck").and_then(name) == Some(color_led) {
+            if last_name(layers, "light.deck") == Some(color_led) {
                 scene.plan.lights = vec![color_led.to_owned()];
             }
         },
@@ -81,7 +81,7 @@ fn solid_ring(scene: &mut Scene, layers: &mut [Table]) {
 }
 
 /// The value that the last of some layers gives a dotted key.
-pub(super) fn last<'a>(layers: &'a [Table], key: &str) -> Option<&'a Value> {
+fn last<'a>(layers: &'a [Table], key: &str) -> Option<&'a Value> {
     layers.iter().rev().find_map(|layer| value(layer, key))
 }
 
@@ -91,7 +91,10 @@ fn value<'a>(layer: &'a Table, key: &str) -> Option<&'a Value> {
     keys.fold(first, |value, key| value?.get(key))
 }
 
-/// The name of a choice, alone or as the `kind` of its table.
-fn name(value: &Value) -> Option<&str> {
-    value.as_str().or_else(|| value.get("kind")?.as_str())
+/// The name that the last of some layers gives a choice, alone or as the `kind` of its table.
+pub(super) fn last_name<'a>(layers: &'a [Table], key: &str) -> Option<&'a str> {
+    layers.iter().rev().find_map(|layer| {
+        let value = value(layer, key)?;
+        value.as_str().or_else(|| value.get("kind")?.as_str())
+    })
 }

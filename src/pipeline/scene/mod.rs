@@ -156,7 +156,7 @@ impl Scene {
         for (key, value) in settings {
             layers.push(text::single(key, value)?);
         }
-        let preset = match implied::last(&layers, "preset").and_then(Value::as_str) {
+        let preset = match implied::last_name(&layers, "preset") {
             Some(name) => name.parse()?,
             None => Preset::default(),
         };
@@ -377,6 +377,9 @@ mod tests {
             ..PlanOptions::even_with(style)
         };
         assert_eq!(typed.plan, want);
+        let switched = [("plan.style", "even"), ("plan.style.exposure", "switched")];
+        let interval_s = scene("", &switched).plan.setpoint_interval_s;
+        assert_eq!(interval_s, 0.05, "a key of the style does not hide its kind");
         assert_eq!(scene("word = \"A\"", &[("word", "7")]).word, "7", "a word may be digits");
         assert_eq!(scene("", &[("plan.floor_wait_s", "1")]).plan.floor_wait_s, 1.0, "one is 1.0");
     }
