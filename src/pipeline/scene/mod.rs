@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use toml::{Table, Value};
+use toml::Table;
 
 use noctograph_core::camera::CameraOptions;
 use noctograph_core::digest::sha256;
