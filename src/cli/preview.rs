@@ -46,10 +46,6 @@ pub(super) struct PreviewArgs {
 }
 
 impl PreviewArgs {
-    pub(super) fn scene(&self) -> Result<Scene> {
-        self.subject.scene_of(&[])
-    }
-
     /// The word or the plans, ready to fly.
     pub(super) fn shoot(&self) -> Result<Shoot> {
         self.subject.shoot(|scene| {
@@ -58,15 +54,7 @@ impl PreviewArgs {
         })
     }
 
-    /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
-    pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
-        self.subject.ready(|scene| {
-            self.picture.apply(scene)?;
-            change(scene)
-        })
-    }
-
-    pub(super) fn profile(&self, scene: &Scene) -> Profile {
+    fn profile(&self, scene: &Scene) -> Profile {
         self.profile.profile(scene)
     }
 }

@@ -6,16 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Parser;
-use noctograph_serve::{
-    Addresses, PreparedScene, Program, ServerConfig, Suggestion, bring_files, printed_code, work,
-};
+use noctograph_serve::{Addresses, Program, ServerConfig, Suggestion, printed_code, work};
 
-use super::preview::PreviewArgs;
 use super::{
-    Args, CommandLine, Error, Report, Result, Verb, export, json, line, message, print_out,
-    refused, typefaces, warn,
+    Args, CommandLine, Error, Report, Result, Verb, json, line, message, print_out, typefaces, warn,
 };
-use crate::shoot::Shot;
+use crate::scene::{Preset, Scene};
+use crate::shoot::{Shoot, Shot};
 use crate::studies::remedies_for;
 
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
@@ -23,7 +20,7 @@ use crate::studies::remedies_for;
 pub(super) struct ServeArgs {
     /// Scene that the page begins with
     #[arg(long, value_name = "SCENE")]
-    scene: Option<OsString>,
+    scene: Option<String>,
     /// Port; 0 takes that of the gallery's address, or one that is free
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
@@ -43,6 +40,9 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
+    /// The page's module (src/web/build writes it), by which visitors' browsers make photos themselves
+    #[arg(long, value_name = "FILE")]
+    module: Option<PathBuf>,
     /// Open the page in the browser
     #[arg(long)]
     open: bool,
@@ -52,30 +52,29 @@ pub(super) struct ServeArgs {
 }
 
 pub(super) fn run(args: &ServeArgs) -> Result<Report> {
-    let program = Program {
-        worker,
-        prepare,
-        advice,
-        script,
-        typeface: typefaces::with,
-        warn: |text| warn([text]),
-    };
+    let program = Program { worker, advice, typeface: typefaces::with, warn: |text| warn([text]) };
     match args.worker {
-        true => work(program)?,
+        true => work(program, args.scene.as_deref())?,
         false => serve(args, program)?,
     }
     Ok(Report::new(String::new(), json!({})))
 }
 
 fn serve(args: &ServeArgs, program: Program) -> Result<()> {
+    let named = args.scene.as_deref().unwrap_or(Preset::default().name());
+    let mut scene = Scene::find(named, &[])?.scene;
     // A scene that cannot be flown is refused now, not by every visitor's photo. Its typeface may
     // lack our letter: visitors write others with it.
-    let warming = preview_args(&["--word=A".into()])?;
-    let scene = match warming.shoot() {
-        Err(Error::Letter { .. }) => warming.scene()?,
-        shoot => shoot?.scene,
-    };
+    scene.set_word("A");
+    match Shoot::new(scene.clone()) {
+        Ok(_) | Err(Error::Letter { .. }) => {}
+        Err(error) => return Err(error),
+    }
+    // Files of the scene are on this machine alone, which makes all photos then.
+    let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let config = ServerConfig {
+        base: Scene::text_of(named)?,
+        module: args.module.clone().filter(|_| is_whole),
         scene,
         gallery: args.gallery.clone(),
         temporary: std::env::temp_dir(),
@@ -84,61 +83,29 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
         open_wall: args.open_wall,
         brand: args.brand.clone(),
     };
+    if args.module.is_some() && !is_whole {
+        warn(["the scene has files of this machine: photos are made here, not by --module"]);
+    }
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses))
 }
 
 /// This program as a worker, with the scene that the page begins with.
 fn worker() -> std::io::Result<Command> {
     let mut command = Command::new(std::env::current_exe()?);
-    command.args(["serve", "--worker"]).args(scene_flag());
-    Ok(command)
-}
-
-/// The scene that was typed, as a flag that means the same from every folder.
-fn scene_flag() -> Vec<OsString> {
+    command.args(["serve", "--worker"]);
     let Ok(CommandLine { verb: Verb::Serve(args), .. }) = CommandLine::try_parse() else {
-        return Vec::new();
+        return Ok(command);
     };
-    let absolute = |scene: OsString| match std::path::absolute(&scene) {
-        Ok(path) if path.exists() => path.into(),
-        _ => scene,
-    };
-    args.scene.into_iter().flat_map(|scene| ["--scene".into(), absolute(scene)]).collect()
-}
-
-/// The arguments of a verb, parsed as the command line's.
-fn parsed(verb: &[&str], arguments: &[OsString]) -> Result<Verb> {
-    let verb = std::iter::once(&"noctograph").chain(verb).map(OsString::from);
-    let typed = verb.chain(scene_flag()).chain(arguments.iter().cloned());
-    CommandLine::try_parse_from(typed).map(|parsed| parsed.verb).map_err(|error| {
-        let wanted = "values that the controls offer";
-        Error::input("settings", refused(&error), wanted, "reload the page")
-    })
-}
-
-fn preview_args(arguments: &[OsString]) -> Result<PreviewArgs> {
-    match parsed(&["preview"], arguments)? {
-        Verb::Preview(args) => Ok(args),
-        _ => unreachable!("the verb is preview"),
+    // It means the same from every folder.
+    if let Some(scene) = args.scene {
+        let path = std::path::absolute(&scene)?;
+        command.arg("--scene").arg(if path.exists() { path.into() } else { OsString::from(scene) });
     }
-}
-
-fn prepare(arguments: &[OsString]) -> Result<PreparedScene> {
-    let args = preview_args(arguments)?;
-    let scene = args.ready(bring_files)?;
-    Ok(PreparedScene { profile: args.profile(&scene), scene })
+    Ok(command)
 }
 
 fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
     Ok(remedies_for(shot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
-}
-
-/// Writes the scripts of a flight into a folder, or returns why it is not safe.
-fn script(arguments: &[OsString], folder: &Path) -> Result<Option<String>> {
-    let out = [OsString::from("-o"), folder.into()];
-    let verb = parsed(&["export", "--to", "cflib"], &[arguments, &out].concat())?;
-    let Verb::Export(args) = verb else { unreachable!("the verb is export") };
-    Ok(export::run(&args)?.json["stops"].as_str().map(str::to_owned))
 }
 
 /// Prints the addresses, and opens the page if asked to.

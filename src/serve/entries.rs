@@ -11,8 +11,7 @@ use serde_json::{Value, json};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
-use super::gallery::{self, Entry, Gallery, Order, State, regular};
-use super::photo_cache::CachedPhoto;
+use super::gallery::{self, Entry, Gallery, Order, Photo, State, regular};
 use noctograph_core::error::Result;
 use noctograph_web::messages::{Key, KeyResult};
 use noctograph_web::request::Subject;
@@ -108,17 +107,12 @@ impl Entries {
         Ok(Self { gallery, is_open, warn, list, revision: watch::Sender::new(1) })
     }
 
-    /// Keeps a photo that its visitor sends from an address. Returns the entry's name and number,
-    /// and whether it is new: a photo is kept once.
-    pub(crate) fn add(
-        &self,
-        photo: &CachedPhoto,
-        language: &str,
-        sender: IpAddr,
-    ) -> KeyResult<(String, u32, bool)> {
+    /// Admits a photo that is sent from an address, before it is made. Returns name and number of
+    /// the entry that has it already.
+    pub(crate) fn admit(&self, photo: &str, sender: IpAddr) -> KeyResult<Option<(String, u32)>> {
         let mut list = self.list();
-        if let Some(Stored { entry, .. }) = list.of(|entry| entry.photo == photo.id) {
-            return Ok((entry.id.clone(), entry.number, false));
+        if let Some(known) = list.with_photo(photo) {
+            return Ok(Some(known));
         }
         if list.paused {
             return Err(Key::Paused);
@@ -130,6 +124,21 @@ impl Entries {
         }
         if !list.senders.admit(sender, Instant::now()) {
             return Err(Key::EntriesMany);
+        }
+        Ok(None)
+    }
+
+    /// Keeps a photo that was admitted. Returns the entry's name and number, and whether it is new:
+    /// a photo is kept once.
+    pub(crate) fn add(
+        &self,
+        photo: &Photo,
+        language: &str,
+        sender: IpAddr,
+    ) -> KeyResult<(String, u32, bool)> {
+        let mut list = self.list();
+        if let Some((id, number)) = list.with_photo(&photo.id) {
+            return Ok((id, number, false));
         }
         let number = list.entries.iter().map(|it| it.entry.number).max().map_or(1, |n| n + 1);
         let kept = Entry::new(photo, language, number).and_then(|mut entry| {
@@ -333,6 +342,12 @@ impl Entries {
 }
 
 impl List {
+    /// Name and number of the entry that has a photo.
+    fn with_photo(&self, photo: &str) -> Option<(String, u32)> {
+        let Stored { entry, .. } = self.of(|entry| entry.photo == photo)?;
+        Some((entry.id.clone(), entry.number))
+    }
+
     fn of(&self, is_it: impl Fn(&Entry) -> bool) -> Option<&Stored> {
         self.entries.iter().find(|it| is_it(&it.entry))
     }

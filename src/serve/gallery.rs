@@ -14,12 +14,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::address::secret;
-use super::photo_cache::CachedPhoto;
-use super::render::{JPEG, PNG, REPLAY, SCENE};
 use super::timestamp::now;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, Output, entries_in, folder_in};
 use noctograph_export::stem;
+use noctograph_web::answer::{files_of, jpeg_of};
 use noctograph_web::request::Subject;
 
 const ENTRY: &str = "entry.json";
@@ -27,8 +26,11 @@ const SUBJECT: &str = "wish.json";
 const ORDER: &str = "queue.json";
 const TABLE: Limit = Limit { bytes: 1 << 20, what: "an entry", hint: "move it out of the gallery" };
 
-/// Files of a large photo that an entry keeps.
-const KEPT: [&str; 4] = [PNG, JPEG, REPLAY, SCENE];
+/// Files of an entry's photo.
+pub(crate) const PNG: &str = "photo.png";
+pub(crate) const JPEG: &str = "photo.jpg";
+pub(crate) const REPLAY: &str = "replay.json";
+const SCENE: &str = "scene.toml";
 
 /// Greatest number of an entry: a folder above it was put there by hand.
 const MAX_NUMBER: u32 = 999_999_999;
@@ -41,6 +43,17 @@ pub(crate) enum State {
     Flying,
     Flown,
     Rejected,
+}
+
+/// A large photo that a visitor sent.
+#[derive(Debug)]
+pub(crate) struct Photo {
+    /// Name of the wish that it was made of.
+    pub(crate) id: String,
+    pub(crate) visitor: String,
+    pub(crate) subject: Subject,
+    /// The answer that a page would get.
+    pub(crate) answer: Value,
 }
 
 /// An entry as its file has it.
@@ -60,7 +73,7 @@ pub(crate) struct Entry {
     #[serde(default)]
     pub(crate) hidden: bool,
     pub(crate) visitor: String,
-    /// The large photo that it was made of.
+    /// The wish that it was made of.
     pub(crate) photo: String,
     pub(crate) language: String,
     /// `flight_s`, read, legible, reason, letters, stops, obstacles.
@@ -114,11 +127,15 @@ impl Gallery {
 
     /// Writes an entry's folder: whole, on the disk, and then under its name. Its number rises
     /// until it is free.
-    pub(crate) fn keep(&self, entry: &mut Entry, photo: &CachedPhoto) -> Result<PathBuf> {
+    pub(crate) fn keep(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
         let failed = |source| Error::write(&self.folder, source);
         let (staging, lock) = folder_in(&self.folder).map_err(failed)?;
-        for name in KEPT {
-            copy(&photo.file(name), &staging.path().join(name)).map_err(failed)?;
+        let mut files = files_of(&photo.answer);
+        files.retain(|(name, _)| [PNG, SCENE].contains(&&**name));
+        files.push((JPEG.into(), jpeg_of(&photo.answer).unwrap_or_default()));
+        files.push((REPLAY.into(), photo.answer["replay"].to_string().into()));
+        for (name, bytes) in files {
+            write(&staging.path().join(name), &bytes)?;
         }
         let subject = serde_json::to_vec(&photo.subject).expect("a subject is plain data");
         write(&staging.path().join(SUBJECT), &subject)?;
@@ -148,8 +165,8 @@ impl Gallery {
 }
 
 impl Entry {
-    pub(crate) fn new(photo: &CachedPhoto, language: &str, number: u32) -> Result<Self> {
-        let figures = photo.figures();
+    pub(crate) fn new(photo: &Photo, language: &str, number: u32) -> Result<Self> {
+        let figures = &photo.answer;
         let kept = ["flight_s", "read", "legible", "reason", "letters", "stops", "obstacles"];
         Ok(Self {
             id: secret()?,
@@ -231,13 +248,6 @@ fn pretty(value: &impl Serialize) -> Vec<u8> {
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Output::create(path)?.keep_on_disk(|out| out.write_all(bytes)).map(drop)
-}
-
-#[expect(clippy::disallowed_methods, reason = "a file that this program wrote")]
-fn copy(from: &Path, to: &Path) -> std::io::Result<()> {
-    let mut to = File::create_new(to)?;
-    std::io::copy(&mut File::open(from)?, &mut to)?;
-    to.sync_all()
 }
 
 /// Brings a folder's names to the disk, where the system can.

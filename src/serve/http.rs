@@ -193,12 +193,12 @@ pub(crate) fn file(kind: &'static str, path: &Path) -> std::io::Result<Reply> {
 /// A file of the page, which the browser may keep as long as its mark is the same.
 pub(crate) fn marked(
     kind: &'static str,
-    body: &'static str,
+    body: impl Into<Bytes>,
     mark: &str,
     known: Option<&str>,
 ) -> Reply {
     let is_known = known == Some(mark);
-    let reply = whole(kind, if is_known { "" } else { body });
+    let reply = whole(kind, if is_known { Bytes::new() } else { body.into() });
     let reply = with_status(reply, if is_known { 304 } else { 200 });
     with_field(with_field(reply, "Cache-Control", "no-cache"), "ETag", mark)
 }

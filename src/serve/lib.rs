@@ -2,16 +2,15 @@
 //! sent to be flown.
 //!
 //! A connection comes in by `http`, and its request is admitted by `access`; `routes` answer it,
-//! and those of the `operator`. A photo is a `request`, waits in a `queue`, and is made by a
-//! `worker`, which `render`s it; large photos are kept in a `photo_cache` for a while, and in
-//! `entries` of a `gallery` for good. The page itself is the folder `page`.
+//! and those of the `operator`. Visitors' browsers make photos by a `module`; for browsers that
+//! cannot, for the host and for what is sent, a `worker` makes them here. What is sent is kept in
+//! `entries` of a `gallery`. The page itself is the folder `page`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-use std::ffi::OsString;
 use std::net::{IpAddr, Ipv4Addr, TcpListener};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::Arc;
 
@@ -19,13 +18,14 @@ use access::Access;
 use address::{Address, own_ip};
 use brand::Brand;
 use entries::Entries;
+use module::Module;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::folder_in;
-use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::Shot;
-use queue::Queue;
+pub use noctograph_web::answer::Suggestion;
 use routes::Server;
-use worker::WorkerSlot;
+use worker::Maker;
 
 mod access;
 mod address;
@@ -33,38 +33,27 @@ mod brand;
 mod entries;
 mod gallery;
 mod http;
+mod module;
 mod operator;
 mod page;
-mod photo_cache;
 mod qr;
-mod queue;
-mod render;
 mod routes;
 mod timestamp;
 mod worker;
 
-pub use noctograph_web::PreparedScene;
 pub use qr::printed as printed_code;
-pub use render::bring_files;
 pub use worker::work;
 
 /// Most threads for what waits for the disk.
 const DISK_THREADS: usize = 8;
 
-/// Changes of a scene, and how much the probability that its word is read grows by them.
-pub type Suggestion = (Vec<Change>, f64);
-
-/// What the server needs of the program around it. Arguments are those of `preview`.
+/// What the server needs of the program around it.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
     /// Starts the program as a worker, in which [`work`] runs.
     pub worker: fn() -> std::io::Result<Command>,
-    /// The scene of some arguments, with its files brought by [`bring_files`].
-    pub prepare: fn(&[OsString]) -> Result<PreparedScene>,
     /// Changes that help where a word does not read.
     pub advice: fn(&Shot) -> Result<Vec<Suggestion>>,
-    /// Writes the scripts that fly it into a folder, or returns why the flight is not safe.
-    pub script: fn(&[OsString], &Path) -> Result<Option<String>>,
     /// File of a typeface of this machine that has all of some letters.
     pub typeface: fn(&[char]) -> Option<PathBuf>,
     /// Prints a warning for the host.
@@ -76,6 +65,10 @@ pub struct Program {
 pub struct ServerConfig {
     /// The scene that the controls begin with.
     pub scene: Scene,
+    /// The text of its file, which visitors' browsers lay their settings over; empty: the default.
+    pub base: String,
+    /// The page's WebAssembly module; `None`: all photos are made here.
+    pub module: Option<PathBuf>,
     /// Folder that keeps the address and what visitors send; `None`: as long as the program runs.
     pub gallery: Option<PathBuf>,
     /// Folder for what is made.
@@ -114,6 +107,7 @@ pub fn serve(
     program: Program,
     announce: impl FnOnce(&Addresses) -> Result<()>,
 ) -> Result<()> {
+    let module = config.module.as_deref().map(Module::read).transpose()?;
     let brand = config.brand.as_deref().map(Brand::read).transpose()?.unwrap_or_default();
     let temporary = &config.temporary;
     let (scratch, _lock) =
@@ -131,23 +125,16 @@ pub fn serve(
         operator: address.of_operator(),
         network: outside.map(|ip| [address.of_visitors(ip), address.of_kiosk(ip)]),
     })?;
-    // Two photos at a time while one types: one is planned while the other is exposed. Workers of
-    // the operator and of large photos are started when they are needed first.
-    let [live, large, operator] = [(); 3].map(|()| Arc::new(Queue::default()));
-    for queue in [&live, &live, &large, &operator] {
-        WorkerSlot::start(queue, program, scratch.path())?;
-    }
     let server = Server {
         access: Access { address, network: config.network },
         brand,
         scene: config.scene,
+        base: config.base,
+        module,
         ip: outside.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST)),
         boot: address::secret()?,
-        live,
-        large,
-        operator,
-        numbers: std::sync::Mutex::default(),
-        photos: photo_cache::PhotoCache::default(),
+        visitors: Maker::new(program, scratch.path()),
+        host: Maker::new(program, scratch.path()),
         entries,
         mark: page::mark(),
     };

@@ -3,14 +3,14 @@
 use serde_json::{Value, json};
 
 use super::access::Request;
-use super::address;
+use super::gallery::{JPEG, PNG, REPLAY};
 use super::http::{self, Reply};
-use super::queue::Outcome;
-use super::render::{JPEG, PNG, REPLAY};
-use super::routes::{NamedFiles, Posted, Server, archive, files_of, sent};
+use super::routes::{NamedFiles, Posted, Server, archive, parsed, sent};
+use super::worker::Job;
 use noctograph_export::stem;
+use noctograph_web::answer::files_of;
 use noctograph_web::messages::{Key, KeyResult, Message};
-use noctograph_web::request::Task;
+use noctograph_web::request::Product;
 
 impl Server {
     pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
@@ -50,11 +50,7 @@ impl Server {
     pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
         let (told, files) = self.export(Some(id)).await?;
         match told[0]["refused"].get(0) {
-            Some(refused) => {
-                let message: Message =
-                    serde_json::from_value(refused.clone()).map_err(|_broken| Key::Broken)?;
-                Ok(http::refused(message))
-            }
+            Some(refused) => Ok(http::refused(Message::parse(refused)?)),
             None => Ok(archive(&files)),
         }
     }
@@ -62,7 +58,6 @@ impl Server {
     /// The scripts of one entry, or of those that are to be flown in their order, and what became
     /// of each.
     pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Value, NamedFiles)> {
-        let export = address::secret().map_err(|_cause| Key::Broken)?;
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {
             return Err(Key::Closed);
@@ -70,24 +65,18 @@ impl Server {
         let (mut told, mut files) = (Vec::new(), Vec::new());
         for (index, (number, title, subject)) in entries.into_iter().enumerate() {
             let name = format!("{:02}-{}", index + 1, stem(&title));
-            let outcome = match subject {
-                None => Outcome::Failed(Key::Broken.into()),
-                Some(subject) => {
-                    let task = Task::Script(subject);
-                    self.operator.ask(&export, task).ok_or(Key::Busy)?.outcome().await
-                }
+            let made = match subject {
+                None => Err(Key::Broken.into()),
+                Some(subject) => self.host.make(Job { product: Product::Script, subject }).await,
             };
-            let refused = match outcome {
-                Outcome::Made(_, folder) => {
-                    let own = files_of(folder.path())?.into_iter();
-                    files.extend(own.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
-                    None
-                }
-                Outcome::Failed(message) => Some(message),
-                Outcome::Stopped => return Err(Key::Conflict),
+            let answer = match made {
+                Ok(made) => parsed(&made)?,
+                Err(message) => message.json(),
             };
-            let folder = refused.is_none().then_some(&name);
-            let refused: Vec<Message> = refused.into_iter().collect();
+            let own = files_of(&answer).into_iter();
+            files.extend(own.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
+            let refused: Vec<&Value> = answer.get("error").into_iter().collect();
+            let folder = refused.is_empty().then_some(&name);
             told.push(json!({
                 "number": number, "title": title, "folder": folder, "refused": refused,
             }));

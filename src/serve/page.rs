@@ -1,8 +1,13 @@
 //! The page's files, served as they stand.
 
-/// Files of this folder under their own names.
+/// Files of two folders under their own names.
 macro_rules! files {
-    ($($name:literal)+) => { &[$(($name, include_str!(concat!("page/", $name)))),+] };
+    ($($name:literal)+; $($of_module:literal)+) => {
+        &[
+            $(($name, include_str!(concat!("page/", $name))),)+
+            $(($of_module, include_str!(concat!("../web/page/", $of_module))),)+
+        ]
+    };
 }
 
 /// Names and contents.
@@ -12,7 +17,8 @@ pub(crate) const FILES: &[(&str, &str)] = files! {
     "drawer.js" "edit.js" "entry.js" "exposure.js" "files.js" "lights.js" "loop.js" "main.js"
     "operator.js" "pad.js" "picture.js" "replay.js" "save.js" "sent.js" "sketch.js" "stage.js"
     "start.js" "state-of.js" "state.js" "verdict.js" "wall.js" "wish.js" "words.js"
-    "words/de.json" "words/en.json" "words/es.json" "words/fr.json"
+    "words/de.json" "words/en.json" "words/es.json" "words/fr.json";
+    "here.js" "maker.js" "worker.js"
 };
 
 /// What changes with the program, so that browsers know when the page did.

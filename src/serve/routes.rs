@@ -1,9 +1,9 @@
 //! What is answered at which address.
 
 use std::net::IpAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
@@ -11,24 +11,22 @@ use serde_json::{Map, Value, json};
 use super::access::{Access, Base, Request};
 use super::brand::Brand;
 use super::entries::Entries;
+use super::gallery::{JPEG, PNG, Photo, REPLAY};
 use super::http::{self, Arrival, MAX_BODY, Reply, with_field, with_status};
+use super::module::Module;
 use super::page::FILES;
-use super::photo_cache::{CachedPhoto, PhotoCache};
-use super::queue::{Outcome, Queue, RequestNumbers};
-use super::render::{JPEG, OUT, PNG, REPLAY, SCENE};
-use super::{address, qr};
-use noctograph_core::files::{Limit, files_in};
+use super::qr;
+use super::worker::{Job, Maker};
+use noctograph_core::digest::sha256;
 use noctograph_export::zip::zip;
 use noctograph_pipeline::scene::Scene;
+use noctograph_web::answer::archived;
 use noctograph_web::colors;
 use noctograph_web::messages::{Key, KeyResult, Message};
-use noctograph_web::request::{MAX_WORD, PhotoRequest, Task, is_name};
+use noctograph_web::request::{MAX_WORD, PhotoRequest, Product};
 
 /// Files of an archive: their names and bytes.
 pub(crate) type NamedFiles = Vec<(String, Vec<u8>)>;
-
-/// A file of a script.
-const FILE: Limit = Limit { bytes: 64 << 20, what: "a file of an entry", hint: "remove it" };
 
 /// What answers the requests.
 #[derive(Debug)]
@@ -37,18 +35,18 @@ pub(crate) struct Server {
     pub(crate) brand: Brand,
     /// Values that the controls begin with.
     pub(crate) scene: Scene,
+    /// The text of its file.
+    pub(crate) base: String,
+    /// What visitors' browsers make photos by.
+    pub(crate) module: Option<Module>,
     /// This machine, as visitors see it.
     pub(crate) ip: IpAddr,
     /// Name of this run of the program.
     pub(crate) boot: String,
-    /// Photos while one types.
-    pub(crate) live: Arc<Queue>,
-    /// Large photos and files.
-    pub(crate) large: Arc<Queue>,
-    /// What the operator exports, which waits for no visitor.
-    pub(crate) operator: Arc<Queue>,
-    pub(crate) numbers: Mutex<RequestNumbers>,
-    pub(crate) photos: PhotoCache,
+    /// Makes what visitors send, and photos for browsers that cannot make them.
+    pub(crate) visitors: Maker,
+    /// Makes what the host asks for, who waits for no visitor.
+    pub(crate) host: Maker,
     pub(crate) entries: Entries,
     /// Changes with the program, so that browsers know when the page did.
     pub(crate) mark: String,
@@ -93,16 +91,21 @@ impl Server {
                 let revision = self.entries.news(seen).await;
                 Ok(http::json(&json!({ "revision": revision, "boot": self.boot })))
             }
-            (Base::Visitors | Base::Kiosk, Some(body), [size @ ("live" | "photos")]) => {
+            (Base::Visitors | Base::Kiosk, Some(body), ["entries"]) => {
+                Ok(self.send(body, &request).await.unwrap_or_else(http::refused))
+            }
+            (Base::Visitors | Base::Kiosk, Some(body), [name @ ("live" | "photos" | "script")]) => {
                 match PhotoRequest::parse(body, request.base == Base::Kiosk) {
-                    Ok(photo) => self.photo(photo, *size == "photos").await,
+                    Ok(photo) => self.photo(photo, name, &request).await,
                     Err(message) if message == Key::NotHere.into() => Ok(http::refused(message)),
                     Err(message) => Ok(http::json(&message.json())),
                 }
             }
-            (Base::Visitors | Base::Kiosk, None, ["photos", id, name]) => {
-                let photo = self.photos.get(id).ok_or(Key::Closed)?;
-                self.download(&photo, name, &request).await
+            (Base::Visitors | Base::Kiosk, None, ["noctograph.wasm"]) => {
+                let Module { gzip, mark } = self.module.as_ref().ok_or(Key::Closed)?;
+                let known = request.known_mark.as_deref();
+                let reply = http::marked("application/wasm", gzip.clone(), mark, known);
+                Ok(with_field(reply, "Content-Encoding", "gzip"))
             }
             (Base::Operator, None, ["export.json"]) => Ok(http::json(&self.export(None).await?.0)),
             (Base::Operator, None, ["export.zip"]) => Ok(archive(&self.export(None).await?.1)),
@@ -119,7 +122,7 @@ impl Server {
     fn with_disk(&self, request: &Request) -> KeyResult<Reply> {
         let parts: Vec<&str> = request.route.split('/').collect();
         match (&request.base, &request.body) {
-            (Base::Visitors | Base::Kiosk, Some(body)) => self.post(&parts, body, request),
+            (Base::Visitors | Base::Kiosk, Some(body)) => self.post(&parts, body),
             (Base::Visitors | Base::Kiosk, None) => self.get(&parts, request),
             (Base::Operator, Some(body)) => self.operate(&parts, body),
             (Base::Operator, None) => self.look(&parts, request),
@@ -149,7 +152,7 @@ impl Server {
         let name = if request.route.is_empty() { first } else { &request.route };
         let (_, text) = FILES.iter().find(|(known, _)| *known == name).ok_or(Key::Closed)?;
         let known = request.known_mark.as_deref();
-        let reply = http::marked(kind_of(name), text, &self.mark, known);
+        let reply = http::marked(kind_of(name), text.as_bytes(), &self.mark, known);
         Ok(with_field(reply, "Content-Security-Policy", POLICY))
     }
 
@@ -169,6 +172,10 @@ impl Server {
             "limits": { "letters": MAX_WORD, "body_bytes": MAX_BODY },
             "colors": colors(), "deck": scene.light.deck,
         });
+        // The host's own machine is faster without.
+        if self.module.is_some() && !request.peer.is_loopback() {
+            about["base"] = json!(self.base);
+        }
         if request.is_home() {
             about["scene"] = json!(scene);
         }
@@ -204,9 +211,8 @@ impl Server {
         }
     }
 
-    fn post(&self, parts: &[&str], body: &[u8], request: &Request) -> KeyResult<Reply> {
+    fn post(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
         match *parts {
-            ["entries"] => self.send(body, request.peer),
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "visitor"])?;
                 if posted.member::<String>("do")? != "withdraw" {
@@ -219,84 +225,69 @@ impl Server {
         }
     }
 
-    /// A photo, in place of older ones of the same visitor.
-    async fn photo(&self, photo: PhotoRequest, is_large: bool) -> KeyResult<Reply> {
-        let PhotoRequest { visitor, number, advice, subject } = photo;
-        let numbered = |key: &str| http::json(&json!({ "number": number, key: true }));
-        let (queue, other, task) = match is_large {
-            true => (&self.large, &self.live, Task::Large(subject.clone(), advice)),
-            false => (&self.live, &self.large, Task::Live(subject.clone())),
+    /// What somebody asks to be made here: the host, or a browser that cannot.
+    async fn photo(&self, photo: PhotoRequest, name: &str, request: &Request) -> KeyResult<Reply> {
+        let product = match name {
+            "live" => Product::Live,
+            "photos" => Product::Large { advice: photo.advice },
+            // Who flies sits at this machine, and not at a screen of the hall.
+            _ if request.is_home() => Product::Script,
+            _ => return Err(Key::NotHere),
         };
-        let mut ticket = {
-            let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
-            if !numbers.is_newest(&visitor, number) {
-                return Ok(numbered("stopped"));
-            }
-            other.end(&visitor);
-            queue.ask(&visitor, task).ok_or(Key::Busy)?
+        let maker = if request.peer.is_loopback() { &self.host } else { &self.visitors };
+        let made = maker.make(Job { product, subject: photo.subject }).await;
+        let answer = match (made, product) {
+            (Ok(answer), Product::Script) => archived(parsed(&answer)?).to_string(),
+            (Ok(answer), _) => answer,
+            (Err(message), _) if message.key == Key::Busy.name() => return Err(Key::Busy),
+            (Err(message), _) => message.json().to_string(),
         };
-        match ticket.outcome().await {
-            Outcome::Made(object, folder) => {
-                let mut more = format!("{{\"number\":{},", json!(number));
-                if is_large {
-                    let id = address::secret().map_err(|_cause| Key::Broken)?;
-                    more += &format!("\"id\":\"{id}\",");
-                    self.photos.keep(CachedPhoto { id, visitor, subject, folder });
-                }
-                // It is an object with members, as text.
-                Ok(http::whole("application/json", more + &object.get()[1..]))
-            }
-            Outcome::Failed(message) => {
-                Ok(http::json(&json!({ "number": number, "error": message })))
-            }
-            Outcome::Stopped => Ok(numbered("stopped")),
-        }
+        // It is an object with members, as text.
+        let numbered = format!("{{\"number\":{},{}", json!(photo.number), &answer[1..]);
+        Ok(http::whole("application/json", numbered))
     }
 
-    /// A file of a large photo. Who flies sits at this machine, and not at a screen of the hall.
-    async fn download(
-        &self,
-        photo: &CachedPhoto,
-        name: &str,
-        request: &Request,
-    ) -> KeyResult<Reply> {
-        match name {
-            JPEG => return sent(Some(photo.file(name))),
-            _ if request.base == Base::Kiosk => return Err(Key::NotHere),
-            PNG => return sent(Some(photo.file(name))),
-            SCENE | "flight.zip" if !request.is_home() => return Err(Key::NotHere),
-            SCENE => return sent(Some(photo.file(name))),
-            "flight.zip" => {}
-            _ => return Err(Key::Closed),
-        }
-        let stops = photo.figures()["stops"].take();
-        if stops.as_array().is_some_and(|stops| !stops.is_empty()) {
-            return Ok(http::refused(Message::of_stops(&stops)));
-        }
-        // A place of its own: a script ends no photo, and another script of the photo does.
-        let task = Task::Script(photo.subject.clone());
-        match self.large.ask(&photo.id, task).ok_or(Key::Busy)?.outcome().await {
-            Outcome::Made(_, folder) => Ok(archive(&files_of(folder.path())?)),
-            Outcome::Failed(message) => Ok(http::refused(message)),
-            Outcome::Stopped => Err(Key::Busy),
-        }
-    }
-
-    /// Keeps what a visitor sends to be flown.
-    fn send(&self, body: &[u8], sender: IpAddr) -> KeyResult<Reply> {
-        let posted = Posted::parse(body, &["visitor", "photo", "language"])?;
-        let [visitor, photo]: [String; 2] = [posted.member("visitor")?, posted.member("photo")?];
+    /// Keeps what a visitor sends to be flown, with the large photo that is made of it here.
+    async fn send(self: &Arc<Self>, body: &[u8], request: &Request) -> Result<Reply, Message> {
+        let posted = Posted::parse(body, &["wish", "language"])?;
         let language = posted.member::<Option<String>>("language")?.unwrap_or_default();
-        if !is_name(&visitor) || language.len() > 8 {
-            return Err(Key::PageOld);
+        if language.len() > 8 {
+            return Err(Key::PageOld.into());
         }
-        // A photo is sent by whoever took it.
-        let photo = self.photos.get(&photo).filter(|photo| photo.visitor == visitor);
-        let (id, number, is_new) =
-            self.entries.add(&photo.ok_or(Key::Closed)?, &language, sender)?;
+        let wish = posted.member::<Value>("wish")?.to_string().into_bytes();
+        let photo = PhotoRequest::parse(&wish, request.base == Base::Kiosk)?;
+        // The same wish of the same visitor is sent once, however often it arrives.
+        let id = sha256(&wish)[..32].to_owned();
+        let known = self.entries.admit(&id, request.peer)?;
+        let (id, number, is_new) = match known {
+            Some((id, number)) => (id, number, false),
+            None => self.keep(id, photo, language, request.peer).await?,
+        };
         let page = self.access.address.of_entry(self.ip, &id);
         let reply = http::json(&json!({ "id": id, "number": number, "page": page }));
         Ok(with_status(reply, if is_new { 201 } else { 200 }))
+    }
+
+    async fn keep(
+        self: &Arc<Self>,
+        id: String,
+        photo: PhotoRequest,
+        language: String,
+        sender: IpAddr,
+    ) -> Result<(String, u32, bool), Message> {
+        let PhotoRequest { visitor, subject, .. } = photo;
+        let product = Product::Large { advice: false };
+        let made = self.visitors.make(Job { product, subject: subject.clone() }).await?;
+        let answer = parsed(&made)?;
+        if answer["error"].is_object() {
+            return Err(Message::parse(&answer["error"])?);
+        }
+        if answer["stops"].as_array().is_some_and(|stops| !stops.is_empty()) {
+            return Err(Message::of_stops(&answer["stops"]));
+        }
+        let (server, photo) = (self.clone(), Photo { id, visitor, subject, answer });
+        let add = move || server.entries.add(&photo, &language, sender);
+        Ok(tokio::task::spawn_blocking(add).await.unwrap_or(Err(Key::Broken))?)
     }
 
     /// The code of the visitors' page, which is no kiosk on their own telephones.
@@ -331,9 +322,9 @@ impl Posted {
 
 const SVG: &str = "image/svg+xml";
 
-/// The page asks nobody else for anything, and runs no script but its files.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' \
-                      data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; \
+/// The page asks nobody else for anything, and runs no script but its files and its module.
+const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' \
+                      data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
 
 /// A drawing that is opened by itself runs no script and asks for nothing.
@@ -365,12 +356,7 @@ pub(crate) fn sent(path: Option<PathBuf>) -> KeyResult<Reply> {
     http::file(kind_of(&name), &path).map_err(|_cause| Key::Closed)
 }
 
-/// Names and contents of the files that a job made.
-pub(crate) fn files_of(folder: &Path) -> KeyResult<NamedFiles> {
-    let read = |path: PathBuf| {
-        let name = path.file_name()?.to_string_lossy().into_owned();
-        Some((name, FILE.read(&path).ok()?))
-    };
-    let files = files_in(&folder.join(OUT)).map_err(|_cause| Key::Broken)?;
-    files.into_iter().map(read).collect::<Option<_>>().ok_or(Key::Broken)
+/// The answer of a worker.
+pub(crate) fn parsed(answer: &str) -> KeyResult<Value> {
+    serde_json::from_str(answer).map_err(|_broken| Key::Broken)
 }

@@ -1,231 +1,240 @@
-//! Workers: processes of their own, in which photos and files are made.
+//! Workers: processes of their own, in which photos and files are made one after another.
 //!
 //! One that is too slow, too large or broken is ended and takes nothing with it. It lives as long
 //! as its pipe: where the server is killed, it ends by itself, whatever it does. A worker is the
 //! program once more; jobs and answers are lines of JSON.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::process::Stdio;
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::process::{Child, ChildStdin, ChildStdout, Command};
+use tokio::sync::{Mutex, Semaphore};
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
 
-use super::queue::{Job, Outcome, Queue};
-use super::render::{JobResult, Renderer};
 use super::{Program, no_thread};
 use noctograph_core::error::{Error, Result};
-use noctograph_pipeline::shoot::Stop;
+use noctograph_pipeline::scene::Scene;
+use noctograph_web::answer::Studio;
 use noctograph_web::messages::{Key, Message};
-use noctograph_web::request::Task;
+use noctograph_web::request::{Product, Subject};
 
+/// Most jobs that wait for a worker.
+const MAX_WAITING: usize = 64;
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
 const MEMORY: u64 = 1 << 30;
-/// How often a worker's job is looked after.
-const POLL: Duration = Duration::from_millis(20);
-/// Time within which a job that is stopped ends by itself; then its worker is ended.
-const STOP_TIMEOUT: Duration = Duration::from_millis(300);
 /// Longest time of a photo while one types, and of a large one: a word that does not read is flown
 /// some thirty times for advice.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(10);
 const LARGE_TIMEOUT: Duration = Duration::from_secs(60);
-/// Longest line of a worker: a photo of 2.5 megapixels in base64.
+/// Longest answer: a photo of two megapixels with its files, in base64.
 const MAX_LINE: u64 = 32 << 20;
 
-/// A line to a worker, which has one job at a time and answers it with a line.
-#[derive(Debug, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum Order {
-    Make {
-        task: Task,
-        folder: PathBuf,
-        /// How many wait behind it.
-        n_waiting: usize,
-    },
-    Stop,
+/// A line to a worker, which answers it with a line.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub(crate) struct Job {
+    pub(crate) product: Product,
+    pub(crate) subject: Subject,
 }
 
-/// A worker's place at a queue, whose process is started with its first job.
+/// Has jobs done one after another, in the order in which they come.
 #[derive(Debug)]
-pub(crate) struct WorkerSlot {
-    queue: Arc<Queue>,
+pub(crate) struct Maker {
     program: Program,
-    /// Where folders for jobs are made.
+    /// Where workers have their folders.
     scratch: PathBuf,
-    worker: Option<Worker>,
+    worker: Arc<Mutex<Option<Worker>>>,
+    places: Semaphore,
 }
 
-impl WorkerSlot {
-    /// Starts a thread that does the jobs of a queue, one after another, for ever.
-    pub(crate) fn start(queue: &Arc<Queue>, program: Program, scratch: &Path) -> Result<()> {
-        let (queue, scratch) = (queue.clone(), scratch.to_owned());
-        let mut slot = Self { queue, program, scratch, worker: None };
-        let work = move || loop {
-            let (job, n_waiting) = slot.queue.next();
-            let outcome = slot.make(&job, n_waiting);
-            job.done(outcome);
-        };
-        std::thread::Builder::new().spawn(work).map_err(no_thread)?;
-        Ok(())
+/// A job whose worker ends with it, unless it is done.
+struct Ending<T>(JoinHandle<T>);
+
+impl<T> Drop for Ending<T> {
+    fn drop(&mut self) {
+        self.0.abort();
+    }
+}
+
+impl Maker {
+    pub(crate) fn new(program: Program, scratch: &Path) -> Self {
+        let places = Semaphore::new(MAX_WAITING);
+        Self { program, scratch: scratch.to_owned(), worker: Arc::default(), places }
     }
 
-    fn make(&mut self, job: &Job, n_waiting: usize) -> Outcome {
-        let folder = tempfile::Builder::new().prefix("job-").tempdir_in(&self.scratch);
-        let Ok(folder) = folder else { return Outcome::Failed(Key::DiskFull.into()) };
-        if self.worker.is_none() {
-            self.worker = Worker::start(self.program).ok();
-        }
-        let Some(worker) = &mut self.worker else { return Outcome::Failed(Key::Busy.into()) };
-        let result = worker.make(job, folder.path(), n_waiting).unwrap_or_else(|end| {
-            self.worker = None;
-            end
+    /// Does a job, and returns the JSON of its answer. Dropped while it waits, it is not begun;
+    /// dropped later, it ends, but for the photo of a keystroke, which is soon done.
+    pub(crate) async fn make(&self, job: Job) -> std::result::Result<String, Message> {
+        let _place = self.places.try_acquire().map_err(|_full| Key::Busy)?;
+        let mut slot = self.worker.clone().lock_owned().await;
+        let (program, scratch) = (self.program, self.scratch.clone());
+        let is_live = job.product == Product::Live;
+        let made = tokio::spawn(async move {
+            let mut worker = match slot.take() {
+                Some(worker) => worker,
+                None => Worker::start(program, &scratch).map_err(|_cause| Key::Busy)?,
+            };
+            let limit = if is_live { LIVE_TIMEOUT } else { LARGE_TIMEOUT };
+            let answer = timeout(limit, worker.answer(&job)).await.map_err(|_late| {
+                let values = json!({ "seconds": limit.as_secs() });
+                Message::from(Key::TooSlow).with_values(values)
+            })?;
+            let answer = answer.map_err(|_gone| Key::TooLarge)?;
+            *slot = Some(worker);
+            Ok::<_, Message>(answer)
         });
-        match result {
-            JobResult::Done(value) => Outcome::Made(value, Arc::new(folder)),
-            JobResult::Failed(message) => Outcome::Failed(message),
-            JobResult::Stopped => Outcome::Stopped,
-        }
+        let made = match is_live {
+            true => made.await,
+            false => (&mut Ending(made).0).await,
+        };
+        made.unwrap_or(Err(Key::Broken.into()))
     }
 }
 
-/// A worker that runs.
+/// A worker that runs. Dropped, it is killed.
 #[derive(Debug)]
 struct Worker {
-    child: Child,
-    orders: ChildStdin,
-    answers: Receiver<JobResult>,
+    _child: Child,
+    jobs: ChildStdin,
+    answers: BufReader<ChildStdout>,
+    _folder: TempDir,
 }
 
 impl Worker {
-    fn start(program: Program) -> std::io::Result<Self> {
-        let mut command = (program.worker)()?;
+    fn start(program: Program, scratch: &Path) -> std::io::Result<Self> {
+        let folder = tempfile::Builder::new().prefix("worker-").tempdir_in(scratch)?;
+        let mut command = Command::from((program.worker)()?);
         // A group of its own: the terminal's Ctrl-C is the server's, with which its workers end.
         #[cfg(unix)]
-        std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut child = piped.spawn()?;
-        let (sender, answers) = channel();
-        let mut lines = BufReader::new(child.stdout.take().expect("it is piped"));
-        std::thread::Builder::new().spawn(move || {
-            let mut line = Vec::new();
-            while (&mut lines).take(MAX_LINE).read_until(b'\n', &mut line).is_ok()
-                && let Ok(answer) = serde_json::from_slice(&line)
-                && sender.send(answer).is_ok()
-            {
-                line.clear();
-            }
-        })?;
-        let orders = child.stdin.take().expect("it is piped");
-        Ok(Self { child, orders, answers })
+        command.process_group(0);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = command.current_dir(folder.path()).kill_on_drop(true).spawn()?;
+        let jobs = child.stdin.take().expect("it is piped");
+        let answers = BufReader::new(child.stdout.take().expect("it is piped"));
+        Ok(Self { _child: child, jobs, answers, _folder: folder })
     }
 
-    /// Makes something; `Err` is what is answered where the worker has to be ended.
-    fn make(
-        &mut self,
-        job: &Job,
-        folder: &Path,
-        n_waiting: usize,
-    ) -> std::result::Result<JobResult, JobResult> {
-        let (task, folder) = (job.task.clone(), folder.into());
-        let timeout = if matches!(task, Task::Live(_)) { LIVE_TIMEOUT } else { LARGE_TIMEOUT };
-        self.order(&Order::Make { task, folder, n_waiting })?;
-        let begun = Instant::now();
-        let mut stopped: Option<Instant> = None;
-        loop {
-            match self.answers.recv_timeout(POLL) {
-                Ok(result) => return Ok(result),
-                Err(RecvTimeoutError::Disconnected) => {
-                    return Err(JobResult::Failed(Key::TooLarge.into()));
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-            }
-            if job.stop.check().is_err() && stopped.is_none() {
-                self.order(&Order::Stop)?;
-                stopped = Some(Instant::now());
-            }
-            if stopped.is_some_and(|stopped| stopped.elapsed() > STOP_TIMEOUT) {
-                return Err(JobResult::Stopped);
-            }
-            if begun.elapsed() > timeout {
-                let values = json!({ "seconds": timeout.as_secs() });
-                return Err(JobResult::Failed(Message::from(Key::TooSlow).with_values(values)));
-            }
+    async fn answer(&mut self, job: &Job) -> std::io::Result<String> {
+        let line = serde_json::to_string(job).expect("a job is plain data") + "\n";
+        self.jobs.write_all(line.as_bytes()).await?;
+        let mut answer = String::new();
+        (&mut self.answers).take(MAX_LINE).read_line(&mut answer).await?;
+        match answer.pop() {
+            Some('\n') => Ok(answer),
+            _ => Err(std::io::ErrorKind::UnexpectedEof.into()),
         }
     }
-
-    fn order(&mut self, order: &Order) -> std::result::Result<(), JobResult> {
-        let line = serde_json::to_string(order).expect("an order is plain data") + "\n";
-        let sent = self.orders.write_all(line.as_bytes()).and_then(|()| self.orders.flush());
-        sent.map_err(|_gone| JobResult::Failed(Key::TooLarge.into()))
-    }
 }
 
-impl Drop for Worker {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-/// The worker's own side: makes what it is told to, until nobody tells it any more.
+/// The worker's own side: makes what it is told to in the present folder, until nobody tells it any
+/// more. `scene` names the scene that the page begins with.
 ///
 /// # Errors
 ///
 /// [`Error::Infeasible`] without a thread.
-pub fn work(program: Program) -> Result<()> {
+pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     limit_memory();
-    let running = Arc::new(Mutex::new(Stop::default()));
-    let (orders, jobs) = channel();
-    let newest = running.clone();
+    let (sender, jobs) = channel();
     let listening = std::thread::Builder::new().spawn(move || {
         let lines = std::io::stdin().lines().map_while(|line| line.ok());
-        for order in lines.map_while(|line| serde_json::from_str(&line).ok()) {
-            let mut running = newest.lock().unwrap_or_else(PoisonError::into_inner);
-            match order {
-                Order::Stop => running.now(),
-                Order::Make { task, folder, n_waiting } => {
-                    *running = Stop::default();
-                    let _ = orders.send((task, folder, n_waiting, running.clone()));
-                }
-            }
+        for job in lines.map_while(|line| serde_json::from_str::<Job>(&line).ok()) {
+            let _ = sender.send(job);
         }
         // The server is gone, and nobody wants what is being made.
         std::process::exit(0);
     });
     listening.map_err(no_thread)?;
-    let mut renderer = Renderer::new(program);
-    let mut is_patient = false;
-    for (task, folder, n_waiting, stop) in jobs {
-        if !is_patient && !matches!(task, Task::Live(_)) {
-            is_patient = true;
-            let_others_go_first();
-        }
+    let own = std::env::current_dir().map_err(|source| Error::read(".".as_ref(), source))?;
+    let maker = JobMaker { program, scene, faces: RefCell::default() };
+    for job in jobs {
         // A job has nothing that outlives it: what a panic leaves broken is dropped.
-        let made = catch_unwind(AssertUnwindSafe(|| {
-            std::env::set_current_dir(&folder).map_err(|source| Error::read(&folder, source))?;
-            renderer.make(&task, n_waiting, &stop)
-        }));
-        let result = match made {
-            Ok(Ok(result)) => result,
-            Ok(Err(Error::Stopped)) => JobResult::Stopped,
-            Ok(Err(error)) => {
-                JobResult::Failed(Message::of_error(&error, task.subject().is_picture()))
-            }
-            Err(_) => JobResult::Failed(Key::Broken.into()),
-        };
+        let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&own, &job)));
+        let answer = made.unwrap_or_else(|_| Message::from(Key::Broken).json());
         // Its folder can be removed.
-        let _ = folder.parent().map(std::env::set_current_dir);
-        let line = serde_json::to_string(&result).expect("it is plain data");
+        let _ = std::env::set_current_dir(&own);
         let mut out = std::io::stdout().lock();
-        if writeln!(out, "{line}").and_then(|()| out.flush()).is_err() {
+        if writeln!(out, "{answer}").and_then(|()| out.flush()).is_err() {
             break;
         }
     }
     Ok(())
+}
+
+/// Most words whose typefaces are known: an evening's, letter by letter.
+const MOST_FACES: usize = 4096;
+
+struct JobMaker<'a> {
+    program: Program,
+    scene: Option<&'a str>,
+    /// Typefaces of this machine for the letters that the scene's font lacks.
+    faces: RefCell<BTreeMap<BTreeSet<char>, Option<PathBuf>>>,
+}
+
+impl JobMaker<'_> {
+    /// Does a job in a folder of its own, in which all its files stand by their names: no path of
+    /// this machine gets into what is made.
+    fn make_in(&self, own: &Path, Job { product, subject }: &Job) -> Value {
+        let folder = tempfile::tempdir_in(own);
+        if !folder.as_ref().is_ok_and(|it| std::env::set_current_dir(it.path()).is_ok()) {
+            return Message::from(Key::DiskFull).json();
+        }
+        let studio = Studio {
+            scene: &|settings| self.base(settings),
+            typeface: &|word| self.face(word).map(|face| brought_here(&face)).transpose(),
+            advice: &self.program.advice,
+            watch: &|_stage, _share| {},
+        };
+        studio.make(*product, subject)
+    }
+
+    fn base(&self, settings: &[(&str, &str)]) -> Result<Scene> {
+        let mut scene = match self.scene {
+            Some(named) => Scene::find(named, settings)?.scene,
+            None => Scene::parse_with("", "scene", settings)?,
+        };
+        for file in scene.files_mut().filter(|file| Path::new(file).is_absolute()) {
+            *file = brought_here(file.as_ref())?;
+        }
+        Ok(scene)
+    }
+
+    fn face(&self, word: &str) -> Option<PathBuf> {
+        let letters: BTreeSet<char> = word.chars().filter(|c| !c.is_whitespace()).collect();
+        let mut faces = self.faces.borrow_mut();
+        if faces.len() == MOST_FACES {
+            faces.clear();
+        }
+        let find = || (self.program.typeface)(&letters.iter().copied().collect::<Vec<_>>());
+        faces.entry(letters.clone()).or_insert_with(find).clone()
+    }
+}
+
+/// Brings a file into the present folder, unless it is there. Returns its name there.
+fn brought_here(path: &Path) -> Result<String> {
+    let here = std::env::current_dir().map_err(|source| Error::read(path, source))?;
+    let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    if path.parent() == Some(&here) {
+        return Ok(name);
+    }
+    // Another file may have its name.
+    while Path::new(&name).exists() {
+        name.insert(0, '_');
+    }
+    let linked = std::fs::hard_link(path, &name);
+    let brought = linked.or_else(|_| std::fs::copy(path, &name).map(drop));
+    brought.map_err(|source| Error::read(name.as_ref(), source))?;
+    Ok(name)
 }
 
 /// Limits the memory of this process. Where a system has no such limit, the timeout is what is
@@ -237,11 +246,4 @@ fn limit_memory() {
         let most = Some(MEMORY);
         let _ = setrlimit(Resource::Data, Rlimit { current: most, maximum: most });
     }
-}
-
-/// Lets photos of a keystroke go first on the processor.
-fn let_others_go_first() {
-    // Of the group: all threads, also those that run already.
-    #[cfg(unix)]
-    let _ = rustix::process::setpriority_pgrp(None, 5);
 }

@@ -1,140 +1,203 @@
 //! What a page is answered: a photograph with its verdict, where the light is when, and the places
 //! of the letters.
 
+use std::collections::BTreeMap;
+
 use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 use super::PreparedScene;
 use super::messages::Message;
 use super::replay::{boxes, replay};
-use noctograph_core::error::Result;
+use super::request::{Product, Subject};
+use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{bounds, simplify};
 use noctograph_core::strokes::{Source, SourceStroke, Strokes};
-use noctograph_export::{File, Form, Format as ExportFormat, Mode};
+use noctograph_export::zip::zip;
+use noctograph_export::{Form, Format as ExportFormat, Mode};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::{Photo, jpeg};
 use noctograph_pipeline::preflight::{CheckedExport, ExportOptions};
-use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Stop, Watch};
+use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Watch};
 
 /// Pixels of the photo while one types, and of the large photo.
-pub const LIVE: f64 = 960.0 * 540.0;
-/// The same of the large photo.
-pub const LARGE: f64 = 1920.0 * 1080.0;
+const LIVE: f64 = 960.0 * 540.0;
+const LARGE: f64 = 1920.0 * 1080.0;
+const DATA_URL: &str = "data:image/jpeg;base64,";
 const LIVE_QUALITY: u8 = 85;
 const LARGE_QUALITY: u8 = 92;
 
-/// How a photo is made: whether it is read, and who watches and stops it.
-pub struct Take<'a> {
-    /// How it is read.
-    pub judging: Judging,
-    /// Ends it between two stages.
-    pub stop: Stop,
-    /// Receives its progress.
+/// Changes of a scene, and how much the probability that its word is read grows by them.
+pub type Suggestion = (Vec<Change>, f64);
+
+/// Makes what pages ask for.
+pub struct Studio<'a> {
+    /// The scene that the page begins with, settings laid over it.
+    pub scene: &'a dyn Fn(&[(&str, &str)]) -> Result<Scene>,
+    /// File of a typeface that has all letters of a word which the scene's font lacks.
+    pub typeface: &'a dyn Fn(&str) -> Result<Option<String>>,
+    /// Changes that help where a word does not read.
+    pub advice: &'a dyn Fn(&Shot) -> Result<Vec<Suggestion>>,
+    /// Receives the progress of a photo.
     pub watch: &'a Watch<'a>,
 }
 
-impl std::fmt::Debug for Take<'_> {
+impl std::fmt::Debug for Studio<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Take").field("judging", &self.judging).finish_non_exhaustive()
+        f.debug_struct("Studio").finish_non_exhaustive()
     }
 }
 
-impl Take<'_> {
-    fn shot(&self, shoot: Shoot, format: Option<Format>) -> Result<Shot> {
-        self.stop.check()?;
-        let (judging, stop, backend) = (self.judging, self.stop.clone(), BackendChoice::Cpu);
-        Shoot { judging, format, backend, stop, keeps_film: false, ..shoot }.take(self.watch)
-    }
-}
+/// An answer, or why there is none.
+type Made = std::result::Result<Value, Message>;
 
-/// The photo while one types, with its verdict; `Err` says why there is none.
-///
-/// # Errors
-///
-/// Those of the stages.
-pub fn live(
-    scene: PreparedScene,
-    strokes: Strokes,
-    is_picture: bool,
-    take: &Take<'_>,
-) -> Result<std::result::Result<Value, Message>> {
-    let source = source(&strokes);
-    let shoot = match Shoot::of_strokes(scene.scene, strokes) {
-        Ok(shoot) => shoot,
-        // Of what is too much for a flight, the page leaves strokes out.
-        Err(error) => {
-            let mut message = Message::of_error(&error, is_picture);
-            message.values["source"] = source;
-            return Ok(Err(message));
+impl Studio<'_> {
+    /// Makes a product of a subject: an object whose `error` says why there is none.
+    #[must_use]
+    pub fn make(&self, product: Product, subject: &Subject) -> Value {
+        let made = match product {
+            Product::Live => self.live(subject),
+            Product::Large { advice } => self.large(subject, advice),
+            Product::Script => self.script(subject),
+        };
+        let made =
+            made.unwrap_or_else(|error| Err(Message::of_error(&error, subject.is_picture())));
+        made.unwrap_or_else(|message| message.json())
+    }
+
+    /// The scene and the strokes of a subject, whose photo has about as many pixels. A word of which
+    /// the scene's font lacks a letter is written in a typeface that has all of them.
+    fn drawn(&self, subject: &Subject, pixels: f64) -> Result<(PreparedScene, Strokes)> {
+        let prepared = subject.prepared(self.scene, None, pixels)?;
+        match (prepared.scene.strokes(), subject.title()) {
+            (Err(lacks @ Error::Letter { .. }), Some(word)) => {
+                let Some(face) = (self.typeface)(word)? else { return Err(lacks) };
+                let prepared = subject.prepared(self.scene, Some(&face), pixels)?;
+                let strokes = prepared.scene.strokes()?;
+                Ok((prepared, strokes))
+            }
+            (strokes, _) => Ok((prepared, strokes?)),
         }
+    }
+
+    fn shot(&self, shoot: Shoot, judging: Judging, format: Option<Format>) -> Result<Shot> {
+        let backend = BackendChoice::Cpu;
+        Shoot { judging, format, backend, keeps_film: false, ..shoot }.take(self.watch)
+    }
+
+    fn live(&self, subject: &Subject) -> Result<Made> {
+        let (prepared, strokes) = self.drawn(subject, LIVE)?;
+        let source = source(&strokes);
+        let shoot = match Shoot::of_strokes(prepared.scene, strokes) {
+            Ok(shoot) => shoot,
+            // Of what is too much for a flight, the page leaves strokes out.
+            Err(error) => {
+                let mut message = Message::of_error(&error, subject.is_picture());
+                message.values["source"] = source;
+                return Ok(Err(message));
+            }
+        };
+        let shot = self.shot(shoot, Judging::Scored, None)?;
+        let mut json = json!({
+            "photo": data_url(&jpeg(&shot.photo, LIVE_QUALITY)), "verdict": shot.verdict,
+            "replay": replay(&shot), "source": source,
+        });
+        describe(&shot, &mut json);
+        Ok(Ok(json))
+    }
+
+    fn large(&self, subject: &Subject, advice: bool) -> Result<Made> {
+        let (prepared, strokes) = self.drawn(subject, LARGE)?;
+        let shoot = Shoot::of_strokes(prepared.scene, strokes)?;
+        let shot = self.shot(shoot, Judging::Explained, Some(Format::Png))?;
+        let findings = shot.findings(&prepared.profile)?;
+        let stops: Vec<Message> = findings.iter().filter_map(Message::of_stop).collect();
+        let remedies = if advice { (self.advice)(&shot)? } else { Vec::new() };
+        let remedies = remedies.into_iter().map(|(changes, gain)| {
+            json!({ "gain": gain, "said": Message::of_changes(&changes), "set": changes })
+        });
+        let mut json = json!(shot.verdict);
+        json["remedies"] = remedies.collect();
+        json["stops"] = json!(stops);
+        json["replay"] = replay(&shot);
+        json["photo"] = data_url(&jpeg(&shot.photo, LARGE_QUALITY)).into();
+        json["flight_sha256"] = shot.flight_sha256().into();
+        json["files"] = encoded(files(&shot));
+        describe(&shot, &mut json);
+        Ok(Ok(json))
+    }
+
+    /// The scripts that fly a scene by cflib, with what they need.
+    fn script(&self, subject: &Subject) -> Result<Made> {
+        let (PreparedScene { mut scene, profile }, strokes) = self.drawn(subject, LARGE)?;
+        profile.slow(&mut scene);
+        // The scripts find the clock of the drone, and pace by it.
+        if scene.trajectory_clock() != 1.0 {
+            scene.plan.trajectory_clock.get_or_insert(1.0);
+        }
+        let (mode, tolerance_m) = (Mode::default(), Form::Compressed.tolerance_m());
+        let format = ExportFormat::Cflib;
+        let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
+        let checked = CheckedExport::new(Shoot::of_strokes(scene, strokes)?, options)?;
+        let stops: Vec<Message> = checked.findings.iter().filter_map(Message::of_stop).collect();
+        if !stops.is_empty() {
+            return Ok(Err(Message::of_stops(&json!(stops))));
+        }
+        let files = checked.files(None)?.files.into_iter().map(|file| (file.name, file.bytes));
+        Ok(Ok(json!({ "files": encoded(files) })))
+    }
+}
+
+/// The photo's files as `preview` names them.
+fn files(shot: &Shot) -> BTreeMap<String, Vec<u8>> {
+    let mut files = BTreeMap::from([
+        ("photo.png".to_owned(), shot.file.clone().expect("a format was asked for")),
+        ("scene.toml".to_owned(), shot.shoot.scene.to_toml().into_bytes()),
+    ]);
+    for (index, planned) in shot.shoot.plans.iter().enumerate() {
+        let number =
+            if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
+        let mut csv = Vec::new();
+        planned.plan.write_csv(&mut csv).expect("memory takes it");
+        files.insert(format!("plan{number}.csv"), csv);
+    }
+    files
+}
+
+/// Files as an answer has them: in base64, by their names.
+fn encoded(files: impl IntoIterator<Item = (String, Vec<u8>)>) -> Value {
+    let encoded = files.into_iter().map(|(name, bytes)| (name, BASE64_STANDARD.encode(bytes)));
+    json!(encoded.collect::<BTreeMap<_, _>>())
+}
+
+/// The files of an answer.
+#[must_use]
+pub fn files_of(answer: &Value) -> Vec<(String, Vec<u8>)> {
+    let file = |(name, text): (&String, &Value)| {
+        Some((name.clone(), BASE64_STANDARD.decode(text.as_str()?).ok()?))
     };
-    let shot = take.shot(shoot, None)?;
-    let mut json = json!({
-        "photo": data_url(&jpeg(&shot.photo, LIVE_QUALITY)), "verdict": shot.verdict,
-        "replay": replay(&shot), "judged": take.judging != Judging::Skipped, "source": source,
-    });
-    describe(&shot, &mut json);
-    Ok(Ok(json))
+    answer["files"].as_object().into_iter().flatten().filter_map(file).collect()
 }
 
-/// A large photo.
-#[derive(Debug)]
-pub struct Large {
-    /// The photo, with its file.
-    pub shot: Shot,
-    /// The photo for a page.
-    pub jpeg: Vec<u8>,
-    /// The verdict, what stops its flight, and what every photo has.
-    pub json: Value,
-}
-
-/// The large photo, with what stops its flight.
-///
-/// # Errors
-///
-/// Those of the stages.
-pub fn large(prepared: PreparedScene, strokes: Strokes, take: &Take<'_>) -> Result<Large> {
-    let shot = take.shot(Shoot::of_strokes(prepared.scene, strokes)?, Some(Format::Png))?;
-    let findings = shot.findings(&prepared.profile)?;
-    let stops: Vec<Message> = findings.iter().filter_map(Message::of_stop).collect();
-    let mut json = json!(shot.verdict);
-    json["remedies"] = json!([]);
-    json["stops"] = json!(stops);
-    json["replay"] = replay(&shot);
-    describe(&shot, &mut json);
-    Ok(Large { jpeg: jpeg(&shot.photo, LARGE_QUALITY), shot, json })
-}
-
-/// The scripts that fly a scene by cflib, with what they need; `Err` says what stops the flight.
-///
-/// # Errors
-///
-/// Those of the stages.
-pub fn script(
-    prepared: PreparedScene,
-    strokes: Strokes,
-) -> Result<std::result::Result<Vec<File>, Message>> {
-    let PreparedScene { mut scene, profile } = prepared;
-    profile.slow(&mut scene);
-    // The scripts find the clock of the drone, and pace by it.
-    if scene.trajectory_clock() != 1.0 {
-        scene.plan.trajectory_clock.get_or_insert(1.0);
+/// The answer with scripts for a page, which saves them as one archive.
+#[must_use]
+pub fn archived(mut answer: Value) -> Value {
+    if answer["files"].is_object() {
+        answer["files"] = encoded([("flight.zip".to_owned(), zip(&files_of(&answer)))]);
     }
-    let (mode, tolerance_m) = (Mode::default(), Form::Compressed.tolerance_m());
-    let format = ExportFormat::Cflib;
-    let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
-    let checked = CheckedExport::new(Shoot::of_strokes(scene, strokes)?, options)?;
-    let stops: Vec<Message> = checked.findings.iter().filter_map(Message::of_stop).collect();
-    match stops.is_empty() {
-        true => Ok(Ok(checked.files(None)?.files)),
-        false => Ok(Err(Message::of_stops(&json!(stops)))),
-    }
+    answer
 }
 
 /// A JPEG as a page shows it.
+fn data_url(jpeg: &[u8]) -> String {
+    format!("{DATA_URL}{}", BASE64_STANDARD.encode(jpeg))
+}
+
+/// The JPEG of an answer.
 #[must_use]
-pub fn data_url(jpeg: &[u8]) -> String {
-    format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(jpeg))
+pub fn jpeg_of(answer: &Value) -> Option<Vec<u8>> {
+    BASE64_STANDARD.decode(answer["photo"].as_str()?.strip_prefix(DATA_URL)?).ok()
 }
 
 /// Adds what a photo of either size has: its size, the flight, problems, and the letters' places.

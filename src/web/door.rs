@@ -8,18 +8,14 @@
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use base64::prelude::{BASE64_STANDARD, Engine};
 use noctograph_core::digest::sha256;
-use noctograph_core::error::Result;
-use noctograph_export::zip::zip;
 use noctograph_pipeline::scene::{Preset, Scene};
-use noctograph_pipeline::shoot::{Judging, Stage, Stop};
+use noctograph_pipeline::shoot::Stage;
 use serde_json::{Value, json};
 
-use super::answer::{self, LARGE, LIVE, Large, Take};
+use super::answer::{Studio, archived, files_of};
 use super::colors;
-use super::messages::Message;
-use super::request::{MAX_WORD, PhotoRequest};
+use super::request::{MAX_WORD, PhotoRequest, Product};
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
@@ -29,6 +25,7 @@ unsafe extern "C" {
 
 static INPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 static OUTPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+static BASE: Mutex<String> = Mutex::new(String::new());
 
 /// Reserves place for a request, and returns where it is.
 #[unsafe(no_mangle)]
@@ -44,7 +41,16 @@ extern "C" fn output() -> *const u8 {
     OUTPUT.lock().unwrap_or_else(PoisonError::into_inner).as_ptr()
 }
 
-/// What the page has to know: colors, limits, and the scene that its controls begin with.
+/// Takes the scene that pages begin with, as the text of its file.
+#[unsafe(no_mangle)]
+extern "C" fn base() -> usize {
+    let text = String::from_utf8(input()).unwrap_or_default();
+    *BASE.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    told(&json!({}))
+}
+
+/// What a page without a server has to know: colors, limits, and the scene that its controls begin
+/// with.
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
@@ -56,91 +62,52 @@ extern "C" fn about() -> usize {
     }))
 }
 
-/// The photo while one types, with its verdict.
+/// The photo while one types.
 #[unsafe(no_mangle)]
 extern "C" fn live() -> usize {
-    answered(|photo| {
-        let prepared = photo.subject.prepared(LIVE)?;
-        let strokes = prepared.scene.strokes()?;
-        answer::live(prepared, strokes, photo.subject.is_picture(), &take(Judging::Scored))
-    })
+    answered(Product::Live)
 }
 
-/// The large photo with its verdict explained, what stops its flight, and its files.
+/// The large photo, with the digests of its files.
 #[unsafe(no_mangle)]
 extern "C" fn photos() -> usize {
-    answered(|photo| {
-        let prepared = photo.subject.prepared(LARGE)?;
-        let strokes = prepared.scene.strokes()?;
-        let large = answer::large(prepared, strokes, &take(Judging::Explained))?;
-        let files = files(&large)?;
-        let digest = |(name, bytes): (&String, &Vec<u8>)| (name.clone(), sha256(bytes));
-        let digests: BTreeMap<String, String> = files.iter().map(digest).collect();
-        let Large { mut json, jpeg, shot, .. } = large;
-        json["id"] = sha256(&jpeg)[..16].into();
-        json["photo"] = answer::data_url(&jpeg).into();
-        json["digests"] = json!(digests);
-        json["flight_sha256"] = shot.flight_sha256().into();
-        json["files"] = encoded(files);
-        Ok(Ok(json))
-    })
+    answered(Product::Large { advice: false })
 }
 
 /// The scripts that fly it, in an archive.
 #[unsafe(no_mangle)]
 extern "C" fn script() -> usize {
-    answered(|photo| {
-        let prepared = photo.subject.prepared(LARGE)?;
-        let strokes = prepared.scene.strokes()?;
-        Ok(answer::script(prepared, strokes)?.map(|files| {
-            let files: Vec<_> = files.into_iter().map(|file| (file.name, file.bytes)).collect();
-            json!({ "files": encoded([("flight.zip".to_owned(), zip(&files))]) })
-        }))
-    })
-}
-
-/// The photo's files as `preview` names them.
-fn files(large: &Large) -> Result<BTreeMap<String, Vec<u8>>> {
-    let shot = &large.shot;
-    let mut files = BTreeMap::from([
-        ("photo.png".to_owned(), shot.file.clone().expect("a format was asked for")),
-        ("scene.toml".to_owned(), shot.shoot.scene.to_toml().into_bytes()),
-    ]);
-    for (index, planned) in shot.shoot.plans.iter().enumerate() {
-        let number =
-            if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        let mut csv = Vec::new();
-        planned.plan.write_csv(&mut csv).expect("memory takes it");
-        files.insert(format!("plan{number}.csv"), csv);
-    }
-    Ok(files)
-}
-
-/// Files as they are sent to the page.
-fn encoded(files: impl IntoIterator<Item = (String, Vec<u8>)>) -> Value {
-    let encoded = files.into_iter().map(|(name, bytes)| (name, BASE64_STANDARD.encode(bytes)));
-    json!(encoded.collect::<BTreeMap<_, _>>())
-}
-
-fn take(judging: Judging) -> Take<'static> {
-    let watch = &|stage: Stage, share: f64| progress(u32::from(stage == Stage::Exposing), share);
-    Take { judging, stop: Stop::default(), watch }
+    answered(Product::Script)
 }
 
 /// Reads the request, and answers it with its number.
-fn answered(
-    make: impl FnOnce(&PhotoRequest) -> Result<std::result::Result<Value, Message>>,
-) -> usize {
-    let body = std::mem::take(&mut *INPUT.lock().unwrap_or_else(PoisonError::into_inner));
-    let photo = match PhotoRequest::parse(&body, false) {
+fn answered(product: Product) -> usize {
+    let photo = match PhotoRequest::parse(&input(), false) {
         Ok(photo) => photo,
         Err(message) => return told(&message.json()),
     };
-    let made = make(&photo)
-        .unwrap_or_else(|error| Err(Message::of_error(&error, photo.subject.is_picture())));
-    let mut answer = made.unwrap_or_else(|message| message.json());
+    let base = BASE.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let studio = Studio {
+        scene: &|settings| Scene::parse_with(&base, "scene", settings),
+        typeface: &|_word| Ok(None),
+        advice: &|_shot| Ok(Vec::new()),
+        watch: &|stage, share| progress(u32::from(stage == Stage::Exposing), share),
+    };
+    let mut answer = studio.make(product, &photo.subject);
+    match product {
+        Product::Live => {}
+        Product::Large { .. } => {
+            let digests = files_of(&answer).into_iter().map(|(name, file)| (name, sha256(&file)));
+            answer["digests"] = json!(digests.collect::<BTreeMap<_, _>>());
+        }
+        Product::Script => answer = archived(answer),
+    }
     answer["number"] = photo.number.into();
     told(&answer)
+}
+
+fn input() -> Vec<u8> {
+    std::mem::take(&mut *INPUT.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
 /// Puts an answer where the page reads it; returns its bytes.

@@ -118,6 +118,15 @@ impl Message {
         Self { text, ..Key::PageOld.into() }
     }
 
+    /// Reads a message.
+    ///
+    /// # Errors
+    ///
+    /// [`Key::Broken`] for what is none.
+    pub fn parse(json: &Value) -> KeyResult<Self> {
+        serde_json::from_value(json.clone()).map_err(|_broken| Key::Broken)
+    }
+
     /// A flight that is not safe.
     #[must_use]
     pub fn of_stops(stops: &Value) -> Self {

@@ -84,26 +84,20 @@ pub struct Subject {
     aspect: Option<f64>,
 }
 
-/// What can be made.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+/// What can be made of a subject.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Task {
-    /// The photo while one types.
-    Live(Subject),
-    /// The large photo, with advice or without.
-    Large(Subject, bool),
+pub enum Product {
+    /// The photo while one types, with its verdict.
+    Live,
+    /// The large photo with its files, its verdict explained and what stops its flight; with advice
+    /// where it does not read, which takes some thirty flights.
+    Large {
+        /// Whether there is advice.
+        advice: bool,
+    },
     /// The scripts that fly it, with what they need.
-    Script(Subject),
-}
-
-impl Task {
-    /// What is made a photo of.
-    #[must_use]
-    pub fn subject(&self) -> &Subject {
-        match self {
-            Self::Live(subject) | Self::Large(subject, _) | Self::Script(subject) => subject,
-        }
-    }
+    Script,
 }
 
 /// A drawing in place of a word. A picture's text is base64.

@@ -11,16 +11,25 @@ use super::PreparedScene;
 use super::request::Subject;
 
 impl Subject {
-    /// The scene of the usual settings with those of the page, for a photo of about as many pixels.
+    /// The page's scene with the settings of a visitor, for a photo of about as many pixels; `face`
+    /// is the file of another typeface.
     ///
     /// # Errors
     ///
     /// As [`Scene::parse_with`] and [`Scene::check`]; [`Error::Input`] for a room that is none.
-    pub fn prepared(&self, pixels: f64) -> Result<PreparedScene> {
+    pub(crate) fn prepared(
+        &self,
+        base: &dyn Fn(&[(&str, &str)]) -> Result<Scene>,
+        face: Option<&str>,
+        pixels: f64,
+    ) -> Result<PreparedScene> {
         let drawing = self.drawing()?;
         let room = self.room.as_deref().map(|text| (text, parse_room(text)));
         let room_m = room.map(|(text, room)| {
-            room.map_err(|wanted| Error::input("room", text, wanted, "reload the page"))
+            room.map_err(|wanted| {
+                let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
+                Error::input("room", text, wanted, "reload the page")
+            })
         });
         let room_m = room_m.transpose()?;
         let is_typed = |key: &str| self.settings.contains_key(key);
@@ -35,8 +44,9 @@ impl Subject {
             settings.push(("letters.drawing_sha256".into(), sha256(bytes)));
         }
         settings.extend(self.settings.clone());
+        settings.extend(face.map(|face| ("letters.font".into(), face.into())));
         let settings: Vec<(&str, &str)> = settings.iter().map(|(k, v)| (&**k, &**v)).collect();
-        let mut scene = Scene::parse_with("", "scene", &settings)?;
+        let mut scene = base(&settings)?;
         [scene.camera.width_px, scene.camera.height_px] = self.size_px(pixels);
         match drawing {
             Some((name, bytes)) => bring(name, bytes)?,
@@ -45,11 +55,13 @@ impl Subject {
         scene.check()?;
         let mut profile = Profile::indoor();
         if let Some(room_m) = room_m {
-            profile = profile.in_room(room_m);
             hang_stations(&mut scene, room_m);
             if !["letters.cap_height_m", "letters.canvas_m"].into_iter().any(is_typed) {
                 fit_within(&mut scene, room_m)?;
             }
+        }
+        if let Some(room_m) = scene.expose.room_m {
+            profile = profile.in_room(room_m);
             frame_within(&mut scene, room_m)?;
         }
         Ok(PreparedScene { scene, profile })

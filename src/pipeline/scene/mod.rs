@@ -87,7 +87,7 @@ settings! {
 }
 
 /// Largest scene file that is read.
-const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a scene file", hint: text::HINT };
+pub(super) const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a scene file", hint: text::HINT };
 
 impl Scene {
     /// Reads a scene file.

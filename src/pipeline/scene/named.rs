@@ -76,6 +76,25 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// The text of a scene that [`Scene::find`] finds.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`] for a file that cannot be read.
+    pub fn text_of(name: &str) -> Result<String> {
+        if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
+            return Ok((*toml).to_owned());
+        }
+        if name.parse::<Preset>().is_ok() {
+            return Ok(format!("preset = \"{name}\""));
+        }
+        let path = Path::new(name);
+        let file = if path.is_dir() { path.join("scene.toml") } else { path.to_owned() };
+        super::LIMIT.read_text(&file)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,5 +1,5 @@
 // Requests. Every wish has a running number, so that no answer is taken for another's, and the
-// newest one is asked until it is answered: a lost connection or a stopped job is no end.
+// newest one is asked until it is answered: a lost connection is no end.
 
 import { keep, state } from "./state.js";
 
@@ -135,10 +135,7 @@ export async function ask(route, wish, tellBusy = () => {}) {
       );
       if (mine !== newest) return null;
       tellBusy(false);
-      if (!answer?.stopped) return answer;
-      // Ended for another wish of this visitor, which is not the newest: it is asked again.
-      mine.number = next();
-      await sleep(Math.min(1000, 20 * 2 ** tries), signal);
+      return answer;
     } catch (error) {
       if (mine !== newest) return null;
       if (error instanceof Refused && error.status !== 503) return { error: error.said };

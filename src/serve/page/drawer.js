@@ -2,7 +2,7 @@
 
 import { Refused } from "./ask.js";
 import { byId, make } from "./dom.js";
-import { save } from "./save.js";
+import { saveOf } from "./save.js";
 import { change, state } from "./state.js";
 import { about } from "./wish.js";
 import { number, sentence, t } from "./words.js";
@@ -340,13 +340,13 @@ function download(large, name, word) {
     button.setAttribute("aria-busy", "true");
     refused.textContent = "";
     try {
-      await save(`photos/${large.id}/${name}`, name);
+      await saveOf(large, name);
     } catch (error) {
       refused.textContent =
         error instanceof Refused
           ? [
               sentence("errors", error.said),
-              ...(error.said.stops ?? []).map((said) => sentence("stops", said)),
+              ...(error.said.values?.stops ?? []).map((/** @type {Said} */ said) => sentence("stops", said)),
             ].join(" ")
           : t("lost");
     }

@@ -33,6 +33,7 @@ const strip = replay(byId("replay"), stage.expose);
  * @property {Large | null} large
  * @property {Said | null} error why there is no photograph
  * @property {Said | null} refused why it was not sent
+ * @property {Said[]} stops why it is not safe to fly, as far as that is known
  * @property {Source | null} source what a file has
  * @property {string} of what of the wish that depends on
  * @property {boolean} busy whether many wait
@@ -45,6 +46,7 @@ const known = {
   large: null,
   error: null,
   refused: null,
+  stops: [],
   source: null,
   of: "",
   busy: false,
@@ -78,7 +80,7 @@ async function wanted() {
   asked = text;
   clearTimeout(resting);
   const mine = begin();
-  Object.assign(known, { shot: null, large: null, error: null, refused: null, busy: false });
+  Object.assign(known, { shot: null, large: null, error: null, refused: null, stops: [], busy: false });
   known.linked = false;
   const { opened } = state;
   const of = opened ? JSON.stringify([opened.text, opened.corners]) : "";
@@ -97,7 +99,8 @@ async function wanted() {
   await shown(shot, strokes, () => mine === current());
   if (mine !== current()) return;
   const sharp = area.clientWidth * devicePixelRatio > SHARP_PX;
-  if (sharp || shot.judged === false || (!about.kiosk && about.home))
+  // A server that makes photographs for others makes them small.
+  if ((sharp && !about.slow) || (!about.kiosk && about.home))
     resting = window.setTimeout(() => enlarge(about.home), REST_MS);
 }
 
@@ -135,14 +138,12 @@ function enlarge(/** @type {boolean} */ advice) {
 /** @param {boolean} advice */
 async function enlarged(advice) {
   const mine = current();
-  const large = await ask("photos", { ...wish(aspect()), advice });
+  const wished = wish(aspect());
+  const large = await ask("photos", { ...wished, advice });
   if (!large || large.error) return large;
   if (mine !== current() || !known.shot) return null;
-  known.large = large;
-  if (known.shot.judged === false) {
-    known.shot = { ...known.shot, judged: true, verdict: large.letters ? large : null };
-    putMarks();
-  }
+  known.stops = large.stops;
+  known.large = Object.assign(large, { wish: { ...wished, visitor: state.visitor } });
   putDesk();
   if (drawer) drawer.putShot(known);
   const keeps = strip.share < 1;
@@ -150,7 +151,7 @@ async function enlarged(advice) {
   if (
     await stage
       .hang(
-        large.photo ?? `photos/${large.id}/photo.jpg`,
+        large.photo,
         alt(),
         large.replay,
         known.shot.width / known.shot.height,
@@ -159,7 +160,7 @@ async function enlarged(advice) {
       .catch(() => false)
   ) {
     strip.load(large.replay, large.flight_s, keeps);
-    main.dataset.large = large.id;
+    main.dataset.large = `${large.number}`;
   }
   return large;
 }
@@ -206,7 +207,7 @@ function hindrance() {
   if (!known.shot || known.error) return "nothing";
   // A link has no place for a file.
   if (about.alone) return state.opened ? "nothing" : "";
-  return obstacle(known.shot) || known.large?.stops.length ? "unsafe" : "";
+  return obstacle(known.shot) || known.stops.length ? "unsafe" : "";
 }
 
 function putDesk() {
@@ -242,19 +243,19 @@ function spoken() {
   const wrong = known.error ?? known.refused;
   if (wrong) return ofError(wrong);
   if (isEmpty()) return { first: t(state.opened ? "all-out" : "empty") };
-  const stop = known.large?.stops[0];
+  const stop = known.stops[0];
   if (known.shot)
     return stop
       ? { first: sentence("stops", stop), then: t("way-flight-impossible") }
       : ofShot(known.shot);
-  return { first: t(known.busy ? "busy" : "looking") };
+  return { first: t(known.busy ? "busy" : about.slow ? "looking-slow" : "looking") };
 }
 
 /** @returns {import("./verdict.js").Spoken} */
 function spokenOnPad() {
   const { shot } = known;
   if (isEmpty()) return { first: t("pad-empty") };
-  if (!shot || known.refused || known.error || obstacle(shot) || known.large?.stops.length)
+  if (!shot || known.refused || known.error || obstacle(shot) || known.stops.length)
     return spoken();
   return ofLength(shot.flight_s, BATTERY_S);
 }
@@ -286,16 +287,10 @@ async function send() {
   clearTimeout(resting);
   putDesk();
   try {
-    const large = known.large ?? (await enlarge(false));
-    if (large?.error) throw new Refused(large.error);
-    if (!large || large.stops.length) return;
-    const entry = await insist(() =>
-      post("entries", {
-        visitor: state.visitor,
-        photo: large.id,
-        language: document.documentElement.lang,
-      }),
-    );
+    const { number } = current();
+    const sent = { ...wish(aspect()), visitor: state.visitor, number };
+    const language = document.documentElement.lang;
+    const entry = await insist(() => post("entries", { wish: sent, language }));
     change({
       mode: "sent",
       sent: {
@@ -308,7 +303,8 @@ async function send() {
     byId("sent").focus({ preventScroll: true });
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    known.refused = error.said;
+    if (error.said.values?.stops) known.stops = error.said.values.stops;
+    else known.refused = error.said;
   } finally {
     sending = false;
     putDesk();
@@ -503,6 +499,14 @@ async function begun() {
     insist(() => speak(preferred(state.language)).catch(() => speak("en"))),
   ]);
   learn(told);
+  if (about.base !== undefined) {
+    const { makeHere } = await import("./here.js");
+    makeHere(about.base, (route, init) => {
+      about.slow ||= ["live", "photos"].includes(route);
+      putDesk();
+      return fetch(route, init);
+    });
+  }
   if (state.number < 1) state.number = Math.floor(Date.now() / 100) % 1e9;
   for (const [code, name] of Object.entries(LANGUAGES)) language.add(new Option(name, code));
   const spokenNow = document.documentElement.lang;

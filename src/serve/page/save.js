@@ -1,6 +1,6 @@
 // Downloads that may be refused: a refusal is a sentence, no file.
 
-import { Refused, request } from "./ask.js";
+import { post, Refused, request } from "./ask.js";
 import { make } from "./dom.js";
 
 /** Saves what a route gives. @param {string} route @param {string} name */
@@ -11,7 +11,22 @@ export async function save(route, name) {
       (await response.json().catch(() => null))?.error ?? { key: "not-possible", text: "" },
       response.status,
     );
-  const link = make("a", { href: URL.createObjectURL(await response.blob()), download: name });
+  put(await response.blob(), name);
+}
+
+/** Saves a file of a large photograph; its scripts are made now. @param {Large} large @param {string} name */
+export async function saveOf(large, name) {
+  if (name === "flight.zip" && !large.files[name]) {
+    const made = await post("script", large.wish);
+    if (made.error) throw new Refused(made.error);
+    Object.assign(large.files, made.files);
+  }
+  put(new Blob([Uint8Array.from(atob(large.files[name]), (sign) => sign.charCodeAt(0))]), name);
+}
+
+/** @param {Blob} blob @param {string} name */
+function put(blob, name) {
+  const link = make("a", { href: URL.createObjectURL(blob), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }

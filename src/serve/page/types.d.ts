@@ -3,12 +3,11 @@
 /** A sentence as data: worded by `key`, or `text` where the page lacks the key. */
 interface Said {
   key: string;
-  values?: Record<string, string | number>;
+  values?: Record<string, any>;
   /** Of a drawing that is too much. */
   source?: Source | null;
   text: string;
   hint?: string;
-  stops?: Said[];
 }
 
 /** When the lamp was where: t in 1/100 s, x and y in 1/10000 of the photograph. */
@@ -39,8 +38,6 @@ interface Shot {
   width: number;
   height: number;
   verdict: Verdict | null;
-  /** False where many wait: the photograph is small and was not read. */
-  judged?: boolean;
   flight_s: number;
   obstacles: Said[];
   warnings: Said[];
@@ -70,9 +67,11 @@ interface Remedy {
 /** An answer of `photos`: that of `preview --json`, and what the page needs. */
 interface Large extends Partial<Verdict> {
   number: number;
-  id: string;
-  /** Where the page has no server that keeps it. */
-  photo?: string;
+  photo: string;
+  /** In base64, by their names. */
+  files: Record<string, string>;
+  /** What it was made of. */
+  wish: object;
   flight_s: number;
   replay: Replay;
   obstacles: Said[];
@@ -100,6 +99,10 @@ interface About {
     consent?: Record<string, string>;
     logo: boolean;
   };
+  /** The text of the page's scene, where visitors' browsers make their photographs. */
+  base?: string;
+  /** Whether this browser cannot make them, and the server does. */
+  slow?: boolean;
   /** The scene of the page, at home alone. */
   scene?: Record<string, any>;
   /** Its deck of lights. */

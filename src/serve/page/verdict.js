@@ -17,7 +17,6 @@ export function ofShot(shot) {
   const flight = t("flight", { n: Math.round(shot.flight_s) });
   const dark = obstacle(shot);
   if (dark) return { first: sentence("obstacles", dark) };
-  if (shot.judged === false) return { first: flight };
   const { verdict } = shot;
   if (!verdict) return { first: t("unjudged"), then: flight };
   const read = verdict.read.replace(/\s+/g, " ").trim();

@@ -9,6 +9,8 @@
  * @property {(answer: any) => void} resolve
  * @property {(error: unknown) => void} reject
  */
+/** The text of the scene that the page begins with; "": the default. */
+let base = "";
 /** @type {Job[]} */
 const waiting = [];
 /** @type {Job | null} */
@@ -30,6 +32,7 @@ function start() {
     next();
   };
   started.onerror = () => started.onmessage?.(new MessageEvent("message", { data: { broken: "no worker" } }));
+  if (base) started.postMessage({ kind: "base", body: base });
   return started;
 }
 
@@ -70,4 +73,10 @@ export function make(kind, body = "", { signal, tell } = {}) {
     waiting.push(job);
     next();
   });
+}
+
+/** Takes the scene that the page begins with, as the text of its file. @param {string} scene */
+export function beginWith(scene) {
+  base = scene;
+  worker?.postMessage({ kind: "base", body: base });
 }

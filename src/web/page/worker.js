@@ -15,20 +15,27 @@ const ready = (async () => {
   return /** @type {any} */ (instance.exports);
 })();
 
+/** Calls a function of the module with a text, and returns how many bytes its answer has. */
+async function call(/** @type {string} */ kind, /** @type {string} */ body) {
+  const module = await ready;
+  const request = new TextEncoder().encode(body);
+  // To reserve place may move the memory.
+  const place = module.reserve(request.length);
+  new Uint8Array(module.memory.buffer, place, request.length).set(request);
+  return { module, length: module[kind]() };
+}
+
 addEventListener("message", async ({ data: { kind, body } }) => {
+  // Where there is no module, the first job says so.
+  if (kind === "base") return call(kind, body).catch(() => {});
   try {
-    const module = await ready;
-    const request = new TextEncoder().encode(body);
-    // To reserve place may move the memory.
-    const place = module.reserve(request.length);
-    new Uint8Array(module.memory.buffer, place, request.length).set(request);
     let told = -1;
     tell = (stage, share) => {
       const done = Math.floor(20 * (stage ? 0.7 + 0.3 * share : 0.7 * share)) / 20;
       if (done !== told) postMessage({ done });
       told = done;
     };
-    const length = module[kind]();
+    const { module, length } = await call(kind, body);
     const answer = new Uint8Array(module.memory.buffer, module.output(), length);
     postMessage({ answer: JSON.parse(new TextDecoder().decode(answer)), memory: module.memory.buffer.byteLength });
   } catch (error) {

@@ -1,0 +1,50 @@
+// The page's requests, answered in this browser.
+
+import { answeredBy } from "./ask.js";
+import { beginWith, make } from "./maker.js";
+
+/** What a page asks a server for and can make itself. */
+const MADE = ["live", "photos", "script"];
+
+/** @param {number} done */
+function tellStage(done) {
+  const stage = /** @type {HTMLElement} */ (document.querySelector(".stage"));
+  stage.style.setProperty("--done", `${done % 1}`);
+}
+
+/**
+ * Answers a request as a server would; rejected where this browser cannot.
+ * @param {string} kind @param {RequestInit} init
+ */
+async function answered(kind, { body, signal }) {
+  const text = typeof body === "string" ? body : "";
+  try {
+    return Response.json(await make(kind, text, { signal: signal ?? undefined, tell: tellStage }));
+  } catch (error) {
+    if (signal?.aborted || `${error}`.includes("CompileError") || kind === "about") throw error;
+    return Response.json({ error: { key: "broken", text: `${error}` } });
+  } finally {
+    tellStage(0);
+  }
+}
+
+/**
+ * Has the page's photographs made here. Where this browser cannot, `instead` answers from then on.
+ * @param {string} scene the text of the scene that the page begins with
+ * @param {(route: string, init: RequestInit) => Promise<Response>} instead
+ */
+export function makeHere(scene, instead) {
+  if (scene) beginWith(scene);
+  let can = true;
+  answeredBy(async (route, init) => {
+    const kind = route.replace(".json", "");
+    if (!can || !(MADE.includes(kind) || (kind === "about" && !scene))) return instead(route, init);
+    try {
+      return await answered(kind, init);
+    } catch (error) {
+      if (init.signal?.aborted) throw error;
+      can = false;
+      return instead(route, init);
+    }
+  });
+}
