@@ -23,12 +23,28 @@ class Server:
             assert line, f"the server ended: {self.process.poll()}"
             name, _, address = line.strip().partition(" ")
             words[name] = address.strip()
-        self.page, self.operator = words["page"], words["operator"]
+        self.page, self.operator, self.network = words["page"], words["operator"], words.get("network")
         self.host = self.page.split("/k/")[0]
 
     def kill(self):
         self.process.kill()
         self.process.wait()
+
+
+def cpu_s(server):
+    """Processor time of the server and its workers."""
+    own = server.process.pid
+    fields = [text.rsplit(")", 1)[1].split() for text in map(stat, Path("/proc").glob("[0-9]*")) if text]
+    fields += [stat(Path(f"/proc/{own}")).rsplit(")", 1)[1].split()]
+    mine = [it for it in fields[:-1] if int(it[1]) == own] + fields[-1:]
+    return sum(int(it[11]) + int(it[12]) for it in mine) / os.sysconf("SC_CLK_TCK")
+
+
+def stat(process):
+    try:
+        return (process / "stat").read_text()
+    except OSError:
+        return ""
 
 
 def opened(browser, url, **options):

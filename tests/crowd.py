@@ -12,29 +12,12 @@ import statistics
 import sys
 import threading
 import time
-from pathlib import Path
 
-from browser import Server, opened, ready, sync_playwright, until
+from browser import Server, cpu_s, opened, ready, sync_playwright, until
 
 WORDS = "AMARA BENJAMIN CHLOE DMITRI ELENA FELIX GABRIEL HANNAH IBRAHIM JULIA KENJI LUCIA MATTEO NADIA OLIVER PAULA QUENTIN ROSA SAMIRA THEO".split()
 program = sys.argv[1]
 n_visitors, seconds = [int(text) for text in [*sys.argv[2:], "20", "40"][:2]]
-
-
-def cpu_s(server):
-    """Processor time of the server and its workers."""
-    own = server.process.pid
-    fields = [text.rsplit(")", 1)[1].split() for text in map(stat, Path("/proc").glob("[0-9]*")) if text]
-    fields += [stat(Path(f"/proc/{own}")).rsplit(")", 1)[1].split()]
-    mine = [it for it in fields[:-1] if int(it[1]) == own] + fields[-1:]
-    return sum(int(it[11]) + int(it[12]) for it in mine) / os.sysconf("SC_CLK_TCK")
-
-
-def stat(process):
-    try:
-        return (process / "stat").read_text()
-    except OSError:
-        return ""
 
 
 def ask(server, visitor, number, word):
@@ -91,8 +74,7 @@ def answers_keystrokes(browser, url):
 def told(what, answers, used_s):
     times = sorted(s for s, _, answer in answers if "photo" in answer)
     refused = sum(status != 200 for _, status, _ in answers)
-    stopped = sum("stopped" in answer for _, _, answer in answers)
-    print(f"{what}: {len(times)} photographs, median {statistics.median(times):.3f} s, p95 {times[int(0.95 * len(times))]:.3f} s; {stopped} overtaken, {refused} refused; {used_s / len(times):.3f} s of processor each; load {os.getloadavg()[0]:.1f}")
+    print(f"{what}: {len(times)} photographs, median {statistics.median(times):.3f} s, p95 {times[int(0.95 * len(times))]:.3f} s; {refused} refused; {used_s / len(times):.3f} s of processor each; load {os.getloadavg()[0]:.1f}")
 
 
 server = Server(program)

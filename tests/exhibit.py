@@ -100,67 +100,6 @@ def no_keystroke_hangs(hall, sessions=12):
     assert not [line for line in trouble if "ERR_" not in line], trouble
 
 
-def overtaken_requests_are_asked_again(hall, sessions=12):
-    """A server that takes whatever arrives last for the newest: the page still ends at its own."""
-    page, _ = opened(hall.browser, hall.page, viewport=PHONE)
-    ready(page)
-    photo = page.evaluate("""async () => {
-        const told = await (await fetch('about.json')).json();
-        const number = 1, visitor = 'probe' + Math.random().toString(36).slice(2);
-        return await (await fetch('live', {method: 'POST', headers: {'Content-Type': 'application/json'}, body: JSON.stringify({visitor, number, word: 'I', settings: {}})})).json();
-    }""")
-    # Requests are answered by this page's own fetch: each after a delay, and stopped by any that arrives later.
-    page.evaluate("""shot => {
-        const real = window.fetch;
-        let arrivals = 0;
-        window.asks = 0;
-        const wait = ms => new Promise(done => setTimeout(done, ms));
-        window.fetch = async (url, options = {}) => {
-            if (!`${url}`.endsWith('live')) return real(url, options);
-            window.asks += 1;
-            const wish = JSON.parse(options.body);
-            // As over WLAN: what was sent arrives, whether or not the page still waits for it.
-            await wait(20 + 220 * Math.random());
-            const mine = ++arrivals;
-            await wait(120);
-            const json = arrivals === mine ? {...shot, number: wish.number} : {number: wish.number, stopped: true};
-            if (options.signal?.aborted) throw new DOMException('', 'AbortError');
-            return new Response(JSON.stringify(json), {headers: {'Content-Type': 'application/json'}});
-        };
-    }""", photo)
-    rng = random.Random(3)
-    for session in range(sessions):
-        word = rng.choice(["NOOR", "ANNA", "OTTO", "LEA"])
-        page.fill("#word", "")
-        page.type("#word", word, delay=rng.uniform(5, 60))
-        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", 10, f"session {session}: {word}")
-
-
-def the_large_photograph_is_asked_for_once(hall):
-    """Sending waits for the one that is under way: two would end each other in turn."""
-    server = Server(PROGRAM)
-    try:
-        page, _ = opened(hall.browser, server.page, viewport=PHONE)
-        ready(page)
-        page.evaluate("""() => {
-            const real = window.fetch;
-            window.asks = 0;
-            window.fetch = async (url, options) => {
-                if (url !== 'photos') return real(url, options);
-                window.asks += 1;
-                await new Promise(done => setTimeout(done, 1000));
-                return real(url, options);
-            };
-        }""")
-        write(page, "LEA")
-        until(page, "window.asks === 1", what="that the large photograph is asked for")
-        page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=120_000)
-        assert page.evaluate("window.asks") == 1
-    finally:
-        server.kill()
-
-
 def a_lost_connection_is_noticed_and_mended(hall):
     with tempfile.TemporaryDirectory() as gallery:
         server = Server(PROGRAM, "--gallery", gallery)
@@ -356,22 +295,6 @@ def a_colored_word_shines_on_every_lamp(hall):
         assert green > 500 and green > 1.2 * red and green > 1.2 * blue, f"{lamp} in green: {red}, {green}, {blue}"
         page.click("[name=light-word][value=white]", force=True)
         shown(page)
-
-
-def what_was_not_read_for_haste_is_read_when_typing_rests(hall):
-    """Where many wait, the photograph of a keystroke comes without a verdict: none is made up."""
-    page, trouble = opened(hall.browser, hall.page, viewport=PHONE)
-    ready(page)
-
-    def hasty(route):
-        response = route.fetch()
-        route.fulfill(response=response, json={**response.json(), "judged": False, "verdict": None})
-
-    page.route("**/live", hasty)
-    said = write(page, "OTTO")
-    assert "Reads" not in said and "seconds" in said, said
-    until(page, "document.querySelector('#verdict').textContent.startsWith('Reads as OTTO.')", 60, "the verdict of the large photograph")
-    assert not trouble, trouble
 
 
 def the_reason_of_not_legible_is_said(hall):

@@ -220,6 +220,49 @@ def an_element_stands_in_any_page(browser, host):
     until(page, "JSON.parse(sessionStorage.noctograph).settings['controller.kind'] === 'lqr'")
 
 
+def a_visitor_of_the_exhibit_makes_own_photographs(browser):
+    """As one on another machine: by its address in the network."""
+    server = Server(PROGRAM, "--network", "--scene", "pid", "--module", str(FOLDER / "noctograph.wasm"))
+    try:
+        context = browser.new_context(locale="en-US", viewport=PHONE)
+        page, asked = context.new_page(), []
+        page.on("request", lambda request: asked.append(request.url.rsplit("/", 1)[-1]))
+        page.goto(server.network)
+        ready(page)
+        begun = cpu_s(server)
+        for word in ["NOOR", "AMARA", "LEA"]:
+            assert write(page, word).startswith(f"Reads as {word}."), page.inner_text("#verdict")
+        used_s = cpu_s(server) - begun
+        assert used_s < 0.1 and not {"live", "photos"} & set(asked), (used_s, asked)
+        print(f"three photographs of a visitor cost the server {used_s:.2f} s of processor", flush=True)
+        # The server's own scene is flown, and what is sent is made once more there.
+        source = "document.querySelector('#photo').src"
+        own = until(page, source + ".startsWith('data:') && " + source)
+        there = page.evaluate("""async () => {
+            const headers = {'Content-Type': 'application/json'}, kept = JSON.parse(sessionStorage.noctograph);
+            const { wish } = await import('./wish.js'), { state } = await import('./state.js');
+            const area = document.querySelector('.stage'), aspect = Math.round(20 * area.clientWidth / area.clientHeight) / 20;
+            const body = JSON.stringify({...wish(Math.min(2.5, Math.max(0.4, aspect))), visitor: state.visitor});
+            return Promise.all(['live', 'photos'].map(async (route) => (await (await fetch(route, {method: 'POST', headers, body})).json()).photo));
+        }""")
+        assert own in there, "another photograph than the server's"
+        page.click("#send")
+        page.wait_for_selector("#sent h2", timeout=120_000)
+        context.close()
+        # A browser that cannot run the module gets the server's photograph, and is told so.
+        context = browser.new_context(locale="en-US", viewport=PHONE)
+        context.route("**/noctograph.wasm", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
+        page = context.new_page()
+        page.goto(server.network)
+        ready(page)
+        page.evaluate("window.said = []; new MutationObserver(() => window.said.push(document.querySelector('#verdict').textContent)).observe(document.querySelector('#verdict'), {childList: true, subtree: true})")
+        assert write(page, "NOOR").startswith("Reads as NOOR.")
+        assert any("one at a time" in said for said in page.evaluate("window.said")), page.evaluate("window.said")
+        context.close()
+    finally:
+        server.kill()
+
+
 def no_network_is_needed(browser):
     host = Host()
     context = browser.new_context(locale="de-DE", viewport=DESK)
@@ -249,8 +292,9 @@ if __name__ == "__main__":
         a_broken_link_opens_the_page(browser, host)
         drawings_and_pictures_are_photographed(browser, host)
         an_element_stands_in_any_page(browser, host)
+        a_visitor_of_the_exhibit_makes_own_photographs(browser)
         no_network_is_needed(browser)
         the_same_bytes(page)
         browser.close()
     host.end()
-    print("the page without a server in Chromium: link, files, drawing, picture, element, no network, the same bytes")
+    print("the page without a server in Chromium: link, files, drawing, picture, element, exhibit, no network, the same bytes")
