@@ -480,7 +480,7 @@ def a_picture_is_flown_in_its_colors_on_the_ground_of_its_ink_above_the_desk(hal
     assert asked[-1].get("light.deck"), f"colors need a deck of colors: {asked[-1]}"
     time.sleep(0.5)  # it has moved to its place
     low = page.evaluate("(() => { const box = document.querySelector('#photo').getBoundingClientRect(); return box.top + box.height * getComputedStyle(frame).getPropertyValue('--low'); })()")
-    assert low < page.locator("#verdict span").bounding_box()["y"], "no light runs under the verdict"
+    assert low < page.locator("#verdict strong").bounding_box()["y"], "no light runs under the verdict"
     svg = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><text y="5">Hi</text></svg>'
     drop(page, f"() => {{ const data = new DataTransfer(); data.items.add(new File([{svg!r}], 'text.svg')); return data; }}")
     until(page, "document.querySelector('#verdict').textContent.includes('convert the text to paths')", 60, "why a text is refused")

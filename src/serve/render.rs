@@ -106,6 +106,7 @@ impl Renderer {
             }
             (strokes, _) => strokes?,
         };
+        prepared.scene.for_audience();
         Ok(Drawn { arguments, prepared, strokes })
     }
 
