@@ -867,7 +867,7 @@ def every_state_is_accessible_and_its_targets_are_large(hall):
         // What is touched in a photograph is as large as its letter; a hidden input is touched by its label.
         if (e.closest('#marks') || e.matches('.sr, .lights input')) return false;
         const box = e.getBoundingClientRect();
-        return box.width > 0 && (box.width < 43.9 || box.height < 43.9) && e.checkVisibility();
+        return box.width > 0 && (box.width < 43.9 || box.height < 43.9 || box.left < -1 || box.right > innerWidth + 1) && e.checkVisibility();
     }).map(e => `${e.outerHTML.slice(0, 90)} ${Math.round(e.getBoundingClientRect().width)} x ${Math.round(e.getBoundingClientRect().height)}`)"""
     faults = []
     with tempfile.TemporaryDirectory() as gallery:
@@ -875,7 +875,7 @@ def every_state_is_accessible_and_its_targets_are_large(hall):
         try:
             for name, page in chain(states(hall.browser, server), kiosk_states(hall.browser, kiosk)):
                 found = page.evaluate(small)
-                faults += [f"{name}: a target is small: {target}" for target in found]
+                faults += [f"{name}: a target is small, or outside: {target}" for target in found]
                 wide = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
                 if wide[0] > wide[1]:
                     faults.append(f"{name}: {wide[0]} px on a screen of {wide[1]}")
