@@ -333,7 +333,7 @@ const BECOMES = /** @type {Record<string, EntryState>} */ ({
 
 /** @param {string} what @param {Entry | undefined} [entry] */
 async function answer(what, entry = current()) {
-  if (!entry || own || Date.now() < held) return;
+  if (!entry || entry.id === own || Date.now() < held) return;
   const at = inTab(tab).findIndex(({ id }) => id === entry.id);
   own = entry.id;
   try {
@@ -349,7 +349,7 @@ async function answer(what, entry = current()) {
     if (!list.some(({ id }) => id === entry.id))
       chosen = list[Math.min(Math.max(0, at), list.length - 1)]?.id ?? "";
   });
-  own = "";
+  if (own === entry.id) own = "";
 }
 
 /** Undoes the newest answer. */
