@@ -355,7 +355,18 @@ mod tests {
     #[test]
     fn words_are_written_as_they_are_read_where_it_costs_a_tenth_at_most() {
         let mut n_read = 0;
-        for word in ["NOOR", "Kenji", "Amara", "HELLO", "Łukasz", "Zoë", "IIII", "Jazz", "2027", "Willkommen"] {
+        for word in [
+            "NOOR",
+            "Kenji",
+            "Amara",
+            "HELLO",
+            "Łukasz",
+            "Zoë",
+            "IIII",
+            "Jazz",
+            "2027",
+            "Willkommen",
+        ] {
             let options = noctograph_letters::LetterOptions::default();
             let strokes = noctograph_letters::write(word, &options).unwrap();
             let flown = |order| {
