@@ -100,6 +100,8 @@ settings! {
     pub enum Order {
         /// With the least time in the dark: exact for ten strokes, 2-opt and Or-opt beyond.
         "shortest" => Shortest,
+        /// Letter by letter, as it is read, where the flight takes at most a tenth longer.
+        "reading" => Reading,
         /// As drawn: handwriting keeps its order and its directions.
         "drawn" => Drawn,
     }

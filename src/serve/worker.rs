@@ -193,6 +193,7 @@ impl JobMaker<'_> {
             scene: &|settings| self.base(settings),
             typeface: &|word| self.face(word).map(|face| brought_here(&face)).transpose(),
             advice: &self.program.advice,
+            has_audience: true,
             watch: &|_stage, _share| {},
         };
         studio.make(*product, subject)

@@ -39,6 +39,8 @@ pub struct Studio<'a> {
     pub typeface: &'a dyn Fn(&str) -> Result<Option<String>>,
     /// Changes that help where a word does not read.
     pub advice: &'a dyn Fn(&Shot) -> Result<Vec<Suggestion>>,
+    /// Whether words are written for an audience, see [`Scene::for_audience`].
+    pub has_audience: bool,
     /// Receives the progress of a photo.
     pub watch: &'a Watch<'a>,
 }
@@ -69,16 +71,19 @@ impl Studio<'_> {
     /// The scene and the strokes of a subject, whose photo has about as many pixels. A word of which
     /// the scene's font lacks a letter is written in a typeface that has all of them.
     fn drawn(&self, subject: &Subject, pixels: f64) -> Result<(PreparedScene, Strokes)> {
-        let prepared = subject.prepared(self.scene, None, pixels)?;
-        match (prepared.scene.strokes(), subject.title()) {
+        let mut prepared = subject.prepared(self.scene, None, pixels)?;
+        let strokes = match (prepared.scene.strokes(), subject.title()) {
             (Err(lacks @ Error::Letter { .. }), Some(word)) => {
                 let Some(face) = (self.typeface)(word)? else { return Err(lacks) };
-                let prepared = subject.prepared(self.scene, Some(&face), pixels)?;
-                let strokes = prepared.scene.strokes()?;
-                Ok((prepared, strokes))
+                prepared = subject.prepared(self.scene, Some(&face), pixels)?;
+                prepared.scene.strokes()?
             }
-            (strokes, _) => Ok((prepared, strokes?)),
+            (strokes, _) => strokes?,
+        };
+        if self.has_audience {
+            prepared.scene.for_audience();
         }
+        Ok((prepared, strokes))
     }
 
     fn shot(&self, shoot: Shoot, judging: Judging, format: Option<Format>) -> Result<Shot> {

@@ -91,6 +91,7 @@ fn answered(product: Product) -> usize {
         scene: &|settings| Scene::parse_with(&base, "scene", settings),
         typeface: &|_word| Ok(None),
         advice: &|_shot| Ok(Vec::new()),
+        has_audience: !base.is_empty(),
         watch: &|stage, share| progress(u32::from(stage == Stage::Exposing), share),
     };
     let mut answer = studio.make(product, &photo.subject);

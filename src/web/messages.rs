@@ -61,6 +61,7 @@ keys! {
     LettersMany "letters-many" 422 "too many of these letters in a row" "write fewer";
     DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
     DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
+    DrawingText "drawing-text" 422 "a text is no path" "convert it to paths";
     DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
     PictureNone "picture-none" 422 "no lines are found in the picture" "choose a picture of lines on paper";
     FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
@@ -237,6 +238,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
                 _ if is_drawing && ["of more ", "more than "].iter().any(|w| found.contains(w)) => {
                     Key::DrawingLarge
                 }
+                "paths in place of text" => Key::DrawingText,
                 "a drawing, handwriting or a logo" => Key::PictureNone,
                 _ if is_drawing || is_at("drawing") => Key::DrawingBroken,
                 _ if is_at("word") => Key::LettersMany,

@@ -16,8 +16,8 @@ use noctograph_core::settings::{Described, settings};
 use noctograph_letters::{self as letters, Ink, LetterOptions, Strokes};
 use noctograph_picture::expose::ExposeOptions;
 use noctograph_picture::light::LightOptions;
-use noctograph_picture::photo::{self, PhotoOptions};
-use noctograph_plan::PlanOptions;
+use noctograph_picture::photo::{self, Noise, PhotoOptions};
+use noctograph_plan::{Order, PlanOptions, Style};
 use noctograph_score::ScoreOptions;
 use noctograph_sim::sensors::SensorOptions;
 use noctograph_sim::vehicle::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
@@ -218,6 +218,22 @@ impl Scene {
         word.clone_into(&mut self.word);
         self.letters.drawing.clear();
         self.letters.drawing_sha256.clear();
+    }
+
+    /// For an audience: a word is written as it is read, from the left, by a camera that maps its
+    /// hot photosites out.
+    pub fn for_audience(&mut self) {
+        let from_right = |c| matches!(c, '\u{590}'..='\u{8ff}' | '\u{fb1d}'..='\u{fefc}');
+        if let Style::Even(style) = &mut self.plan.style
+            && style.order == Order::Shortest
+            && self.letters.drawing.is_empty()
+            && !self.word.contains(from_right)
+        {
+            style.order = Order::Reading;
+        }
+        if let Noise::Emva1288(noise) = &mut self.photo.noise {
+            noise.hot_pixel_frac = 0.0;
+        }
     }
 
     /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene

@@ -5,6 +5,8 @@
 //! one's start, with take-off below the first stroke and landing below the last. The estimate is
 //! the same backward, so that a reversed run of strokes costs the same inside.
 //!
+//! For reading, each step to another letter costs so much that the letters follow each other.
+//!
 //! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held, Karp 1962; Bellman
 //! 1962). Beyond: the nearest stroke next, then local search ([`search`]), then the best directions
 //! for that order.
@@ -30,6 +32,11 @@ const MEASURED_WAYS: usize = 24;
 /// Most strokes of a drawing: its order is sought among all pairs.
 const MAX_STROKES: usize = 10_000;
 
+/// What a step to another letter costs where letters are read one after the other, s: more than any
+/// way within a word. Only an order from one end to the other has one step for each letter.
+const LETTER_S: f64 = 1000.0;
+/// How much longer the order of reading may take, as a share of the shortest flight.
+const LONGER: f64 = 0.1;
 /// Transits from which the time of many strokes is taken, and the share of it that they are sure to
 /// take.
 const MEASURED_TRANSITS: usize = 500;
@@ -49,7 +56,11 @@ pub(super) fn in_order(
     style: &EvenStyle,
 ) -> Result<Vec<PenStroke>> {
     let drawn = as_drawn(strokes, speed_m_s)?;
-    let flown = if is_kept(strokes, style) { drawn } else { shortest(&drawn, speed_m_s, style) };
+    let flown = match style.order {
+        _ if is_kept(strokes, style) => drawn,
+        Order::Reading => as_read(&drawn, speed_m_s, style),
+        Order::Shortest | Order::Drawn => shortest(&drawn, speed_m_s, style),
+    };
     check_duration(&flown, speed_m_s, style)?;
     Ok(flown)
 }
@@ -62,7 +73,7 @@ fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Res
     }
     let stride = flown.len().div_ceil(MEASURED_TRANSITS);
     let ways: Vec<_> = flown.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
-    let tour = Tour { ways: &ways, style, measured: true };
+    let tour = Tour { ways: &ways, style, measured: true, letters: &[] };
     let transits = (1..flown.len()).step_by(stride);
     let transit_s = transits.map(|to| tour.between_s(Some((to - 1, 0)), Some((to, 0))));
     let dark_s = stride as f64 * transit_s.filter(|dark_s| dark_s.is_finite()).sum::<f64>();
@@ -122,16 +133,36 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
 /// Strokes in the order and direction with the least time in the dark.
 pub(super) fn shortest(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
     let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
-    let flown = shortest_legs(&ways, style).into_iter();
-    flown.map(|(stroke, way)| drawn[stroke].along(way)).collect()
+    along(drawn, shortest_legs(&ways, style, &[]))
 }
 
-fn shortest_legs(ways: &[Vec<Way>], style: &EvenStyle) -> Vec<Leg> {
+fn along(drawn: &[PenStroke], legs: Vec<Leg>) -> Vec<PenStroke> {
+    legs.into_iter().map(|(stroke, way)| drawn[stroke].along(way)).collect()
+}
+
+/// Strokes letter by letter from the first, where that takes little longer than the least time.
+fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
+    let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
+    let letters: Vec<usize> = drawn.iter().map(|stroke| stroke.letter).collect();
+    let tour = Tour { ways: &ways, style, measured: false, letters: &[] };
+    let shortest = shortest_legs(&ways, style, &[]);
+    let mut read = shortest_legs(&ways, style, &letters);
+    if letters[read[0].0] > letters[read[read.len() - 1].0] {
+        read.reverse();
+        read = tour.best_ways(&read);
+    }
+    let lit_s: f64 = drawn.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum();
+    let least_s = lit_s + tour.total_s(&shortest);
+    let is_little = lit_s + tour.total_s(&read) <= (1.0 + LONGER) * least_s;
+    along(drawn, if is_little { read } else { shortest })
+}
+
+fn shortest_legs(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Leg> {
     if ways.len() <= EXACT_STROKES {
         let measured = ways.iter().map(Vec::len).sum::<usize>() <= MEASURED_WAYS;
-        return Tour { ways, style, measured }.exact();
+        return Tour { ways, style, measured, letters }.exact();
     }
-    let tour = Tour { ways, style, measured: false };
+    let tour = Tour { ways, style, measured: false, letters };
     let mut legs = tour.nearest();
     tour.improve(&mut legs);
     tour.best_ways(&legs)
@@ -143,6 +174,8 @@ struct Tour<'a> {
     style: &'a EvenStyle,
     /// Whether transits are planned, not estimated.
     measured: bool,
+    /// The letter of each stroke, where each letter is to be written before the next; else none.
+    letters: &'a [usize],
 }
 
 impl Tour<'_> {
@@ -152,10 +185,16 @@ impl Tour<'_> {
 
     /// Between two strokes; from or to the floor where there is none.
     fn between_s(&self, from: Option<Leg>, to: Option<Leg>) -> f64 {
+        // The same both ways: written from the last letter to the first it costs as much.
+        let letter = |leg: Option<Leg>| self.letters.get(leg?.0).copied();
+        let apart = letter(from).zip(letter(to)).map_or(0, |(a, b)| a.abs_diff(b));
+        let apart_s = LETTER_S * apart as f64;
         let (still, from, to) =
             (Vector2::zeros(), from.map(|leg| self.way(leg)), to.map(|leg| self.way(leg)));
         match (from, to) {
-            (Some(a), Some(b)) => self.transit_s(b.start_m - a.end_m, a.end_m_s, b.start_m_s),
+            (Some(a), Some(b)) => {
+                apart_s + self.transit_s(b.start_m - a.end_m, a.end_m_s, b.start_m_s)
+            }
             (None, Some(b)) => self.transit_s(Vector2::new(0.0, b.start_m.y), still, b.start_m_s),
             (Some(a), None) => self.transit_s(Vector2::new(0.0, -a.end_m.y), a.end_m_s, still),
             (None, None) => 0.0,
@@ -312,12 +351,48 @@ mod tests {
         }
     }
 
+    /// Ten words, three of which have more strokes than are tried in all orders.
+    #[test]
+    fn words_are_written_as_they_are_read_where_it_costs_a_tenth_at_most() {
+        let mut n_read = 0;
+        for word in [
+            "NOOR",
+            "Kenji",
+            "Amara",
+            "HELLO",
+            "Łukasz",
+            "Zoë",
+            "IIII",
+            "Jazz",
+            "2027",
+            "Willkommen",
+        ] {
+            let options = noctograph_letters::LetterOptions::default();
+            let strokes = noctograph_letters::write(word, &options).unwrap();
+            let flown = |order| {
+                let style = EvenStyle { order, ..EvenStyle::default() };
+                let flown = in_order(&strokes, 0.2, &style).unwrap();
+                let ways: Vec<_> = flown.iter().map(|stroke| stroke.ways(0.2)).collect();
+                let tour = Tour { ways: &ways, style: &style, measured: true, letters: &[] };
+                let legs: Vec<Leg> = (0..ways.len()).map(|stroke| (stroke, 0)).collect();
+                let lit_s: f64 = flown.iter().map(|stroke| lit_s(stroke, 0.2)).sum();
+                let letters: Vec<usize> = flown.iter().map(|stroke| stroke.letter).collect();
+                (letters, lit_s + tour.total_s(&legs))
+            };
+            let ((_, least_s), (letters, read_s)) = (flown(Order::Shortest), flown(Order::Reading));
+            println!("{word}: {least_s:.1} s, as it is read {read_s:.1} s, {letters:?}");
+            assert!(read_s <= 1.12 * least_s, "{word}: {read_s} s, {least_s} s at least");
+            n_read += usize::from(letters.is_sorted());
+        }
+        assert!(n_read >= 9, "{n_read} of ten words are written as they are read");
+    }
+
     #[test]
     fn the_order_of_a_small_word_is_the_optimum() {
         let style = EvenStyle::default();
         for seed in 0..5 {
             let ways = drawing(5, seed);
-            let tour = Tour { ways: &ways, style: &style, measured: false };
+            let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
             let mut best = f64::INFINITY;
             brute(&tour, &mut Vec::new(), &mut best);
             let found = tour.total_s(&tour.exact());
@@ -330,7 +405,7 @@ mod tests {
         let style = EvenStyle::default();
         for seed in 0..8 {
             let ways = drawing(9, seed);
-            let tour = Tour { ways: &ways, style: &style, measured: false };
+            let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
             let best = tour.total_s(&tour.exact());
             let mut legs = tour.nearest();
             tour.improve(&mut legs);
@@ -374,7 +449,7 @@ mod tests {
         let row = row.map(|at| PenStroke::even(0, vec![at, at + Vector2::new(0.5, 0.0)]).ways(0.2));
         // Dashes on a square grid are near in many equal ways.
         for ways in [drawing(300, 1), drawing(61, 2), square(12, 0.05), row.collect()] {
-            let tour = Tour { ways: &ways, style: &style, measured: false };
+            let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
             assert_eq!(tour.nearest(), by_asking_all(&tour));
         }
     }
@@ -383,7 +458,7 @@ mod tests {
     fn two_thousand_strokes_take_less_than_half_the_time_of_their_drawn_order() {
         let style = EvenStyle::default();
         let ways = drawing(2000, 7);
-        let tour = Tour { ways: &ways, style: &style, measured: false };
+        let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
         let drawn: Vec<Leg> = (0..2000).map(|stroke| (stroke, 0)).collect();
         let found = shortest_legs(&ways, &style);
         let (found_s, drawn_s) = (tour.total_s(&found), tour.total_s(&drawn));

@@ -1,7 +1,7 @@
 // The photograph as far as the lamp has come: its own pixels, let through along the lamp's path.
 //
-// A long exposure adds up light. What the trail does not cover (floor, walls) brightens with the
-// share of time; the trail itself is there as soon as the lamp has passed. The way of the lamp is
+// A long exposure adds up light. The room (floor, walls), coarsely, brightens with the share of
+// time; the trail itself is there as soon as the lamp has passed. The way of the lamp is
 // drawn into two small masks: all of it, and what has been flown. Forward, the second only grows.
 
 import { span } from "./replay.js";
@@ -94,11 +94,7 @@ export function exposure(image, replay, canvas) {
     }
   }
   for (const { pen: each } of [whole, wholeBloom]) trace(each, -Infinity, Infinity);
-  // Where the lamp will come, the wall is seen for now: a coming trail leaves no hole.
-  const wall = sheet(MASK_WIDTH, high);
-  wall.pen.drawImage(wallOf(image, wholeBloom.canvas), 0, 0, MASK_WIDTH, high);
-  wall.pen.globalCompositeOperation = "destination-in";
-  wall.pen.drawImage(wholeBloom.canvas, 0, 0);
+  const room = roomOf(image, wholeBloom.canvas);
   let until = -Infinity;
 
   /** Where the lamps are that shine at a time. @param {number} now */
@@ -128,9 +124,9 @@ export function exposure(image, replay, canvas) {
     for (const { pen: each } of [flown, flownBloom]) trace(each, until, now);
     until = now;
 
-    // Light adds up linearly; the photograph's values are its root.
+    // Along the way that was flown its own pixels; the rest of them come with the end.
     mask.pen.globalCompositeOperation = "copy";
-    mask.pen.fillStyle = `rgb(0 0 0 / ${share ** (1 / 2.2)})`;
+    mask.pen.fillStyle = `rgb(0 0 0 / ${share ** 8})`;
     mask.pen.fillRect(0, 0, MASK_WIDTH, high);
     mask.pen.globalCompositeOperation = "destination-out";
     mask.pen.drawImage(wholeBloom.canvas, 0, 0);
@@ -147,15 +143,13 @@ export function exposure(image, replay, canvas) {
     pen.drawImage(mask.canvas, 0, 0, width, height);
     pen.globalCompositeOperation = "source-in";
     pen.drawImage(image, 0, 0, width, height);
-    // Where the lamp has not been, the wall.
-    bloom.pen.globalCompositeOperation = "copy";
-    bloom.pen.drawImage(wall.canvas, 0, 0);
-    bloom.pen.globalCompositeOperation = "destination-out";
-    bloom.pen.drawImage(flownBloom.canvas, 0, 0);
-    pen.globalCompositeOperation = "lighter";
+    // Elsewhere the room, which knows nothing of what comes. Light adds up linearly; the
+    // photograph's values are its root.
+    pen.globalCompositeOperation = "destination-over";
     pen.globalAlpha = share ** (1 / 2.2);
-    pen.drawImage(bloom.canvas, 0, 0, width, height);
+    pen.drawImage(room, 0, 0, width, height);
     pen.globalAlpha = 1;
+    pen.globalCompositeOperation = "lighter";
     for (const lamp of lamps(now))
       glow(pen, (lamp.x * width) / 10_000, (lamp.y * height) / 10_000, width * 0.075, lamp.rgb);
   };
@@ -166,7 +160,7 @@ export function exposure(image, replay, canvas) {
  * @param {HTMLImageElement} image
  * @param {HTMLCanvasElement} trail
  */
-function wallOf(image, trail) {
+function roomOf(image, trail) {
   const [across, down, fine] = [8, 5, 8];
   const around = sheet(across * fine, down * fine),
     coarse = sheet(across, down);

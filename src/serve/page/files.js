@@ -4,6 +4,9 @@ const MOST_SIDE = 1200;
 const MOST_BASE64 = 180_000;
 /** Most characters of a drawing: what a request may hold, less the rest of it. */
 const MOST_TEXT = 240_000;
+/** Grounds for a transparent picture, and how far its ink is from the one it is lost on. */
+const GROUNDS = [255, 0, 128],
+  APART = 40;
 
 /**
  * Reads a file; null if it is neither drawing nor picture.
@@ -32,7 +35,8 @@ async function jpeg(file) {
   const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
   pen.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
   pen.globalCompositeOperation = "destination-over";
-  pen.fillStyle = isLight(pen, canvas) ? "#000" : "#fff";
+  const ground = groundOf(pen, canvas);
+  pen.fillStyle = `rgb(${ground} ${ground} ${ground})`;
   pen.fillRect(0, 0, canvas.width, canvas.height);
   const texts = [0.9, 0.7, 0.5, 0.3].map(
     (quality) => canvas.toDataURL("image/jpeg", quality).split(",")[1],
@@ -41,17 +45,24 @@ async function jpeg(file) {
   return { text, size: [canvas.width, canvas.height] };
 }
 
-/** Whether a picture is mostly transparent, and what is opaque light: white would hide it. */
-function isLight(
+/**
+ * The ground on which nearly all ink of a transparent picture stands out, as the command line finds
+ * it; white where most of the picture is paper. @returns {number}
+ */
+function groundOf(
   /** @type {CanvasRenderingContext2D} */ pen,
   /** @type {HTMLCanvasElement} */ { width, height },
 ) {
   const { data } = pen.getImageData(0, 0, width, height);
-  let [opaque, light] = [0, 0];
+  const lost = GROUNDS.map(() => 0);
+  let opaque = 0;
   for (let i = 0; i < data.length; i += 4) {
     if (data[i + 3] < 128) continue;
     opaque += 1;
-    if (Math.min(data[i], data[i + 1], data[i + 2]) > 180) light += 1;
+    GROUNDS.forEach((ground, k) => {
+      lost[k] += [0, 1, 2].every((c) => Math.abs(data[i + c] - ground) < APART) ? 1 : 0;
+    });
   }
-  return 2 * opaque < width * height && 2 * light > opaque;
+  const isPaper = 2 * opaque > width * height && 2 * lost[0] > opaque;
+  return GROUNDS.find((_, k) => isPaper || lost[k] <= 0.01 * opaque) ?? GROUNDS[0];
 }

@@ -95,6 +95,11 @@ async function wanted() {
   });
   if (!shot || mine !== current()) return;
   known.source = shot.source ?? shot.error?.values.source ?? known.source;
+  // A picture is flown in its own colors.
+  const inks = known.source?.strokes ?? [];
+  const colored = inks.some(({ color }) => !["black", "gray", "white"].includes(color ?? "black"));
+  if (state.opened && !state.opened.colored !== !colored)
+    return change({ opened: { ...state.opened, colored } });
   if (shot.error) return failed(shot.error);
   await shown(shot, strokes, () => mine === current());
   if (mine !== current()) return;
@@ -231,7 +236,8 @@ function putDesk() {
   byId("opened").hidden = !state.opened;
   byId("opened-name").textContent = state.opened?.name ?? "";
   byId("field").hidden = byId("lights").hidden = state.opened !== null;
-  byId("choose").hidden = state.opened === null;
+  byId("choose").hidden =
+    !state.opened || (known.error !== null && !known.source && !isChoosing());
   byId("choose").setAttribute("aria-pressed", `${isChoosing()}`);
   if (isChoosing()) picture?.putPicture(known.source);
 }
@@ -323,7 +329,7 @@ async function share() {
 
 /** Another one: the same visitor at an own device, another one at the kiosk. */
 function another() {
-  history.replaceState(null, "", ".");
+  history.replaceState(null, "", location.pathname + location.search);
   if (about.kiosk) return forget(state.language);
   change({
     mode: "word",
@@ -372,18 +378,22 @@ addEventListener("popstate", () => {
 });
 
 async function draws() {
+  await loadPad();
   change({ mode: "pad", word: "", painted: [], opened: null });
-  await openPad();
+  openPad();
   byId("pad").focus({ preventScroll: true });
 }
 
 /** The pad is loaded when it is opened first. @type {typeof import("./pad.js") | null} */
 let pad = null;
 
-async function openPad() {
-  pad ??= await import("./pad.js");
-  pad.openPad();
-  if (known.shot && isDrawing()) pad.putLit(seen(state.sketch));
+async function loadPad() {
+  [pad] = await Promise.all([import("./pad.js"), style("pad.css")]);
+}
+
+function openPad() {
+  pad?.openPad();
+  if (known.shot && isDrawing()) pad?.putLit(seen(state.sketch));
 }
 
 function types() {
@@ -492,6 +502,10 @@ new ResizeObserver(() => {
     if (about && !isDrawing() && state.mode !== "pad") wanted();
   }, 300);
 }).observe(area);
+// The photograph stands clear of the desk.
+new ResizeObserver(() => area.style.setProperty("--desk", `${byId("desk").offsetHeight}px`)).observe(
+  byId("desk"),
+);
 
 async function begun() {
   const [told] = await Promise.all([
@@ -522,7 +536,7 @@ async function begun() {
   putWords(document);
   if (state.mode === "pad" && location.hash !== "#pad") history.replaceState("pad", "", "#pad");
   else if (location.hash === "#pad") state.mode = "pad";
-  if (state.mode === "pad") await openPad();
+  if (state.mode === "pad") await loadPad().then(openPad);
   if (isChoosing()) await openPicture();
   change({ language: state.language, color: state.color, mode: state.mode });
   if (about.kiosk)

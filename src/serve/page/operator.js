@@ -24,6 +24,11 @@ let tab = "waiting",
 const answered = [];
 /** When the one in the air took off, as far as this page knows. */
 let tookOff = 0;
+/** The entry that is being answered here, whose change is no surprise. */
+let own = "";
+/** Until when keys and buttons rest, since what they are for changed by itself. */
+let held = 0;
+const HELD_MS = 700;
 
 const photo = make("img", { alt: "" }),
   light = make("canvas", { "aria-hidden": "true" });
@@ -46,11 +51,26 @@ const inTab = (/** @type {string} */ name) =>
 const current = () => queue.entries.find(({ id }) => id === chosen);
 const title = (/** @type {Entry} */ entry) => entry.title ?? t("a-drawing");
 
+/** Another entry, or another state of it, that nobody asked for: what was meant for the old waits. */
+function hold() {
+  held = Date.now() + HELD_MS;
+  byId("entry").classList.add("held");
+  setTimeout(() => byId("entry").classList.toggle("held", Date.now() < held), HELD_MS);
+}
+
+/** Shows another entry in place of one that somebody else answered, or took back. */
+function choose(/** @type {string} */ id) {
+  const gone = current();
+  if (chosen && chosen !== own) hold();
+  if (gone && chosen !== own) toast(t("answered", { title: title(gone) }));
+  chosen = id;
+}
+
 /* ---------- What is seen ---------- */
 
 function put() {
   const list = inTab(tab);
-  if (!list.some(({ id }) => id === chosen)) chosen = list[0]?.id ?? "";
+  if (!list.some(({ id }) => id === chosen)) choose(list[0]?.id ?? "");
   putHeader();
   putList(list);
   putEntry();
@@ -69,6 +89,7 @@ function putHeader() {
       );
       button.onclick = () => {
         tab = name;
+        chosen = "";
         put();
       };
       return button;
@@ -169,7 +190,10 @@ function putEntry() {
     ),
   );
   const acts = make("div", { className: "acts" }, ...actions(entry));
+  const was = box.dataset.state;
+  box.dataset.state = entry.state;
   if (drawn === entry.id && box.querySelector(".facts")) {
+    if (was !== entry.state) hold();
     const had = box.querySelector(".acts")?.contains(document.activeElement);
     box.querySelector(".facts")?.replaceWith(list);
     box.querySelector(".acts")?.replaceWith(acts);
@@ -210,14 +234,24 @@ function action(word, key, look, act) {
   return button;
 }
 
+/** A button that moves the entry. @param {string} word @param {string} face @param {1 | -1} by */
+function step(word, face, by) {
+  const button = make("button", { type: "button", "aria-label": t(word), title: t(word) }, face);
+  button.onclick = () => reorder(by);
+  return button;
+}
+
 /** @param {Entry} entry */
 function actions(entry) {
   const gap = make("span", { className: "gap" });
   const order = [
-    action("sooner", "Shift ↑", "wide", () => reorder(-1)),
-    action("later", "Shift ↓", "wide", () => reorder(1)),
+    step("sooner", "↑", -1),
+    step("later", "↓", 1),
   ];
-  const watch = action("watch-short", "␣", "wide", () => strip.run());
+  const watch = action("watch-short", "␣", "", () => strip.run());
+  const script = action("script", "S", "", () =>
+    save(`entries/${entry.id}/flight.zip`, `${entry.number}.zip`).catch(tell),
+  );
   if (entry.state === "waiting")
     return [
       action("approve", "A", "first", () => answer("approve")),
@@ -231,14 +265,26 @@ function actions(entry) {
       action("fly", "F", "first", () => answer("fly")),
       action("back-to-waiting", "W", "second", () => answer("wait")),
       hide(entry),
+      script,
       watch,
       gap,
       ...order,
     ];
   if (entry.state === "flying")
-    return [action("flown", "F", "first", () => answer("flown")), hide(entry), watch];
+    return [
+      action("flown", "F", "first", () => answer("flown")),
+      action("back-to-approved", "A", "second", () => answer("approve")),
+      hide(entry),
+      script,
+      watch,
+    ];
   if (entry.state === "flown")
-    return [hide(entry), action("fly-again", "F", "second", () => answer("fly")), watch];
+    return [
+      hide(entry),
+      action("fly-again", "F", "second", () => answer("fly")),
+      script,
+      watch,
+    ];
   return [action("back-to-waiting", "W", "second", () => answer("wait")), watch];
 }
 
@@ -287,38 +333,39 @@ const BECOMES = /** @type {Record<string, EntryState>} */ ({
 
 /** @param {string} what @param {Entry | undefined} [entry] */
 async function answer(what, entry = current()) {
-  if (!entry) return;
+  if (!entry || entry.id === own || Date.now() < held) return;
   const at = inTab(tab).findIndex(({ id }) => id === entry.id);
+  own = entry.id;
   try {
     await post(`entries/${entry.id}`, { do: what, was: entry.state });
     if (what === "fly") tookOff = Date.now();
     if (what in BECOMES) answered.push({ id: entry.id, was: entry.state, now: BECOMES[what] });
   } catch (error) {
     tell(error);
+    hold();
   }
-  await load();
-  // The next one comes into its place.
-  const list = inTab(tab);
-  if (!list.some(({ id }) => id === entry.id)) {
-    chosen = list[Math.min(Math.max(0, at), list.length - 1)]?.id ?? "";
-    put();
-  }
+  await load((list) => {
+    // The next one comes into its place.
+    if (!list.some(({ id }) => id === entry.id))
+      chosen = list[Math.min(Math.max(0, at), list.length - 1)]?.id ?? "";
+  });
+  if (own === entry.id) own = "";
 }
 
-/** Undoes the newest answer; a flight cannot be undone. */
+/** Undoes the newest answer. */
 async function undo() {
   const last = answered.pop();
-  if (!last || last.was === "flying" || last.now === "flying") return;
-  const back = last.was === "approved" ? "approve" : "wait";
+  if (!last) return;
+  const back = Object.entries(BECOMES).find(([, state]) => state === last.was)?.[0];
   try {
     await post(`entries/${last.id}`, { do: back, was: last.now });
   } catch (error) {
     tell(error);
   }
-  await load();
-  tab = TABS.find(([, states]) => states.includes(last.was))?.[0] ?? tab;
-  chosen = last.id;
-  put();
+  await load(() => {
+    tab = TABS.find(([, states]) => states.includes(last.was))?.[0] ?? tab;
+    chosen = last.id;
+  });
 }
 
 /** @param {1 | -1} by */
@@ -338,8 +385,18 @@ async function reorder(by) {
 
 /** @param {unknown} error */
 function tell(error) {
-  if (!(error instanceof Refused)) return;
-  sheet(t("refused"), make("p", {}, sentence("errors", error.said)));
+  toast(error instanceof Refused ? sentence("errors", error.said) : t("lost"));
+}
+
+let told = 0;
+/** Says something for a while. @param {string} text */
+function toast(text) {
+  const line = byId("toast");
+  line.textContent = text;
+  clearTimeout(told);
+  told = window.setTimeout(() => {
+    line.textContent = "";
+  }, 6000);
 }
 
 /** @param {string} head @param {Node[]} parts */
@@ -376,6 +433,7 @@ byId("keys").onclick = () =>
         ["F", "key-fly"],
         ["W", "back-to-waiting"],
         ["D", "take-down"],
+        ["S", "script"],
         ["Z", "undo-answer"],
         ["↑ ↓", "key-choose"],
         ["Shift ↑ ↓", "key-order"],
@@ -438,11 +496,12 @@ addEventListener("keydown", (event) => {
   if (event.key === " " && target.matches("button, a")) return;
   const key = event.key.toLowerCase();
   const found = {
-    a: press("approve"),
+    a: press("approve", "back-to-approved"),
     r: press("reject"),
     f: press("fly", "flown", "fly-again") ?? byId("air").querySelector("button"),
     w: press("back-to-waiting"),
     d: press("take-down", "show-again"),
+    s: press("script"),
     " ": press("watch-short"),
   }[key];
   if (key === "z") undo();
@@ -455,10 +514,12 @@ addEventListener("keydown", (event) => {
 
 /* ---------- All together ---------- */
 
-async function load() {
+/** Looks what the queue is now. @param {(list: Entry[]) => void} [then] before it is shown */
+async function load(then) {
   const told = await get("queue.json").catch(() => null);
   if (!told) return;
   queue = told;
+  then?.(inTab(tab));
   put();
 }
 
@@ -471,6 +532,6 @@ async function begun() {
     byId("lost").textContent = lost ? t(lost === "moved" ? "moved" : "lost") : "";
   });
   put();
-  follow(load);
+  follow(() => load());
 }
 begun();

@@ -61,7 +61,7 @@ export function putPicture(/** @type {Source | null} */ found) {
     svg.children[i + 1].setAttribute("aria-label", t("stroke", { n: id, color: t(color) }));
   });
   svg.setAttribute("aria-label", t("strokes"));
-  note.textContent = t(picture ? "choose-picture" : "choose-strokes");
+  note.textContent = t(corners() ? "choose-picture" : "choose-strokes");
   putCorners();
   putInks();
 }

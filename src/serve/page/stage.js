@@ -49,10 +49,24 @@ export async function hang(src, alt, replay, aspect, wanted) {
   Object.assign(next, { id: "photo", alt });
   photo.replaceWith(next);
   photo = next;
-  frame.style.setProperty("--shape", `${aspect}`);
+  const { top, bottom } = extent(replay);
+  for (const [name, value] of Object.entries({
+    shape: aspect,
+    low: bottom,
+    tall: Math.max(0.1, bottom - top),
+    middle: (top + bottom) / 2,
+  }))
+    frame.style.setProperty(`--${name}`, `${value}`);
   frame.hidden = false;
   [show, map] = [null, replay];
   return true;
+}
+
+/** Between which shares of the photograph's height the lamp shines. @param {Replay} replay */
+function extent({ strokes }) {
+  const heights = strokes.flatMap(({ at }) => at.filter((_, i) => i % 3 === 2));
+  const [top, bottom] = heights.reduce(([a, b], y) => [Math.min(a, y), Math.max(b, y)], [1e4, 0]);
+  return top < bottom ? { top: top / 1e4, bottom: bottom / 1e4 } : { top: 0.25, bottom: 0.75 };
 }
 
 /** Takes the photograph down: there is nothing to see, or it is no longer true. */

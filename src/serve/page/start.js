@@ -1,7 +1,7 @@
 // The kiosk's start screen, and the way back to it when nobody is there.
 
 import { get } from "./ask.js";
-import { byId, make } from "./dom.js";
+import { byId, make, style } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { loop, stopLoop } from "./loop.js";
 import { change, forget, state } from "./state.js";
@@ -23,17 +23,35 @@ let idle = 0;
 export function startKiosk() {
   home = preferred("");
   if (isEmpty()) showStart();
-  for (const event of ["pointerdown", "keydown", "input", "wheel"])
+  for (const event of ["pointerdown", "pointermove", "keydown", "input", "wheel"])
     addEventListener(event, touched, { capture: true });
-  addEventListener("contextmenu", (event) => event.preventDefault());
+  for (const event of ["contextmenu", "dragstart"])
+    addEventListener(event, (event) => event.preventDefault());
+  addEventListener("wheel", (event) => event.ctrlKey && event.preventDefault(), { passive: false });
+  addEventListener("keydown", (event) => leadsOut(event) && event.preventDefault());
+  if (new URLSearchParams(location.search).has("keyboard"))
+    Promise.all([import("./keyboard.js"), style("keyboard.css")]).then(([{ putKeyboard }]) =>
+      putKeyboard(),
+    );
   addEventListener("news", () => {
     if (!start.hidden) putEvening();
   });
   touched();
 }
 
-/** Somebody is there. @param {Event} [event] */
+/**
+ * Whether a key prints, saves, reloads, enlarges, leaves: all but the editing of a text. What the
+ * browser keeps for itself (a new window) is for its own kiosk mode, see docs/how-to/tablet.md.
+ * @param {KeyboardEvent} event
+ */
+const leadsOut = ({ key, altKey, ctrlKey, metaKey }) =>
+  /^F\d/.test(key) ||
+  (altKey && /^(Arrow|Home)/.test(key)) ||
+  ((ctrlKey || metaKey) && !/^([acvxyz]|Arrow.*|Home|End|Backspace|Delete)$/i.test(key));
+
+/** Somebody is there: who draws, too, but no mouse that trembles. @param {Event} [event] */
 function touched(event) {
+  if (event instanceof PointerEvent && event.type === "pointermove" && !event.buttons) return;
   idle = 0;
   // What asks stays until its button is pressed, or something else is touched.
   if (!(event?.target instanceof Node && byId("still").contains(event.target)))
@@ -63,7 +81,8 @@ function putStill(left) {
 /** Forgets the visitor and shows the start. */
 function over() {
   byId("still").hidden = true;
-  history.replaceState(null, "", ".");
+  history.replaceState(null, "", location.pathname + location.search);
+  unzoom();
   forget();
   // The next visitor begins in the language of the tablet.
   /** @type {HTMLSelectElement} */ (byId("language")).value = home;
@@ -71,6 +90,16 @@ function over() {
     change({ language: "" });
     showStart();
   });
+}
+
+/** A page that somebody enlarged, where the browser lets one, is as before. */
+function unzoom() {
+  const view = /** @type {HTMLMetaElement} */ (document.querySelector("meta[name=viewport]"));
+  const { content } = view;
+  view.content = `${content}, maximum-scale=1`;
+  setTimeout(() => {
+    view.content = content;
+  }, 100);
 }
 /** The hall's own language: that of the tablet. */
 let home = "en";

@@ -148,6 +148,8 @@ interface Opened {
   text: string;
   /** Width and height of a picture. */
   size?: [number, number];
+  /** Whether strokes have colors, which a lamp of one color has not. */
+  colored?: boolean;
   /** Whether it is seen in place of the photograph, to choose what is drawn. */
   choosing?: boolean;
   /** Corners of the paper that were set by hand. */

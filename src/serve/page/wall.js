@@ -23,23 +23,12 @@ let since = 0,
 /** The newest that has hung large. */
 let latest = "";
 
-/** @param {Hung} photo @param {boolean} large */
+/** What is known of a photograph: the name only of the large one. @param {Hung} photo @param {boolean} large */
 function caption({ title, flight_s, flying }, large) {
-  const name = title ?? t("drawing");
-  return make(
-    "figcaption",
-    {},
-    make("bdi", {}, name),
-    ...(large
-      ? [
-          make(
-            "small",
-            {},
-            flying ? t("flying-now") : t("seconds-of-light", { n: Math.round(flight_s) }),
-          ),
-        ]
-      : []),
-  );
+  const n = Math.round(flight_s);
+  if (!large) return make("figcaption", {}, t(flying ? "flying-now" : "seconds", { n }));
+  const light = make("small", {}, t(flying ? "flying-now" : "seconds-of-light", { n }));
+  return make("figcaption", {}, make("bdi", {}, title ?? t("drawing")), light);
 }
 
 const image = (/** @type {Hung} */ { key, title }) =>

@@ -35,7 +35,8 @@ export const title = () => (state.opened || isDrawing() ? null : state.word.trim
 /** The lamp that writes: the chosen one, or one that has colors where a color is wished. */
 function lamp() {
   if (state.lamp && state.lamp !== "headlights") return state.lamp;
-  if (state.opened || colors().every((color) => color === "white")) return "headlights";
+  const plain = colors().every((color) => color === "white");
+  if (state.opened ? !state.opened.colored : plain) return "headlights";
   return about.deck === "led-ring" ? "ring" : "color-led";
 }
 
