@@ -119,8 +119,8 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
     Report::with_words(figures, &words, FLIGHT)
 }
 
-/// A lag below this is told as a lead: what rounds to zero is none.
-pub(super) const LEAD_S: f64 = -0.005;
+/// A lag below this is told as a lead: less is 4 mm of a stroke.
+pub(super) const LEAD_S: f64 = -0.02;
 
 const FLIGHT: &str = "\
 flight    {duration_s:.1} s, RMSE ({part}): x {rmse_m.0:.3}  y {rmse_m.1:.3}  z {rmse_m.2:.3} m
