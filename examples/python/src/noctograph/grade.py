@@ -303,7 +303,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.add_argument(f"--{name.replace('_', '-')}", metavar="N", type=kind, default=most, help=f"limit of a controller in Python [default: {most}]")
     args = parser.parse_args(arguments)
     try:
-        listed = args.words.split(",") if args.words else []
+        listed: list[str] = args.words.split(",") if args.words else []
         if args.words and Path(args.words).is_file():
             lines = map(str.strip, Path(args.words).read_text("utf-8").splitlines())
             listed = [line for line in lines if line and not line.startswith("#")]

@@ -290,7 +290,7 @@ def rank(
     Report
         The keys of ``noctograph rank --json``, and ``report["flights"]``; ``report.files`` has the tables as CSV.
     """
-    if not isinstance(scenes, Mapping):
+    if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
         raise InputError("scenes", type(scenes).__name__, "contenders by name", hint)
     with _bar(progress, "ranking") as show:
