@@ -3,7 +3,9 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::{Args, Error, FlightFlags, OutputFolder, Report, Result, json, message, named, show};
+use super::{
+    Args, Error, FlightFlags, OutputFolder, Report, Result, Value, json, message, named, show,
+};
 use crate::comparison::{Alignment, Comparison, ComparisonOptions, Discrepancy, compare};
 use crate::flight::{Flight, Quantity};
 use crate::logs::{PositionSource, import};
@@ -91,11 +93,14 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         let [x, z] = [0, 2].map(|axis| error["m"][axis].as_f64().unwrap_or_default());
         error["in_plane_m"] = libm::hypot(x, z).into();
     }
+    let is_ahead = |side: &&Value| {
+        side["tracking"]["lag_s"].as_f64().is_some_and(|lag_s| lag_s < show::LEAD_S)
+    };
+    let leads: Vec<_> = sides.iter().filter(is_ahead).collect();
     let is_alike = comparison.rmse_m.norm() < ALIKE_M;
     let words = json!({
         "errors": errors, "sides": sides,
-        // Whole milliseconds, and no minus sign before zero.
-        "shift_s": (comparison.offset_s * 1e3).round() / 1e3 + 0.0,
+        "leads": leads,
         "turned": Vec::from_iter(comparison.attitude_rmse),
         "cause": first.as_ref().filter(|_| !is_alike),
     });
@@ -107,7 +112,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
 const LAYOUT: &str = "\
 A         {a.file}
 B         {b.file}
-compared  {part}, {span_s.0:.2} to {span_s.1:.2} s, {samples} samples; B's clock {shift_s:+.3} s
+compared  {part}, {span_s.0:.2} to {span_s.1:.2} s, {samples} samples; B's clock {offset_s:+.3} s
 frame     B is in another frame: turned by {frame.turn_rad*57.29577951308232:+.1}° and shifted by {frame.shift_m.0:+.3}, {frame.shift_m.1:+.3}, {frame.shift_m.2:+.3} m onto A, which leaves {frame.left_m*100:.1} cm
 
 |errors|RMSE, m<24|x>8|y>8|z>8|in plane>10
@@ -118,6 +123,7 @@ A against B|{0:.4}|{1:.4}|{2:.4}
 
 |sides|contour error, m<24|mean>8|rms>8|p95>8|max>9|lag, s>9
 {name}|{tracking.contour.mean_m:.3}|{tracking.contour.rms_m:.3}|{tracking.contour.p95_m:.3}|{tracking.contour.max_m:.3}|{tracking.lag_s:.3}
+*leads lead      {name} is ahead of its design by {tracking.lag_s*-1:.3} s
 
 |sides|drift in y, m<24|from>8|to>8|within ±0.2 m/%>17
 {name}|{tracking.drift.min_y_m:+.3}|{tracking.drift.max_y_m:+.3}|{tracking.drift.in_corridor_frac*100:.1}

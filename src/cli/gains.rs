@@ -36,6 +36,13 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let l = is_luenberger.then(|| matrix(&design.l, &observed));
+    let is_designed = design.k.is_some() && scene.controller.lqr.k.is_none();
+    let designs = match (is_designed, is_luenberger) {
+        (true, true) => Some("K and L are"),
+        (true, false) => Some("K is"),
+        (false, true) => Some("L is"),
+        (false, false) => None,
+    };
     let own = design.k.is_none() && gains.is_empty();
     let ratios = [0, 1, 2, 3].map(|i| scene.controller.lqr.r[i] / design.bryson_r[i]);
     let [x, y, z, f] = design.bryson_r;
@@ -51,6 +58,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
            "now": margins(design.margins.as_ref()), "late": margins(design.lagging_margins.as_ref()),
            "bryson": args.bryson.then_some(INPUTS),
            "rule": args.bryson.then_some("1 / (largest deviation from hover within the motors' range)^2"),
+           "designs": designs,
     "units": ["N m", "N m", "N m", "N"],
            "ratios": ratios,
            "r": args.bryson.then(|| format!("r = [{x:.6e}, {y:.6e}, {z:.6e}, {f:.6e}]")),
@@ -61,6 +69,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
 const LAYOUT: &str = "\
 model     at hover: 12 states, {controllability_rank} controllable by the motors
           9 observer states, {observability_rank} observable by the position (not: {hidden})
+drag      in A, poles and margins; {designs} designed without it
 loop      {controller}, {controller_states} states of its own, linearized at hover
 
 K         {regulates}

@@ -8,6 +8,7 @@ use std::io::Write;
 use std::num::NonZero;
 use std::process::ExitCode;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use serde_json::{Value, json};
@@ -277,7 +278,16 @@ pub fn report_of(words: &[String]) -> Result<Report> {
             Ok(Report::new(error.render().to_string(), Value::Null))
         }
         Err(error) => {
-            Err(Error::input("options", refused(&error), "those of the command", "see its --help"))
+            let named = |kind| match error.get(kind)? {
+                ContextValue::String(name) => Some(name.clone()),
+                ContextValue::Strings(names) => Some(names.join(", ")),
+                _ => None,
+            };
+            let names = named(ContextKind::ValidValue).map(|names| format!("one of {names}"));
+            let near = named(ContextKind::SuggestedArg).or(named(ContextKind::SuggestedValue));
+            let wanted = names.unwrap_or_else(|| "those of the command".to_owned());
+            let hint = near.map_or("the verb with --help lists them".into(), |near| near + "?");
+            Err(Error::input("options", refused(&error), wanted, hint))
         }
     }
 }
@@ -285,7 +295,8 @@ pub fn report_of(words: &[String]) -> Result<Report> {
 /// What arguments are refused for.
 fn refused(error: &clap::Error) -> String {
     let text = error.render().to_string();
-    text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned()
+    let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+    first.trim_end_matches(" found").to_owned()
 }
 
 fn failed(error: &Error, advice: &[String]) -> ExitCode {

@@ -153,7 +153,12 @@ fn in_digits(number: f64, digits: &str) -> String {
         (Some(n), false) => format!("{number:.n$}"),
         (None, _) => format!("{number}"),
     };
-    if text.starts_with('-') { text } else { sign.to_owned() + &text }
+    match text.strip_prefix('-') {
+        // No minus sign before zero.
+        Some(zero) if !zero.contains(|c| matches!(c, '1'..='9')) => sign.to_owned() + zero,
+        Some(_) => text,
+        None => sign.to_owned() + &text,
+    }
 }
 
 /// The value at a path of keys and indices, in the last scope that has it.

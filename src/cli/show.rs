@@ -95,7 +95,11 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
     let (mut figures, words) = match &tracking {
-        Ok(tracking) => (tracking_json(tracking), Value::Null),
+        Ok(tracking) => {
+            let is_ahead = tracking.lag_s < LEAD_S;
+            let words = json!({ "lead": is_ahead.then_some("a lead: ahead of its design") });
+            (tracking_json(tracking), words)
+        }
         Err(error) => {
             let why = match on_floor(flight) {
                 Some(why) => format!("on the floor: {why}"),
@@ -115,9 +119,12 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
     Report::with_words(figures, &words, FLIGHT)
 }
 
+/// A lag below this is told as a lead: less is 4 mm of a stroke.
+pub(super) const LEAD_S: f64 = -0.02;
+
 const FLIGHT: &str = "\
 flight    {duration_s:.1} s, RMSE ({part}): x {rmse_m.0:.3}  y {rmse_m.1:.3}  z {rmse_m.2:.3} m
-          lag {lag_s:.2} s, contour error {contour.mean_m:.3} m (mean), {contour.max_m:.3} m (max)
+          lag {lag_s:.2} s[ ({lead})], contour error {contour.mean_m:.3} m (mean), {contour.max_m:.3} m (max)
 flight    {duration_s:.1} s, {why}
 height    RMSE {rmse_after_lag_m.2:.3} m without the lag: enough for letters of {least_cap_height_m:.2} m and more
 battery   {battery_v:.2} V at the end, {energy_j:.0} J used

@@ -6,6 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use super::show::LEAD_S;
 use super::{
     Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message,
     warn_of_idle_keys,
@@ -13,7 +14,8 @@ use super::{
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::{
-    Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv, ranking_csv,
+    Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv,
+    ranking_csv,
 };
 use noctograph_core::files::Limit;
 
@@ -170,12 +172,14 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let shown = &alike[..alike.len().min(MOST_PAIRS)];
     let names = shown.iter().map(|pair| [named(&pair.better), named(&pair.worse)]);
     let places = ranking.measures.iter().map(|m| m.place.map_or("-".into(), |it| it.to_string()));
+    let leads = |of: &Measures| of.flown.is_some_and(|flown| flown.lag_s.value < LEAD_S);
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
     let words = json!({
         "word": study.words.first().filter(|_| n_words == 1).map(|(word, _)| word),
         "n_words": Some(n_words).filter(|n| *n > 1), "n_flights": n_flights,
         "names": labels(ranking, 16), "places": places.collect::<Vec<_>>(),
+        "lead": ranking.measures.iter().any(leads).then_some("ahead of it (a lead)"),
         "few": is_few.then_some(n_each),
         "n_scenes": ranking.measures.len(), "pairs": names.collect::<Vec<_>>(),
         "all": (alike.is_empty() && !pairs.is_empty()).then_some("all scenes"),
@@ -197,6 +201,7 @@ P(read): mean readability of the photos; where another word is likelier than the
 
 |measures|scene<16|contour/mm>7|lag/s>7|rms x/mm>7|y/mm>6|z/mm>6|y max/mm>8|sat./%>7|time/s>7|energy/J>8
 {names.#}|{flown.contour_m.value*1e3:.1}|{flown.lag_s.value:.2}|{flown.rmse_x_m.value*1e3:.1}|{flown.rmse_y_m.value*1e3:.1}|{flown.rmse_z_m.value*1e3:.1}|{flown.drift_y_m.value*1e3:.1}|{flown.saturated_frac.value*100:.1}|{flown.duration_s.value:.1}|{flown.energy_j.value:.0}
+lag: behind the design; negative: {lead}
 
 too few flights: with {few} each, {n_scenes} scenes cannot be told apart; at least {least_flights} are needed
 

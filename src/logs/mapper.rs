@@ -12,6 +12,7 @@ use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
 use noctograph_core::flight::table::{MAX_DURATION_S, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning};
 use noctograph_core::input_error;
+use noctograph_core::lamps::HEADLIGHTS;
 
 /// Most samples of a flight: an hour at 1 kHz.
 const MAX_SAMPLES: f64 = 4e6;
@@ -297,12 +298,18 @@ fn half_turn(angle_rad: f64) -> f64 {
     angle_rad - turns * std::f64::consts::TAU
 }
 
-/// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones.
+/// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones; `light` by
+/// itself is that of the headlights.
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
     let mut lights = BTreeMap::new();
+    let are_named = extra.contains_key("log.light.headlights");
     extra.retain(|name, levels| {
         let are_levels = levels.iter().all(|level| (0.0..=1.0).contains(level));
-        let channel = name.strip_prefix("log.light.").filter(|_| are_levels);
+        let channel = match name.strip_prefix("log.light") {
+            Some("") if !are_named => Some(HEADLIGHTS),
+            rest => rest.and_then(|rest| rest.strip_prefix('.')),
+        };
+        let channel = channel.filter(|_| are_levels);
         lights.extend(channel.map(|channel| (channel.to_owned(), std::mem::take(levels))));
         channel.is_none()
     });

@@ -39,7 +39,9 @@ use noctograph::sim::Session;
 ///     a Crazyflie changes on its firmware's tick, up to 50 ms later: ``set={"light.tick_s": 0}`` in the scene
 ///     lights it when you say.
 /// attitude_rad : numpy.ndarray, optional
-///     Yaw, pitch and roll in rad, shape (N, 3); 0 by default.
+///     Yaw, pitch and roll in rad, in this order, shape (N, 3); 0 by default. Yaw is about the world's z, then pitch
+///     about y, then roll about x: the angles that ROS and PyBullet call roll, pitch, yaw and give in the opposite
+///     order (``rpy[:, ::-1]``). `attitude_rad` makes them of quaternions.
 /// design_m : numpy.ndarray, optional
 ///     Position that was to be flown in m, shape (N, 3); the flown one by default. Without a word in the
 ///     scene, the camera frames the design where there is light.

@@ -40,7 +40,7 @@ mod _noctograph {
         plan::{PyPlan, plan},
         scene::{PyScene, setting},
         sessions::PySessions,
-        shot::{PyShot, photograph, read, score},
+        shot::{PyShot, flip, photograph, read, score},
         study::{least_flights, outcomes, ranking, submission, trials, tuning},
     };
 
@@ -204,17 +204,34 @@ fn arrays<'py>(
     columns.iter().map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
 }
 
+/// What an array's values are, as a letter of numpy: `f` is floats, `c` complex numbers, `U` texts.
+fn py_kind(array: &Bound<'_, PyAny>) -> PyResult<String> {
+    let array = array.py().import("numpy")?.call_method1("asarray", (array,))?;
+    array.getattr("dtype")?.getattr("kind")?.extract()
+}
+
 /// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column; other shapes
 /// are refused.
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
-    let py = array.py();
+    let (py, given) = (array.py(), py_kind(array)?);
+    if !"biufO".contains(&*given) {
+        let found = if given == "c" { "complex numbers" } else { "no numbers" };
+        return Err(raised(
+            py,
+            &Error::input(name, found, "numbers", "look at what is handed over"),
+        ));
+    }
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     let fits =
         if columns == 1 { shape.len() == 1 } else { shape.len() == 2 && shape[1] == columns };
     if !fits {
         let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
-        let error = Error::input(name, format!("shape {shape:?}"), wanted, "reshape the array");
+        let hint = match name {
+            "attitude_rad" => "yaw, pitch, roll: nc.attitude_rad makes them of quaternions",
+            _ => "reshape the array",
+        };
+        let error = Error::input(name, format!("shape {shape:?}"), wanted, hint);
         return Err(raised(py, &error));
     }
     let bytes = array.call_method0("tobytes")?;

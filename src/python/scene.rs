@@ -40,14 +40,16 @@ impl PyScene {
         py: Python<'_>,
         scene: Option<&Bound<'_, PyAny>>,
         word: Option<&str>,
-        seed: Option<u64>,
+        seed: Option<&Bound<'_, PyAny>>,
         set: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let mut settings = Vec::new();
         if let Some(set) = set {
             flatten(set, "", &mut settings)?;
         }
-        settings.extend(seed.map(|seed| ("seed".to_owned(), seed.to_string())));
+        if let Some(seed) = seed {
+            settings.push(("seed".to_owned(), setting(seed)?));
+        }
         let borrowed: Vec<(&str, &str)> =
             settings.iter().map(|(key, value)| (&**key, &**value)).collect();
         let found = match scene.map(|scene| (scene, scene.cast::<Self>())) {

@@ -13,6 +13,7 @@ use noctograph::cli::verdict_table;
 use noctograph::error::Error;
 use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
+use noctograph::photo::flip::difference;
 use noctograph::photo::{self, Photo};
 use noctograph::report::{escaped, photos::shrink};
 use noctograph::score::{Reader, View};
@@ -165,7 +166,11 @@ pub(super) fn photograph(
     let recording = |it: &Bound<'_, PyAny>| match it.cast::<PyFlight>() {
         Ok(flight) => Ok(Recording::Flight(flight.get().flight.clone())),
         Err(_no_flight) => {
-            let path: PathBuf = it.extract()?;
+            let path = it.extract::<PathBuf>().map_err(|_no_path| {
+                let found = it.get_type().to_string();
+                let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
+                raised(py, &Error::input("flights", found, "a Flight, or a file's path", hint))
+            })?;
             let read = Recording::read(&path, &ImportOptions::default());
             read.map(|(recording, _)| recording).map_err(|error| raised(py, &error))
         }
@@ -221,6 +226,24 @@ pub(super) fn score<'py>(
         Reader::new(&strokes, &scene.score)?.score(&photo, &View::from(&camera))
     };
     to_python(py, &run(py, &Stop::default(), stage)?)
+}
+
+/// The mean FLIP difference of a photo from a file's, 1 where they are of different sizes, and the
+/// difference as PNG: see `noctograph/testing.py`.
+#[pyfunction]
+pub(super) fn flip<'py>(
+    py: Python<'py>,
+    wanted: PathBuf,
+    found: &PyShot,
+) -> PyResult<(f64, Bound<'py, PyBytes>)> {
+    let wanted = photo::read(&wanted).map_err(|error| raised(py, &error))?;
+    let found = &found.shot.photo;
+    if (wanted.width_px, wanted.height_px) != (found.width_px, found.height_px) {
+        return Ok((1.0, PyBytes::new(py, &[])));
+    }
+    let (difference, mut png) = (difference(&wanted, found), Vec::new());
+    photo::write_png(&difference.picture(), &mut png, None, &[]).expect("memory can be written");
+    Ok((difference.mean(|_| true), PyBytes::new(py, &png)))
 }
 
 /// Reads a photograph without knowing its word.

@@ -231,10 +231,11 @@ pub(super) fn tuning<'py>(
             Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
         };
         let conditions = Conditions::find(&conditions)?;
-        let options = TuneOptions { knobs, words, budget, longest_s: None, conditions, seed };
+        let options =
+            TuneOptions { knobs, words, budget, test_seeds: 40, longest_s: None, conditions, seed };
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
-        let mut report = tuning_report(&options, &tuned);
+        let mut report = tuning_report(&options, &tuned, None);
         report.json["candidates"] = json!(tuned.candidates);
         report.json["front"] = json!(tuned.front);
         Ok((report, tuned.scene))

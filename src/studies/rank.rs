@@ -68,7 +68,9 @@ pub struct Pair {
     /// Mean difference of probability, with an interval at a level that holds for all pairs
     /// together (Bonferroni): by typical values, from -1 to 1 where the flights are too few.
     pub difference: Estimate,
-    /// Whether the interval excludes zero.
+    /// Whether the two differ, at a level that holds for all pairs together (Holm, Scandinavian
+    /// Journal of Statistics 6, 1979): where the interval excludes zero, or one does that is as
+    /// wide as the pairs need that are left when those are taken out.
     pub distinguishable: bool,
 }
 
@@ -108,29 +110,39 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
 /// Flights of each of some contenders below which no two can be told apart, however they differ.
 #[must_use]
 pub fn least_flights(n_contenders: usize) -> u32 {
-    least_for_center(level(n_contenders))
+    least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }
 
 /// Level of the interval of one pair, so that those of all pairs hold together (Bonferroni).
-fn level(n_contenders: usize) -> f64 {
-    let n_pairs = n_contenders * n_contenders.saturating_sub(1) / 2;
+fn level(n_pairs: usize) -> f64 {
     1.0 - (1.0 - LEVEL) / n_pairs.max(1) as f64
 }
 
 /// Every two contenders, by their probabilities flight by flight, the better ones first.
 fn pairs(contenders: &[(&str, Vec<f64>)]) -> Vec<Pair> {
-    let (level, mut pairs) = (level(contenders.len()), Vec::new());
+    let (mut pairs, mut differences) = (Vec::new(), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {
         for (worse, b) in &contenders[place + 1..] {
             let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-            let unknown = Estimate { value: mean(&apart), low: -1.0, high: 1.0 };
-            let difference = center(&apart, level).unwrap_or(unknown);
             pairs.push(Pair {
                 better: (*better).to_owned(),
                 worse: (*worse).to_owned(),
-                difference,
-                distinguishable: difference.low > 0.0 || difference.high < 0.0,
+                difference: Estimate { value: mean(&apart), low: -1.0, high: 1.0 },
+                distinguishable: false,
             });
+            differences.push(apart);
+        }
+    }
+    let (n_pairs, mut n_open) = (pairs.len(), 0);
+    while n_open != pairs.iter().filter(|pair| !pair.distinguishable).count() {
+        n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
+        let open = pairs.iter_mut().zip(&differences).filter(|(pair, _)| !pair.distinguishable);
+        for (pair, apart) in open {
+            let Some(found) = center(apart, level(n_open)) else { continue };
+            pair.distinguishable = found.low > 0.0 || found.high < 0.0;
+            if n_open == n_pairs {
+                pair.difference = found;
+            }
         }
     }
     pairs
@@ -265,6 +277,19 @@ mod tests {
         };
         let records: Vec<Record> = study.trials().map(record).collect();
         assert_eq!(places(&rank(&study, &records)), [None]);
+    }
+
+    #[test]
+    fn what_is_told_apart_leaves_a_milder_level_for_the_others() {
+        // b is far worse in all flights; c is a little worse than a in all but one. Ten of the 1023
+        // subset means of that difference are below zero: 8 are for three pairs, 25 for one.
+        let a = [0.9; 10];
+        let mut c = [0.89; 10];
+        c[0] = 0.915;
+        let ranking = ranked(&[&a, &[0.1; 10], &c]);
+        let pair = ranking.pairs.iter().find(|p| p.better == "a" && p.worse == "c").unwrap();
+        assert!(pair.distinguishable, "by Holm: {pair:?}");
+        assert!(pair.difference.low <= 0.0, "not by Bonferroni: {pair:?}");
     }
 
     /// Share of studies in which contenders that do not differ are told apart.

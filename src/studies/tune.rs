@@ -4,8 +4,10 @@
 //! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits, is the
 //! objective. Half of its flights come first: a candidate that is then below the median of the
 //! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes
-//! to the promising. At last the best few and the scene as it was fly again with fresh seeds, and
-//! the winner of those is the result: the luckiest of many is not the best.
+//! to the promising. At last the best few and the scene as it was fly again with fresh seeds: the
+//! luckiest of many is not the best. The winner of those, the luckiest of a few, then meets the
+//! scene as it was on seeds of their own, and is the result only where it is distinguishably
+//! better.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +17,7 @@ use super::design::evaluate;
 use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
-use super::{Conditions, Flown, Record, Store, Study, Trial};
+use super::{Conditions, Flown, Ranking, Record, Store, Study, Trial, least_flights, rank};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;
 use noctograph_pipeline::scene::{NamedScene, Scene};
@@ -28,6 +30,8 @@ use noctograph_sim::design::{MOTOR_LAG_S, design};
 const FINALISTS: usize = 6;
 /// Flights of a finalist, as a multiple of the training flights.
 const FINAL_TIMES: u32 = 4;
+/// Name of a tuned scene in its test.
+const TUNED: &str = "tuned";
 /// Least candidates of a search.
 const LEAST_CANDIDATES: usize = 10;
 /// Penalty for exceeding a limit by its own size, in merit.
@@ -50,8 +54,10 @@ pub struct TuneOptions {
     pub knobs: Vec<Knob>,
     /// Words that are trained on, each with its number of seeds for a candidate.
     pub words: Vec<(String, u32)>,
-    /// Flights in all, finals included.
+    /// Flights in all, finals included; those of the test come on top.
     pub budget: usize,
+    /// Seeds of each word in the test that decides: six at least, which can tell two apart.
+    pub test_seeds: u32,
     /// Longest flight of a candidate; `None`: as long as the scene's that it begins from.
     pub longest_s: Option<f64>,
     /// How flights differ from their scene.
@@ -75,6 +81,30 @@ impl TuneOptions {
     #[must_use]
     pub fn least_budget(&self) -> usize {
         self.finals() + LEAST_CANDIDATES * self.n_each()
+    }
+
+    /// Ranks a scene ([`TUNED`]) and the one that it comes from, on seeds that neither the search
+    /// nor the finals had.
+    ///
+    /// # Errors
+    ///
+    /// Those of the flights and the store.
+    pub fn test(
+        &self,
+        [start, tuned]: [&Scene; 2],
+        words: Vec<(String, u32)>,
+        store: Option<&Store>,
+        stop: &Stop,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> Result<(Study, Ranking)> {
+        let contenders = [("as it was", start), (TUNED, tuned)];
+        let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
+        let (contenders, conditions) = (contenders.into(), self.conditions.clone());
+        let study = Study { contenders, words, conditions, seed: self.seed ^ 0x5eed << 48 };
+        let trials: Vec<Trial> = study.trials().collect();
+        let records = evaluate(&study, &study.prepare()?, &trials, store, stop, done)?;
+        let ranking = rank(&study, &records);
+        Ok((study, ranking))
     }
 
     /// Checks that there is something to turn, to write and to spend.
@@ -133,8 +163,10 @@ impl Candidate {
 /// The result of tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
-    /// The scene with the best knobs; the scene as it was where none did better.
+    /// The scene with the best knobs; the scene as it was unless they won the test.
     pub scene: Scene,
+    /// The winner of the finals against the scene as it was, on new seeds; `None` where that won.
+    pub test: Option<(Study, Ranking)>,
     /// Its figures in the finals.
     pub best: Candidate,
     /// Figures of the scene as it was in the same finals.
@@ -149,10 +181,13 @@ pub struct Tuned {
 }
 
 impl Tuned {
-    /// Whether a candidate did better in the finals than the scene as it was.
+    /// Whether a candidate won the test against the scene as it was.
     #[must_use]
     pub fn helped(&self) -> bool {
-        self.best.number != self.before.number
+        let is_won = |ranking: &Ranking| {
+            ranking.measures[0].contender == TUNED && ranking.pairs[0].distinguishable
+        };
+        self.test.as_ref().is_some_and(|(_, ranking)| is_won(ranking))
     }
 }
 
@@ -200,7 +235,16 @@ pub fn tune(
     }
     let [before, best] = tuning.finals(&candidates)?;
     let (scene, front) = (turned(base, &options.knobs, &best.point)?, front(&candidates));
-    Ok(Tuned { scene, best, before, front, n_flights: tuning.n_flights, candidates })
+    let n_seeds = options.test_seeds.max(least_flights(2));
+    let words = options.words.iter().map(|(word, _)| (word.clone(), n_seeds)).collect();
+    let test = || options.test([base, &scene], words, store, stop, &|_| {});
+    let test = (best.number != before.number).then(test).transpose()?;
+    let n_flights = tuning.n_flights;
+    let mut tuned = Tuned { scene, test, best, before, front, n_flights, candidates };
+    if !tuned.helped() {
+        tuned.scene = base.clone();
+    }
+    Ok(tuned)
 }
 
 /// A tuning on its way.
@@ -344,6 +388,7 @@ mod tests {
             knobs: vec!["plan.stroke_speed_m_s=0.2..2.0".parse().unwrap()],
             words: vec![("L".to_owned(), 2)],
             budget,
+            test_seeds: 10,
             longest_s: None,
             conditions: Conditions::default(),
             seed: 3,
@@ -370,6 +415,22 @@ mod tests {
         assert!(tuned.best.merit > tuned.candidates[0].merit + 1.0, "{:?}", tuned.best);
         assert!(tuned.candidates.iter().any(|c| c.given_up), "some were given up");
         assert!(!tuned.front.is_empty());
+        assert!(tuned.helped(), "{:?}", tuned.test);
+    }
+
+    #[test]
+    fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
+        // Knobs that change nothing: whichever wins the finals is no better.
+        let base = Scene::preset(Preset::Ae4832022);
+        let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
+        let tested = (0..8).find_map(|seed| {
+            let options = TuneOptions { knobs: knobs.clone(), seed, ..options(70) };
+            let tuned = tuned(&base, &options).unwrap();
+            tuned.test.is_some().then_some(tuned)
+        });
+        let tested = tested.expect("one of the seeds has a candidate that wins the finals");
+        assert!(tested.best.cost() < tested.before.cost() && !tested.helped());
+        assert_eq!(tested.scene, base);
     }
 
     #[test]

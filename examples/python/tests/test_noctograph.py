@@ -250,6 +250,55 @@ def test_what_cannot_be_meant_is_refused():
         nc.photograph(nc.Scene(word="I"), [])
 
 
+def test_ways_out_are_named():
+    scene = nc.Scene(word="I", set=SMALL)
+    wrong = [
+        (lambda: nc.command("check", scene=scene, profile="bold"), "careful", ""),
+        (lambda: nc.export(scene, "poly5d"), "poly4d", "poly4d"),
+        (lambda: nc.compare("a.csv", "b.csv", part="letter"), "letters", "letters"),
+        (lambda: nc.command("meter", scene=scene, target_stop=1), "", "--target-stops"),
+        (lambda: nc.rank([scene]), "by name", "dict"),
+        (lambda: nc.Scene(seed=-1), "", ""),
+        (lambda: nc.photograph(scene, [{"time_s": 0}]), "Flight", "nc.Flight"),
+        (lambda: nc.fly(scene, controller=lambda state, reference: "hover"), "numbers", ""),
+        (lambda: nc.fly(scene, controller=lambda state, reference: [1j] * 4), "numbers", ""),
+        (lambda: nc.fly_many(scene, controller=lambda state, reference: "hover", progress=False), "motor commands", "m1"),
+        (lambda: nc.Flight([0, 1], np.zeros((2, 3)), attitude_rad=np.zeros((2, 4))), "(N, 3)", "nc.attitude_rad"),
+        (lambda: nc.attitude_rad(np.zeros((2, 4))), "none of them zero", ""),
+    ]  # fmt: skip
+    for call, wanted, hint in wrong:
+        with pytest.raises(nc.InputError) as caught:
+            call()
+        assert wanted in caught.value.wanted and hint in caught.value.hint, caught.value
+        assert "found unexpected argument '--target-stop' found" not in str(caught.value)
+
+
+@pytest.mark.parametrize("order", ["xyzw", "wxyz"])
+def test_quaternions_are_angles_in_the_order_of_a_flight(order):
+    angles = np.array([[0.3, -0.2, 0.1], [3.0, 0.5, -1.0], [3.3, 0.0, 0.0]])
+    half = angles / 2
+    about = [(np.cos(half[:, i]), np.sin(half[:, i])) for i in range(3)]
+    z, y, x = ([(c, *(s if j == axis else 0 * s for j in range(3))) for c, s in [about[i]]][0] for i, axis in enumerate([2, 1, 0]))
+
+    def times(a, b):
+        (w, v), (u, p) = (a[0], np.array(a[1:])), (b[0], np.array(b[1:]))
+        return (w * u - (v * p).sum(axis=0), *(w * p + u * v + np.cross(v, p, axis=0)))
+
+    w, *rest = times(times(z, y), x)
+    quaternion = np.stack([*rest, w] if order == "xyzw" else [w, *rest], axis=1)
+    assert nc.attitude_rad(-2 * quaternion, order) == pytest.approx(angles), "of any length, the angle without a jump"
+
+
+def test_a_column_light_is_that_of_the_headlights(tmp_path):
+    time_s = np.linspace(0, 6, 301)
+    line = np.stack([time_s / 6 - 0.5, 0 * time_s, 1 + 0 * time_s], axis=1)
+    table = nc.Flight(time_s, line, light=(time_s < 3).astype(float)).to_csv().replace("light.headlights", "light")
+    (tmp_path / "flight.csv").write_text(table)
+    flight = nc.Flight.read(tmp_path / "flight.csv")
+    assert flight.lights["headlights"].sum() == (time_s < 3).sum() and not any("light" in it for it in flight.warnings)
+    assert nc.photograph(nc.Scene(word="", set=SMALL), [flight]).film_lx_s.any()
+
+
 def test_several_lamps_and_colors_are_photographed(tmp_path):
     time_s = np.linspace(0, 6, 601)
     line = np.stack([time_s / 6 - 0.5, 0 * time_s, 1 + 0 * time_s], axis=1)
@@ -377,6 +426,7 @@ def test_a_search_tells_its_callback():
     ended = []
     nc.tune(scene, seeds=2, knobs=knobs, budget=10_000, callback=lambda n, best: ended.append(n) or False)
     assert len(ended) < 5
+    assert report["helped"] or tuned.to_toml() == scene.to_toml(), "what is no better on new seeds is not handed out"
     with pytest.raises(ZeroDivisionError):
         nc.tune(scene, seeds=2, knobs=knobs, budget=10_000, callback=lambda n, best: 1 / 0)
     with pytest.raises(nc.InputError, match="mass"):

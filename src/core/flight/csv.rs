@@ -2,9 +2,10 @@
 //!
 //! Position, estimate and design are in the world frame, velocity and rate in the body frame. The
 //! columns of a quantity that a real log lacks are left out together. One column `light.<channel>`
-//! a light channel. `gap_before` is 1 in the first row after a gap, and is there only in files with
-//! gaps. Columns of other names are kept as [`Flight::extra`]; the simulator's are `saturated_s`
-//! and, for a drone with a battery, `battery_v` and `energy_j`.
+//! a light channel; `light` by itself is that of the headlights. `gap_before` is 1 in the first
+//! row after a gap, and is there only in files with gaps. Columns of other names are kept as
+//! [`Flight::extra`]; the simulator's are `saturated_s` and, for a drone with a battery,
+//! `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -17,6 +18,7 @@ use super::{Flight, FlightSample, Quantity, Warning};
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
+use crate::lamps::HEADLIGHTS;
 
 /// The column of times, first in the file.
 const TIME: &str = "time_s";
@@ -24,6 +26,8 @@ const TIME: &str = "time_s";
 const LETTER: &str = "letter";
 /// The column that is 1 in the first row after a gap.
 const GAP: &str = "gap_before";
+/// What a simulator calls the level of its one light.
+const LIGHT: &str = "light";
 /// Numbers of a sample: time, those of [`Quantity::TABLE`], letter.
 const N_NUMBERS: usize = 24;
 
@@ -40,6 +44,7 @@ pub fn is_standard_column(name: &str) -> bool {
     [TIME, LETTER, GAP].contains(&name)
         || Quantity::TABLE.iter().any(|(.., columns)| columns.contains(&name))
         || name.starts_with("light.")
+        || name == LIGHT
 }
 
 impl Flight {
@@ -236,11 +241,11 @@ impl FlightSample {
     }
 }
 
-/// The light columns of a table, `light.<channel>`, with levels within 0..=1.
+/// The light columns of a table, `light.<channel>` or `light`, with levels within 0..=1.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with the channel of a level outside.
+/// [`Error::Input`] with the channel of a level outside, or for headlights in two columns.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
     let light = |(channel, levels): (&str, &[f64])| {
         let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) else {
@@ -249,7 +254,15 @@ pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
         let place = format!("column light.{channel}");
         Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"))
     };
-    table.columns_after("light.").map(light).collect()
+    let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
+    let mut lights = table.columns_after("light.").chain(bare).map(light);
+    lights.try_fold(BTreeMap::new(), |mut lights, light| {
+        let (channel, levels) = light?;
+        match lights.insert(channel, levels) {
+            None => Ok(lights),
+            Some(_) => Err(table.wrong(LIGHT, 1, "two columns of headlights", "one", REWRITE_HINT)),
+        }
+    })
 }
 
 /// The file's letter number (0 outside letters) for an index.
@@ -376,6 +389,8 @@ mod tests {
             ("time_s,x_m,z_m\n0,1,2\n", "y_m"),
             ("time_s\n0\n", "x_m"),
             ("time_s,x_m,y_m,z_m,light.headlights\n0,1,2,3,7\n", "light.headlights"),
+            ("time_s,x_m,y_m,z_m,light\n0,1,2,3,7\n", "light.headlights"),
+            ("time_s,x_m,y_m,z_m,light,light.headlights\n0,1,2,3,1,1\n", "two columns"),
         ] {
             let table = Table::parse(broken.as_bytes(), "f.csv").unwrap();
             let error = Flight::from_table(&table).unwrap_err().to_string();

@@ -58,6 +58,22 @@ fn check(what: &str, flight: &Flight) {
 }
 
 #[test]
+fn a_column_light_is_that_of_the_headlights_unless_another_is_named_so() {
+    let lit = |t: f64| f64::from(u8::from(t > 5.0));
+    let table = |titles: &str| {
+        rows(&format!("t,x,y,z,{titles}\n"), |t, [x, y, z]| {
+            format!("{t:.3},{x:.4},{y:.4},{z:.4},{},0", lit(t))
+        })
+    };
+    let lights = |titles: &str| read(table(titles).as_bytes()).lights;
+    let alone = lights("light,seq");
+    assert_eq!(alone.keys().collect::<Vec<_>>(), ["headlights"]);
+    assert!(alone["headlights"].contains(&1.0) && alone["headlights"].contains(&0.0));
+    let named = lights("light,light.headlights");
+    assert!(named["headlights"].iter().all(|level| *level == 0.0), "the one that is named");
+}
+
+#[test]
 fn one_flight_is_read_from_every_way_of_writing_a_table() {
     let comma = |text: &str| text.replace(',', ";").replace('.', ",");
     let utf16 = |text: &str, unit: fn(u16) -> [u8; 2], mark: [u8; 2]| -> Vec<u8> {

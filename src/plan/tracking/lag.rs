@@ -1,4 +1,4 @@
-//! Lag of a flight behind its design.
+//! Lag of a flight behind its design, or its lead.
 
 use nalgebra::SVector;
 
@@ -22,7 +22,7 @@ const OFFSET_WEIGHT: f64 = 1e-3;
 /// The shift of the design within `range_s` that brings it closest to the flown positions, but for
 /// a constant offset: the shifted design at time t is the design at t − shift.
 ///
-/// Of several that are as good, as with a design that does not move, the smallest.
+/// Of several that are as good, as with a design that does not move, the one nearest to zero.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
@@ -60,7 +60,9 @@ pub fn minimize(
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
     let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));
     let costs = grid.map(|at| (at, coarse(at)));
-    let (best, _) = costs.min_by(|a, b| a.1.total_cmp(&b.1)).expect("a grid has a point");
+    let nearest = |a: f64, b: f64| a.abs().total_cmp(&b.abs());
+    let best = costs.min_by(|a, b| a.1.total_cmp(&b.1).then(nearest(a.0, b.0)));
+    let (best, _) = best.expect("a grid has a point");
 
     let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
     let golden = 0.5 * (f64::sqrt(5.0) - 1.0);

@@ -34,7 +34,8 @@ pub use part::Part;
 pub use lag::{minimize, spread_m2};
 pub use path::{DesignPath, Walk};
 
-/// Longest lag in the search. Crazyflies trail by 0.5 to 0.6 s without velocity feed-forward.
+/// Longest lag and longest lead in the search. Crazyflies trail by 0.5 to 0.6 s without velocity
+/// feed-forward.
 pub const MAX_LAG_S: f64 = 1.5;
 
 /// The contour error is measured to the design from this long before to this long after the
@@ -63,8 +64,9 @@ pub struct Tracking {
     pub rmse_m: Vector3<f64>,
     /// Mean per axis.
     pub mean_error_m: Vector3<f64>,
-    /// Shift of the design in time, 0 to [`MAX_LAG_S`], that leaves the least error in the x-z
-    /// plane about a constant offset; 0 where the design does not move.
+    /// Shift of the design in time, up to [`MAX_LAG_S`] either way, that leaves the least error in
+    /// the x-z plane about a constant offset: negative where the drone is ahead of its design; 0
+    /// where the design does not move.
     pub lag_s: f64,
     /// Root mean square per axis against the design shifted by the lag.
     pub rmse_after_lag_m: Vector3<f64>,
@@ -175,7 +177,7 @@ pub fn least_cap_height_m(flight: &Flight, part: Part) -> Result<f64> {
 
 /// The lag, and the root mean square against the design shifted by it.
 fn after_lag(samples: &[FlightSample], design: &DesignPath) -> (f64, Vector3<f64>) {
-    let lag_s = lag::best_shift_s(samples, design, [0.0, MAX_LAG_S]);
+    let lag_s = lag::best_shift_s(samples, design, [-MAX_LAG_S, MAX_LAG_S]);
     let mut walk = design.walk();
     (lag_s, rms(samples.iter().map(|s| s.position_m - walk.at_m(s.time_s - lag_s))))
 }

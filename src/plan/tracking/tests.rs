@@ -22,15 +22,16 @@ fn a_pure_delay_is_all_lag_and_no_contour_error() {
 }
 
 #[test]
-fn being_ahead_of_the_design_is_no_distance_from_its_path() {
+fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
     // As a plan that leads its controller, while the design has begun and goes on.
-    for lead_s in [0.02, 0.1, 0.4] {
+    for lead_s in [0.02, 0.1, 0.4, 1.2] {
         let mut flown = flight(0.004, 20.0, |t| square(t + lead_s), square);
         for sample in &mut flown.samples {
             sample.letter = (1.0..19.0).contains(&sample.time_s).then_some(0);
         }
         let ahead = track(&flown, Part::Letters).unwrap();
-        near(ahead.lag_s, 0.0, 1e-9, "lag");
+        near(ahead.lag_s, -lead_s, 2e-6, "lead");
+        near(ahead.in_plane_rmse_after_lag_m(), 0.0, 2e-5, "without it");
         near(ahead.contour.max_m, 0.0, 3e-6, "contour");
         assert!(ahead.in_plane_rmse_m() >= 0.1 * lead_s, "early is wrong at the instant");
     }

@@ -31,8 +31,10 @@ impl Gain {
         let weights = &options.controller.lqr;
         let n = a.nrows();
         if let Some(k) = &weights.k {
-            let k = DMatrix::from_row_iterator(4, n, k.iter().flatten().copied());
-            return Ok(Self { k, k_rotor: Matrix4::zeros() });
+            let k = DMatrix::from_row_iterator(4, k[0].len(), k.iter().flatten().copied());
+            let k = k.resize_horizontally(n + 4, 0.0);
+            let k_rotor = k.fixed_view::<4, 4>(0, n).into_owned();
+            return Ok(Self { k: k.columns(0, n).into_owned(), k_rotor });
         }
         let q = weights.q.iter().chain(&weights.q_integral).copied().take(n);
         let r = Vector4::from(weights.r);
@@ -70,12 +72,14 @@ pub(crate) fn with_integrals(
     [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
-/// The lag that a regulator is designed for: the mean of rise and fall; `None` for immediate
-/// motors, and where the lag is ignored or the gain is given.
+/// The lag that a regulator models: the mean of rise and fall; `None` for immediate motors, and
+/// where the lag is ignored or a gain is given that has no columns for rotors.
 pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
     let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
-    (lag_s > 0.0 && *motor_lag == MotorLag::Modeled && k.is_none()).then_some(lag_s)
+    let has_rotors = |k: &Vec<Vec<f64>>| matches!(k[0].len(), 16 | 19);
+    let is_modeled = k.as_ref().map_or(*motor_lag == MotorLag::Modeled, has_rotors);
+    (lag_s > 0.0 && is_modeled).then_some(lag_s)
 }
 
 /// Names the weights that have no gain.
@@ -90,6 +94,7 @@ fn without_gain(error: Error) -> Error {
 mod tests {
     use super::*;
     use crate::control::linearize;
+    use crate::options::ControllerKind;
     use crate::vehicle::{State, Vehicle};
 
     fn gain(options: &SimOptions) -> Gain {
@@ -142,6 +147,28 @@ mod tests {
         assert_eq!((gain.k[(1, 0)], gain.k[(3, 11)]), (12.0, 47.0));
         assert_eq!(gain.k_rotor, Matrix4::zeros());
         assert_eq!(modeled_lag_s(&options), None);
+    }
+
+    #[test]
+    fn the_designed_gain_with_its_rotors_is_the_same_when_it_is_given() {
+        for kind in [ControllerKind::Lqr, ControllerKind::LqrIntegral] {
+            let mut options = SimOptions::cf21();
+            options.controller.kind = kind;
+            let designed = gain(&options);
+            let n = designed.k.ncols();
+            let mut whole = designed.k.clone().resize_horizontally(n + 4, 0.0);
+            whole.columns_mut(n, 4).copy_from(&designed.k_rotor);
+            let rows = whole.row_iter().map(|row| row.iter().copied().collect());
+            options.controller.lqr.k = Some(rows.collect());
+            options.check().unwrap();
+            let given = gain(&options);
+            assert_eq!((&given.k, given.k_rotor), (&designed.k, designed.k_rotor));
+            assert!(given.k_rotor.norm() > 1.0);
+            assert_eq!(modeled_lag_s(&options), Some(0.121), "the rotors are modeled");
+            (options.vehicle.motor_rise_s, options.vehicle.motor_fall_s) = (0.0, 0.0);
+            let refused = options.check().unwrap_err().to_string();
+            assert!(refused.contains(&format!("wanted 4 rows of {n} numbers")), "{refused}");
+        }
     }
 
     #[test]

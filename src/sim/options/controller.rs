@@ -59,7 +59,9 @@ settings! {
         /// one designed by the weights.
         ///
         /// Rows: torque x y z (N m) and thrust (N). Columns: the twelve states in the order of `q`,
-        /// and for lqr-integral the integrals of the position error x y z (m s).
+        /// and for lqr-integral the integrals of the position error x y z (m s). Where the motors
+        /// lag, four more may follow, as `noctograph gains` prints them: the torques and the thrust
+        /// of the modeled rotors.
         k: Option<Vec<Vec<f64>>> = None, in -1e6..=1e6;
         /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
         /// and body rate x y z (s²/rad²). More holds tighter and moves the motors more.
@@ -156,16 +158,19 @@ settings! {
 }
 
 impl ControllerOptions {
-    /// Checks that a given gain has a row for each input and a column for each state.
-    pub(super) fn check_gain(&self) -> Result<()> {
+    /// Checks that a given gain has a row for each input and a column for each state, and for each
+    /// of the rotors that lag where it has those, too.
+    pub(super) fn check_gain(&self, rotors_lag: bool) -> Result<()> {
         let (Some(k), kind) = (&self.lqr.k, self.kind) else { return Ok(()) };
         let n_states = if kind.integrates() { 15 } else { 12 };
-        if k.len() == 4 && k.iter().all(|row| row.len() == n_states) {
+        let fits = |n| k.len() == 4 && k.iter().all(|row| row.len() == n);
+        if fits(n_states) || rotors_lag && fits(n_states + 4) {
             return Ok(());
         }
         let n_columns = k.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
         let given = format!("{} rows of {n_columns} numbers", k.len());
-        let wanted = format!("4 rows of {n_states} numbers for {}", kind.name());
+        let more = if rotors_lag { ", or 4 more for the rotors" } else { "" };
+        let wanted = format!("4 rows of {n_states} numbers for {}{more}", kind.name());
         let hint = "rows are torque x y z and thrust, columns the states in the order of lqr.q";
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }

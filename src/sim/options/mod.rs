@@ -118,7 +118,7 @@ impl SimOptions {
         self.floor.check_steps()?;
         self.sensors.check_counts()?;
         self.sensors.check_silences()?;
-        self.controller.check_gain()?;
+        self.controller.check_gain(self.vehicle.motor_rise_s + self.vehicle.motor_fall_s > 0.0)?;
         self.observer.check_inputs(&self.sensors)?;
         self.rates.check_ratios()
     }

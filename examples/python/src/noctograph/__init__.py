@@ -14,6 +14,9 @@ import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 # Without this folder Mesa's device-select layer prints an error at each look at the graphics devices.
 if "XDG_RUNTIME_DIR" not in os.environ:
     os.environ.setdefault("NODEVICE_SELECT", "1")
@@ -34,7 +37,7 @@ __all__ = [
     "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
     "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log",
     "locate", "meter", "photograph", "plan", "preview", "rank", "read", "sb3_env", "score", "VectorEnv",
-    "tune", "__version__",
+    "attitude_rad", "tune", "__version__",
 ]  # fmt: skip
 
 
@@ -45,6 +48,34 @@ def __getattr__(name: str) -> Any:
 
         return getattr(learning, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def attitude_rad(quaternion: ArrayLike, order: str = "xyzw") -> NDArray[np.float64]:
+    """Yaw, pitch and roll of quaternions, as `Flight` takes them.
+
+    Parameters
+    ----------
+    quaternion : array_like (N, 4)
+        Rotations from the body (x forward, y left, z up) to the world; their length does not matter.
+    order : {"xyzw", "wxyz"}
+        ``"xyzw"`` is that of ROS, PyBullet, SciPy, RotorPy and crazyflow, ``"wxyz"`` that of MuJoCo and drake.
+
+    Returns
+    -------
+    ndarray (N, 3)
+        In rad, without jumps of 2π.
+    """
+    q = np.asarray(quaternion, float)
+    if q.ndim != 2 or q.shape[1] != 4 or not (np.linalg.norm(q, axis=1) > 0).all():
+        raise InputError("quaternion", f"shape {q.shape}", "(N, 4), none of them zero", "one row for each time")
+    if order not in ("xyzw", "wxyz"):
+        raise InputError("order", repr(order), "'xyzw' or 'wxyz'", "look where your simulator keeps the scalar part")
+    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    x, y, z, w = (q if order == "xyzw" else np.roll(q, -1, axis=1)).T
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
+    return np.unwrap(np.stack([yaw, pitch, roll], axis=1), axis=0)
 
 
 def preview(

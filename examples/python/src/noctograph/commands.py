@@ -244,7 +244,8 @@ def gains(scene: Scene | str, **options: Any) -> Report:
     Report
         ``report["A"]`` (12, 12) and ``["B"]`` (12, 4) of the drone at hover, ẋ = A x + B u for small deviations;
         ``["K"]`` of the regulator and ``["L"]`` of the observer, as lists of rows; ``["states"]`` and
-        ``["inputs"]`` name columns and rows. Poles, margins and ``["bryson_r"]`` beside them.
+        ``["inputs"]`` name columns and rows. A, poles and margins have the drag of the air, K and L are designed
+        without it. Poles, margins and ``["bryson_r"]`` beside them.
     """
     return command("gains", scene=scene, **options)
 

@@ -294,7 +294,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("submissions", metavar="SUBMISSION", nargs="+", help="folder, or files (.toml, .py)")
     parser.add_argument("-o", "--output", metavar="DIR", default="noctograph-grade", help="folder for marks.csv, tables and report.html")
     parser.add_argument("--may", metavar="KEY", action="append", default=[], help="a key that a scene may change; repeatable")
-    parser.add_argument("--words", metavar="WORD[:N],...", help="words, with their numbers of seeds [default: the task's]")
+    parser.add_argument("--words", metavar="WORD[:N],...", help="words, with their numbers of seeds, or a file with one on each line [default: the task's]")
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="seed that all seeds are drawn from: keep it to yourself")
     parser.add_argument("--conditions", metavar="NAME|FILE", default="room", help="as of noctograph rank")
     parser.add_argument("--workers", metavar="N", type=int, help="controllers in Python that run at once")
@@ -303,7 +303,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.add_argument(f"--{name.replace('_', '-')}", metavar="N", type=kind, default=most, help=f"limit of a controller in Python [default: {most}]")
     args = parser.parse_args(arguments)
     try:
-        words = [word.partition(":") for word in args.words.split(",")] if args.words else None
+        listed: list[str] = args.words.split(",") if args.words else []
+        if args.words and Path(args.words).is_file():
+            lines = map(str.strip, Path(args.words).read_text("utf-8").splitlines())
+            listed = [line for line in lines if line and not line.startswith("#")]
+        words = [word.partition(":") for word in listed]
         output = Path(args.output)
         output.mkdir(parents=True, exist_ok=True)
         given: Any = args.submissions if len(args.submissions) > 1 else args.submissions[0]

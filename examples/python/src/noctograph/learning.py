@@ -36,7 +36,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     and roll (3), velocity (3) and angular velocity (3) in the body frame; velocity (3) and acceleration (3) of the
     design, in the world. All 0 once a drone has landed.
 
-    Reward: the step's duration in s, times 1 - d / 0.1 m with the true distance d from the design, never below 0.
+    Reward: the step's duration in s, times 1 - d / 0.1 m with the true distance d from the design, never below 0; at
+    a landing, the flight's duration in s times the probability that its photo is read, too: what lands is worth
+    twice its duration at most.
     A drone that turns over or flies away terminates its episode, as landing does. The info of a landing has
     ``probability`` and ``read``: what the photo's reader makes of it.
 
@@ -100,6 +102,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             outcome = self._sessions.outcome(int(index))
             info = {"probability": outcome["probability"], "read": outcome["read"]}
             infos = self._add_info(infos, info, int(index))
+            reward[index] += seen["time_s"][index] * outcome["probability"]
         return self._observe(seen), reward, self._over.copy(), np.zeros(self.num_envs, bool), infos
 
     def begin_again(self, observations: Floats) -> Floats:
@@ -128,7 +131,7 @@ class Env(gymnasium.Env[Any, Any]):
     metadata: dict[str, Any] = {"render_modes": []}
 
     def __init__(self, scene: Scene | None = None, *, control_hz: float = 250, conditions: str = "still") -> None:
-        scene = Scene(word="I") if scene is None else scene
+        scene = Scene(word="T") if scene is None else scene
         self._drones = VectorEnv(scene, 1, control_hz=control_hz, conditions=conditions)
         self.observation_space, self.action_space = OBSERVATIONS, ACTIONS
 

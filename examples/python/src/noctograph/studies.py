@@ -41,7 +41,7 @@ class Outcomes:
     contour_m : ndarray of float64
         Mean distance from the path in the word's plane, m.
     lag_s : ndarray of float64
-        Lag behind the design, s.
+        Lag behind the design, s; negative: a lead, ahead of it.
     rmse_x_m, rmse_y_m, rmse_z_m : ndarray of float64
         Root mean square error against the design, m.
     drift_y_m : ndarray of float64
@@ -134,6 +134,15 @@ def _takes_time(controller: Controller) -> bool:
     return len(places) >= 3 or any(p.kind == p.VAR_POSITIONAL for p in parameters)
 
 
+def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
+    """What a controller returned, where it is motor commands."""
+    commands = np.asarray(found)
+    if commands.dtype.kind not in "biuf" or commands.shape != shape:
+        what = f"{commands.dtype} of shape {commands.shape}"
+        raise InputError("controller", what, f"motor commands, numbers of shape {shape}", hint)
+    return commands
+
+
 def _fly_controlled(
     scene: Scene,
     seeds: Sequence[int],
@@ -157,18 +166,13 @@ def _fly_controlled(
     while not (seen["landed"] | seen["lost"]).all():
         state, reference, time_s = seen["state"], seen["reference"], seen["time_s"]
         if vectorized:
-            found = np.asarray(each[0](state, reference, time_s) if timed else each[0](state, reference), float)
-            if found.shape != (n, 4):
-                hint = "a vectorized controller takes (N, 12), (N, 9) and (N,) and returns m1 to m4 of each"
-                raise InputError("controller", f"shape {found.shape}", f"({n}, 4)", hint)
-            motors[:] = found
+            found = each[0](state, reference, time_s) if timed else each[0](state, reference)
+            hint = "a vectorized controller takes (N, 12), (N, 9) and (N,) and returns m1 to m4 of each"
+            motors[:] = _commands(found, (n, 4), hint)
         else:
             for index in np.flatnonzero(~(seen["landed"] | seen["lost"])):
                 row = (state[index], reference[index], time_s[index]) if timed else (state[index], reference[index])
-                found = np.asarray(each[index](*row), float)
-                if found.shape != (4,):
-                    raise InputError("controller", f"shape {found.shape}", "four motor commands", "return m1 to m4, 0 to 65535")
-                motors[index] = found
+                motors[index] = _commands(each[index](*row), (4,), "return m1 to m4, 0 to 65535")
         over = seen["landed"] | seen["lost"]
         sessions.step(np.where(over[:, None], 0, motors), turns)
         seen = sessions.look()
@@ -202,10 +206,11 @@ def fly_many(
         What to fly.
     seeds : int or sequence of S int
         Seeds of the noise and of the conditions; a number S is the seeds from 0 to S − 1.
-    gains : array_like (N, 4, 12), optional
+    gains : array_like (N, 4, 12) or (N, 4, 16), optional
         Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene; (N, 4, 15) with
         integrals of the position. Rows: torques about x, y, z (N m), thrust (N). Columns: position (m, world),
-        yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame.
+        yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame. Four columns more,
+        as `Scene.gain` has, feed back the modeled rotors.
     controller : callable or type, optional
         A controller of your own for one drone, as for `fly`: ``controller(state, reference)``, or with
         ``time_s`` behind. All flights are in step, so that one with a memory is given as its class: one is
@@ -227,7 +232,7 @@ def fly_many(
     scenes = [scenes] if isinstance(scenes, Scene) else list(scenes)
     if gains is not None:
         (scene,) = scenes
-        kind = "lqr-integral" if np.shape(gains)[-1] == 15 else "lqr"
+        kind = "lqr-integral" if np.shape(gains)[-1] in (15, 19) else "lqr"
         settings = ({"controller.kind": kind, "controller.lqr.k": np.asarray(k).tolist()} for k in np.asarray(gains))
         scenes = [Scene(scene, set=setting) for setting in settings]
     seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
@@ -285,6 +290,9 @@ def rank(
     Report
         The keys of ``noctograph rank --json``, and ``report["flights"]``; ``report.files`` has the tables as CSV.
     """
+    if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
+        raise InputError("scenes", type(scenes).__name__, "contenders by name", hint)
     with _bar(progress, "ranking") as show:
         controllers = {name: it[1] for name, it in scenes.items() if not isinstance(it, Scene)}
         named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
@@ -344,7 +352,8 @@ def tune(
     Returns
     -------
     Scene
-        The tuned scene.
+        The tuned scene; the one that the search began with, unless the best candidate is distinguishably better on
+        new seeds (``report["helped"]``).
     Report
         The keys of ``noctograph tune --json`` and all candidates.
     """

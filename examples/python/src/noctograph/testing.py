@@ -1,0 +1,101 @@
+"""Golden photographs, flights and verdicts for tests: what a person last looked at, and what is found now."""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ._noctograph import Flight, Shot, flip
+from .commands import PathLike
+from .errors import InputError
+
+#: Keys that a golden compared by FLIP need not keep.
+DIGESTS = ("flight_sha256", "image_sha256")
+PAGE = """<!doctype html><meta charset="utf-8"><title>{name}</title>
+<style>body {{ font: 16px sans-serif; background: #222; color: #eee }} figure {{ display: inline-block; width: 32%; margin: 0 }}
+img {{ width: 100% }}</style><h1>{name}</h1><pre>{moved}</pre>
+<figure><img src="wanted.png"><figcaption>wanted</figcaption></figure>
+<figure><img src="found.png"><figcaption>found</figcaption></figure>
+<figure><img src="difference.png"><figcaption>FLIP</figcaption></figure>
+"""
+
+
+def assert_golden(
+    found: Shot | Flight | Mapping[str, Any],
+    golden: PathLike,
+    *,
+    most_flip: float | None = None,
+    failures: PathLike = "golden-failures",
+) -> None:
+    """Asserts that a photograph, a flight or a verdict is the golden one; with NOCTOGRAPH_BLESS set, makes it that.
+
+    Parameters
+    ----------
+    found : Shot, Flight or dict
+        What a test made; a dict is a verdict, or any other that JSON holds.
+    golden : path
+        Folder of the golden: ``golden.json``, and of a Shot ``photo.png``. Keep it with the tests.
+    most_flip : float, optional
+        Of a Shot: the photo may differ by this mean FLIP (0 equal, 1 black for white; below some 0.01 nobody sees
+        it), and its flights as they like. By default all digests are compared: the same scene makes the same bytes on
+        every machine.
+    failures : path
+        Folder for a page with both photographs and their difference where they are not the same.
+
+    Raises
+    ------
+    AssertionError
+        With each value that moved, and the page.
+    """
+    __tracebackhide__ = True
+    golden = Path(golden)
+    if most_flip is not None and not isinstance(found, Shot):
+        raise InputError("most_flip", type(found).__name__, "a Shot", "leave it out: there is no picture to compare")
+    facts = _facts(found)
+    if os.environ.get("NOCTOGRAPH_BLESS"):
+        golden.mkdir(parents=True, exist_ok=True)
+        (golden / "golden.json").write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        if isinstance(found, Shot):
+            found.save(golden / "photo.png")
+        return
+    if not (golden / "golden.json").exists():
+        raise AssertionError(f"{golden} has no golden.json: NOCTOGRAPH_BLESS=1 pytest makes it; then look at it")
+    wanted = json.loads((golden / "golden.json").read_text("utf-8"))
+    moved = [f"{key}: found {facts.get(key)}, wanted {wanted.get(key)}" for key in {**wanted, **facts}
+             if facts.get(key) != wanted.get(key) and (most_flip is None or key not in DIGESTS)]  # fmt: skip
+    if isinstance(found, Shot) and (moved or most_flip is not None):
+        difference, picture = flip(golden / "photo.png", found)
+        if most_flip is not None and not difference <= most_flip:
+            moved.append(f"mean FLIP: found {difference:.4f}, wanted at most {most_flip}")
+        if moved:
+            page = Path(failures) / golden.name / "index.html"
+            page.parent.mkdir(parents=True, exist_ok=True)
+            pictures = {"wanted": (golden / "photo.png").read_bytes(), "found": found.to_png(), "difference": picture}
+            for name, png in pictures.items():
+                (page.parent / f"{name}.png").write_bytes(png)
+            text = PAGE.format(name=html.escape(golden.name), moved=html.escape("\n".join(moved)))
+            page.write_text(text, "utf-8")
+            moved.append(f"both pictures, mean FLIP {difference:.4f}: {page}")
+    if moved:
+        raise AssertionError("\n".join([f"{golden} is not what is found:", *moved]))
+
+
+def _facts(found: Shot | Flight | Mapping[str, Any]) -> dict[str, Any]:
+    """What a golden keeps of a product, as JSON gives it back."""
+    if isinstance(found, Flight):
+        return {"flight_sha256": found.sha256}
+    if isinstance(found, Shot):
+        verdict = found.verdict or {}
+        return {
+            "flight_sha256": [flight.sha256 for flight in found.flights],
+            "image_sha256": hashlib.sha256(found.image.tobytes()).hexdigest(),
+            "size_px": [found.image.shape[1], found.image.shape[0]],
+            "read": verdict.get("read"),
+            "legible": found.legible,
+        }
+    return json.loads(json.dumps(dict(found)))
