@@ -95,7 +95,7 @@ def no_keystroke_hangs(hall, sessions=12):
         word = rng.choice(["NOOR", "ANNA", "ZOE", "OTTO", "LEA"])
         page.fill("#word", "")
         page.type("#word", word, delay=rng.uniform(10, 120))
-        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", 20, f"session {session}: {word}")
+        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", f"session {session}: {word}")
     page.unroute("**/live")
     assert not [line for line in trouble if "ERR_" not in line], trouble
 
@@ -133,7 +133,7 @@ def overtaken_requests_are_asked_again(hall, sessions=12):
         word = rng.choice(["NOOR", "ANNA", "OTTO", "LEA"])
         page.fill("#word", "")
         page.type("#word", word, delay=rng.uniform(5, 60))
-        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", 10, f"session {session}: {word}")
+        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", f"session {session}: {word}")
 
 
 def the_large_photograph_is_asked_for_once(hall):
@@ -155,7 +155,7 @@ def the_large_photograph_is_asked_for_once(hall):
         write(page, "LEA")
         until(page, "window.asks === 1", what="that the large photograph is asked for")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=120_000)
+        page.wait_for_selector("#sent h2")
         assert page.evaluate("window.asks") == 1
     finally:
         server.kill()
@@ -168,12 +168,12 @@ def a_lost_connection_is_noticed_and_mended(hall):
         ready(page)
         write(page, "ANNA")
         server.kill()
-        until(page, "document.querySelector('#lost').textContent", 15, "that the connection is lost")
+        until(page, "document.querySelector('#lost').textContent", "that the connection is lost")
         page.fill("#word", "OTTO")
         again = Server(PROGRAM, "--gallery", gallery)
         try:
             assert again.page == server.page, "the address survives a restart"
-            until(page, "document.querySelector('#photo').alt.includes('OTTO') && !document.querySelector('#lost').textContent", 40, "the photograph after the restart")
+            until(page, "document.querySelector('#photo').alt.includes('OTTO') && !document.querySelector('#lost').textContent", "the photograph after the restart")
         finally:
             again.kill()
 
@@ -370,7 +370,7 @@ def what_was_not_read_for_haste_is_read_when_typing_rests(hall):
     page.route("**/live", hasty)
     said = write(page, "OTTO")
     assert "Reads" not in said and "seconds" in said, said
-    until(page, "document.querySelector('#verdict').textContent.startsWith('Reads as OTTO.')", 60, "the verdict of the large photograph")
+    until(page, "document.querySelector('#verdict').textContent.startsWith('Reads as OTTO.')", "the verdict of the large photograph")
     assert not trouble, trouble
 
 
@@ -442,7 +442,7 @@ def the_scrubber_exposes_the_photograph_along_the_stroke(hall):
     page.evaluate(slide, 1)
     assert page.locator("#light").is_hidden(), "all of it is the photograph itself"
     page.click("#replay button")
-    until(page, "!document.querySelector('#light').hidden", 5, "the exposure plays")
+    until(page, "!document.querySelector('#light').hidden", "the exposure plays")
     page.click("#replay button")
     trouble = [line for line in trouble if "willReadFrequently" not in line]  # this test's own
     assert not trouble, trouble
@@ -459,13 +459,13 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             ready(page)
             write(page, "ANNA")
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             assert "ANNA" in page.inner_text("#sent h2")
             page.get_by_text("Take it back").click()
             assert page.input_value("#word") == "ANNA", "what was taken back can be changed"
             shown(page)
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             page.reload()
             ready(page)
             page.wait_for_selector("#sent h2")
@@ -481,16 +481,16 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             assert "ANNA" in host.inner_text("#list")
             host.keyboard.press("a")
             until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
-            wall.wait_for_selector("#newest img", timeout=120_000)
+            wall.wait_for_selector("#newest img")
             assert "ANNA" in wall.inner_text("#newest")
             until(page, "document.querySelector('#sent p').textContent.includes('will be flown')", what="the visitor is told")
             host.keyboard.press("z")
             until(host, "document.querySelector('#tabs button:nth-child(1) b').textContent === '1'", what="an answer is undone")
-            until(wall, "document.querySelector('#newest').hidden", 30, "what is no longer approved comes down")
+            until(wall, "document.querySelector('#newest').hidden", "what is no longer approved comes down")
             host.keyboard.press("a")
             host.click("#tabs button:nth-child(2)")
             host.wait_for_selector("[data-do=fly]")
-            with host.expect_download(timeout=120_000) as download:
+            with host.expect_download() as download:
                 host.click("#export")
             assert open(download.value.path(), "rb").read(2) == b"PK"
             host.keyboard.press("f")
@@ -526,12 +526,12 @@ def a_refusal_is_said_and_the_word_stays(hall):
         until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'true'")
         write(page, "OTTO")
         page.click("#send")
-        until(page, "document.querySelector('#verdict').textContent.includes('paused')", 60, "that sending is paused")
+        until(page, "document.querySelector('#verdict').textContent.includes('paused')", "that sending is paused")
         assert page.input_value("#word") == "OTTO" and page.locator("#frame").is_visible()
         host.click("#pause")
         until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'false'")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=120_000)
+        page.wait_for_selector("#sent h2")
     finally:
         server.kill()
 
@@ -548,7 +548,7 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
             write(page, word)
             visitors.add(kept(page)["visitor"])
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             page.get_by_text("Write another").click()
             assert page.input_value("#word") == ""
         assert len(visitors) == 8, visitors
@@ -559,7 +559,7 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
         assert phone.locator("#start").is_hidden(), "a phone begins at the word"
         write(phone, "LO")
         phone.click("#send")
-        phone.wait_for_selector("#sent h2", timeout=120_000)
+        phone.wait_for_selector("#sent h2")
         phone.get_by_text("Keep").first.wait_for()
         assert not [line for line in trouble if not line.startswith("429")], trouble
     finally:
@@ -615,7 +615,7 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
         for word in ["ANNA", "OTTO"]:
             write(page, word)
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             page.get_by_text("Write another").click()
             until(wall, f"document.querySelector('#wall').innerText.includes('{word}')", what=f"{word} on the wall")
         assert "ANNA" in wall.inner_text("#newest"), "the newest hangs for a minute before the next one takes its place"
@@ -623,17 +623,17 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
             wall.clock.fast_forward(61_000)
             until(wall, f"document.querySelector('#newest').innerText.includes('{word}')", what="all hang large, one after the other")
         server.kill()
-        until(wall, "document.querySelector('#lost').textContent", 15, "the wall notices")
+        until(wall, "document.querySelector('#lost').textContent", "the wall notices")
         again = Server(PROGRAM, "--gallery", gallery)
         try:
-            until(wall, "!document.querySelector('#lost').textContent && document.querySelectorAll('figure img').length === 2", 30, "the wall after the restart")
+            until(wall, "!document.querySelector('#lost').textContent && document.querySelectorAll('figure img').length === 2", "the wall after the restart")
             host, _ = opened(hall.browser, again.operator)
             host.wait_for_selector("#tabs button")
             # An entry that is taken down is gone from the wall.
             host.click("#tabs button:nth-child(1)")
             host.wait_for_selector("#list button")
             host.keyboard.press("r")
-            until(wall, "document.querySelectorAll('figure img').length === 1", 30, "one of two")
+            until(wall, "document.querySelectorAll('figure img').length === 1", "one of two")
         finally:
             again.kill()
 
@@ -693,7 +693,7 @@ def states(browser, server):
         page.click("#opened-close")
         write(page, "ANNA")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=120_000)
+        page.wait_for_selector("#sent h2")
         yield f"sent {wide}", page
         number = kept(page)["sent"]["id"]
         page.context.close()
