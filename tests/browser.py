@@ -10,6 +10,8 @@ from pathlib import Path
 from playwright.sync_api import Error, sync_playwright
 
 PAGES = Path(__file__).resolve().parent.parent / "src/serve/page"
+# Time after which what is waited for counts as endless, on a busy machine too.
+PATIENCE_S = 300
 PHONE, TABLET, DESK, WALL = [{"width": w, "height": h} for w, h in [(390, 844), (768, 1024), (1440, 900), (3840, 2160)]]
 
 
@@ -51,7 +53,7 @@ def opened(browser, url, **options):
     """A page, and what it complained of or asked others for."""
     context = browser.new_context(**{"locale": "en-US", "viewport": DESK, "color_scheme": "dark", **options})
     page = context.new_page()
-    page.set_default_timeout(120_000)
+    page.set_default_timeout(1000 * PATIENCE_S)
     trouble = []
     page.on("console", lambda message: message.type in ("error", "warning") and "Failed to load resource" not in message.text and trouble.append(message.text))
     page.on("response", lambda response: response.status >= 400 and response.status != 503 and trouble.append(f"{response.status} {response.url}"))
@@ -62,13 +64,13 @@ def opened(browser, url, **options):
 
 
 def ready(page):
-    page.wait_for_selector("body[data-ready]", timeout=120_000)
+    page.wait_for_selector("body[data-ready]")
     return page
 
 
-def until(page, expression, timeout_s=120, what=None):
+def until(page, expression, what=None):
     """Waits for an expression of the page to be true, and returns its value."""
-    end = time.monotonic() + timeout_s
+    end = time.monotonic() + PATIENCE_S
     while True:
         try:
             value = page.evaluate(expression)
@@ -78,13 +80,13 @@ def until(page, expression, timeout_s=120, what=None):
             value = None  # the page is being loaded again
         if value:
             return value
-        assert time.monotonic() < end, f"not within {timeout_s} s: {what or expression}; the page says {page.inner_text('body')[:300]!r}"
+        assert time.monotonic() < end, f"not within {PATIENCE_S} s: {what or expression}; the page says {page.inner_text('body')[:300]!r}"
         time.sleep(0.02)
 
 
-def shown(page, timeout_s=120):
+def shown(page):
     """Waits for the photograph of what is wished now, and returns the verdict."""
-    until(page, "!document.querySelector('#frame').hidden && !document.querySelector('#frame').classList.contains('waits')", timeout_s, "a photograph")
+    until(page, "!document.querySelector('#frame').hidden && !document.querySelector('#frame').classList.contains('waits')", "a photograph")
     return page.inner_text("#verdict")
 
 

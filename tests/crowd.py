@@ -66,7 +66,7 @@ def answers_keystrokes(browser, url):
         for letter in word:
             page.keyboard.type(letter)
             wanted += 1
-            until(page, f"window.times.length >= {wanted}", 60)
+            until(page, f"window.times.length >= {wanted}")
     times = sorted(page.evaluate("window.times"))
     return statistics.median(times), times[int(0.95 * len(times))]
 

@@ -96,7 +96,7 @@ def no_keystroke_hangs(hall, sessions=12):
         word = rng.choice(["NOOR", "ANNA", "ZOE", "OTTO", "LEA"])
         page.fill("#word", "")
         page.type("#word", word, delay=rng.uniform(10, 120))
-        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", 20, f"session {session}: {word}")
+        until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", f"session {session}: {word}")
     page.unroute("**/live")
     assert not [line for line in trouble if "ERR_" not in line], trouble
 
@@ -108,12 +108,12 @@ def a_lost_connection_is_noticed_and_mended(hall):
         ready(page)
         write(page, "ANNA")
         server.kill()
-        until(page, "document.querySelector('#lost').textContent", 15, "that the connection is lost")
+        until(page, "document.querySelector('#lost').textContent", "that the connection is lost")
         page.fill("#word", "OTTO")
         again = Server(PROGRAM, "--gallery", gallery)
         try:
             assert again.page == server.page, "the address survives a restart"
-            until(page, "document.querySelector('#photo').alt.includes('OTTO') && !document.querySelector('#lost').textContent", 40, "the photograph after the restart")
+            until(page, "document.querySelector('#photo').alt.includes('OTTO') && !document.querySelector('#lost').textContent", "the photograph after the restart")
         finally:
             again.kill()
 
@@ -372,7 +372,7 @@ def the_scrubber_exposes_the_photograph_along_the_stroke(hall):
     page.evaluate(slide, 1)
     assert page.locator("#light").is_hidden(), "all of it is the photograph itself"
     page.click("#replay button")
-    until(page, "!document.querySelector('#light').hidden", 5, "the exposure plays")
+    until(page, "!document.querySelector('#light').hidden", "the exposure plays")
     page.click("#replay button")
     trouble = [line for line in trouble if "willReadFrequently" not in line]  # this test's own
     assert not trouble, trouble
@@ -407,7 +407,7 @@ def a_picture_is_flown_in_its_colors_on_the_ground_of_its_ink_above_the_desk(hal
     assert low < page.locator("#verdict strong").bounding_box()["y"], "no light runs under the verdict"
     svg = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><text y="5">Hi</text></svg>'
     drop(page, f"() => {{ const data = new DataTransfer(); data.items.add(new File([{svg!r}], 'text.svg')); return data; }}")
-    until(page, "document.querySelector('#verdict').textContent.includes('convert the text to paths')", 60, "why a text is refused")
+    until(page, "document.querySelector('#verdict').textContent.includes('convert the text to paths')", "why a text is refused")
     assert page.locator("#choose").is_hidden(), "there is nothing to choose from"
     assert not trouble, trouble
 
@@ -447,13 +447,13 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             ready(page)
             write(page, "ANNA")
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             assert "ANNA" in page.inner_text("#sent h2")
             page.get_by_text("Take it back").click()
             assert page.input_value("#word") == "ANNA", "what was taken back can be changed"
             shown(page)
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             page.reload()
             ready(page)
             page.wait_for_selector("#sent h2")
@@ -469,19 +469,19 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             assert "ANNA" in host.inner_text("#list")
             host.keyboard.press("a")
             until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
-            wall.wait_for_selector("#newest img", timeout=120_000)
+            wall.wait_for_selector("#newest img")
             assert "ANNA" in wall.inner_text("#newest")
             until(page, "document.querySelector('#sent p').textContent.includes('will be flown')", what="the visitor is told")
             host.keyboard.press("z")
             until(host, "document.querySelector('#tabs button:nth-child(1) b').textContent === '1'", what="an answer is undone")
-            until(wall, "document.querySelector('#newest').hidden", 30, "what is no longer approved comes down")
+            until(wall, "document.querySelector('#newest').hidden", "what is no longer approved comes down")
             host.keyboard.press("a")
             host.click("#tabs button:nth-child(2)")
             host.wait_for_selector("[data-do=fly]")
             host.keyboard.press("f")
             host.keyboard.press("f")
             until(page, "document.querySelector('#sent p').textContent.includes('flying now')", what="that a double tap is no flown word")
-            with host.expect_download(timeout=120_000) as download:
+            with host.expect_download() as download:
                 host.click("#export")
             folders = {name.split("/")[0] for name in zipfile.ZipFile(download.value.path()).namelist() if "/" in name}
             assert folders == {"01-ANNA"}, f"the one in the air counts, and is exported: {folders}"
@@ -491,7 +491,7 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             host.keyboard.press("z")
             until(page, "document.querySelector('#sent p').textContent.includes('flying now')", what="undone")
             until(host, "document.querySelector('[data-do=back-to-approved]') && !document.querySelector('.held')", what="the way back")
-            with host.expect_download(timeout=120_000) as download:
+            with host.expect_download() as download:
                 host.keyboard.press("s")
             assert open(download.value.path(), "rb").read(2) == b"PK", "the script of this one"
             host.keyboard.press("a")
@@ -539,7 +539,7 @@ def nothing_is_done_to_an_entry_that_nobody_looked_at(hall):
         hosts[1].keyboard.press("r")
         until(hosts[1], "document.querySelector('#tabs button:nth-child(4) b').textContent === '1'")
         server.kill()
-        until(hosts[0], "document.querySelector('#lost').textContent", 15, "that the connection is lost")
+        until(hosts[0], "document.querySelector('#lost').textContent", "that the connection is lost")
         bar, tabs = hosts[0].locator("#lost").bounding_box(), hosts[0].locator("#tabs").bounding_box()
         assert bar["y"] >= tabs["y"] + tabs["height"], f"{bar} lies over {tabs}"
     finally:
@@ -557,12 +557,12 @@ def a_refusal_is_said_and_the_word_stays(hall):
         until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'true'")
         write(page, "OTTO")
         page.click("#send")
-        until(page, "document.querySelector('#verdict').textContent.includes('paused')", 60, "that sending is paused")
+        until(page, "document.querySelector('#verdict').textContent.includes('paused')", "that sending is paused")
         assert page.input_value("#word") == "OTTO" and page.locator("#frame").is_visible()
         host.click("#pause")
         until(host, "document.querySelector('#pause').getAttribute('aria-pressed') === 'false'")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=120_000)
+        page.wait_for_selector("#sent h2")
     finally:
         server.kill()
 
@@ -579,7 +579,7 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
             write(page, word)
             visitors.add(kept(page)["visitor"])
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             page.get_by_text("Write another").click()
             assert page.input_value("#word") == ""
         assert len(visitors) == 8, visitors
@@ -590,7 +590,7 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
         assert phone.locator("#start").is_hidden(), "a phone begins at the word"
         write(phone, "LO")
         phone.click("#send")
-        phone.wait_for_selector("#sent h2", timeout=120_000)
+        phone.wait_for_selector("#sent h2")
         phone.get_by_text("Keep").first.wait_for()
         assert not [line for line in trouble if not line.startswith("429")], trouble
     finally:
@@ -671,7 +671,7 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
         for word in ["ANNA", "OTTO"]:
             write(page, word)
             page.click("#send")
-            page.wait_for_selector("#sent h2", timeout=120_000)
+            page.wait_for_selector("#sent h2")
             page.get_by_text("Write another").click()
             until(wall, f"document.querySelector('#wall img[alt^={word}]')", what=f"{word} on the wall")
         assert "ANNA" in wall.inner_text("#newest"), "the newest hangs for a minute before the next one takes its place"
@@ -683,18 +683,18 @@ def a_wall_whose_server_was_restarted_hangs_on(hall):
         assert min(sizes) >= 28, f"read from five meters: {sizes} px"
         assert re.fullmatch(r"\d+ seconds", wall.inner_text("#older")), "a small photograph's word is seen, not said"
         server.kill()
-        until(wall, "document.querySelector('#lost').textContent", 15, "the wall notices")
+        until(wall, "document.querySelector('#lost').textContent", "the wall notices")
         assert wall.evaluate("getComputedStyle(document.querySelector('#lost')).fontSize") == "0px", "the hall sees a dot"
         again = Server(PROGRAM, "--gallery", gallery)
         try:
-            until(wall, "!document.querySelector('#lost').textContent && document.querySelectorAll('figure img').length === 2", 30, "the wall after the restart")
+            until(wall, "!document.querySelector('#lost').textContent && document.querySelectorAll('figure img').length === 2", "the wall after the restart")
             host, _ = opened(hall.browser, again.operator)
             host.wait_for_selector("#tabs button")
             # An entry that is taken down is gone from the wall.
             host.click("#tabs button:nth-child(1)")
             host.wait_for_selector("#list button")
             host.keyboard.press("r")
-            until(wall, "document.querySelectorAll('figure img').length === 1", 30, "one of two")
+            until(wall, "document.querySelectorAll('figure img').length === 1", "one of two")
         finally:
             again.kill()
 
@@ -755,7 +755,7 @@ def states(browser, server):
         page.click("#opened-close")
         write(page, "ANNA")
         page.click("#send")
-        page.wait_for_selector("#sent h2", timeout=120_000)
+        page.wait_for_selector("#sent h2")
         yield f"sent {wide}", page
         number = kept(page)["sent"]["id"]
         page.context.close()

@@ -13,6 +13,7 @@ assert report.stat().st_size <= 2_000_000, f"{report.stat().st_size} bytes"
 def opened(browser, **options):
     """A page with the report, and what it complained of or asked for."""
     page = browser.new_context(**options).new_page()
+    page.set_default_timeout(300_000)
     trouble = []
     page.on("console", lambda message: trouble.append(message.text))
     page.on("pageerror", lambda error: trouble.append(str(error)))
@@ -41,7 +42,7 @@ with sync_playwright() as playwright:
     page.keyboard.press("ArrowLeft")
     assert shown() == 10, "the slider moves it"
     page.click(".controls button")
-    page.wait_for_function("() => document.querySelector('.controls button').textContent === 'play'", timeout=5000)
+    page.wait_for_function("() => document.querySelector('.controls button').textContent === 'play'")
     assert shown() == 11, "it plays to its end"
 
     before = pixels(page)

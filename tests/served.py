@@ -13,7 +13,7 @@ SVG = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 100"><path d="{
 
 def large(page):
     """Waits for the large photograph of what is shown."""
-    until(page, "document.querySelector('main').dataset.large", 60, "the large photograph")
+    until(page, "document.querySelector('main').dataset.large", "the large photograph")
 
 
 def more(page):
@@ -46,7 +46,7 @@ def types_reads_and_downloads(browser, url):
     until(page, "document.querySelectorAll('#drawer .files button').length === 3")
     assert page.locator("#drawer .letters li").count() == 4
     for name, begins in {"photo.png": b"\x89PNG", "scene.toml": b"", "flight.zip": b"PK"}.items():
-        with page.expect_download(timeout=120_000) as download:
+        with page.expect_download() as download:
             page.click(f"[data-file='{name}']")
         assert open(download.value.path(), "rb").read().startswith(begins), name
     before = page.get_attribute("main", "data-shown")
@@ -72,7 +72,7 @@ def a_refused_script_is_no_file(browser, url):
     more(page)
     page.select_option("#room", "4x3x2.5")
     page.evaluate("const range = document.querySelector(\"[data-key='letters.cap_height_m']\"); range.value = 1.2; range.dispatchEvent(new Event('input'))")
-    until(page, "document.querySelector('#drawer [data-file=\"flight.zip\"]')?.getAttribute('aria-disabled') === 'true' || document.querySelector('#photo').hidden || document.querySelector('#frame').hidden", 90, "a script that is refused")
+    until(page, "document.querySelector('#drawer [data-file=\"flight.zip\"]')?.getAttribute('aria-disabled') === 'true' || document.querySelector('#photo').hidden || document.querySelector('#frame').hidden", "a script that is refused")
     if page.locator("#frame").is_visible():
         assert page.locator("#drawer .stop").first.inner_text()
     page.keyboard.press("Escape")
@@ -240,14 +240,14 @@ def takes_advice(browser, url):
     more(page)
     page.select_option("[data-key='photo.ambient_cd_m2']", "1")
     page.evaluate("const range = document.querySelector(\"[data-key='plan.stroke_speed_m_s']\"); range.value = 0.8; range.dispatchEvent(new Event('input'))")
-    until(page, "document.querySelector('#drawer .advice button')", 90, "advice")
+    until(page, "document.querySelector('#drawer .advice button')", "advice")
     percent = lambda: int(re.search(r": (\d+) of", page.inner_text("#drawer .read")).group(1))
     before = percent()
     advice = page.locator("#drawer .advice button").first
     assert not re.search(r"--set|[a-z]+\.[a-z]+_|scene", advice.inner_text()), f"advice in words: {advice.inner_text()}"
     shown_before = page.get_attribute("main", "data-shown")
     advice.click()
-    until(page, f"document.querySelector('main').dataset.shown !== {shown_before!r}", 60)
+    until(page, f"document.querySelector('main').dataset.shown !== {shown_before!r}")
     page.keyboard.press("Escape")
     more(page)
     assert percent() > before, f"{before} of 100 before the advice, {percent()} after it"

@@ -115,7 +115,7 @@ def a_link_opens_with_what_it_says(browser, host):
     first_s = time.monotonic() - begun
     ready(page)
     assert shown(page).startswith("Reads as NOOR."), page.inner_text("#verdict")
-    until(page, "document.querySelector('main').dataset.large", 60, "the large photograph")
+    until(page, "document.querySelector('main').dataset.large", "the large photograph")
     times = page.evaluate("""async () => {
         const { make } = await import('./maker.js'), times = [];
         for (const word of ['AMARA', 'KENJI', 'RIGA', 'NOOR', 'SALMA', 'AMARA']) {
@@ -174,11 +174,11 @@ def files_are_saved(browser, host):
     ready(page)
     assert "send" not in write(page, "Illi"), "nobody sends from here"
     write(page, "SALMA")
-    until(page, "document.querySelector('main').dataset.large", 60, "the large photograph")
+    until(page, "document.querySelector('main').dataset.large", "the large photograph")
     page.click("#more")
     until(page, "document.querySelectorAll('#drawer .files button').length === 3")
     for name, begins in {"photo.png": b"\x89PNG", "scene.toml": b"# A noctograph", "flight.zip": b"PK"}.items():
-        with page.expect_download(timeout=60_000) as download:
+        with page.expect_download() as download:
             page.click(f"[data-file='{name}']")
         content = Path(download.value.path()).read_bytes()
         assert content.startswith(begins), (name, content[:40])
@@ -209,7 +209,7 @@ def drawings_and_pictures_are_photographed(browser, host):
 def an_element_stands_in_any_page(browser, host):
     page, trouble = opened(browser, host.url + "example.html")
     captions = "[...document.querySelectorAll('noctograph-photo')].map(it => it.shadowRoot.querySelector('figcaption').textContent)"
-    until(page, f"{captions}[0].startsWith('Reads as NOOR.') && {captions}[1].startsWith('Most people could not read it.')", 60)
+    until(page, f"{captions}[0].startsWith('Reads as NOOR.') && {captions}[1].startsWith('Most people could not read it.')")
     link = page.evaluate("document.querySelectorAll('noctograph-photo')[1].shadowRoot.querySelector('a').href")
     page.evaluate("document.querySelector('noctograph-photo').setAttribute('word', '')")
     until(page, f"{captions}[0].startsWith('No photograph:')")

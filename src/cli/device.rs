@@ -120,14 +120,12 @@ mod tests {
 
     #[test]
     fn a_driver_that_hangs_or_crashes_is_seen_and_one_that_is_missing_is_no_fault() {
-        let shell = |script: &str| {
-            let patience = Duration::from_secs(2);
-            fault(Command::new("sh").args(["-c", script]), patience)
-        };
-        assert_eq!(shell("exit 0"), None);
-        assert_eq!(shell("exit 2"), None, "no driver");
-        assert_eq!(shell("kill -SEGV $$"), Some("crashes"));
-        assert_eq!(shell("exec sleep 60"), Some("hangs"));
+        let shell =
+            |script, s| fault(Command::new("sh").args(["-c", script]), Duration::from_secs(s));
+        assert_eq!(shell("exit 0", 300), None);
+        assert_eq!(shell("exit 2", 300), None, "no driver");
+        assert_eq!(shell("kill -SEGV $$", 300), Some("crashes"));
+        assert_eq!(shell("exec sleep 600", 1), Some("hangs"));
     }
 
     #[test]

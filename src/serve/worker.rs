@@ -35,9 +35,10 @@ const MAX_WAITING: usize = 64;
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
 const MEMORY: u64 = 1 << 30;
 /// Longest time of a photo while one types, and of a large one: a word that does not read is flown
-/// some thirty times for advice.
-const LIVE_TIMEOUT: Duration = Duration::from_secs(10);
-const LARGE_TIMEOUT: Duration = Duration::from_secs(60);
+/// some thirty times for advice. What a wish may ask for is bounded by its work; these end what
+/// hangs, and are long enough for a busy machine.
+const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
+const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
 /// Longest answer: a photo of two megapixels with its files, in base64.
 const MAX_LINE: u64 = 32 << 20;
 

@@ -68,8 +68,8 @@ impl Studio<'_> {
         made.unwrap_or_else(|message| message.json())
     }
 
-    /// The scene and the strokes of a subject, whose photo has about as many pixels. A word of which
-    /// the scene's font lacks a letter is written in a typeface that has all of them.
+    /// The scene and the strokes of a subject, whose photo has about as many pixels. Where the
+    /// scene's font lacks a letter, the word is written in a typeface that has all of them.
     fn drawn(&self, subject: &Subject, pixels: f64) -> Result<(PreparedScene, Strokes)> {
         let mut prepared = subject.prepared(self.scene, None, pixels)?;
         let strokes = match (prepared.scene.strokes(), subject.title()) {

@@ -65,10 +65,15 @@ impl Server {
         // A request that is refused early may not be taken whole.
         let _ = stream.write_all(request);
         let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).unwrap();
-        let end = answer.windows(4).position(|four| four == b"\r\n\r\n").expect("a head") + 4;
+        // Where bytes of it were left unread, a reset follows the answer: what arrived is whole or not.
+        let ended = stream.read_to_end(&mut answer);
+        let end = answer.windows(4).position(|four| four == b"\r\n\r\n");
+        let end = end.unwrap_or_else(|| panic!("no answer: {ended:?}")) + 4;
         let body = answer.split_off(end);
         let head = String::from_utf8(answer).unwrap();
+        let length = head.split_once("\r\nContent-Length: ").unwrap_or_else(|| panic!("{head}")).1;
+        let length = length.split("\r\n").next().unwrap();
+        assert_eq!(length, body.len().to_string(), "{ended:?} within the answer {head}");
         (head[9..12].parse().unwrap(), head, body)
     }
 

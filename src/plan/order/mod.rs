@@ -229,10 +229,13 @@ impl Tour<'_> {
             .collect();
         let (n, all) = (legs.len(), (1_usize << self.ways.len()) - 1);
         let mut best = vec![(f64::INFINITY, usize::MAX); (all + 1) * n];
-        let between: Vec<f64> = legs
-            .iter()
-            .flat_map(|a| legs.iter().map(|b| self.between_s(Some(*a), Some(*b))))
-            .collect();
+        // Between two ways of one stroke nobody flies.
+        let between_s = |a: &Leg, b: &Leg| match a.0 == b.0 {
+            true => f64::INFINITY,
+            false => self.between_s(Some(*a), Some(*b)),
+        };
+        let between: Vec<f64> =
+            legs.iter().flat_map(|a| legs.iter().map(move |b| between_s(a, b))).collect();
         for (last, leg) in legs.iter().enumerate() {
             best[(1 << leg.0) * n + last] = (self.between_s(None, Some(*leg)), usize::MAX);
         }
