@@ -380,7 +380,6 @@ mod tests {
                 (letters, lit_s + tour.total_s(&legs))
             };
             let ((_, least_s), (letters, read_s)) = (flown(Order::Shortest), flown(Order::Reading));
-            println!("{word}: {least_s:.1} s, as it is read {read_s:.1} s, {letters:?}");
             assert!(read_s <= 1.12 * least_s, "{word}: {read_s} s, {least_s} s at least");
             n_read += usize::from(letters.is_sorted());
         }
@@ -460,7 +459,7 @@ mod tests {
         let ways = drawing(2000, 7);
         let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
         let drawn: Vec<Leg> = (0..2000).map(|stroke| (stroke, 0)).collect();
-        let found = shortest_legs(&ways, &style);
+        let found = shortest_legs(&ways, &style, &[]);
         let (found_s, drawn_s) = (tour.total_s(&found), tour.total_s(&drawn));
         assert!(found_s < 0.45 * drawn_s, "{found_s} s of {drawn_s} s");
     }
