@@ -86,7 +86,8 @@ fn every_verb_is_bounded_where_it_refuses_and_where_it_accepts() {
     for (what, order, write, first) in CASES {
         let (mut size, mut accepted) = (first, String::new());
         let refused = loop {
-            let Took { cpu_s, mb, code, said } = run(order, write, size, to_the_end || size > first);
+            let Took { cpu_s, mb, code, said } =
+                run(order, write, size, to_the_end || size > first);
             let is_refused = code == Some(2);
             let is_fine = match is_refused {
                 true => mb <= REFUSED_MB && said.contains("hint: "),
