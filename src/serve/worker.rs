@@ -30,8 +30,8 @@ const POLL: Duration = Duration::from_millis(20);
 /// Time within which a job that is stopped ends by itself; then its worker is ended.
 const STOP_TIMEOUT: Duration = Duration::from_millis(300);
 /// Longest time of a photo while one types, and of a large one: a word that does not read is flown
-/// some thirty times for advice. What a wish may ask for is bounded by its work; these end what hangs,
-/// and are long enough for a busy machine.
+/// some thirty times for advice. What a wish may ask for is bounded by its work; these end what
+/// hangs, and are long enough for a busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(60);
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
 /// Longest line of a worker: a photo of 2.5 megapixels in base64.

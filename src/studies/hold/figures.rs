@@ -276,7 +276,8 @@ mod tests {
         for (index, Consistency { state, error, .. }) in figures.states.iter().enumerate() {
             let what = format!("{}, {}, {state}: {error:?}", figures.model, figures.scenario);
             assert!(error.low <= most, "{what}");
-            // The floor is flat and the barometer hardly drifts: easier than the filter is made for.
+            // The floor is flat and the barometer hardly drifts: easier than the filter is made
+            // for.
             assert!(index >= 4 || error.high >= least, "{what}");
         }
     }
