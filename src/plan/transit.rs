@@ -60,15 +60,13 @@ impl Transit {
         });
         let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
-        let ways = shared.map(|trajectory| {
-            let way = Self { from_m: from.position_m, world_from_way, trajectory };
-            (way.most(|state| state.velocity_m_s) > limit_m_s, way)
-        });
+        let ways =
+            shared.map(|trajectory| Self { from_m: from.position_m, world_from_way, trajectory });
+        let mut ways: Vec<Self> = ways.collect();
+        ways.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
         // The axes together may be too fast; such a way is taken only where there is no other.
-        ways.min_by(|(fast, way), (other_fast, other)| {
-            fast.cmp(other_fast).then(way.duration_s().total_cmp(&other.duration_s()))
-        })
-        .map(|(_, way)| way)
+        let slow = ways.iter().position(|way| way.most(|state| state.velocity_m_s) <= limit_m_s);
+        ways.into_iter().nth(slow.unwrap_or(0))
     }
 
     /// Greatest norm of a vector on the way.
