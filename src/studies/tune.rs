@@ -388,7 +388,7 @@ mod tests {
             knobs: vec!["plan.stroke_speed_m_s=0.2..2.0".parse().unwrap()],
             words: vec![("L".to_owned(), 2)],
             budget,
-            test_seeds: 10,
+            test_seeds: 8,
             longest_s: None,
             conditions: Conditions::default(),
             seed: 3,
@@ -420,15 +420,11 @@ mod tests {
 
     #[test]
     fn a_candidate_that_is_only_lucky_in_the_finals_leaves_the_scene_as_it_was() {
-        // Knobs that change nothing: whichever wins the finals is no better.
+        // Speeds that differ by 2 % read alike: whichever wins the finals is no better.
         let base = Scene::preset(Preset::Ae4832022);
         let knobs = vec!["plan.stroke_speed_m_s*=0.98..1.0".parse().unwrap()];
-        let tested = (0..8).find_map(|seed| {
-            let options = TuneOptions { knobs: knobs.clone(), seed, ..options(70) };
-            let tuned = tuned(&base, &options).unwrap();
-            tuned.test.is_some().then_some(tuned)
-        });
-        let tested = tested.expect("one of the seeds has a candidate that wins the finals");
+        let tested = tuned(&base, &TuneOptions { knobs, seed: 0, ..options(70) }).unwrap();
+        assert!(tested.test.is_some(), "a candidate won the finals");
         assert!(tested.best.cost() < tested.before.cost() && !tested.helped());
         assert_eq!(tested.scene, base);
     }

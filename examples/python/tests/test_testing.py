@@ -1,4 +1,4 @@
-"""Goldens by `noctograph.testing`: one of the house's own, and what fails one."""
+"""Goldens by `noctograph.testing`: a flight of the house, and what fails one."""
 
 import json
 import pathlib
@@ -11,8 +11,8 @@ GOLDEN = pathlib.Path(__file__).parents[3] / "golden/python"
 SCENE = nc.Scene(word="HI", seed=5, set={"camera.width_px": 240, "camera.height_px": 135})
 
 
-def test_a_word_is_the_golden_one():
-    assert_golden(nc.photograph(SCENE), GOLDEN / "hi")
+def test_a_flight_is_the_golden_one():
+    assert_golden(nc.photograph(SCENE).flights[0], GOLDEN / "hi")
 
 
 def test_what_moved_is_named_and_shown(tmp_path, monkeypatch):
@@ -27,15 +27,15 @@ def test_what_moved_is_named_and_shown(tmp_path, monkeypatch):
     for name, product in goldens.items():
         assert_golden(product, tmp_path / name)
     later = nc.photograph(nc.Scene(SCENE, seed=6))
-    assert_golden(later, tmp_path / "photo", most_flip=0.01, failures=failures)
-    assert not failures.exists(), "another flight that no eye tells from this one"
+    assert_golden(later, tmp_path / "photo", most_flip=0.15, failures=failures)
+    assert not failures.exists(), "another flight of the same word"
     for name, product in {"photo": later, "flight": later.flights[0], "verdict": later.verdict}.items():
         with pytest.raises(AssertionError, match="wanted"):
             assert_golden(product, tmp_path / name, failures=failures)
     assert [path.name for path in failures.iterdir()] == ["photo"]
     other = nc.photograph(nc.Scene(SCENE, word="HO"))
     with pytest.raises(AssertionError, match="read: found HO, wanted HI") as caught:
-        assert_golden(other, tmp_path / "photo", most_flip=0.01, failures=failures)
+        assert_golden(other, tmp_path / "photo", most_flip=0.15, failures=failures)
     assert "mean FLIP: found" in str(caught.value)
     page = (failures / "photo/index.html").read_text()
     assert "read: found HO, wanted HI" in page
