@@ -2,15 +2,13 @@
 //! such as the tests of resvg (github.com/linebender/resvg, `crates/resvg/tests/tests`).
 //!
 //! `NOCTOGRAPH_DRAWINGS=FOLDER cargo test --profile work -p noctograph-letters suite -- --ignored
-//! --nocapture`. A file is right where every stroke lies on an edge of the picture, or in ink of
-//! its own color as the center of a line does, and where every edge has a stroke: its rim, or a
-//! center line as far away as the line is wide. It is named where it is refused, or a warning tells
-//! what is not followed. All others are listed with the pixels in question.
+//! --nocapture`. Wrong is a stroke that lies neither on an edge of the picture nor in ink, as the
+//! center of a line does. A file is named where it is refused, or a warning tells what is not
+//! followed. Listed, to be looked at, are edges without a stroke near them: the rim of a fill, or a
+//! center line as far away as the line is wide; a thick or transparent border has two edges more.
 #![expect(clippy::print_stdout, reason = "a table for people")]
 
 use std::path::{Path, PathBuf};
-
-use noctograph_core::geometry::bounds;
 
 use super::super::{LetterOptions, Strokes};
 use super::{Ink, draw};
@@ -21,8 +19,8 @@ const NEAR_PX: f32 = 2.5;
 /// Difference of two colors in a channel, of 255, from which there is an edge between neighbors.
 const EDGE: i32 = 24;
 
-/// Difference of two colors up to which they are one: a gradient has one color.
-const ALIKE: i32 = 60;
+/// Difference from the color of the paper from which there is ink.
+const INK: i32 = 12;
 
 /// Shares of strokes and edges in question that are the corners of miters and caps.
 const CORNERS: [f32; 2] = [0.02, 0.04];
@@ -33,7 +31,7 @@ const FEW_PX: f32 = 6.0;
 /// A reference picture on paper.
 struct Picture {
     size: [usize; 2],
-    rgb: Vec<[i32; 3]>,
+    is_ink: Vec<bool>,
     is_edge: Vec<bool>,
     /// Distance of the nearest edge.
     edge_px: Vec<f32>,
@@ -52,7 +50,8 @@ impl Picture {
         // White ink alone is on dark paper.
         let on_white = on(255);
         let is_blank = on_white.iter().all(|color| *color == [255; 3]);
-        let rgb = if is_blank { on(0) } else { on_white };
+        let paper = if is_blank { 0 } else { 255 };
+        let rgb = if is_blank { on(paper) } else { on_white };
         let [width, height] = size;
         let edge = |index: usize| {
             let (x, y) = (index % width, index / width);
@@ -63,7 +62,8 @@ impl Picture {
         };
         let is_edge: Vec<bool> = (0..rgb.len()).map(edge).collect();
         let edge_px = distances(&is_edge, size);
-        Self { size, rgb, is_edge, edge_px }
+        let is_ink = rgb.iter().map(|color| difference(*color, [paper; 3]) >= INK).collect();
+        Self { size, is_ink, is_edge, edge_px }
     }
 
     fn index(&self, [x, y]: [f64; 2]) -> usize {
@@ -98,39 +98,26 @@ fn distances(marked: &[bool], [width, height]: [usize; 2]) -> Vec<f32> {
     far
 }
 
-/// The lit lines of a drawing in the pixels of a picture, one point a pixel, with their colors.
-fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<([f64; 2], [u8; 3])> {
-    let lit = || strokes.glyphs.iter().flat_map(|glyph| glyph.moves.iter().filter(|step| step.lit));
-    let ends = lit().flat_map(|step| [step.from_m, step.to_m]);
-    let [left_m, bottom_m, right_m, top_m] = bounds(ends);
-    let in_file = strokes.source.strokes.iter().flat_map(|stroke| stroke.points.iter().copied());
-    let [left, top, right, bottom] = bounds(in_file);
-    let px_per_m =
-        px_per_unit * (right - left).max(bottom - top) / (right_m - left_m).max(top_m - bottom_m);
-    let place = |[x, y]: [f64; 2]| {
-        [px_per_unit * left + px_per_m * (x - left_m), px_per_unit * top + px_per_m * (top_m - y)]
-    };
+/// The lit lines of a drawing in the pixels of a picture, one point a pixel.
+fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<[f64; 2]> {
     let mut points = Vec::new();
-    for (glyph, color) in strokes.glyphs.iter().zip(&strokes.colors) {
-        for step in glyph.moves.iter().filter(|step| step.lit) {
-            let [a, b] = [step.from_m, step.to_m].map(place);
-            let n = libm::hypot(b[0] - a[0], b[1] - a[1]).ceil().max(1.0);
-            let share = |k: f64| [0, 1].map(|i| a[i] + (b[i] - a[i]) * (k + 0.5) / n);
-            points.extend((0..).map(f64::from).take_while(|k| *k < n).map(|k| (share(k), *color)));
-        }
+    for leg in strokes.source.strokes.iter().flat_map(|stroke| stroke.points.windows(2)) {
+        let [a, b] = [leg[0], leg[1]].map(|place| place.map(|at| px_per_unit * at));
+        let n = libm::hypot(b[0] - a[0], b[1] - a[1]).ceil().max(1.0);
+        let share = |k: f64| [0, 1].map(|i| a[i] + (b[i] - a[i]) * (k + 0.5) / n);
+        points.extend((0..).map(f64::from).take_while(|k| *k < n).map(share));
     }
     points
 }
 
 /// Points of strokes that lie on nothing, of how many; and edges without a stroke, of how many.
-fn in_question(picture: &Picture, points: &[([f64; 2], [u8; 3])]) -> [[f32; 2]; 2] {
+fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
     let mut bare = picture.is_edge.clone();
     let mut stray = 0.0;
-    for (place, color) in points {
+    for place in points {
         let index = picture.index(*place);
         let edge_px = picture.edge_px[index];
-        let is_on_ink = difference(picture.rgb[index], color.map(i32::from)) <= ALIKE;
-        if edge_px > NEAR_PX && !is_on_ink {
+        if edge_px > NEAR_PX && !picture.is_ink[index] {
             stray += 1.0;
             continue;
         }
@@ -179,40 +166,40 @@ fn suite_of_drawings_is_right_or_named() {
     let mut paths = Vec::new();
     files(Path::new(&folder), &mut paths);
     paths.sort();
-    let [mut right, mut warned, mut refused] = [0; 3];
+    let [mut n_right, mut n_warned, mut n_refused] = [0; 3];
     let mut wrong = Vec::new();
     for path in &paths {
         let file = path.display();
-        let strokes = match draw(path, &LetterOptions::default(), Ink::ByColor) {
+        let strokes = match draw(path, &LetterOptions::default(), Ink::Alike) {
             Ok(strokes) => strokes,
             Err(error) => {
                 println!("refused  {error}");
-                refused += 1;
+                n_refused += 1;
                 continue;
             }
         };
+        if !strokes.warnings.is_empty() {
+            n_warned += 1;
+            continue;
+        }
         let text = std::fs::read(path).unwrap();
         let tree = usvg::Tree::from_data(&text, &usvg::Options::default()).unwrap();
         let picture = Picture::read(&path.with_extension("png"));
         let px_per_unit = picture.size[0] as f64 / f64::from(tree.size().width());
-        let [stray, bare] = in_question(&picture, &points(&strokes, px_per_unit));
-        let is_right = [stray, bare]
-            .iter()
-            .zip(CORNERS)
-            .all(|([odd, all], share)| *odd <= FEW_PX.max(share * all));
-        let figures = format!(
-            "{file}: {} of {} px stray, {} of {} bare",
-            stray[0], stray[1], bare[0], bare[1]
-        );
-        match (is_right, strokes.warnings.is_empty()) {
-            (true, _) => right += 1,
-            (false, false) => {
-                println!("warned   {figures}: {}", strokes.warnings.join("; "));
-                warned += 1;
-            }
-            (false, true) => wrong.push(figures),
+        let pairs = in_question(&picture, &points(&strokes, px_per_unit));
+        let is_much = |[odd, all]: [f32; 2], share: f32| odd > FEW_PX.max(share * all);
+        let [[stray, of], [bare, edges]] = pairs;
+        let figures = format!("{file}: {stray} of {of} px stray, {bare} of {edges} px bare");
+        if is_much(pairs[0], CORNERS[0]) {
+            wrong.push(figures);
+            continue;
+        }
+        n_right += 1;
+        if is_much(pairs[1], CORNERS[1]) {
+            println!("look at  {figures}");
         }
     }
-    println!("{} drawings: {right} right, {warned} warned of, {refused} refused", paths.len());
+    let n = paths.len();
+    println!("{n} drawings: {n_right} right, {n_warned} warned of, {n_refused} refused");
     assert!(wrong.is_empty(), "{} wrong:\n{}", wrong.len(), wrong.join("\n"));
 }
