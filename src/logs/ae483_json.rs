@@ -20,7 +20,7 @@ use super::recording::{Block, Clock, Column, Recording, shortened};
 use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Budget, Text, simplified};
-use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
+use noctograph_core::flight::stamps::{SLOWEST_PERIOD_S, unit_of};
 use noctograph_core::statistics::median;
 
 /// Steps of reading a byte of text.
@@ -33,7 +33,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     budget.bytes(text.bytes.len())?;
     let warnings = text.notes.clone();
     let mut log = Recording { wrap_s: Some(WRAP_S), warnings, ..Recording::new(file) };
-    let mut text = text.bytes.to_vec();
+    let mut text = listed(&text.bytes).unwrap_or_else(|| text.bytes.to_vec());
     replace_nan(&mut text);
     let left = budget.bytes_left();
     let value = match json_tree::read(&text, budget) {
@@ -105,8 +105,7 @@ fn lists_by_index(members: &mut BTreeMap<String, Node>, budget: &Budget) -> Resu
             && is_indexed(inner)
         {
             let list = List::by_index(std::mem::take(inner), budget)?;
-            let is_count = (0_u32..).zip(&list.indices).all(|(n, index)| f64::from(n) == *index);
-            stamps = (!is_count).then(|| list.indices.clone());
+            stamps = (!list.is_counted()).then(|| list.indices.clone());
             *value = Node::List(list);
         }
     }
@@ -136,7 +135,7 @@ fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
             ));
         }
         // Division by the units per second makes 10 ms 0.01 s to the last bit.
-        let per_s = (1.0 / unit_s).round();
+        let per_s = if unit_s < 1.0 { (1.0 / unit_s).round() } else { 1.0 / unit_s };
         blocks.iter_mut().flat_map(|block| &mut block.time_s).for_each(|time_s| *time_s /= per_s);
     }
 }
@@ -150,7 +149,7 @@ fn unit_s(step: f64, in_seconds: bool) -> f64 {
         step if step > 1e3 * SLOWEST_PERIOD_S * 1e3 => 1e-9,
         step if step > 1e3 * SLOWEST_PERIOD_S => 1e-6,
         step if step > SLOWEST_PERIOD_S => 1e-3,
-        step if step < 0.5 => 1.0,
+        step if step < 0.5 => unit_of(&[0.0, step]).unit_s,
         _ if in_seconds => 1.0,
         _ => 1e-3,
     }
@@ -158,6 +157,24 @@ fn unit_s(step: f64, in_seconds: bool) -> f64 {
 
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
                     [...], \"data\": [...]}, ...}";
+
+/// Lines of rows as one list: JSON lines, and what cflib's examples print,
+/// `[stamp][block]: {'variable': value}`. `None` of other text.
+fn listed(text: &[u8]) -> Option<Vec<u8>> {
+    let text = std::str::from_utf8(text).ok()?;
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty()).peekable();
+    let is_printed = lines.peek()?.contains("]: {");
+    let rows = lines.map(|line| match line.split_once("]: {") {
+        Some((head, data)) if is_printed => {
+            let stamp = head.trim_start_matches('[').split(']').next()?;
+            let data = data.replace('\'', "\"");
+            Some(format!("{{\"timestamp\": {stamp}, \"data\": {{{data}}}"))
+        }
+        _ => (line.starts_with('{') && line.ends_with('}')).then(|| line.to_owned()),
+    });
+    let rows = rows.collect::<Option<Vec<String>>>().filter(|rows| is_printed || rows.len() > 1)?;
+    Some(format!("[{}]", rows.join(",")).into_bytes())
+}
 
 /// Replaces Python's NaN and infinities by `""` and spaces of the same length.
 fn replace_nan(text: &mut [u8]) {

@@ -64,9 +64,10 @@ fn number(cell: &str) -> Option<f64> {
 /// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T` in place of the space; day, month and
 /// year also with `/` or `.`, or the month by its name. A time of day alone counts from midnight,
 /// and a date alone is that midnight.
-/// Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, and
-/// milliseconds after a third colon.
-fn seconds_from_date(cell: &str) -> Option<f64> {
+/// Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas,
+/// milliseconds after a third colon, minutes and seconds alone (`34:56.7`, as spreadsheets show
+/// times), and days before a time (`0 days 00:00:01`, of pandas).
+pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     if cell.len() > 48 || !cell.starts_with(|sign: char| sign.is_ascii_digit()) {
         return None;
     }
@@ -86,10 +87,14 @@ fn seconds_from_date(cell: &str) -> Option<f64> {
     };
     let (time, east_s) = zone(time.trim())?;
     let time = time.replace(',', ".");
-    let mut parts = time.split(':').map(|part| part.parse::<f64>().ok());
-    let (hour, minute) = (parts.next()??, parts.next()??);
-    let second = parts.next().unwrap_or(Some(0.0))?;
-    let millis = parts.next().unwrap_or(Some(0.0))?;
+    let parts: Option<Vec<f64>> = time.split(':').map(|part| part.parse().ok()).collect();
+    let (hour, minute, second, millis) = match parts?[..] {
+        [minute, second] if time.contains('.') => (0.0, minute, second, 0.0),
+        [hour, minute] => (hour, minute, 0.0, 0.0),
+        [hour, minute, second] => (hour, minute, second, 0.0),
+        [hour, minute, second, millis] => (hour, minute, second, millis),
+        _ => return None,
+    };
     let whole = hour.fract() == 0.0 && minute.fract() == 0.0;
     let hours = match half {
         None => (0.0..=24.0).contains(&hour).then_some(hour)?,
@@ -99,7 +104,7 @@ fn seconds_from_date(cell: &str) -> Option<f64> {
         }
     };
     let fits = (0.0..60.0).contains(&minute) && (0.0..1000.0).contains(&millis);
-    if !whole || !fits || !(0.0..61.0).contains(&second) || parts.next().is_some() {
+    if !whole || !fits || !(0.0..61.0).contains(&second) {
         return None;
     }
     let days = date.map_or(Some(0), days_from_date)? as f64;
@@ -146,6 +151,9 @@ fn month(name: &str) -> Option<i64> {
 /// Days since 1970-01-01 of a date: the year first, or the month, the day and the year; the day
 /// comes first with points, as in German, and where it is beyond 12.
 fn days_from_date(date: &str) -> Option<i64> {
+    if let Some(days) = date.strip_suffix(" days") {
+        return days.parse().ok().filter(|days| (0..100_000).contains(days));
+    }
     let parts: Vec<&str> = date.split(['-', '/', '.']).collect();
     let [a, b, c] = parts[..] else { return None };
     let (year, month, day) = match [a, b, c].map(|part| part.parse::<i64>().ok()) {
@@ -193,6 +201,9 @@ mod tests {
         assert_eq!(value("2022-12-14"), Some((19_340.0 * DAY_S, true)), "a date alone");
         assert_eq!(seconds_from_date("12:00:01.25 am"), Some(1.25));
         assert_eq!(seconds_from_date("12:00:01:250"), Some(43_201.25));
+        assert_eq!(seconds_from_date("34:56.7"), Some(2096.7), "no hours with a fraction");
+        assert_eq!(seconds_from_date("34:56"), None, "no hour 34");
+        assert_eq!(seconds_from_date("1 days 00:00:01.500000"), Some(DAY_S + 1.5));
         let bad = "|x|2022-13-01 00:00:00|1:2:3:4 5|25:00:00|13:00:00 PM|12:00:00 CET|\
                    12:00:00-25:00|1:2:3:4:5";
         for date in bad.split('|') {

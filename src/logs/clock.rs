@@ -41,6 +41,11 @@ pub(super) fn repair_stamps(recording: &mut Recording, options: &ImportOptions) 
 /// Refuses rows that are not in order of time. A log's clock may fall only at a wrap or a restart.
 fn check_order(block: &Block, file: &str) -> Result<()> {
     let n = block.time_s.len();
+    if n > 2 && block.time_s.iter().all(|time_s| *time_s == block.time_s[0]) {
+        let (same, hint) =
+            (format!("{n} times that are one"), "write stamps with all their digits");
+        return Err(Error::input(file, same, "times that rise", hint));
+    }
     let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
     if falls < FALLS || falls <= n / 4 {
         return Ok(());

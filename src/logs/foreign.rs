@@ -2,11 +2,13 @@
 
 use noctograph_core::error::{Error, Result};
 
+const BY_CAPTURE: &str =
+    "export the rigid body as CSV in the motion capture's program, with a header t,x,y,z";
 const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of \
                              pymavlink), and import that";
 
 /// What a file begins with, what it is, and what to do.
-const FORMATS: [(&[u8], &str, &str); 16] = [
+const FORMATS: [(&[u8], &str, &str); 21] = [
     (
         b"ULog\x01\x12\x35",
         "a ULog file of PX4",
@@ -35,7 +37,12 @@ const FORMATS: [(&[u8], &str, &str); 16] = [
     (b"\x93NUMPY", "a NumPy file", "write it with numpy.savetxt, and a header t,x,y,z"),
     (b"PK\x03\x04", "a zip file or a spreadsheet", "unpack it, or save the sheet as CSV"),
     (b"\x1f\x8b", "a file packed with gzip", "unpack it with `gunzip FILE`"),
-    (b"c3d", "a C3D file", "export the rigid body as CSV in the motion capture's program"),
+    (b"c3d", "a C3D file", BY_CAPTURE),
+    (b"NO_OF_FRAMES", "a TSV file of Qualisys", BY_CAPTURE),
+    (b"PathFileType", "a TRC file of markers", BY_CAPTURE),
+    (b"HIERARCHY", "a BVH file of a skeleton", BY_CAPTURE),
+    (b"\x80", "a pickle of Python", "write it as CSV with a header t,x,y,z"),
+    (b"<", "a file in XML or HTML", "write its track as CSV with a header t,x,y,z"),
     (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "save the sheet as CSV"),
     (
         b"\xfd\x09\x00\x00",

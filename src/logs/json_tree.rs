@@ -8,6 +8,8 @@ use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
+use super::cells::seconds_from_date;
+use super::titles::meaning;
 use noctograph_core::error::Result;
 use noctograph_core::files::{Budget, push};
 
@@ -119,7 +121,10 @@ impl<'de> Visitor<'de> for Tree<'_> {
     fn visit_str<E>(self, text: &str) -> std::result::Result<Node, E> {
         Ok(match text {
             "" => Node::Missing,
-            text => Node::Text(text.chars().take(40).collect()),
+            text => match seconds_from_date(text).filter(|_| text.contains(':')) {
+                Some(stamp_s) => Node::Number(stamp_s),
+                None => Node::Text(text.chars().take(40).collect()),
+            },
         })
     }
 
@@ -154,14 +159,26 @@ impl List {
     /// The list of an object whose names are indices, as pandas writes a column or a table.
     pub(super) fn by_index(members: BTreeMap<String, Node>, budget: &Budget) -> Result<Self> {
         let mut list = Self::default();
-        let items = members.into_iter().filter_map(|(key, item)| Some((key.parse().ok()?, item)));
-        let mut items: Vec<(u64, Node)> = items.collect();
-        items.sort_by_key(|(index, _)| *index);
+        let items = members.into_iter().filter_map(|(key, item)| Some((index(&key)?, item)));
+        let mut items: Vec<(f64, Node)> = items.collect();
+        items.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         for (place, (index, item)) in items.into_iter().enumerate() {
             list.add(place, item, budget)?;
-            list.indices.push(index as f64);
+            list.indices.push(index);
+        }
+        // Rows without a time have that of their index.
+        let has_time = list.cells.keys().any(|name| meaning(name).0 == "t");
+        if !(list.is_counted() || list.cells.is_empty() || has_time) {
+            budget.bytes(size_of::<(usize, f64)>() * list.indices.len())?;
+            let stamps = list.indices.iter().copied().enumerate().collect();
+            list.cells.insert("timestamp".to_owned(), stamps);
         }
         Ok(list)
+    }
+
+    /// Whether its indices count from zero.
+    pub(super) fn is_counted(&self) -> bool {
+        (0_u32..).zip(&self.indices).all(|(n, index)| f64::from(n) == *index)
     }
 
     /// Adds an item, or its numbers.
@@ -231,5 +248,10 @@ impl List {
 
 /// Whether the names of an object are indices.
 pub(super) fn is_indexed(members: &BTreeMap<String, Node>) -> bool {
-    !members.is_empty() && members.keys().all(|key| key.parse::<u64>().is_ok())
+    !members.is_empty() && members.keys().all(|key| index(key).is_some())
+}
+
+/// The number or the date that a name is.
+fn index(name: &str) -> Option<f64> {
+    name.parse().ok().filter(|index: &f64| index.is_finite()).or_else(|| seconds_from_date(name))
 }

@@ -243,14 +243,14 @@ fn times(
     (values, is_guess.then(|| format!("column {title}: {guess}")))
 }
 
-/// Adds a day, or half a day, wherever a time of day falls by about as much; returns how often.
+/// Adds a day, half a day or an hour wherever a clock falls by about as much; returns how often.
 fn midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
     let (mut added_s, mut last_s, mut wraps) = (0.0, f64::NEG_INFINITY, 0);
     for time_s in times_s.iter_mut().filter(|t| t.is_finite() && **t < 90_000.0) {
         let fall_s = last_s - *time_s;
         last_s = *time_s;
-        for day_s in [86_400.0, 43_200.0] {
+        for day_s in [86_400.0, 43_200.0, 3600.0] {
             if (fall_s - day_s).abs() < NEAR_S {
                 (added_s, wraps) = (added_s + day_s, wraps + 1);
             }

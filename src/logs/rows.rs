@@ -10,10 +10,11 @@ use noctograph_core::files::{Sheet, SheetColumn, simplified};
 
 /// Titles of columns that name the drone of a row, as [`simplified`].
 const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link id uav uav_id \
-                      uav_name robot robot_id robot_name agent agent_id vehicle vehicle_id body \
+                      uav_name quad quad_id swarm_id robot robot_id robot_name agent agent_id vehicle vehicle_id body \
                       body_id body_name rigid_body rigid_body_id rigid_body_name cf cf_id cfid \
                       cf_name crazyflie crazyflie_id name child_frame_id frame_id object object_id \
-                      subject subject_name drohne address serial mac tag tag_id actor entity";
+                      subject subject_name drohne address serial mac tag tag_id trackable tracker_id actor \
+                      entity vehicle_name";
 
 /// Fractions of a second as endings of titles, and their size.
 const FRACTIONS: [(&str, f64); 3] =
@@ -25,10 +26,10 @@ const APART_M: f64 = 0.1;
 /// Refuses rows of several drones, and a table in long form.
 pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
     let texts: Vec<_> = sheet.columns.iter().filter(|c| c.is_text() && c.texts.len() > 1).collect();
-    let numbers: Vec<_> = sheet.columns.iter().filter(|c| !c.is_text()).collect();
-    if let ([names], [time, value]) = (&texts[..], &numbers[..])
-        && meaning(&time.title).0 == "t"
-    {
+    let is_index = |c: &SheetColumn| c.is_text() || meaning(&c.title).0 == "index";
+    let (times, values): (Vec<_>, Vec<_>) =
+        { sheet.columns.iter() }.filter(|c| !is_index(c)).partition(|c| meaning(&c.title).0 == "t");
+    if let ([names], [time], [value]) = (&texts[..], &times[..], &values[..]) {
         let titles = [&time.title, &names.title, &value.title].map(String::as_str);
         return Err(in_long_form(titles).at(file, None));
     }

@@ -6,7 +6,11 @@ use noctograph_core::files::{bracketed, simplified, unit};
 /// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
 /// the letters before them.
 const NAMES: [(&str, &str, &str); 17] = [
-    (" ", "t", "t time timestamp stamp date datetime seconds sec zeit elapsed elapsed_time"),
+    (
+        " ",
+        "t",
+        "t time timestamp stamp date datetime datenum seconds sec zeit elapsed elapsed_time",
+    ),
     (
         " ",
         "t",
@@ -14,12 +18,12 @@ const NAMES: [(&str, &str, &str); 17] = [
     ),
     ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
     ("xyz", "*_m", "loc_* location_*"),
-    ("z", "*_m", "height altitude alt"),
+    ("z", "*_m", "height altitude alt höhe hoehe"),
     ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
     (" ", "yaw_rad", "yaw psi"),
     (" ", "pitch_rad", "pitch theta"),
     (" ", "roll_rad", "roll phi"),
-    ("wxyz", "q*", "q* q_* quat_* orientation_* rotation_* q_rs_*"),
+    ("wxyz", "q*", "q* q_* quat_* or_* ori_* orientation_* rotation_* q_rs_*"),
     ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_*"),
     ("xyz", "v*_body_m_s", "v*_body"),
     ("xyz", "w*_body_rad_s", "w* w_* w*_body omega_* omega* gyro_* w_rs_s_*"),

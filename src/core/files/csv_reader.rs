@@ -196,10 +196,18 @@ impl Head {
 
     /// The first line, where no row is found.
     fn alone(lines: &[&[u8]]) -> Self {
-        let first = lines.iter().position(|line| !line.trim_ascii().is_empty()).unwrap_or(0);
+        let filled = || (0..lines.len()).filter(|index| !lines[*index].trim_ascii().is_empty());
+        let first = filled().find(|index| !is_comment(lines[*index])).or(filled().next());
+        let first = first.unwrap_or(0);
         let line = lines.get(first).copied().unwrap_or_default();
         let separator = Separator::most_in(line);
-        Self::named(separator.titles(line), separator, first + 1)
+        let titles = separator.titles(line);
+        let n_numbers = titles.iter().filter(|title| title.parse::<f64>().is_ok()).count();
+        if 2 * n_numbers > titles.len() {
+            // A row that begins with a text.
+            return Self { n_columns: titles.len(), ..Self::named(Vec::new(), separator, first) };
+        }
+        Self::named(titles, separator, first + 1)
     }
 
     /// A head whose titles are known.
@@ -388,7 +396,8 @@ fn unquoted(cell: &[u8]) -> &[u8] {
 fn is_date(cell: &[u8]) -> bool {
     let cell = unquoted(cell);
     let digits = cell.first().is_some_and(u8::is_ascii_digit);
-    digits && cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/'))
+    let points = cell.iter().filter(|byte| **byte == b'.').count();
+    digits && (points == 2 || cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/')))
 }
 
 /// A number of up to 15 digits without an exponent, rounded as [`str::parse`] does: numerator and

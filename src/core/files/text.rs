@@ -1,6 +1,6 @@
 //! Bytes to text: UTF-8 without a byte order mark, whose lines end in LF.
 //!
-//! Read, too: UTF-16 with its mark, and Windows-1252, which is said.
+//! Read, too: UTF-16, also without its mark, and Windows-1252, which is said.
 
 use std::borrow::Cow;
 
@@ -23,8 +23,10 @@ impl<'a> Text<'a> {
         let mut notes = Vec::new();
         let decoded = match bytes {
             [0xef, 0xbb, 0xbf, rest @ ..] => Cow::Borrowed(rest),
-            [0xff, 0xfe, ..] => Cow::Owned(from_utf16(bytes, u16::from_le_bytes)),
-            [0xfe, 0xff, ..] => Cow::Owned(from_utf16(bytes, u16::from_be_bytes)),
+            [0xff, 0xfe, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_le_bytes)),
+            [0xfe, 0xff, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_be_bytes)),
+            [1..128, 0, 1..128, 0, ..] => Cow::Owned(from_utf16(bytes, u16::from_le_bytes)),
+            [0, 1..128, 0, 1..128, ..] => Cow::Owned(from_utf16(bytes, u16::from_be_bytes)),
             _ if is_windows_1252(bytes) => {
                 notes.push("it is no UTF-8: read as Windows-1252".to_owned());
                 Cow::Owned(from_windows_1252(bytes).into_bytes())
@@ -36,7 +38,7 @@ impl<'a> Text<'a> {
 }
 
 fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
-    let units = bytes[2..].chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
+    let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
     text.collect::<String>().into_bytes()
 }
@@ -89,6 +91,8 @@ mod tests {
             (format!("\u{feff}{wanted}").into_bytes(), 0),
             (utf16(u16::to_le_bytes, [0xff, 0xfe]), 0),
             (utf16(u16::to_be_bytes, [0xfe, 0xff]), 0),
+            (utf16(u16::to_le_bytes, [0xff, 0xfe])[2..].to_vec(), 0),
+            (utf16(u16::to_be_bytes, [0xfe, 0xff])[2..].to_vec(), 0),
             (wanted.replace('\n', "\r").into_bytes(), 0),
             (latin, 1),
         ] {

@@ -9,6 +9,9 @@ pub const SLOWEST_PERIOD_S: f64 = 2.55;
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
+/// Numbers of today's days, as spreadsheets, MATLAB and Julian days count them.
+const DAY_NUMBERS: [std::ops::Range<f64>; 3] = [3e4..8e4, 7e5..8e5, 2.4e6..2.5e6];
+
 /// What a unit was found by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundUnit {
@@ -24,7 +27,7 @@ pub struct FoundUnit {
 /// logs so slowly: it is of ms, from a thousand on of µs, from a million on of ns; a step that no
 /// unit makes one of a log stays in seconds. Steps of 1 in whole numbers are ms, but for several
 /// rows of one stamp. A step of less than 0.1 ms is none either: it is of the first of minutes,
-/// hours and days that make it a usual one.
+/// hours and days that make it a usual one; of days where the stamps are numbers of today's.
 pub fn unit_of(stamps: &[f64]) -> FoundUnit {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
@@ -38,7 +41,9 @@ pub fn unit_of(stamps: &[f64]) -> FoundUnit {
         step if step > 0.0 && step < FASTEST_PERIOD_S => {
             let usual =
                 |unit_s: &f64| (USUAL_PERIOD_S..=SLOWEST_PERIOD_S).contains(&(step * unit_s));
-            [60.0, 3600.0, 86_400.0].into_iter().find(usual).unwrap_or(1.0)
+            let is_day = DAY_NUMBERS.iter().any(|days| days.contains(&stamps[0]));
+            let units = [60.0, 3600.0, 86_400.0].into_iter().skip(if is_day { 2 } else { 0 });
+            { units }.find(usual).unwrap_or(1.0)
         }
         step if whole && step > 0.0 && (step > 1.0 || is_rising) => 1e-3,
         _ => 1.0,
@@ -75,6 +80,7 @@ mod tests {
         {
             assert_eq!(unit_s(0.25, step), wanted, "{step}");
         }
+        assert_eq!(unit_s(46_023.5, 1.0 / 86_400.0), 86_400.0, "no hours, 1 Hz");
         assert_eq!(unit_s(0.25, 1e-4), 1.0, "10 kHz");
         assert!(unit_of(&[0.25, 1.5, 2.75]).in_doubt, "seconds of a slow log, or ms of a fast one");
     }

@@ -420,6 +420,10 @@ mod paper_photo_tests;
 #[cfg(test)]
 mod picture_tests;
 #[cfg(test)]
+mod suite_tests;
+#[cfg(test)]
+mod surroundings_tests;
+#[cfg(test)]
 mod svg_tests;
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ use super::*;
 use noctograph_core::flight::airborne;
 
 /// A synthetic flight: up from 1 to 3 s, to the right, into the scene, and down again, to 11 s.
-fn place(t: f64) -> [f64; 3] {
+pub(super) fn place(t: f64) -> [f64; 3] {
     let up = (0.5 * (t - 1.0)).min(0.5 * (11.0 - t)).clamp(0.0, 1.0);
     [(0.5 * (t - 3.0)).clamp(0.0, 1.0), (0.25 * (t - 5.0)).clamp(0.0, 0.5), up]
 }
@@ -43,7 +43,7 @@ fn says(flight: &Flight, text: &str) {
     assert!(said(flight).contains(text), "{text:?}: {}", said(flight));
 }
 
-fn check(what: &str, flight: &Flight) {
+pub(super) fn check(what: &str, flight: &Flight) {
     let last = flight.samples.last().unwrap();
     assert!((last.time_s - 12.0).abs() < 0.11, "{what}: ends at {}", last.time_s);
     for sample in &flight.samples {
@@ -314,7 +314,7 @@ fn degrees_are_told_where_radians_are_impossible() {
 
 #[test]
 fn other_files_are_refused_with_what_converts_them() {
-    let cases: [(&[u8], &str); 8] = [
+    let cases: [(&[u8], &str); 13] = [
         (b"ULog\x01\x12\x35\x01\0\0", "ulog2csv"),
         (b"\xa3\x95\x80\x80\x59FMT", "mavlogdump.py"),
         (b"FMT, 128, 89, FMT, BBnNZ, Type\n", "mavlogdump.py"),
@@ -323,6 +323,11 @@ fn other_files_are_refused_with_what_converts_them() {
         (b"\x89MCAP0\r\n\x01", "PlotJuggler"),
         (b"PK\x03\x04zip", "CSV"),
         (b"PAR1\x15\0", "to_csv"),
+        (b"NO_OF_FRAMES\t601\nNO_OF_CAMERAS\t8\n1\t2\t3\n", "motion capture"),
+        (b"PathFileType\t4\t(X/Y/Z)\ttake.trc\n", "motion capture"),
+        (b"HIERARCHY\nROOT Hips\n", "motion capture"),
+        (b"\x80\x04\x95\x10\0", "t,x,y,z"),
+        (b"<?xml version=\"1.0\"?>\n<kml/>\n", "t,x,y,z"),
     ];
     for (bytes, program) in cases {
         let error = parse(bytes, "log", &ImportOptions::default()).unwrap_err();
@@ -638,6 +643,18 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
         format!("{t},stateEstimate.x,{x}\n{t},stateEstimate.z,1")
     });
     assert!(refused(&long).contains("pivot_table(index=\"time\""));
+    let melted = rows(",variable,value,time\n", |t, [x, ..]| {
+        format!("0,stateEstimate.x,{x},{t}\n1,stateEstimate.z,1,{t}")
+    });
+    assert!(refused(&melted).contains("columns=\"variable\""), "{}", refused(&melted));
+    let rounded = rows("t,x,y,z\n", |_, [x, y, z]| format!("1.7e12,{x},{y},{z}"));
+    assert!(refused(&rounded).contains("121 times that are one"), "{}", refused(&rounded));
+    let no_head = rows("", |t, [x, y, z]| format!("radio://0/80,{t},{x},{y},{z}"));
+    assert!(
+        refused(&no_head).contains("column t: found \"radio://0/80\""),
+        "{}",
+        refused(&no_head)
+    );
 }
 
 #[test]

@@ -13,6 +13,7 @@ use noctograph_core::files::Budget;
 use noctograph_core::flight::{FlightSample, Quantity};
 
 mod foreign;
+mod generated;
 mod team_data;
 
 fn imported(bytes: &[u8]) -> Flight {

@@ -25,14 +25,18 @@ const DIGIT_CD: f64 = 1e-5;
 
 /// Usual titles of the columns, in lower case and without their unit.
 const TITLES: [(&str, &str); 7] = [
-    ("t", "t time t_s time_s timestamp seconds"),
-    ("x", "x x_m px pos_x"),
-    ("y", "y y_m py pos_y"),
-    ("z", "z z_m pz pos_z"),
-    ("r", "r red"),
-    ("g", "g green"),
-    ("b", "b blue"),
+    ("t", "t time timestamp seconds"),
+    ("x", "x px pos_x"),
+    ("y", "y py pos_y"),
+    ("z", "z pz pos_z"),
+    ("r", "r red led_r"),
+    ("g", "g green led_g"),
+    ("b", "b blue led_b"),
 ];
+
+/// Speed that no drone reaches, and smaller steps than those of motion.
+const FASTEST_M_S: f64 = 15.0;
+const STEP_M: f64 = 1e-3;
 
 /// Largest level of a light log in bytes, and the intensity that it is shown as.
 const FULL_LEVEL: f64 = 255.0;
@@ -41,11 +45,18 @@ const FULL_CD: f64 = 1.0;
 /// Our name of a title, and the size of the unit that it names in brackets.
 fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     let (bare, bracket) = bracketed(title);
-    let bare = bare.to_lowercase();
-    let name = TITLES.iter().find(|(_, titles)| titles.split(' ').any(|known| known == bare))?.0;
-    match bracket {
+    let bare = simplified(bare);
+    let known = |bare: &str| {
+        Some(TITLES.iter().find(|(_, titles)| titles.split(' ').any(|known| known == bare))?.0)
+    };
+    let (name, text) = match (known(&bare), bare.rsplit_once('_')) {
+        (Some(name), _) => (name, bracket.map(simplified)),
+        (None, Some((bare, unit))) => (known(bare)?, Some(unit.to_owned())),
+        (None, None) => return None,
+    };
+    match text {
         None => Some((name, None)),
-        Some(bracket) => Some((name, Some(unit(&simplified(bracket), name == "t")?))),
+        Some(text) => Some((name, Some(unit(&text, name == "t")?))),
     }
 }
 
@@ -127,8 +138,25 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
         position_m: Vector3::new(x[row] * x_m, y[row] * y_m, z[row] * z_m),
         rgb_cd: [r[row], g[row], b[row]].map(|value| value * unit_cd),
     }));
+    warnings.extend(too_fast(&instants));
     let lamps = lit_runs(&instants).flat_map(lamps).collect();
     Ok((LightTrace { lamps }, warnings))
+}
+
+/// A warning of a lamp that is faster in a tenth of its steps than any drone is.
+fn too_fast(instants: &[Instant]) -> Option<String> {
+    let steps = instants.windows(2).map(|pair| {
+        (pair[1].time_s - pair[0].time_s, (pair[1].position_m - pair[0].position_m).norm())
+    });
+    let moving: Vec<_> = steps.filter(|(_, step_m)| *step_m > STEP_M).collect();
+    let fast = moving.iter().filter(|(step_s, step_m)| *step_m > FASTEST_M_S * step_s).count();
+    (fast >= 3 && 10 * fast > moving.len()).then(|| {
+        format!(
+            "{fast} of {} steps are faster than {FASTEST_M_S} m/s: are the columns in another unit \
+             (x_cm), or the rows of several drones? Keep those of one",
+            moving.len()
+        )
+    })
 }
 
 /// A row of the table.
@@ -267,6 +295,8 @@ mod tests {
             format!("timestamp\tx\ty\tz\tr\tg\tb\r{}", body("\t", 1e3).replace('\n', "\r")),
             format!("# light painting\n# t x y z R G B\n{}", body(" ", 1.0)),
             format!("Time [msec],x [m],y [m],z [m],Red,Green,Blue\n{}", body(",", 1e3)),
+            format!("Time_msec,x_m,y_m,z_m,Red,Green,Blue\n{}", body(",", 1e3)),
+            format!("time_ms,pos_x,pos_y,pos_z,led_r,led_g,led_b\n{}", body(",", 1e3)),
         ];
         for log in &logs {
             assert!(is_light_trace(log.as_bytes()), "{log}");
@@ -285,6 +315,21 @@ mod tests {
         assert_eq!(trace.lamps[0].emitter.intensity_cd, 255.0);
         assert!(said[0].contains("candela"), "{said:?}");
         assert!(!is_light_trace(b"t,x,y,z,yaw\n0,0,0,0,0\n"));
+    }
+
+    #[test]
+    fn a_lamp_that_is_too_fast_for_a_drone_is_warned_of() {
+        let said = |unit: f64, apart: f64| {
+            let rows = (0..40_u32).map(|i| {
+                let (t, x) = (0.1 * f64::from(i / 2), 0.05 * f64::from(i / 2));
+                format!("{t},{},0,1,1,0,0\n", unit * (x + apart * f64::from(i % 2)))
+            });
+            let text = "t,x,y,z,r,g,b\n".to_owned() + &rows.collect::<String>();
+            read(text.as_bytes(), "light.csv").unwrap().1.join("; ")
+        };
+        assert_eq!(said(1.0, 0.0), "");
+        assert!(said(100.0, 0.0).contains("another unit"), "{}", said(100.0, 0.0));
+        assert!(said(1.0, 1.0).contains("20 of 39 steps"), "{}", said(1.0, 1.0));
     }
 
     proptest::proptest! {

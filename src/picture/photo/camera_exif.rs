@@ -57,10 +57,7 @@ const TAGS: [(&str, &str); 7] = [
 pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Vec<String>)> {
     let place = path.display().to_string();
     let bytes = LIMIT.read(path)?;
-    if let Some((maker, _)) = RAW_FILES.iter().find(|(_, head)| has_head(&bytes, head)) {
-        let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
-        return Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint));
-    }
+    refuse_raw(&bytes, &place)?;
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
     // The tags may stand in intact directories beside a broken one.
@@ -189,35 +186,47 @@ fn ratio_off(a: f64, b: f64) -> f64 {
 const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
                     or set the camera's keys in a scene file";
 
-/// Raw files whose EXIF is not read, by their first bytes (`.` stands for any). CR2, DNG, NEF and
+/// Files of cameras that are not read, by their first bytes (`.` stands for any). CR2, DNG, NEF and
 /// ARW are TIFF files.
-const RAW_FILES: [(&str, &[u8]); 8] = [
+const RAW_FILES: [(&str, &[u8]); 12] = [
+    ("JPEG XL", b"....JXL "),
+    ("JPEG XL", b"\xff\x0a"),
+    ("a video", b"....ftypqt"),
     ("Canon CR3", b"....ftypcrx "),
     ("Canon CRW", b"II......HEAPCCDR"),
     ("Fujifilm RAF", b"FUJIFILMCCD-RAW"),
     ("Minolta MRW", b"\0MRM"),
     ("Olympus ORF", b"IIRO"),
+    ("Olympus ORF", b"IIRS"),
     ("Olympus ORF", b"MMOR"),
     ("Panasonic RW2", b"IIU\0"),
     ("Sigma X3F", b"FOVb"),
 ];
 
-fn has_head(bytes: &[u8], head: &[u8]) -> bool {
-    bytes.len() >= head.len()
-        && head.iter().zip(bytes).all(|(want, byte)| [b'.', *byte].contains(want))
+/// Refuses a raw file by its name.
+pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
+    let has_head = |head: &[u8]| {
+        bytes.len() >= head.len()
+            && head.iter().zip(bytes).all(|(want, byte)| [b'.', *byte].contains(want))
+    };
+    let raw = RAW_FILES.iter().find(|(_, head)| has_head(head));
+    raw.map_or(Ok(()), |(maker, _)| {
+        let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
+        Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint))
+    })
 }
 
 /// Diagonal of a frame of 35 mm film, 36 by 24 mm.
 const FILM_DIAGONAL_M: f64 = 0.043_267;
 
-/// Width on 35 mm film of the longer side of a picture, by its aspect: sensors are 4:3 or 3:2, with
-/// the diagonal of the film; a longer picture is cut from the height, a squarer one from the width.
-pub(super) fn film_width_m(aspect: f64) -> f64 {
-    if aspect < 4.0 / 3.0 {
-        return 0.6 * aspect * FILM_DIAGONAL_M;
-    }
-    let aspect = aspect.min(1.5);
-    aspect / libm::hypot(aspect, 1.0) * FILM_DIAGONAL_M
+/// Width on 35 mm film of the longer side of a picture of some aspect, where film is some times
+/// larger than the sensor. A longer picture than the sensor is cut from its height, a squarer one
+/// from its width: full frame, APS-C and one inch (2.7) are 3:2, larger sensors, Micro Four Thirds
+/// (2.0) and smaller ones 4:3.
+pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
+    let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
+    let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };
+    aspect.min(sensor_aspect) / libm::hypot(sensor_aspect, 1.0) * FILM_DIAGONAL_M
 }
 
 /// Equivalent focal lengths of lenses, mm: from fisheye lenses to bridge cameras.
@@ -305,7 +314,8 @@ fn equivalent_width_m(
     }
     let [width, height] = tagged_size_px(exif).or(size_px).unwrap_or([3.0, 2.0]);
     let aspect = width.max(height) / width.min(height);
-    Some(1e3 * film_width_m(aspect) * focal_length_m? / film_mm)
+    let film_by_sensor = film_mm / (1e3 * focal_length_m?);
+    Some(film_width_m(aspect, film_by_sensor) / film_by_sensor)
 }
 
 /// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels
@@ -531,8 +541,8 @@ mod tests {
         let width_m = |tags: &[(Tag, Value)]| taken(tags).0.body.figures().sensor_width_m;
         assert!((width_m(&tags) - 0.0223).abs() < 1e-5, "Canon's APS-C: {}", width_m(&tags));
         tags.push((Tag::FocalLengthIn35mmFilm, Value::Short(vec![26])));
-        // A picture of 2 by 1 is as wide as one of 3 by 2: 36 mm on film.
-        assert!((width_m(&tags) - 0.036 * 5.7 / 26.0).abs() < 1e-7, "{}", width_m(&tags));
+        // A picture of 2 by 1 is as wide as one of 4 by 3 of so small a sensor.
+        assert!((width_m(&tags) - 0.034_613_6 * 5.7 / 26.0).abs() < 1e-7, "{}", width_m(&tags));
         assert!(taken(&tags).1[0].contains("makes it 22.30 mm"), "{:?}", taken(&tags).1);
     }
 
@@ -670,6 +680,36 @@ mod tests {
 
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
+
+        /// Sensors of data sheets, mm, and pictures as cameras cut them.
+        #[test]
+        fn an_equivalent_focal_length_gives_the_width_of_every_sensor_and_aspect(
+            sensor in proptest::sample::select(vec![
+                [36.0, 24.0], [43.8, 32.9], [23.5, 15.6], [22.3, 14.9], [17.3, 13.0], [13.2, 8.8],
+                [9.8, 7.3], [6.17, 4.55], [4.8, 3.6],
+            ]),
+            aspect in proptest::sample::select(vec![1.0, 4.0 / 3.0, 1.5, 16.0 / 9.0]),
+            film_mm in 50..200_u16,
+            is_upright: bool,
+        ) {
+            let [width_mm, height_mm] = sensor;
+            let focal_mm = f64::from(film_mm) * libm::hypot(width_mm, height_mm) / 43.267;
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a focal length")]
+            let focal_length = ratio((1e3 * focal_mm).round() as u32, 1000);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a side")]
+            let height_px = (4000.0 / aspect).round() as u32;
+            let camera = taken(&telephone_with(&[], &[
+                (Tag::FocalLength, focal_length),
+                (Tag::FocalLengthIn35mmFilm, Value::Short(vec![film_mm])),
+                (Tag::PixelYDimension, Value::Long(vec![height_px])),
+                (Tag::Orientation, Value::Short(vec![if is_upright { 6 } else { 1 }])),
+            ])).0;
+            let longer_mm = width_mm.min(aspect * height_mm);
+            let wanted_mm = if is_upright { longer_mm / aspect } else { longer_mm };
+            let found_mm = 1e3 * camera.body.figures().sensor_width_m;
+            let off = found_mm / wanted_mm - 1.0;
+            proptest::prop_assert!(off.abs() < 0.02, "{found_mm} mm, not {wanted_mm} mm");
+        }
 
         /// One tag of a good file that is not understood leaves the camera as it is, or is named.
         #[test]

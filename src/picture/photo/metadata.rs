@@ -38,12 +38,13 @@ impl Metadata {
     pub fn new(camera: &Camera, picture: &[u8]) -> Self {
         let [width, height] = [camera.width_px, camera.height_px].map(f64::from);
         let (longer, shorter) = (width.max(height), width.min(height));
+        let longer_m = camera.sensor_width_m * longer / width;
         Self {
             exposure_s: camera.shutter_close_s - camera.shutter_open_s,
             f_number: camera.f_number,
             iso: camera.iso,
             focal_length_m: camera.focal_length_m,
-            crop_factor: film_width_m(longer / shorter) / (camera.sensor_width_m * longer / width),
+            crop_factor: film_width_m(longer / shorter, 0.036 / longer_m) / longer_m,
             dots_per_inch: None,
             unique_id: sha256(picture)[..32].to_owned(),
         }

@@ -7,6 +7,7 @@ use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
 use super::Photo;
+use super::camera_exif::refuse_raw;
 use super::png::{LIMIT, Notes, checked_size, from_png, turned};
 use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
@@ -45,7 +46,10 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     match image::guess_format(&bytes) {
         Ok(ImageFormat::Png) => return from_png(&bytes, path, texts),
         Ok(ImageFormat::Jpeg) => {}
-        _ => return Err(broken(&"no PNG or JPEG header")),
+        _ => {
+            refuse_raw(&bytes, &path.display().to_string())?;
+            return Err(broken(&"no PNG or JPEG header"));
+        }
     }
     check_memory(&bytes, path)?;
     let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
@@ -137,6 +141,8 @@ mod tests {
         let whole = jpeg(1);
         for (bytes, says) in [
             (&b"no image"[..], "JPEG"),
+            (b"FUJIFILMCCD-RAW 0201", "a raw file (Fujifilm RAF)"),
+            (b"\xff\x0a\xfa", "JPEG XL"),
             (&b""[..], "JPEG"),
             (&whole[..30], "JPEG"),
             (&huge, "20000x20000"),

@@ -1,0 +1,222 @@
+//! One flight in tables and JSON as they are generated: columns in any order and naming, with their
+//! units, separators, encodings, stamps, and the ids of drones.
+
+use proptest::prelude::*;
+use proptest::sample::select;
+
+use super::foreign::{check, place};
+use super::*;
+
+/// A column of a table: its titles, and each cell by the time and the place.
+type Cells = fn(f64, [f64; 3]) -> String;
+
+/// Seconds and their fraction.
+fn parts(t: f64) -> (f64, f64) {
+    ((t + 1e-9).floor(), (t + 1e-9).fract().max(0.0))
+}
+
+/// A time of day of hours, minutes and seconds.
+fn clock(t: f64, from_s: f64) -> String {
+    let all_s = t + from_s;
+    let minutes = (all_s / 60.0 + 1e-9).floor();
+    format!("{:02}:{:02}:{:06.3}", (minutes / 60.0).floor(), minutes % 60.0, all_s - 60.0 * minutes)
+}
+
+/// Stamps that need no other column.
+const STAMPS: [(&str, Cells); 14] = [
+    ("t", |t, _| format!("{t:.3}")),
+    ("Time [msec]", |t, _| format!("{:.0}", 1e3 * t)),
+    ("timestamp_us", |t, _| format!("{:.0}", 1e6 * t)),
+    ("timestamp", |t, _| format!("{:.0}", 1.7e18 + 1e9 * (10.0 * t).round() / 10.0)),
+    ("time_min", |t, _| format!("{:.8}", t / 60.0)),
+    ("Elapsed (h)", |t, _| format!("{:.9}", t / 3600.0)),
+    ("Zeit", |t, _| format!("{:.10}", 46_023.4 + t / 86_400.0)),
+    ("datenum", |t, _| format!("{:.10}", 739_000.4 + t / 86_400.0)),
+    ("Time", |t, _| clock(t, 43_190.0)),
+    ("Time", |t, _| clock(t, 3590.0)[3..].to_owned()),
+    ("time", |t, _| format!("0 days {}", clock(t, 0.0))),
+    ("timestamp", |t, _| format!("2026-05-04T{}+02:00", clock(t, 43_190.0))),
+    ("sec,nanosec", |t, _| format!("{},{:.0}", 17.0 + parts(t).0, 1e9 * parts(t).1)),
+    ("Date,Time", |t, _| format!("04.05.2026,{}", clock(t, 43_190.0))),
+];
+
+/// Coordinates in names and units; each title for x, y or z in place of `*`.
+const PLACES: [(&str, f64); 8] = [
+    ("*", 1.0),
+    ("pos_*", 1.0),
+    ("pose.position.*", 1.0),
+    ("* [m]", 1.0),
+    ("*_cm", 100.0),
+    ("* (mm)", 1000.0),
+    ("p* [ft]", 1.0 / 0.3048),
+    ("/cf1/pose/position/*", 1.0),
+];
+
+/// Other columns: without effect, but with a place of their own.
+const OTHERS: [(&str, Cells); 4] = [
+    ("mode", |t, _| if t < 5.0 { "climb".into() } else { "cruise".into() }),
+    ("drone_id", |_, _| "7".into()),
+    ("uri", |_, _| "radio://0/80/2M/E7E7E7E7E7".into()),
+    ("pm.vbat", |t, _| format!("{:.2}", 4.1 - 0.02 * t)),
+];
+
+#[derive(Clone, Copy, Debug)]
+enum Encoding {
+    Utf8,
+    Utf8Marked,
+    Utf16(bool),
+    Windows1252,
+}
+
+fn encoded(text: &str, encoding: Encoding) -> Vec<u8> {
+    let mark = |is_marked: bool| if is_marked { "\u{feff}" } else { "" };
+    match encoding {
+        Encoding::Utf8 => text.into(),
+        Encoding::Utf8Marked => format!("{}{text}", mark(true)).into(),
+        Encoding::Utf16(is_marked) => {
+            format!("{}{text}", mark(is_marked)).encode_utf16().flat_map(u16::to_le_bytes).collect()
+        }
+        Encoding::Windows1252 => {
+            text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect()
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(96))]
+
+    #[test]
+    fn a_table_is_read_in_any_order_naming_and_unit(
+        (stamp_titles, stamp) in select(STAMPS.to_vec()),
+        (title, scale) in select(PLACES.to_vec()),
+        (other_title, other) in select(OTHERS.to_vec()),
+        order in Just((0..5_usize).collect::<Vec<_>>()).prop_shuffle(),
+        separator in select(vec![",", ";", "\t", "decimal comma"]),
+        end in select(vec!["\n", "\r\n"]),
+        encoding in select(vec![
+            Encoding::Utf8, Encoding::Utf8Marked, Encoding::Utf16(true), Encoding::Utf16(false),
+            Encoding::Windows1252,
+        ]),
+    ) {
+        let row = |stamp: String, places: [String; 3], other: String| {
+            let [x, y, z] = places;
+            let columns = [stamp, x, y, z, other];
+            let cells = order.iter().map(|column| columns[*column].clone());
+            let cells = cells.collect::<Vec<_>>().join(",");
+            match separator {
+                "decimal comma" => cells.replace(',', ";").replace('.', ","),
+                separator => cells.replace(',', separator),
+            }
+        };
+        // Dates with points are no numbers with commas.
+        prop_assume!(separator != "decimal comma" || stamp_titles != "Date,Time");
+        let titles = ["x", "y", "z"].map(|axis| title.replace('*', axis));
+        let mut text = row(stamp_titles.into(), titles, other_title.into()).replace(
+            |sign| separator == "decimal comma" && sign == ',', ".") + end;
+        for i in 0..=120 {
+            let t = 0.1 * f64::from(i);
+            let cells = place(t).map(|value| format!("{:.4}", scale * value));
+            text += &(row(stamp(t, place(t)), cells, other(t, place(t))) + end);
+        }
+        let head = format!("# H\u{f6}he \u{b0}{end}");
+        let bytes = encoded(&(head + &text), encoding);
+        let flight = parse(&bytes, "log", &ImportOptions::default());
+        let flight = flight.map_err(|error| TestCaseError::fail(format!("{error}\n{text:.300}")))?;
+        check(&format!("{text:.300}"), &flight);
+    }
+
+    #[test]
+    fn rows_of_two_drones_are_refused_by_the_name_of_their_column(
+        title in select(vec![
+            "drone_id", "Drone", "uri", "URI", "cf", "id", "uav_id", "robot_name", "Vehicle ID",
+            "child_frame_id", "swarm_id",
+        ]),
+        names in select(vec![["0", "1"], ["cf1", "cf2"], ["radio://0/80/2M/1", "radio://0/80/2M/2"]]),
+        place_of_name in 0..5_usize,
+        apart_m in 0.05..3.0_f64,
+        later_s in select(vec![0.0, 0.03]),
+        in_turn: bool,
+        as_json: bool,
+    ) {
+        let row = |which: usize, t: f64| {
+            let ([x, y, z], which_f) = (place(t), if which == 1 { 1.0 } else { 0.0 });
+            let cells = [t + later_s * which_f, x + apart_m * which_f, y, z];
+            if as_json {
+                let [t, x, y, z] = cells;
+                let name = names[which];
+                return format!(r#"{{"t":{t},"{title}":"{name}","x":{x},"y":{y},"z":{z}}}"#);
+            }
+            let mut cells = cells.map(|cell| format!("{cell:.4}")).to_vec();
+            cells.insert(place_of_name, names[which].to_owned());
+            cells.join(",")
+        };
+        let times = (0..=60).map(|i| 0.2 * f64::from(i));
+        let rows: Vec<String> = match in_turn {
+            true => times.flat_map(|t| [row(0, t), row(1, t)]).collect(),
+            false => [0, 1].into_iter().flat_map(|k| { times.clone() }.map(move |t| (k, t)))
+                .map(|(k, t)| row(k, t)).collect(),
+        };
+        let mut head = vec!["t", "x", "y", "z"];
+        head.insert(place_of_name, title);
+        let text = match as_json {
+            true => format!("[{}]", rows.join(",")),
+            false => format!("{}\n{}\n", head.join(","), rows.join("\n")),
+        };
+        let error = parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap_err();
+        let said = format!("column {title}: found rows of several drones");
+        prop_assert!(error.to_string().contains(&said), "{error}\n{text:.200}");
+    }
+
+    #[test]
+    fn json_is_read_in_every_form_of_pandas_and_of_cflib(
+        form in 0..6_usize,
+        stamps in 0..5_usize,
+        has_group: bool,
+    ) {
+        let prefix = if has_group { "stateEstimate." } else { "" };
+        let stamp = |t: f64| match stamps {
+            0 => format!("{:.0}", 1e3 * t),
+            1 => format!("{t:.1}"),
+            2 => format!("{:.0}", 1.7e12 + 1e3 * t),
+            3 => format!("{:.10}", 46_023.4 + t / 86_400.0),
+            _ => format!("\"2026-05-04T{}Z\"", clock(t, 43_190.0)),
+        };
+        let cells = |t: f64| {
+            let named = ["x", "y", "z"].iter().zip(place(t));
+            named.map(|(axis, value)| format!("\"{prefix}{axis}\":{value}")).collect::<Vec<_>>().join(",")
+        };
+        let times: Vec<f64> = (0..=120).map(|i| 0.1 * f64::from(i)).collect();
+        let all = |item: &dyn Fn(usize, f64) -> String, between: &str| {
+            let items = times.iter().enumerate().map(|(i, t)| item(i, *t));
+            items.collect::<Vec<_>>().join(between)
+        };
+        let key = |t: f64| format!("\"{}\"", stamp(t).trim_matches('"'));
+        let column = |axis: usize, item: &dyn Fn(usize, f64) -> String| {
+            let name = ["x", "y", "z"][axis];
+            let cells = all(&|i, t| format!("{}:{}", item(i, t), place(t)[axis]), ",");
+            format!("\"{prefix}{name}\":{{{cells}}}")
+        };
+        let columns = |item: &dyn Fn(usize, f64) -> String| {
+            [0, 1, 2].map(|axis| column(axis, item)).join(",")
+        };
+        let text = match form {
+            0 => {
+                let stamps = all(&|i, t| format!("\"{i}\":{}", stamp(t)), ",");
+                format!("{{\"time\":{{{stamps}}},{}}}", columns(&|i, _| format!("\"{i}\"")))
+            }
+            1 => format!("{{{}}}", columns(&|_, t| key(t))),
+            2 => format!("{{{}}}", all(&|_, t| format!("{}:{{{}}}", key(t), cells(t)), ",")),
+            3 => format!("[{}]", all(&|_, t| format!("{{\"time\":{},{}}}", stamp(t), cells(t)), ",")),
+            4 => all(&|_, t| format!("{{\"time\":{},{}}}", stamp(t), cells(t)), "\n") + "\n",
+            _ => {
+                let row = |t: f64| {
+                    format!("[{}][Position]: {{{}}}", stamp(t), cells(t).replace('"', "'"))
+                };
+                all(&|_, t| row(t), "\n") + "\n"
+            }
+        };
+        let flight = parse(text.as_bytes(), "log", &ImportOptions::default());
+        let flight = flight.map_err(|error| TestCaseError::fail(format!("{error}\n{text:.300}")))?;
+        check(&format!("{text:.300}"), &flight);
+    }
+}
