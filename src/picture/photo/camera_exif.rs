@@ -688,7 +688,7 @@ mod tests {
                 [36.0, 24.0], [43.8, 32.9], [23.5, 15.6], [22.3, 14.9], [17.3, 13.0], [13.2, 8.8],
                 [9.8, 7.3], [6.17, 4.55], [4.8, 3.6],
             ]),
-            aspect in proptest::sample::select(vec![1.0, 4.0 / 3.0, 1.5, 16.0 / 9.0]),
+            aspect in proptest::sample::select(vec![1.0_f64, 4.0 / 3.0, 1.5, 16.0 / 9.0]),
             film_mm in 50..200_u16,
             is_upright: bool,
         ) {
