@@ -27,7 +27,7 @@ fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
     for lead_s in [0.02, 0.1, 0.4, 1.2] {
         let mut flown = flight(0.004, 20.0, |t| square(t + lead_s), square);
         for sample in &mut flown.samples {
-            sample.letter = (1.0..19.0).contains(&sample.time_s).then_some(0);
+            sample.letter = (1.0..18.0).contains(&sample.time_s).then_some(0);
         }
         let ahead = track(&flown, Part::Letters).unwrap();
         near(ahead.lag_s, -lead_s, 2e-6, "lead");
@@ -43,7 +43,8 @@ fn a_constant_offset_is_no_lag() {
     // Along x alone, so that the path is 0.02 m away everywhere.
     let design = |t: f64| Vector3::new(0.2 * t, 0.0, 0.5);
     let tracking = track(&flight(0.01, 5.0, |t| design(t) + aside, design), Part::All).unwrap();
-    near(tracking.lag_s, 0.0, 1e-9, "lag");
+    // Zero is within the range of the search, and found as closely as any other shift.
+    near(tracking.lag_s, 0.0, 1e-6, "lag");
     near((tracking.rmse_m - aside.abs()).norm(), 0.0, 1e-12, "RMSE");
     near((tracking.mean_error_m - aside).norm(), 0.0, 1e-12, "mean");
     let ContourError { mean_m, rms_m, p95_m, max_m } = tracking.contour;
