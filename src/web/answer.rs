@@ -31,10 +31,13 @@ const LARGE_QUALITY: u8 = 92;
 /// Changes of a scene, and how much the probability that its word is read grows by them.
 pub type Suggestion = (Vec<Change>, f64);
 
+/// The scene that the page begins with, some settings laid over it.
+pub type Base<'a> = dyn Fn(&[(&str, &str)]) -> Result<Scene> + 'a;
+
 /// Makes what pages ask for.
 pub struct Studio<'a> {
     /// The scene that the page begins with, settings laid over it.
-    pub scene: &'a dyn Fn(&[(&str, &str)]) -> Result<Scene>,
+    pub scene: &'a Base<'a>,
     /// File of a typeface that has all letters of a word which the scene's font lacks.
     pub typeface: &'a dyn Fn(&str) -> Result<Option<String>>,
     /// Changes that help where a word does not read.

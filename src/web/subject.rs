@@ -5,9 +5,9 @@ use noctograph_core::error::{Error, Result};
 use noctograph_pipeline::preflight::{
     Profile, fit_within, frame_within, hang_stations, letters_within, parse_room,
 };
-use noctograph_pipeline::scene::Scene;
 
 use super::PreparedScene;
+use super::answer::Base;
 use super::request::Subject;
 
 impl Subject {
@@ -16,10 +16,10 @@ impl Subject {
     ///
     /// # Errors
     ///
-    /// As [`Scene::parse_with`] and [`Scene::check`]; [`Error::Input`] for a room that is none.
+    /// Those of the scene and its check; [`Error::Input`] for a room that is none.
     pub(crate) fn prepared(
         &self,
-        base: &dyn Fn(&[(&str, &str)]) -> Result<Scene>,
+        base: &Base<'_>,
         face: Option<&str>,
         pixels: f64,
     ) -> Result<PreparedScene> {

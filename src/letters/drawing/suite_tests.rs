@@ -6,7 +6,6 @@
 //! center of a line does. A file is named where it is refused, or a warning tells what is not
 //! followed. Listed, to be looked at, are edges without a stroke near them: the rim of a fill, or a
 //! center line as far away as the line is wide; a thick or transparent border has two edges more.
-#![expect(clippy::print_stdout, reason = "a table for people")]
 
 use std::path::{Path, PathBuf};
 
