@@ -20,6 +20,7 @@ __all__ = [
     "import_log",
     "photograph",
     "score",
+    "flip",
     "read",
     "setting",
     "command",
