@@ -83,7 +83,7 @@ impl TuneOptions {
         self.finals() + LEAST_CANDIDATES * self.n_each()
     }
 
-    /// Ranks a scene ([`TUNED`]) and the one that it comes from, on seeds that neither the search
+    /// Ranks a scene (`tuned`) and the one that it comes from, on seeds that neither the search
     /// nor the finals had.
     ///
     /// # Errors
