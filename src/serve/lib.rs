@@ -65,7 +65,7 @@ pub struct Program {
 pub struct ServerConfig {
     /// The scene that the controls begin with.
     pub scene: Scene,
-    /// The text of its file, which visitors' browsers lay their settings over; empty: the default.
+    /// The text of its file, which visitors' browsers lay their settings over.
     pub base: String,
     /// The page's WebAssembly module; `None`: all photos are made here.
     pub module: Option<PathBuf>,

@@ -48,11 +48,8 @@ impl Scene {
     /// [`Error::Input`] for a name that is none of these; as [`Scene::parse_with`].
     pub fn find(name: &str, settings: &[(&str, &str)]) -> Result<NamedScene> {
         let parse = |toml: &str| Self::parse_with(toml, name, settings);
-        if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
-            return Ok(NamedScene::new(name, parse(toml)?));
-        }
-        if name.parse::<Preset>().is_ok() {
-            return Ok(NamedScene::new(name, parse(&format!("preset = \"{name}\""))?));
+        if let Some(toml) = text_of_name(name) {
+            return Ok(NamedScene::new(name, parse(&toml)?));
         }
         let path = Path::new(name);
         let text = |name: Option<&std::ffi::OsStr>| {
@@ -83,16 +80,18 @@ impl Scene {
     ///
     /// [`Error::Io`] for a file that cannot be read.
     pub fn text_of(name: &str) -> Result<String> {
-        if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
-            return Ok((*toml).to_owned());
-        }
-        if name.parse::<Preset>().is_ok() {
-            return Ok(format!("preset = \"{name}\""));
-        }
         let path = Path::new(name);
         let file = if path.is_dir() { path.join("scene.toml") } else { path.to_owned() };
-        super::LIMIT.read_text(&file)
+        text_of_name(name).map_or_else(|| super::LIMIT.read_text(&file), Ok)
     }
+}
+
+/// The text of a shipped scene, or of a preset; `None` of a file.
+fn text_of_name(name: &str) -> Option<String> {
+    if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
+        return Some((*toml).to_owned());
+    }
+    name.parse::<Preset>().is_ok().then(|| format!("preset = \"{name}\""))
 }
 
 #[cfg(test)]
