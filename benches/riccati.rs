@@ -11,8 +11,8 @@ use noctograph::control::{lqr, observer_gain};
 /// The reference flight's hover, as `noctograph::sim` linearizes it.
 fn hover() -> [DMatrix<f64>; 2] {
     let (mut a, mut b) = (DMatrix::zeros(12, 12), DMatrix::zeros(12, 4));
-    for at in [(0, 6), (1, 7), (2, 8), (3, 11), (4, 10), (5, 9)] {
-        a[at] = 1.0;
+    for entry in [(0, 6), (1, 7), (2, 8), (3, 11), (4, 10), (5, 9)] {
+        a[entry] = 1.0;
     }
     (a[(6, 4)], a[(7, 5)]) = (9.81, -9.81);
     (b[(9, 0)], b[(10, 1)]) = (1.0 / 1.24e-5, 1.0 / 1.27e-5);

@@ -78,15 +78,15 @@ fn run(words: &str) {
 /// tell it.
 fn memory_mb(folder: &Path) -> Option<f64> {
     let program = std::env::current_exe().ok()?;
-    let found = Command::new(program).arg("--memory-of-preview").arg(folder).output().ok()?;
-    let kb: f64 = String::from_utf8(found.stdout).ok()?.lines().last()?.trim().parse().ok()?;
+    let output = Command::new(program).arg("--memory-of-preview").arg(folder).output().ok()?;
+    let kb: f64 = String::from_utf8(output.stdout).ok()?.lines().last()?.trim().parse().ok()?;
     Some(kb / 1e3)
 }
 
 fn main() {
     let folder = std::env::temp_dir().join(format!("noctograph-rows-{}", std::process::id()));
-    if let Some(at) = std::env::args().position(|word| word == "--memory-of-preview") {
-        let folder = std::env::args().nth(at + 1).expect("the folder");
+    if let Some(index) = std::env::args().position(|word| word == "--memory-of-preview") {
+        let folder = std::env::args().nth(index + 1).expect("the folder");
         run(&format!("preview NOOR --backend cpu -o {folder}/noor"));
         let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
         let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
@@ -103,7 +103,8 @@ fn main() {
             [fixed_s, seconds(|| run(&words)) / times as f64]
         };
         let rounds: Vec<[f64; 2]> = (0..ROUNDS).map(round).collect();
-        let least = |at: usize| rounds.iter().map(|round| round[at]).fold(f64::INFINITY, f64::min);
+        let least =
+            |row: usize| rounds.iter().map(|round| round[row]).fold(f64::INFINITY, f64::min);
         let [fixed_s, row_s] = [0, 1].map(least);
         println!("{name:22}{:10.1}{:14.2}", 1e3 * row_s, row_s / fixed_s);
     }

@@ -32,16 +32,16 @@ pub(super) fn typed(changes: &[Change]) -> String {
     if let [Change { key: "camera.width_px", value: Some(width) }, height] = changes {
         return format!("--size {width}x{}", height.value.as_deref().unwrap_or_default());
     }
-    let typed = |change: &Change| {
+    fn flag_or_setting(change: &Change) -> String {
         let (key, value) = (change.key, change.value.as_deref().unwrap_or_default());
-        match (OF_KEYS.iter().find(|(of, ..)| *of == key), value) {
+        match (OF_KEYS.iter().find(|(own, ..)| *own == key), value) {
             (Some((_, flag, _)), value) => format!("{flag} {value}"),
             (None, "word") if key == "camera.framing" => "--camera auto".to_owned(),
             (None, value) if value.contains('[') => format!("--set {key}='{value}'"),
             (None, value) => format!("--set {key}={value}"),
         }
-    };
-    changes.iter().map(typed).collect::<Vec<_>>().join(" ")
+    }
+    changes.iter().map(flag_or_setting).collect::<Vec<_>>().join(" ")
 }
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
@@ -86,12 +86,13 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let name = typed.split(' ').next();
         verb.get_arguments().any(|flag| flag.get_long() == name)
     };
-    // What was typed is no advice.
-    let typed = |flag: &str| {
+    // A flag already given is not advised.
+    fn is_typed(flag: &str) -> bool {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
         std::env::args().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
-    };
-    let special = FLAGS.iter().filter(|(at, flag, _)| *at == path && has(flag) && !typed(flag));
+    }
+    let special =
+        FLAGS.iter().filter(|(place, flag, _)| *place == path && has(flag) && !is_typed(flag));
     let mut advice: Vec<String> =
         special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
     if let Error::Letter { letter, .. } = error
@@ -161,31 +162,34 @@ mod tests {
         assert_eq!(mentioned(&Change { key: "word", value: None }), "--word WORD");
     }
 
-    fn of(error: &Error, verb: &str) -> String {
+    fn advice_for(error: &Error, verb: &str) -> String {
         advice(error, crate::cli::command().find_subcommand(verb).unwrap()).join("; ")
     }
 
-    fn at(place: &str, verb: &str) -> String {
-        of(&Error::input(place, "x", "y", "z"), verb)
+    fn advice_at(place: &str, verb: &str) -> String {
+        advice_for(&Error::input(place, "x", "y", "z"), verb)
     }
 
     #[test]
     fn an_error_leads_to_the_flag_or_the_key_that_mends_it() {
-        let in_file = Error::input("vehicle.mass_kg", "x", "y", "z").at("my.toml", 3);
-        assert!(of(&in_file, "fly").contains("--set vehicle.mass_kg=VALUE"));
+        let in_file = Error::input("vehicle.mass_kg", "x", "y", "z").in_file("my.toml", 3);
+        assert!(advice_for(&in_file, "fly").contains("--set vehicle.mass_kg=VALUE"));
         let item = Error::input("", "x", "y", "z").of_item("controller.lqr.q", 3);
-        assert!(of(&item, "fly").contains("--set controller.lqr.q="));
-        assert!(at("plan.style.jerk_m_s3", "fly").contains("--set plan.style.jerk_m_s3="));
-        assert!(at("camera.framing.position_m", "preview").contains("`--camera auto`"));
-        assert!(at("flight B", "compare").contains("--offset"));
-        assert!(at("flight", "compare").contains("--part") && at("flight", "identify").is_empty());
-        assert!(at("lights of the flight", "expose").starts_with("`--word` infers lights"));
-        assert_eq!(at("import.max_gap_s", "import"), "`--max-gap` sets it");
-        assert_eq!(at("budget", "tune"), "`--budget` sets it");
+        assert!(advice_for(&item, "fly").contains("--set controller.lqr.q="));
+        assert!(advice_at("plan.style.jerk_m_s3", "fly").contains("--set plan.style.jerk_m_s3="));
+        assert!(advice_at("camera.framing.position_m", "preview").contains("`--camera auto`"));
+        assert!(advice_at("flight B", "compare").contains("--offset"));
+        assert!(
+            advice_at("flight", "compare").contains("--part")
+                && advice_at("flight", "identify").is_empty()
+        );
+        assert!(advice_at("lights of the flight", "expose").starts_with("`--word` infers lights"));
+        assert_eq!(advice_at("import.max_gap_s", "import"), "`--max-gap` sets it");
+        assert_eq!(advice_at("budget", "tune"), "`--budget` sets it");
         let [wanted, hint] = ["", ""].map(str::to_owned);
         let lacks = Error::Letter { position: 3, letter: '\u{10ffff}', wanted, hint };
-        assert!(of(&lacks, "preview").starts_with("`--font` names another font"));
-        assert_eq!(at("plan.csv:7: x_m", "fly") + &of(&lacks, "fly"), "");
-        assert_eq!(at("my.toml:3: vehicle.mas_kg", "fly"), "");
+        assert!(advice_for(&lacks, "preview").starts_with("`--font` names another font"));
+        assert_eq!(advice_at("plan.csv:7: x_m", "fly") + &advice_for(&lacks, "fly"), "");
+        assert_eq!(advice_at("my.toml:3: vehicle.mas_kg", "fly"), "");
     }
 }

@@ -22,13 +22,13 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         args.stand.apply(scene)
     })?;
     let profile = args.profile.profile(&shoot.scene);
-    let Preflight { findings: found, placement } = preflight(&shoot, &profile)?;
-    let stops = found.iter().any(|checked| checked.row.severity == Severity::Stop);
+    let Preflight { findings: findings, placement } = preflight(&shoot, &profile)?;
+    let stops = findings.iter().any(|checked| checked.row.severity == Severity::Stop);
     let product = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
-        "findings": found.iter().map(findings::json).collect::<Vec<_>>(),
+        "findings": findings.iter().map(findings::json).collect::<Vec<_>>(),
     });
-    let mut report = Report::new(findings::table(&found) + "\n", product);
+    let mut report = Report::new(findings::table(&findings) + "\n", product);
     report.add(show::drawing(shoot.strokes.as_ref()));
     if let Some(placement) = placement {
         for [what, place] in placement.rows() {
@@ -37,7 +37,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         report.text.push('\n');
         report.value("placement", placement);
     }
-    let counted = |severity, one: &str, several: &str| match found
+    let counted = |severity, one: &str, several: &str| match findings
         .iter()
         .filter(|checked| checked.row.severity == severity)
         .count()

@@ -21,8 +21,8 @@ pub(super) struct CompareArgs {
     /// Part of both flights that is compared
     #[arg(long, value_name = "PART", default_value = "airborne", value_parser = named::<Part>())]
     part: Part,
-    /// What sets B's clock: the setpoints (design), or what was flown, for a log of a plan whose
-    /// setpoints lead (plan.reference = "inverse")
+    /// Curve that aligns B's clock: the setpoints (design), or the flown path, for a log of a plan
+    /// whose setpoints lead (plan.reference = "inverse")
     #[arg(long, value_name = "BY", default_value = "design", value_parser = ["design", "flown"])]
     align: String,
     /// Seconds to add to B's clock, in place of --align
@@ -63,11 +63,11 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         Some(folder) => plots(folder, args, [&a, &b], &comparison)?,
         None => Vec::new(),
     };
-    let side = |path: &Path, flight: &Flight, tracking: &Option<Tracking>| {
+    fn side(path: &Path, flight: &Flight, tracking: &Option<Tracking>) -> Value {
         let tracking = tracking.as_ref().map(show::tracking_json);
         let (file, sha256) = (path.display().to_string(), flight.sha256());
         json!({ "file": file, "sha256": sha256, "tracking": tracking })
-    };
+    }
     let first = comparison.first.map(|(cause, share)| {
         let (cause, change) = in_words(cause);
         json!({ "cause": cause, "change": change, "share": share })
@@ -141,16 +141,16 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     if args.flights.clock_ratio.is_none_or(|ratio| ratio == 1.0) {
         return Ok(both);
     }
-    let as_stamped = |flags: &FlightFlags, path: &Path| {
+    fn as_stamped(flags: &FlightFlags, path: &Path) -> Result<Flight> {
         import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
-    };
+    }
     let [a_stamped, b_stamped] = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
     let [a, b] = both;
     // A flight file is not stretched, and only a drone logs what is in it.
-    let of_drone = |flight: &Flight| {
+    fn of_drone(flight: &Flight) -> bool {
         let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
-        inside.iter().any(|quantity| !flight.unlogged.contains(quantity))
-    };
+        inside.iter().any(|quantity| flight.has(*quantity))
+    }
     let [is_a, is_b] = [of_drone(&a), of_drone(&b)];
     if a == a_stamped || b == b_stamped || is_a && is_b {
         return Ok([a, b]);
@@ -163,9 +163,9 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
         };
         let [of_a, of_b] = [apart_m(&a, &b_stamped), apart_m(&a_stamped, &b)];
         if of_a.min(of_b) * CLEARLY > of_a.max(of_b) || of_a == of_b {
-            let found = "two logs without motors, rates, estimates and setpoints";
+            let actual = "two logs without motors, rates, estimates and setpoints";
             let hint = "import the drone's log by itself with the ratio, and compare its flight";
-            return Err(Error::input("clock_ratio", found, "one log of a drone", hint));
+            return Err(Error::input("clock_ratio", actual, "one log of a drone", hint));
         }
         of_a < of_b
     };

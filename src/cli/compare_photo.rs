@@ -55,7 +55,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         "photo_px": [photo.width_px, photo.height_px], "transform": transform,
         "residual_px": residual_px, "mean_flip": mean,
     });
-    Ok(Report::of(product, LAYOUT).with_files(&files))
+    Ok(Report::with_layout(product, LAYOUT).with_files(&files))
 }
 
 const LAYOUT: &str = "\
@@ -77,12 +77,11 @@ fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2];
             hint: "compare photographs of the same word; cut the photograph to it".into(),
         });
     }
-    let upper_left_and_lower_right = |letter: &ReadLetter| {
-        let [left, top, right, bottom] = letter.box_px;
-        [[left, top], [right, bottom]]
-    };
     let pairs = render.iter().zip(photo).flat_map(|(one, other)| {
-        let [from, to] = [one, other].map(upper_left_and_lower_right);
+        let [from, to] = [one, other].map(|letter| {
+            let [left, top, right, bottom] = letter.box_px;
+            [[left, top], [right, bottom]]
+        });
         [0, 1].map(|corner| [from[corner], to[corner]])
     });
     Ok(pairs.collect())

@@ -50,9 +50,9 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     }
     let word = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     let word_m = word.map(|strokes| strokes.bounds_m());
-    let around = |[l, b, r, t]: [f64; 4]| {
+    fn around([l, b, r, t]: [f64; 4]) -> [f64; 4] {
         [l - MARGIN_M, (b - MARGIN_M).max(0.0), r + MARGIN_M, t + MARGIN_M]
-    };
+    }
     let bounds_m = args.bounds.or(word_m.map(around)).unwrap_or(ROOM_M);
     let output = Output::create(&args.output)?;
     let grid = coverage(&scene.sensors, bounds_m, args.depth, args.step)?;
@@ -92,7 +92,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
         "bound_m": writing_sigma_m(&bounds, None), "letters": letters,
         "one_more_anchor": { "position_m": place_m, "bound_m": better_m },
     });
-    Ok(Report::of(product, BOUNDS).with_files(&[path]))
+    Ok(Report::with_layout(product, BOUNDS).with_files(&[path]))
 }
 
 const BOUNDS: &str = "\

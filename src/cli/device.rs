@@ -13,7 +13,7 @@ use noctograph_core::digest::sha256;
 /// shader in a few seconds.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// What is wrong where no process can be started; it is not remembered.
+/// The fault where no process can be started; it is not cached.
 const UNTRIED: &str = "cannot be tried in a process of its own";
 
 /// Arguments of the process that tries the driver.
@@ -71,8 +71,8 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     Ok(BackendChoice::Cpu)
 }
 
-/// What is wrong with a driver, seen from outside; a driver that is missing or says what it lacks
-/// is no fault.
+/// The fault of a driver, seen from another process; a missing driver, or one with its own error
+/// message, is none.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let Ok(mut child) = quiet.spawn() else { return Some(UNTRIED) };

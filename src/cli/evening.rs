@@ -51,7 +51,7 @@ pub(super) fn run(
     let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
     let html = evening_page(&title, &evening, &report.text, &toml).html();
     written.write("evening.html", |out| out.write_all(html.as_bytes()))?;
-    // Without a sound flight there is nothing that a study could use.
+    // A study needs at least one sound flight.
     if !rows.is_empty() {
         written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
     }

@@ -27,12 +27,12 @@ pub(super) struct ExportArgs {
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// What the script for cflib sends, unless it is told otherwise
+    /// Setpoints of the script for cflib, unless its own --mode is given
     #[arg(long, value_name = "NAME", default_value = "position", value_parser = named::<Mode>())]
     mode: Mode,
     #[command(flatten)]
     profile: ProfileFlags,
-    /// Write files even of a flight that `check` stops; scripts then say so
+    /// Write files even if `check` stops the flight; scripts then say so
     #[arg(long)]
     unchecked: bool,
     /// File to write, or a folder for several
@@ -75,7 +75,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         "bytes": null, "deviation_mm": null,
     });
     if stops.is_some() && !args.unchecked {
-        return Ok(Report::of(product, REFUSED).with_files(&[]).passes(false));
+        return Ok(Report::with_layout(product, REFUSED).with_files(&[]).passes(false));
     }
     let ExportedFiles { files, deviation_m } = checked.files(stops.as_deref())?;
     let paths = match files.as_slice() {
@@ -88,8 +88,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             let folder =
                 args.output.clone().unwrap_or_else(|| format!("{}-export", stem(word)).into());
             if folder.is_file() {
-                let (found, hint) = ("a file", "name a folder: there are several files");
-                return Err(Error::input(folder.display(), found, "a folder", hint));
+                let (actual, hint) = ("a file", "name a folder: there are several files");
+                return Err(Error::input(folder.display(), actual, "a folder", hint));
             }
             let mut folder = OutputFolder::create(&folder)?;
             for file in files {
@@ -114,7 +114,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     if deviation_m.is_some_and(|off_m| off_m > 2.0 * tolerance_m) {
         warn(["the design jumps; plan with --style even for a smooth one"]);
     }
-    Ok(Report::of(product, EXPORTED).with_files(&paths))
+    Ok(Report::with_layout(product, EXPORTED).with_files(&paths))
 }
 
 const REFUSED: &str = "\
@@ -136,22 +136,22 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
     let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
                 `plan` and `preview` write that beside a plan";
-    let (found, wanted) = ("a plan without a room", "the room that it is flown in");
-    Err(Error::input(plan.display(), found, wanted, hint))
+    let (actual, wanted) = ("a plan without a room", "the room that it is flown in");
+    Err(Error::input(plan.display(), actual, wanted, hint))
 }
 
-/// What stops the flight of an export; prints the warnings of a preview of it.
+/// The findings that stop an exported flight; prints its warnings.
 fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Checked]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
     for row in checks.iter().map(|it| &it.row).filter(|row| row.severity == Severity::Warning) {
-        let found = &row.found;
+        let actual = &row.found;
         match row.check {
-            PICTURE => warn([format!("{found}: {}", row.change(mentioned))]),
+            PICTURE => warn([format!("{actual}: {}", row.change(mentioned))]),
             LED_MEMORY if plays => warn([format!(
-                "the lights take {found} of the LED timing memory: the script sends them over the \
+                "the lights take {actual} of the LED timing memory: the script sends them over the \
                  radio"
             )]),
             _ => {}

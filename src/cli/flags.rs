@@ -121,6 +121,8 @@ impl SceneFlags {
         Ok(scene)
     }
 
+    /// Takes base stations from `--lighthouse`, checks the scene, resolves its files, and warns of
+    /// set keys without effect, `used` ones excepted.
     fn finish(&self, scene: &mut Scene, used: &[&str]) -> Result<()> {
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
@@ -182,7 +184,7 @@ impl DesignFlags {
         Ok(scene)
     }
 
-    /// Fits a word to what the camera shows of it from within the room, unless its size was typed.
+    /// Fits a word to the view of a camera inside the room, unless its size was given.
     fn fit(&self, scene: &mut Scene) -> Result<()> {
         let is_typed = ["letters.cap_height_m", "letters.canvas_m"].map(|key| self.scene.sets(key));
         match self.letters.room.filter(|_| is_typed == [false; 2]) {
@@ -269,8 +271,8 @@ impl SubjectFlags {
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
-                let found = inputs.join(" ");
-                return Err(Error::input("inputs", found, "one word, or files *.csv", hint));
+                let actual = inputs.join(" ");
+                return Err(Error::input("inputs", actual, "one word, or files *.csv", hint));
             }
         }
         self.design.fit(&mut scene)?;
@@ -371,8 +373,8 @@ pub(super) struct FlightFlags {
     /// Sample rate of a log as a flight, in Hz
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
-    /// Seconds that the drone's clock counts in a true second: a number or a fraction [default: 1,
-    /// and of µSD logs what their stamps show, or else the firmware's: 84/85 up to and with release
+    /// Rate of the drone's clock, in its seconds per true second: a number or a fraction [default:
+    /// 1; of µSD logs the rate that their stamps show, or else the firmware's, 84/85 up to release
     /// 2026.08]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     pub(super) clock_ratio: Option<f64>,
@@ -407,7 +409,7 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    /// Options of an import; `scene` says what firmware flew where a log does not.
+    /// Options of an import; `scene` gives the firmware if the log does not.
     pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
             firmware: scene.map(|scene| scene.vehicle.firmware),
@@ -429,7 +431,7 @@ impl FlightFlags {
         Ok(self.read_log(path, scene)?.flight)
     }
 
-    /// The same with what else the log says.
+    /// The same with the log's other warnings.
     pub(super) fn read_log(&self, path: &Path, scene: Option<&Scene>) -> Result<OnClock> {
         let log = logs::import_on_clock(path, &self.options(scene))?;
         warn_of(path, &log.flight.warnings);

@@ -40,7 +40,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {
         let log = args.flight.read_log(path, Some(&scene))?;
-        // Flights of ours are of no firmware; those of a drone are on its clock.
+        // Simulated flights have no firmware; logged ones run on the drone's clock.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
             let text = format!(

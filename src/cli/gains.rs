@@ -165,16 +165,16 @@ fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
 
 /// Margins in words, input by input.
 fn margins(margins: Option<&[Margins; 4]>) -> Option<Vec<String>> {
-    let in_words = |margins: &Margins| {
-        let in_db = |gain| format!("{:+.1}", decibels(gain));
-        let [down, up] = [margins.gain_down, margins.gain_up].map(|gain| gain.map(in_db));
+    fn in_words(margins: &Margins) -> String {
+        let [down, up] = [margins.gain_down, margins.gain_up]
+            .map(|gain| gain.map(|gain| format!("{:+.1}", decibels(gain))));
         let (down, up) = (down.unwrap_or("-inf".into()), up.unwrap_or("+inf".into()));
         let phase = margins
             .phase_rad
             .zip(margins.crossover_rad_s)
             .map(|(phase, at_rad_s)| format!("{:.0}° at {at_rad_s:.1}", phase.to_degrees()));
         format!("{:18}{}", format!("{down} to {up} dB"), phase.unwrap_or("any".into()))
-    };
+    }
     margins.map(|margins| margins.iter().map(in_words).collect())
 }
 

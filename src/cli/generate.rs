@@ -54,7 +54,7 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
                 let page = clap_mangen::Man::new(page.clone());
                 folder.write(&page.get_filename(), |out| page.render(out))?;
             }
-            Ok(Report::of(json!({}), "").with_files(&folder.keep()?))
+            Ok(Report::with_layout(json!({}), "").with_files(&folder.keep()?))
         }
     }
 }

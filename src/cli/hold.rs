@@ -45,13 +45,13 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let (options, seed) = (scene.sim(), args.seed.seed.unwrap_or(scene.seed));
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;
-    let (mut found, mut figures) = (Vec::new(), Vec::new());
+    let (mut scenarios, mut figures) = (Vec::new(), Vec::new());
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
         for model in &models {
-            progress.update(found.len() as f64 / n);
-            found.push(hold_figures(*model, &options, scenario, seed, args.runs)?);
+            progress.update(scenarios.len() as f64 / n);
+            scenarios.push(hold_figures(*model, &options, scenario, seed, args.runs)?);
             let flight = hold(*model, &options, scenario, DURATION_S, seed)?;
             let name = format!("{}-{}", scenario.name(), model.name());
             let [csv, svg] = ["csv", "svg"].map(|kind| format!("{name}.{kind}"));
@@ -66,14 +66,14 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let product = json!({
         "filter": options.observer.altitude,
         "hover_throttle": options.believed_hover_throttle(),
-        "scenarios": found,
+        "scenarios": scenarios,
     });
     folder.write("hold.json", |out| writeln!(out, "{product:#}"))?;
-    let report = Report::with_words(product, &words(&found), LAYOUT);
+    let report = Report::with_words(product, &words(&scenarios), LAYOUT);
     let page = Page::new("Altitude hold", "").printed(report.text.trim_end()).drawings(&figures);
     folder.write("hold.html", |out| out.write_all(page.html().as_bytes()))?;
     let files = folder.keep()?;
-    let kept = found.iter().all(|figures| figures.missed.is_empty());
+    let kept = scenarios.iter().all(|figures| figures.missed.is_empty());
     Ok(report.with_files(&files).passes(kept))
 }
 
@@ -91,10 +91,10 @@ mean squared error over variance of each state: 1 where the covariance holds, co
 
 ";
 
-/// Rows of the states: squared error over variance with its 95 % interval below it; what was
-/// missed, and states that are out of bounds.
+/// Rows of the states: squared error over variance with its 95 % interval below it; missed limits,
+/// and states out of bounds.
 fn words(figures: &[HoldFigures]) -> Value {
-    let (mut states, mut missed, mut off) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut states, mut missed, mut inconsistent) = (Vec::new(), Vec::new(), Vec::new());
     for f in figures {
         let name = format!("{}, {}", f.scenario, f.model);
         missed.extend(f.missed.iter().map(|missed| format!("{name}: {missed}")));
@@ -113,11 +113,11 @@ fn words(figures: &[HoldFigures]) -> Value {
         let others = f.states.iter().filter(|state| state.verdict != HoldVerdict::Consistent);
         let others = others.map(|state| format!("{} {}", state.state, state.verdict.name()));
         let others = others.collect::<Vec<_>>().join(", ");
-        off.extend((!others.is_empty()).then(|| format!("{name}: {others}")));
+        inconsistent.extend((!others.is_empty()).then(|| format!("{name}: {others}")));
     }
     json!({
         "consistent": CONSISTENT, "names": STATE_NAMES, "states": states, "missed": missed,
-        "off": off,
+        "off": inconsistent,
     })
 }
 

@@ -39,23 +39,23 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
 
     // The log does not tell mass and arm: thrust scales with the mass, torque with the arm.
     let VehicleOptions { mass_kg, arm_m, .. } = vehicle;
-    let found = identified.as_ref();
-    let lag = found.and_then(|it| it.lag);
-    let r = found.and_then(Identified::observer_r);
+    let identified = identified.as_ref();
+    let lag = identified.and_then(|it| it.lag);
+    let r = identified.and_then(Identified::observer_r);
     let product = json!({
         "assumed": { "mass_kg": mass_kg, "arm_m": arm_m },
-        "samples": found.map(|it| it.n_samples),
-        "mean_motors": found.map(|it| it.mean_motors),
-        "k_f_n": found.map(|it| it.k_f_n),
-        "motor_torque_n_m": found.map(|it| it.motor_torque_n_m),
-        "center_of_mass_m": found.map(|it| it.center_of_mass_m),
+        "samples": identified.map(|it| it.n_samples),
+        "mean_motors": identified.map(|it| it.mean_motors),
+        "k_f_n": identified.map(|it| it.k_f_n),
+        "motor_torque_n_m": identified.map(|it| it.motor_torque_n_m),
+        "center_of_mass_m": identified.map(|it| it.center_of_mass_m),
         "rotor_lag_s": lag.map(|lag| lag.lag_s),
         "rotor_lag_half_width_s": lag.map(|lag| lag.half_width_s),
-        "measurement_sigma_m": found.and_then(|it| it.measurement_sigma_m),
-        "observer_q": found.and_then(Identified::observer_q),
-        "model_sigma": found.and_then(|it| it.model_sigma),
+        "measurement_sigma_m": identified.and_then(|it| it.measurement_sigma_m),
+        "observer_q": identified.and_then(Identified::observer_q),
+        "model_sigma": identified.and_then(|it| it.model_sigma),
         "observer_r": r,
-        "left_out": found.map(|it| &it.left_out),
+        "left_out": identified.map(|it| &it.left_out),
         "inertia_kg_m2": inertia_kg_m2,
     });
     let weights = r.map(|[x, y, z, rest @ ..]| {
@@ -85,7 +85,7 @@ inertia       {inertia_kg_m2:.4e} kg m2
 {states.#}|{:.4}|{weights.#:.1~not observable}
 ";
 
-/// An error of a flight with the log's name in the place of "flight".
+/// Names the log's file in place of "flight" in an error.
 fn named(error: Error, log: Option<&Path>) -> Error {
     match (error, log) {
         (Error::Input { found, wanted, hint, .. }, Some(log)) => {

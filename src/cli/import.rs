@@ -16,9 +16,9 @@ use crate::scene::CarriedScene;
 pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
     /// CSV, tables of motion captures and other programs (docs/reference/files.md). Any other
-    /// folder holds the logs of an evening, which become one page and a conditions file: those of
-    /// exported scripts by their drones, others each drone's in a folder with its name, or with
-    /// its name before the first - or _ of theirs
+    /// folder holds an evening's logs and gives one page and a conditions file. Logs of exported
+    /// scripts name their drones; others are in a folder named after the drone, or have its name
+    /// before the first - or _
     log: PathBuf,
     /// Word that was flown: of a log without lights, its letters and the schedule of the headlights
     /// are inferred from the setpoints (in the letters of the scene or of a preset)
@@ -47,7 +47,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     }
     let log = std::slice::from_ref(&args.log);
     let mut scene = args.scene.load(log, &[])?;
-    let is_known = args.scene.is_given() || CarriedScene::of(&args.log)?.is_some();
+    let is_known = args.scene.is_given() || CarriedScene::read(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
     if let Some(word) = &args.word {
@@ -76,7 +76,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json,
     });
-    let mut report = Report::of(product, LAYOUT);
+    let mut report = Report::with_layout(product, LAYOUT);
     report.text += &figures.text;
     Ok(report.with_files(&files))
 }

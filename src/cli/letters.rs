@@ -25,16 +25,16 @@ pub(super) struct LetterFlags {
     /// 1]
     #[arg(long, value_name = "0..1")]
     detail: Option<f64>,
-    /// Colors and numbers of the strokes of a drawing that are drawn, such as red or 2,5-7; `plan
-    /// -o x.svg` shows the numbers [default: all]
+    /// Strokes to draw, by their colors or numbers, such as red or 2,5-7; `plan -o x.svg` shows the
+    /// numbers [default: all]
     #[arg(long, value_name = "COLOR|N,...")]
     ink: Option<String>,
-    /// Strokes of a drawing that are left out, in the same way [default: none]
+    /// Strokes to leave out, by their colors or numbers [default: none]
     #[arg(long, value_name = "COLOR|N,...")]
     without: Option<String>,
-    /// Corners of the sheet of paper in a picture, in its pixels: "X,Y X,Y X,Y X,Y", clockwise
-    /// from the upper left; it is cut out and seen square on [default: those of a sheet that is
-    /// seen as a whole]
+    /// Corners of the sheet of paper in a picture, in its pixels: "X,Y X,Y X,Y X,Y", clockwise from
+    /// the upper left; it is cropped and rectified [default: detected, if the picture shows the
+    /// whole sheet]
     #[arg(long, value_name = "CORNERS", requires = "drawing")]
     corners: Option<Corners>,
     /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the
@@ -44,8 +44,8 @@ pub(super) struct LetterFlags {
     /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a
     /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling, within
     /// the 4 m that two Lighthouse stations serve, and shown whole by a camera that stands in the
-    /// room; stations hang in its corners where no scene places them, and safety checks keep any
-    /// plan 0.2 m from its walls
+    /// room; stations hang in its corners unless a scene places them; safety checks keep any plan
+    /// 0.2 m from its walls
     #[arg(long, value_name = "WxDxH", value_parser = parse_room)]
     pub(super) room: Option<[f64; 3]>,
 }

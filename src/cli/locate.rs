@@ -37,7 +37,7 @@ const TO_DRONE: &str = "ranging.drone";
 const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
-/// What turns ranges into positions.
+/// Method that computes positions from ranges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Observer {
     /// Filter forward and smoother backward over the whole flight
@@ -54,21 +54,20 @@ enum Observer {
 #[derive(Debug, Args)]
 pub(super) struct LocateArgs {
     /// Range logs, one for each drone: columns ranging.distance0 ... to the anchors and
-    /// ranging.drone1 ... to the other drones, in meters; a value that stays the same is held, not
-    /// measured again
+    /// ranging.drone1 ... to the other drones, in meters; a repeated value is held, not measured
+    /// again
     #[arg(required_unless_present = "region", conflicts_with = "region", value_name = "RANGES")]
     ranges: Vec<PathBuf>,
     /// Flight or log with the true positions, one for each drone
     #[arg(long, value_name = "FILE")]
     reference: Vec<PathBuf>,
-    /// Seconds to add to the clock of a reference, one for each, where its stamps are not those of
-    /// the logs
+    /// Seconds to add to the clock of each reference, if it differs from that of the logs
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     offset: Vec<f64>,
     /// Anchors (YAML of cfclient) that replace the scene's
     #[arg(long, value_name = "FILE")]
     anchors: Option<PathBuf>,
-    /// What turns ranges into positions
+    /// Method that computes positions from ranges
     #[arg(long, value_enum, value_name = "NAME", default_value_t = Observer::Smooth)]
     observer: Observer,
     /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother, and lags in curves
@@ -118,7 +117,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     for path in &args.ranges {
         let log = read(args, &scene, path)?;
         let measured = ranges(&log.flight, logs.len());
-        samples.push(measured.map_err(|error| error.at(path.display(), None))?);
+        samples.push(measured.map_err(|error| error.in_file(path.display(), None))?);
         logs.push(log);
         // Before the next one is read.
         check_count(samples.iter().map(Vec::len).sum())?;
@@ -269,7 +268,7 @@ fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> 
 
 fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
     let mut dated = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
-    // Of a log the ranges count here, and of a reference the positions: nothing else is missed.
+    // A log needs only ranges here, and a reference only positions.
     dated.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
     warn_of(path, &dated.flight.warnings);
     let OnClock { flight, zero_stamp_s, .. } = dated;
@@ -299,6 +298,7 @@ fn write(
     folder.keep()
 }
 
+/// Locates the drones by the chosen observer; the shared-anchor one takes two drones.
 fn by_observer(
     args: &LocateArgs,
     anchors_m: &[Vector3<f64>],
@@ -308,7 +308,7 @@ fn by_observer(
 ) -> Result<Located> {
     let tracks = || {
         let track =
-            |log: &Dated<'_>| track(log).map_err(|error| error.at(log.path.display(), None));
+            |log: &Dated<'_>| track(log).map_err(|error| error.in_file(log.path.display(), None));
         logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
     match args.observer {
@@ -322,7 +322,7 @@ fn by_observer(
             let start = |k: usize| {
                 let flight = &logs[k].flight;
                 let first = flight.samples.first();
-                let first = first.filter(|_| !flight.unlogged.contains(&Quantity::Position));
+                let first = first.filter(|_| flight.has(Quantity::Position));
                 first.map(|sample| sample.position_m)
             };
             let Some(starts_m) = start(0).zip(start(1)) else {
@@ -337,7 +337,7 @@ fn by_observer(
 
 /// The motion of a log.
 fn track(log: &Dated<'_>) -> Result<Track> {
-    if log.flight.unlogged.contains(&Quantity::Velocity) {
+    if !log.flight.has(Quantity::Velocity) {
         let hint = "log stateEstimate.vx, vy and vz too, or take --observer smooth";
         return Err(Error::input("columns", "no velocity", "the motion of the drone", hint));
     }

@@ -1,5 +1,5 @@
-//! `noctograph locate --region`: what the observer of two drones with a shared anchor sees of a
-//! word.
+//! `noctograph locate --region`: convergence of the observer of two drones with a shared anchor on
+//! a word.
 
 use nalgebra::Vector3;
 
@@ -22,8 +22,8 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
     let Some(anchors) = shared_anchor(&uwb.heard) else {
         let hint = "take the scene two-drones-three-anchors";
         let wanted = "two drones that hear two anchors each, one of them the same";
-        let found = format!("{:?}", uwb.heard);
-        return Err(Error::input("sensors.uwb.heard", found, wanted, hint));
+        let actual = format!("{:?}", uwb.heard);
+        return Err(Error::input("sensors.uwb.heard", actual, wanted, hint));
     };
     let [one, two, shared_m] = anchors.map(|anchor| Vector3::from(uwb.anchors_m[anchor]));
     let plans = Shoot::new(scene)?.plans;

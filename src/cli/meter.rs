@@ -116,7 +116,7 @@ to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
 and {more} more (--json has them all)
 ";
 
-/// Hot spots with their lamps, the brightest first. What stays under saturation leaves no blob,
+/// Hot spots with their lamps, the brightest first. Exposure below saturation leaves no blob,
 /// however long the lamp lingers.
 fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
@@ -132,11 +132,11 @@ fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
 
 /// The readings with the LEDs of a ring as one row, that of the brightest.
 fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
-    let group = |reading: &LampReading| {
+    fn group(reading: &LampReading) -> Option<String> {
         let (group, led) = reading.name.rsplit_once(' ')?;
         led.parse::<u8>().ok()?;
         group.ends_with("ring").then(|| format!("{group}, brightest"))
-    };
+    }
     let mut rows: Vec<LampReading> = Vec::new();
     for reading in readings {
         let ring = group(reading);

@@ -14,7 +14,7 @@ use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
-// What most verbs name is named here once.
+// Common imports of the verbs.
 use flags::{
     DesignFlags, FLIGHTS, FlightFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting,
     SubjectFlags, find_scene, frame, read_plans, set_word, warn_of, warn_of_fewer_drones,
@@ -177,7 +177,7 @@ verbs! {
     "Files" {
         /// Print a scene file: every key with its meaning and unit
         Scene(scene::SceneArgs) "noctograph scene > my.toml",
-        /// Report what a verb wrote into a folder, as one page (HTML)
+        /// Report a verb's output folder as one page (HTML)
         Report(report::ReportArgs) "noctograph report noctograph-rank",
         /// Generate shell completions and man pages
         Generate(generate::GenerateArgs)
@@ -292,7 +292,7 @@ pub fn report_of(words: &[String]) -> Result<Report> {
     }
 }
 
-/// What arguments are refused for.
+/// The reason for refused arguments.
 fn refused(error: &clap::Error) -> String {
     let text = error.render().to_string();
     let first = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
@@ -306,7 +306,7 @@ fn failed(error: &Error, advice: &[String]) -> ExitCode {
     ExitCode::from(2)
 }
 
-/// Prints the help that was asked for, or what is wrong with the arguments.
+/// Prints the requested help, or the error in the arguments.
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     if !error.use_stderr() {
@@ -471,7 +471,7 @@ mod tests {
             std::iter::once(verb).chain(verb.get_subcommands()).collect::<Vec<_>>()
         });
         let names: Vec<&str> = verbs.filter(takes_seed).map(Command::get_name).collect();
-        // `scene` writes it down. `export` refuses what `check`, which flies, stops.
+        // `scene` only writes a seed. `export` refuses flights that `check` stops.
         let noisy = "preview check export expose fly meter rank tune hold scene";
         assert_eq!(names.join(" "), noisy, "a plan has no noise");
     }
@@ -479,18 +479,19 @@ mod tests {
     /// The verb and the flags of each command of ours in a text.
     fn commands(text: &str) -> Vec<(String, Vec<String>)> {
         let text = text.replace("\\\n", " ");
-        let mut found = Vec::new();
-        for (at, _) in text.match_indices("noctograph ") {
+        let mut examples = Vec::new();
+        for (begin, _) in text.match_indices("noctograph ") {
             // A command in a sentence is between backquotes, and may be wrapped.
-            let ends: &[char] = if text[..at].ends_with('`') { &['`'] } else { &['`', '\n', '#'] };
-            let rest = &text[at + "noctograph ".len()..];
+            let ends: &[char] =
+                if text[..begin].ends_with('`') { &['`'] } else { &['`', '\n', '#'] };
+            let rest = &text[begin + "noctograph ".len()..];
             let mut words = rest.split(ends).next().unwrap_or(rest).split_whitespace();
             let verb = words.next().unwrap_or_default().to_owned();
             let flags = words.filter(|word| word.starts_with("--") && word.len() > 2);
             let name = |flag: &str| flag[2..].split('=').next().unwrap_or_default().to_owned();
-            found.push((verb, flags.map(name).collect()));
+            examples.push((verb, flags.map(name).collect()));
         }
-        found
+        examples
     }
 
     #[test]

@@ -42,11 +42,12 @@ pub(super) struct Corners(pub(super) [[f64; 2]; 4]);
 impl FromStr for Corners {
     type Err = String;
 
+    /// Parses four corners, such as `10,20 300,20 300,90 10,90`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let corner = |pair: &str| {
+        fn corner(pair: &str) -> Option<[f64; 2]> {
             let (x, y) = pair.split_once(',')?;
             Some([x.trim().parse().ok()?, y.trim().parse().ok()?])
-        };
+        }
         let corners: Option<Vec<[f64; 2]>> = text.split_whitespace().map(corner).collect();
         corners.and_then(|corners| corners.try_into().ok()).map(Self).ok_or_else(|| {
             "wanted four corners \"X,Y X,Y X,Y X,Y\" in pixels, clockwise from the upper left"
@@ -65,8 +66,8 @@ mod tests {
         let flag = clap::Arg::new("backend").value_parser(named::<BackendChoice>());
         let command = clap::Command::new("x").arg(flag);
         let parse = |name| command.clone().try_get_matches_from(["x", name]);
-        let found = parse("cpu").unwrap().remove_one::<BackendChoice>("backend");
-        assert_eq!(found, Some(BackendChoice::Cpu));
+        let actual = parse("cpu").unwrap().remove_one::<BackendChoice>("backend");
+        assert_eq!(actual, Some(BackendChoice::Cpu));
         assert!(parse("cpp").unwrap_err().to_string().contains("'cpu'"), "a suggestion");
     }
 }

@@ -1,4 +1,4 @@
-//! What a verb reports: a table for people, the same as JSON for programs, and its outcome.
+//! Report of a verb: a table for people, the same as JSON for programs, and its outcome.
 
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
@@ -10,7 +10,7 @@ use noctograph_core::files::STANDARD_OUTPUT;
 /// Result of a verb: its product as an object, and printed for people.
 #[derive(Debug)]
 pub struct Report {
-    /// What people read: a table of at most 80 columns.
+    /// Text for people: a table of at most 80 columns.
     pub text: String,
     /// An object.
     pub json: Value,
@@ -21,14 +21,14 @@ pub struct Report {
 }
 
 impl Report {
-    /// A text, and what serializes as an object.
+    /// A text, and a product that serializes as an object.
     pub(super) fn new(text: String, json: impl Serialize) -> Self {
         let json = serde_json::to_value(json).expect("a result is plain data");
         Self { text, json, passed: true, aside: false }
     }
 
-    /// What serializes as an object, printed by a layout.
-    pub(super) fn of(product: impl Serialize, layout: &str) -> Self {
+    /// A product that serializes as an object, printed by a layout.
+    pub(super) fn with_layout(product: impl Serialize, layout: &str) -> Self {
         Self::with_words(product, &Value::Null, layout)
     }
 
@@ -61,7 +61,7 @@ impl Report {
             let head = if index == 0 { "files" } else { "" };
             self.text += &format!("{head:10}{}\n", file.display());
         }
-        // A name that is not Unicode is shown as far as it is.
+        // Bytes of a name that are not Unicode are replaced.
         let names: Vec<_> = files.iter().map(|file| file.to_string_lossy()).collect();
         self.value("files", names);
         self.aside |= files.iter().any(|file| file == Path::new(STANDARD_OUTPUT));

@@ -33,9 +33,9 @@ impl Outputs {
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n: usize) -> Result<Self> {
         let named = path.filter(|path| n > 1 && is_csv(path));
         if let Some(path) = named.filter(|path| !path.is_dir()) {
-            let (found, hint) = (format!("a file for {n} drones"), "leave out .csv");
+            let (actual, hint) = (format!("a file for {n} drones"), "leave out .csv");
             let place = path.display().to_string();
-            return Err(Error::input(place, found, "a folder for a file of each", hint));
+            return Err(Error::input(place, actual, "a folder for a file of each", hint));
         }
         let path = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
         Ok(match n {
@@ -50,6 +50,7 @@ impl Outputs {
         })
     }
 
+    /// Writes one table a drone into the file or the folder, and keeps them.
     pub(super) fn keep<T>(
         self,
         items: &[T],

@@ -52,8 +52,8 @@ impl CameraFlags {
 /// The place of the camera.
 #[derive(Debug, Args)]
 pub(super) struct StandFlag {
-    /// Where the camera stands, in m from the take-off mark: to the right, back (minus: in front)
-    /// and up, such as 1.2,-3.5,1.4; it looks at the word
+    /// Place of the camera, in m from the take-off mark: to the right, back (minus: in front) and
+    /// up, such as 1.2,-3.5,1.4; it is aimed at the word
     #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
     camera_at: Option<[f64; 3]>,
 }
@@ -128,6 +128,7 @@ struct Size {
 /// Longer side of paper A0 to A5 (ISO 216); each one's shorter side is the next one's longer.
 const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
 
+/// Parses a size: pixels such as `1920x1080`, or paper and dots per inch such as `A2@150`.
 fn size(text: &str) -> std::result::Result<Size, String> {
     let wanted = "wanted WIDTHxHEIGHT in pixels, such as 1920x1080, or a print: A0 to A5, or \
                   WIDTHxHEIGHTmm, with @ and its dots per inch (10 to 2400), such as A2@150";
@@ -173,7 +174,7 @@ mod tests {
 
     #[test]
     fn a_print_has_its_sensors_noise_however_often_it_is_resized() {
-        let on = |sizes: &[&str]| {
+        fn on(sizes: &[&str]) -> Scene {
             let mut scene = Scene::preset(Preset::default());
             for text in sizes {
                 PictureFlags {
@@ -186,7 +187,7 @@ mod tests {
                 .unwrap();
             }
             scene
-        };
+        }
         let Noise::Emva1288(poster) = on(&["A2@150"]).photo.noise else { panic!("a sensor") };
         // 6000 photosites across 3508 dots.
         let n = (6000.0_f64 / 3508.0).powi(2);

@@ -84,7 +84,7 @@ fn light_s(plan: &Plan) -> f64 {
 
 /// The plan of each drone, and of all.
 fn described(word: &str, planned: &[Planned]) -> Report {
-    let drone = |Planned { plan, ends }: &Planned| {
+    fn drone(Planned { plan, ends }: &Planned) -> Value {
         let ends = ends.iter().map(|end| {
             json!({
                 "time_s": end.time_s, "x_m": end.at_m.x, "z_m": end.at_m.z, "on": end.on,
@@ -98,7 +98,7 @@ fn described(word: &str, planned: &[Planned]) -> Report {
             "setpoints": plan.setpoints.len(),
             "worst_streak_mm": streaks_mm.max_by(f64::total_cmp), "stroke_ends": ends,
         })
-    };
+    }
     let durations_s = planned.iter().map(|planned| planned.plan.duration_s());
     let product = json!({
         "word": word, "duration_s": durations_s.fold(0.0, f64::max),

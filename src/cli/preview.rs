@@ -34,7 +34,7 @@ pub(super) struct PreviewArgs {
     profile: ProfileFlags,
     #[command(flatten)]
     spread: SpreadFlags,
-    /// Fly the trajectory that is exported in this form, decoded as on board
+    /// Fly the exported trajectory of this form, decoded as on board
     #[arg(long, value_name = "FORM", value_parser = named::<Form>())]
     as_exported: Option<Form>,
     /// Also write report.html: one page with everything, to print or to hand in
@@ -169,8 +169,8 @@ fn write(shot: &Shot, verdict: &Value, folder: &mut OutputFolder) -> Result<()> 
     Ok(())
 }
 
-/// The verdict, and the changes of settings that were flown where there are any: these say more
-/// than what was retouched.
+/// The verdict, with the flown changes of settings if there are any: these are more reliable than
+/// retouched strokes.
 fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
     match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {

@@ -55,7 +55,7 @@ fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// What is printed of each item of a list.
+/// Template for each item of a list.
 fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Vec<T> {
     let items = value(path, scopes).and_then(Value::as_array).into_iter().flatten();
     let items = items.enumerate().map(|(index, value)| {
@@ -175,30 +175,30 @@ fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
 /// A table; without rows it is empty. `head` names the columns, each with the side that its cells
 /// keep to and its width, and with its unit where there is one: `scene<16|time/s>7`.
 pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
-    let column = |column| {
+    let columns = head.split('|').map(|column| {
         let side = str::rfind(column, ['<', '>']).expect("a side for each column");
         let width: usize = column[side + 1..].parse().expect("a width for each column");
         let (name, unit) = column[..side].split_once('/').unwrap_or((&column[..side], ""));
         (name, unit, &column[side..=side] == ">", width)
-    };
-    let columns: Vec<(&str, &str, bool, usize)> = head.split('|').map(column).collect();
+    });
+    let columns: Vec<(&str, &str, bool, usize)> = columns.collect();
     let names = columns.iter().map(|(name, ..)| (*name).to_owned()).collect();
     let units: Vec<String> = columns.iter().map(|(_, unit, ..)| (*unit).to_owned()).collect();
     let has_units = units.iter().any(|unit| !unit.is_empty());
     let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
     let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();
-    let line = |cells: &Vec<String>| {
+    let lines = heads.iter().chain(rows).map(|cells| {
         let padded = columns.iter().zip(cells).map(|((.., right, width), cell)| match right {
             true => format!("{cell:>width$}"),
             false => format!("{cell:width$}"),
         });
         padded.collect::<String>().trim_end().to_owned() + "\n"
-    };
-    heads.iter().chain(rows).map(line).collect()
+    });
+    lines.collect()
 }
 
-/// Text after a head, wrapped at 80 columns and indented as far as the head reaches. What stands in
-/// backquotes, a command to copy, stays on one line.
+/// Text after a head, wrapped at 80 columns and indented as far as the head reaches. A command in
+/// backquotes stays on one line, for copying.
 pub(super) fn wrapped(head: &str, text: &str) -> String {
     let indent = head.chars().count();
     let mut lines = head.to_owned();
@@ -276,10 +276,10 @@ mod tests {
     #[test]
     fn lines_are_wrapped_beside_their_head() {
         let text = "word ".repeat(30);
-        let found = line("name", &text);
-        let widths: Vec<usize> = found.lines().map(str::len).collect();
-        assert_eq!(widths, [79, 79, 19], "{found}");
-        assert!(found.lines().skip(1).all(|line| line.starts_with("          word")), "{found}");
+        let actual = line("name", &text);
+        let widths: Vec<usize> = actual.lines().map(str::len).collect();
+        assert_eq!(widths, [79, 79, 19], "{actual}");
+        assert!(actual.lines().skip(1).all(|line| line.starts_with("          word")), "{actual}");
         assert_eq!(line("", "two  spaces stay"), "          two  spaces stay\n");
     }
 
@@ -293,8 +293,8 @@ mod tests {
 
     #[test]
     fn a_command_stays_on_one_line() {
-        let found = line("name", &format!("{} `run 'a b'` ends", "word ".repeat(13).trim_end()));
-        let lines: Vec<&str> = found.lines().collect();
-        assert_eq!(lines[1], "          `run 'a b'` ends", "{found}");
+        let actual = line("name", &format!("{} `run 'a b'` ends", "word ".repeat(13).trim_end()));
+        let lines: Vec<&str> = actual.lines().collect();
+        assert_eq!(lines[1], "          `run 'a b'` ends", "{actual}");
     }
 }

@@ -39,8 +39,8 @@ pub(super) struct RankArgs {
     may: Vec<String>,
     #[command(flatten)]
     study: StudyFlags,
-    /// Fly one part of the flights into the folder of --parts, unless it is there already, and rank
-    /// nothing: part 3 of 20 is 3/20
+    /// Fly one part of the flights into the folder of --parts, unless it exists, without ranking:
+    /// part 3 of 20 is 3/20
     #[arg(long, value_name = "I/N", requires = "parts")]
     shard: Option<String>,
     /// Folder of shards, whose flights are not flown again
@@ -78,7 +78,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
         let (path, flights) = shard.fly(&study, parts, &bar)?;
-        let report = Report::of(json!({ "flights": flights }), "flights   {flights}");
+        let report = Report::with_layout(json!({ "flights": flights }), "flights   {flights}");
         return Ok(report.with_files(&[path]));
     }
     let ready = study.prepare()?;
@@ -100,7 +100,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
 }
 
 impl RankArgs {
-    /// The scenes, or those of the submissions that keep to the task, and the others.
+    /// The accepted scenes or submissions, and the refused submissions.
     fn contenders(&self, conditions: &Conditions) -> Result<(Vec<NamedScene>, Vec<Unranked>)> {
         let scene = |named: &String| self.study.scene(named, conditions);
         let Some(task) = &self.task else {

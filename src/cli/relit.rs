@@ -1,5 +1,5 @@
-//! Letters and lights of a real flight's log, which holds neither: those of the word that was
-//! flown, found by its setpoints.
+//! Letters and lights of a real flight's log, which holds neither, inferred from the flown word and
+//! the setpoints.
 
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub(super) fn light_all_along(flight: &mut Flight, scene: &Scene) {
 
 /// Whether a flight lacks its lights, and has the setpoints that they can be inferred from.
 fn is_unlit(flight: &Flight) -> bool {
-    flight.lights.is_empty() && !flight.unlogged.contains(&Quantity::Design)
+    flight.lights.is_empty() && flight.has(Quantity::Design)
 }
 
 /// Gives a flight the letters of the scene's word and its lights. Where the setpoints are not on

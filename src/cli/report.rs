@@ -1,4 +1,4 @@
-//! `noctograph report`: what a verb wrote into a folder, as one page.
+//! `noctograph report`: a verb's output folder as one page.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use noctograph_core::files::{Limit, files_in};
 #[command(after_help = "The folders of rank, tune, hold, locate and preview. \
                         `noctograph preview --report` says more of a single photograph.")]
 pub(super) struct ReportArgs {
-    /// Folder that a verb wrote
+    /// Output folder of a verb
     folder: PathBuf,
     /// Page (HTML)
     #[arg(short, long, value_name = "FILE", default_value = "noctograph-report.html")]
@@ -42,10 +42,10 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let title = name(&std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
     // Photos first, then drawings, settings and tables.
-    let rank = |path: &&PathBuf| {
+    fn rank(path: &&PathBuf) -> Option<usize> {
         let order = ["png", "svg", "toml", "csv"];
         order.iter().position(|end_of| *end_of == end(path))
-    };
+    }
     let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
     files.sort_by_key(rank);
     let n_more = files.len().saturating_sub(MAX_FILES);
@@ -55,10 +55,10 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
         shown.push(name);
     }
     if shown.is_empty() {
-        let found = args.folder.display().to_string();
+        let actual = args.folder.display().to_string();
         let wanted = "a folder with photos (PNG), drawings (SVG), tables (CSV) or a scene";
         let hint = "name the folder that rank, tune, hold, locate or preview wrote";
-        return Err(Error::input("folder", found, wanted, hint));
+        return Err(Error::input("folder", actual, wanted, hint));
     }
     let more = Some(n_more).filter(|n| *n > 0);
     let words = json!({ "names": shown.join(", "), "more": more, "most": MAX_FILES });
@@ -88,7 +88,7 @@ fn shows(path: &Path) -> bool {
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
     match &*end(path) {
         "png" | "svg" => true,
-        // Flights of a study and what is sampled over time are for programs.
+        // Flights of a study and time series are for programs.
         "csv" => {
             let is_over_time = |table: Vec<u8>| table.starts_with(b"time_s");
             name(path) != "flights.csv" && small() && !LIMIT.read(path).is_ok_and(is_over_time)
@@ -124,6 +124,7 @@ fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
     })
 }
 
+/// Adds a CSV file to a page as a table.
 fn table(page: Page, path: &Path) -> Result<Page> {
     let broken = |error: csv::Error| {
         let place = path.display().to_string();
@@ -131,9 +132,9 @@ fn table(page: Page, path: &Path) -> Result<Page> {
     };
     let bytes = LIMIT.read(path)?;
     let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(&*bytes);
-    let cells = |row: &csv::ByteRecord| -> Vec<String> {
+    fn cells(row: &csv::ByteRecord) -> Vec<String> {
         row.iter().map(|cell| shortened(&String::from_utf8_lossy(cell))).collect()
-    };
+    }
     let head = cells(reader.byte_headers().map_err(broken)?);
     let (mut rows, mut left_out) = (Vec::new(), 0);
     for row in reader.byte_records() {

@@ -31,5 +31,5 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
         return Ok(Report::new(toml, &scene));
     };
     let file = Output::create(path)?.keep(|out| out.write_all(toml.as_bytes()))?;
-    Ok(Report::of(json!({}), "").with_files(&[file]))
+    Ok(Report::with_layout(json!({}), "").with_files(&[file]))
 }

@@ -23,7 +23,7 @@ use crate::shoot::{flight_sha256, known};
 pub(super) struct ScoreArgs {
     /// Photo to judge: PNG or JPEG, a render or a camera's
     photo: PathBuf,
-    /// Word that it should show [default: the scene's]
+    /// Expected word [default: the scene's]
     word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
@@ -86,7 +86,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let strokes = scene.strokes()?;
     if let Some(path) = &args.plan {
         check_written(&Plan::read_csv(path)?, &strokes)
-            .map_err(|error| error.at(path.display(), None))?;
+            .map_err(|error| error.in_file(path.display(), None))?;
     }
     let framed = || -> Result<View> {
         let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
@@ -135,14 +135,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     Ok(report.with_files(&files).passes(verdict.legible))
 }
 
-/// Refuses a font or drawing that is not the one of the photo, where the photo says which.
+/// Refuses a font or drawing with another digest than the photo's, if the photo has one.
 fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Result<()> {
     let Some(digest) = of_photo.filter(|digest| strokes.sha256() != **digest) else {
         return Ok(());
     };
-    let found = "a font or drawing with other strokes";
+    let actual = "a font or drawing with other strokes";
     let hint = "find the font or drawing that the photo was made with";
-    Err(Error::input(file, found, format!("that of digest {digest}"), hint))
+    Err(Error::input(file, actual, format!("that of digest {digest}"), hint))
 }
 
 /// The key of a file that the photo's scene names, unless it was typed.
@@ -156,19 +156,19 @@ fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     let Some(key) = foreign_file(args, scene) else { return Ok(()) };
     let hint = "name the scene yourself, or trust the photo's if you know who made it";
     let wanted = "a font that comes with the program: a photo may name any file";
-    Err(Error::input(key, "the path of a file", wanted, hint).at(file, None))
+    Err(Error::input(key, "the path of a file", wanted, hint).in_file(file, None))
 }
 
-/// Refuses flights that are not those of the photo, where it says which these are.
+/// Refuses flights with other digests than the photo's, if the photo has them.
 fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> Result<()> {
     let Some(shown) = shown else { return Ok(()) };
     for (flight, path) in flights.iter().zip(&args.flight) {
         let digest = flight.sha256();
         if !shown.split(' ').any(|known| known == digest) {
             let hint = "name the flight that was exposed in this photo";
-            let found = format!("a flight of digest {digest}");
+            let actual = format!("a flight of digest {digest}");
             let wanted = format!("the one that the photo shows, {shown}");
-            return Err(Error::input(path.display(), found, wanted, hint));
+            return Err(Error::input(path.display(), actual, wanted, hint));
         }
     }
     Ok(())

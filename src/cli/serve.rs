@@ -133,6 +133,7 @@ fn announce(args: &ServeArgs, addresses: &Addresses) -> Result<()> {
     Ok(())
 }
 
+/// Opens an address in the browser of the desktop.
 fn open(address: &str) {
     let opener = match std::env::consts::OS {
         "macos" => "open",

@@ -41,7 +41,7 @@ pub(super) fn verdict_sentence(verdict: &Verdict) -> String {
     sentence([&verdict.word, &verdict.read], verdict.legible, verdict.readability)
 }
 
-/// A word, what is read of it, and whether it counts.
+/// A word, its reading, and whether the word counts.
 pub(super) fn sentence(words: [&str; 2], legible: bool, readability: f64) -> String {
     let [word, read] = words.map(in_one_line);
     let legible = if legible { "legible" } else { "NOT legible" };
@@ -70,10 +70,10 @@ fn in_words(reason: Reason, verdict: &Verdict) -> String {
     text.to_owned()
 }
 
-/// The strokes of a drawing, and what its detail leaves out; nothing of a word.
+/// The strokes of a drawing, and those left out by its detail; empty for a word.
 pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
     let Some(strokes) = strokes.filter(|strokes| strokes.font.is_none()) else {
-        return Report::of(json!({}), "");
+        return Report::with_layout(json!({}), "");
     };
     let left_out = json!({ "strokes": strokes.left_out.strokes, "share": strokes.left_out.share });
     let mut drawing = json!({
@@ -131,7 +131,7 @@ battery   {battery_v:.2} V at the end, {energy_j:.0} J used
 digest    {sha256}
 ";
 
-/// Aperture and sensitivity, and what the meter found; null where it did not set them.
+/// Aperture and sensitivity, and the meter's readings; null if the meter did not set them.
 pub(super) fn camera(shot: &Shot) -> Report {
     let Camera { f_number, iso, .. } = shot.camera;
     let why = "so that a long exposure leaves the room dark";
@@ -147,10 +147,10 @@ pub(super) fn camera(shot: &Shot) -> Report {
     Report::with_words(product, &words, layout)
 }
 
-/// What computed the exposure.
+/// The device that computed the exposure.
 pub(super) fn backend(shot: &Shot) -> Report {
     let product = json!({ "backend": shot.backend.name(), "adapter": shot.adapter });
-    Report::of(product, "exposed   by {backend} on {adapter}")
+    Report::with_layout(product, "exposed   by {backend} on {adapter}")
 }
 
 /// Figures of tracking for programs.

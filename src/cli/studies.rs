@@ -56,7 +56,7 @@ impl StudyFlags {
         Conditions::find(&self.conditions)
     }
 
-    /// The words with their numbers of seeds, where none is given a usual one.
+    /// The words with their numbers of seeds, or the default number.
     pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
         let mut words = Vec::new();
         for named in &self.words {
@@ -172,14 +172,15 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let shown = &alike[..alike.len().min(MOST_PAIRS)];
     let names = shown.iter().map(|pair| [named(&pair.better), named(&pair.worse)]);
     let places = ranking.measures.iter().map(|m| m.place.map_or("-".into(), |it| it.to_string()));
-    let leads = |of: &Measures| of.flown.is_some_and(|flown| flown.lag_s.value < LEAD_S);
+    let mut flown = ranking.measures.iter().filter_map(|measures| measures.flown);
+    let has_lead = flown.any(|flown| flown.lag_s.value < LEAD_S);
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
     let words = json!({
         "word": study.words.first().filter(|_| n_words == 1).map(|(word, _)| word),
         "n_words": Some(n_words).filter(|n| *n > 1), "n_flights": n_flights,
         "names": labels(ranking, 16), "places": places.collect::<Vec<_>>(),
-        "lead": ranking.measures.iter().any(leads).then_some("ahead of it (a lead)"),
+        "lead": has_lead.then_some("ahead of it (a lead)"),
         "few": is_few.then_some(n_each),
         "n_scenes": ranking.measures.len(), "pairs": names.collect::<Vec<_>>(),
         "all": (alike.is_empty() && !pairs.is_empty()).then_some("all scenes"),
@@ -221,8 +222,8 @@ fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
     shortened(&names, width - 1)
 }
 
-/// Distinct names with at most `n` characters each: of those that are longer the end, behind their
-/// number where two ends are alike.
+/// Distinct names of at most `n` characters: the ends of longer names, numbered if two ends are
+/// equal.
 pub(super) fn shortened(names: &[&str], n: usize) -> Vec<String> {
     let ends: Vec<String> = names.iter().map(|name| end_of(name, "…", n)).collect();
     if ends.iter().collect::<HashSet<_>>().len() == ends.len() {
@@ -246,16 +247,16 @@ mod tests {
     #[test]
     fn shortened_names_stay_apart() {
         let long = |end: &str| format!("a-scene-with-a-long-name{end}");
-        let of = |names: &[String]| {
+        fn lines(names: &[String]) -> Vec<String> {
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
-            let found = shortened(&names, 12);
-            assert!(found.iter().all(|name| name.chars().count() <= 12), "{found:?}");
-            found
-        };
-        assert_eq!(of(&["team".into(), long("")]), ["team", "…a-long-name"]);
-        assert_eq!(of(&[long("-1"), long("-2")]), ["…long-name-1", "…long-name-2"]);
+            let actual = shortened(&names, 12);
+            assert!(actual.iter().all(|name| name.chars().count() <= 12), "{actual:?}");
+            actual
+        }
+        assert_eq!(lines(&["team".into(), long("")]), ["team", "…a-long-name"]);
+        assert_eq!(lines(&[long("-1"), long("-2")]), ["…long-name-1", "…long-name-2"]);
         let both = [long("-x-and-the-end"), long("-y-and-the-end"), "team".into()];
-        assert_eq!(of(&both), ["1…nd-the-end", "2…nd-the-end", "team"]);
-        assert_eq!(of(&["zażółć-gęślą-jaźń".into()]), ["…-gęślą-jaźń"]);
+        assert_eq!(lines(&both), ["1…nd-the-end", "2…nd-the-end", "team"]);
+        assert_eq!(lines(&["zażółć-gęślą-jaźń".into()]), ["…-gęślą-jaźń"]);
     }
 }

@@ -154,17 +154,19 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
 
 fn plot(tuned: &Tuned) -> String {
     // A candidate that lost every drone stands where no time has passed.
-    let at = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
+    let pace_and_legibility = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
     let (start, tried) = tuned.candidates.split_first().expect("the scene as it was is one");
     let (within, others): (Vec<_>, Vec<_>) =
         tried.iter().partition(|c| !c.given_up && c.broken == 0.0);
-    let [within, others] = [within, others].map(|all| all.into_iter().map(at).collect::<Vec<_>>());
-    let front: Vec<_> = tuned.front.iter().map(|n| at(&tuned.candidates[*n])).collect();
-    pareto(&within, &others, &front, Some(at(start)))
+    let [within, others] =
+        [within, others].map(|all| all.into_iter().map(pace_and_legibility).collect::<Vec<_>>());
+    let front: Vec<_> =
+        tuned.front.iter().map(|n| pace_and_legibility(&tuned.candidates[*n])).collect();
+    pareto(&within, &others, &front, Some(pace_and_legibility(start)))
 }
 
-/// The candidates that are best in time and legibility, what the best one changed, and how it did
-/// on new seeds and `others`, new words.
+/// The Pareto front of time and legibility, the best candidate's changes, and its results on new
+/// seeds and new words, `others`.
 pub fn tuning_report(
     options: &TuneOptions,
     tuned: &Tuned,
@@ -231,8 +233,8 @@ fn other_words(
     tuned: &Tuned,
     store: &Store,
 ) -> Result<Option<(Study, Ranking)>> {
-    let is_new = |word: &&String| options.words.iter().all(|(known, _)| known != *word);
-    let words = args.test_words.iter().filter(is_new);
+    let words =
+        args.test_words.iter().filter(|word| options.words.iter().all(|(known, _)| known != *word));
     let words: Vec<_> = words.map(|word| (word.clone(), args.test_seeds)).collect();
     if !tuned.helped() || words.is_empty() || args.test_seeds == 0 {
         return Ok(None);

@@ -44,7 +44,7 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     files.sort_by_cached_key(|path| (rank(path), path.clone()));
     let mut n_bytes = 0;
     files.into_iter().find(|path| {
-        // What is unreadable is no typeface for this hint.
+        // Unreadable files are skipped in this hint.
         let file = if n_bytes < MAX_BYTES { LIMIT.read(path).ok() } else { None };
         n_bytes += file.as_ref().map_or(0, Vec::len);
         file.is_some_and(|file| characters.iter().all(|c| has_outline(&file, *c)))
@@ -53,10 +53,10 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
 
 /// Adds the files of typefaces in a folder and those below it.
 fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
-    let known = |path: &Path| {
+    fn known(path: &Path) -> bool {
         let end = path.extension().unwrap_or_default().to_ascii_lowercase();
         ["ttf", "otf", "ttc"].iter().any(|known| end == *known)
-    };
+    }
     for path in entries_in(folder).unwrap_or_default() {
         if files.len() == MAX_FILES {
             return;

@@ -38,16 +38,17 @@ pub fn linearize_finely<const N: usize, const M: usize>(
     (a / 3.0, b / 3.0)
 }
 
+/// Jacobian of `f` by central differences with a relative step.
 fn jacobian<const N: usize, const M: usize>(
     f: impl Fn(&SVector<f64, M>) -> SVector<f64, N>,
-    at: &SVector<f64, M>,
+    point: &SVector<f64, M>,
     step: f64,
 ) -> SMatrix<f64, N, M> {
     let mut slope = SMatrix::<f64, N, M>::zeros();
     for i in 0..M {
-        let (mut up, mut down) = (*at, *at);
-        up[i] += step * at[i].abs().max(1.0);
-        down[i] -= step * at[i].abs().max(1.0);
+        let (mut up, mut down) = (*point, *point);
+        up[i] += step * point[i].abs().max(1.0);
+        down[i] -= step * point[i].abs().max(1.0);
         slope.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
     }
     slope
@@ -136,9 +137,9 @@ mod tests {
 
     #[test]
     fn pendulum_linearizes_to_its_known_matrices() {
-        let pendulum = |x: &Vector2<f64>, u: &Vector1<f64>| {
+        fn pendulum(x: &Vector2<f64>, u: &Vector1<f64>) -> Vector2<f64> {
             Vector2::new(x[1], -9.81 * libm::sin(x[0]) + 3.0 * u[0])
-        };
+        }
         let (a, b) = linearize(pendulum, &Vector2::new(0.3, 0.0), &Vector1::new(2.0));
         let want = Matrix2::new(0.0, 1.0, -9.81 * libm::cos(0.3), 0.0);
         assert!((a - want).norm() < 2e-8, "A = {a}");

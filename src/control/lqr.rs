@@ -73,7 +73,7 @@ mod tests {
     fn hover() -> [DMatrix<f64>; 4] {
         let (mut a, mut b) = (DMatrix::zeros(12, 12), DMatrix::zeros(12, 4));
         let ones = [(0, 6), (1, 7), (2, 8), (3, 11), (4, 10), (5, 9)];
-        ones.iter().for_each(|&at| a[at] = 1.0);
+        ones.iter().for_each(|&entry| a[entry] = 1.0);
         (a[(6, 4)], a[(7, 5)]) = (9.81, -9.81);
         (b[(9, 0)], b[(10, 1)]) = (1.0 / 1.24e-5, 1.0 / 1.27e-5);
         (b[(11, 2)], b[(8, 3)]) = (1.0 / 3.32e-5, 1.0 / 0.0351);
@@ -125,10 +125,10 @@ mod tests {
         let b = DMatrix::from_fn(6, 2, |i, j| (whole((3 * i + 4 * j + 2 * i * j) % 7) - 3.0) / 2.0);
         let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| whole(i + 1)));
         let k = lqr(&a, &b, &q, &DMatrix::from_diagonal(&dvector![2.0, 0.5])).unwrap();
-        let gain = |rows: &str| {
+        fn gain(rows: &str) -> DMatrix<f64> {
             let entries = rows.split_whitespace().map(|entry| entry.parse().unwrap());
             DMatrix::from_row_iterator(2, 6, entries)
-        };
+        }
         let sixty_digits = gain(
             "0.15917714099551426 0.21342394716495166 -0.34282669647457517 -2.1686462520131775 \
              4.900163300871512 -0.7728411341269389 1.4159312179084196 2.68216444921646 \

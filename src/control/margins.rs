@@ -12,7 +12,7 @@ use super::linear::is_hurwitz;
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
 /// Steps of the sweep. A step of 0.4 % finds every crossing but two within it.
 const SWEEP_STEPS: u32 = 4000;
-/// Halvings of the step in which a crossing lies: 0.4 % to 1e-12.
+/// Bisections of the step around a crossing: 0.4 % to 1e-12.
 const HALVINGS: u32 = 30;
 
 /// Margins of one loop, opened at its input, with the others closed.
@@ -69,20 +69,20 @@ fn of_loop(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     let mut margins = Margins::default();
     let [low, high] = SWEEP_RAD_S.map(libm::log);
     let step = (high - low) / f64::from(SWEEP_STEPS);
-    let at = |i: u32| {
+    let sample = |i: u32| {
         let frequency = libm::exp(low + step * f64::from(i));
         Some((frequency, response(frequency)?))
     };
-    let swept: Vec<Option<(f64, Complex<f64>)>> = (0..=SWEEP_STEPS).map(at).collect();
+    let swept: Vec<Option<(f64, Complex<f64>)>> = (0..=SWEEP_STEPS).map(sample).collect();
     for pair in swept.windows(2) {
         let [Some((before, was)), Some((frequency, now))] = *pair else { continue };
         let within = [before, frequency];
         if (excess(was) > 0.0) != (excess(now) > 0.0)
-            && let Some((at, value)) = crossing(&response, within, excess)
+            && let Some((crossover, value)) = crossing(&response, within, excess)
         {
             let phase = PI - libm::atan2(value.im, value.re).abs();
             if margins.phase_rad.is_none_or(|best| phase < best) {
-                (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(at));
+                (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(crossover));
             }
         }
         if (was.im > 0.0) != (now.im > 0.0)
@@ -143,13 +143,13 @@ mod tests {
         // L = (1 + √2 s)/s²: the regulator of ẍ = u with Q = diag(1, 0), R = 1.
         let a = dmatrix![0.0, 1.0; 0.0, 0.0];
         let k = dmatrix![1.0, 2.0_f64.sqrt()];
-        let found = margins(&a, &dmatrix![0.0; 1.0], &k).unwrap()[0];
+        let actual = margins(&a, &dmatrix![0.0; 1.0], &k).unwrap()[0];
         // |L| = 1 at ω² = 1 + √2, phase atan(√2 ω).
         let crossover = (1.0 + 2.0_f64.sqrt()).sqrt();
         let phase = libm::atan(2.0_f64.sqrt() * crossover);
-        assert!((found.crossover_rad_s.unwrap() - crossover).abs() < 1e-9, "{found:?}");
-        assert!((found.phase_rad.unwrap() - phase).abs() < 1e-9, "{found:?}");
-        assert_eq!((found.gain_up, found.gain_down), (None, None));
+        assert!((actual.crossover_rad_s.unwrap() - crossover).abs() < 1e-9, "{actual:?}");
+        assert!((actual.phase_rad.unwrap() - phase).abs() < 1e-9, "{actual:?}");
+        assert_eq!((actual.gain_up, actual.gain_down), (None, None));
     }
 
     #[test]
@@ -157,8 +157,8 @@ mod tests {
         // L = 1/(s + 1)³: −1/8 at ω = √3.
         let a = dmatrix![-1.0, 1.0, 0.0; 0.0, -1.0, 1.0; 0.0, 0.0, -1.0];
         let (b, k) = (dmatrix![0.0; 0.0; 1.0], dmatrix![1.0, 0.0, 0.0]);
-        let found = margins(&a, &b, &k).unwrap()[0];
-        assert!((found.gain_up.unwrap() - 8.0).abs() < 1e-9, "{found:?}");
+        let actual = margins(&a, &b, &k).unwrap()[0];
+        assert!((actual.gain_up.unwrap() - 8.0).abs() < 1e-9, "{actual:?}");
         assert_eq!(margins(&a, &b, &(&k * 8.1)), None, "unstable to begin with");
         let near = margins(&a, &b, &(k * 7.9)).unwrap()[0];
         assert!((near.gain_up.unwrap() - 8.0 / 7.9).abs() < 1e-9, "{near:?}");
@@ -169,9 +169,9 @@ mod tests {
         // ẋ = x + u, u = −2 x: L = 2/(s − 1) begins at −2.
         let (a, one) = (dmatrix![1.0], dmatrix![1.0]);
         let [lagging, b, k] = with_input_lag(&a, &one, &dmatrix![2.0], 0.1);
-        let found = margins(&lagging, &b, &k).unwrap()[0];
+        let actual = margins(&lagging, &b, &k).unwrap()[0];
         // 0.1 s² + 0.9 s + (2g − 1): stable above g = ½, which L reaches at ω = 0 only.
-        assert_eq!(found.gain_up, None, "{found:?}");
+        assert_eq!(actual.gain_up, None, "{actual:?}");
         assert!(is_hurwitz(&(&lagging - &b * &k)), "as it is");
         assert!(!is_hurwitz(&(lagging - b * k * 0.49)), "with half of it");
         let [late, b, k] = with_input_lag(&a, &one, &dmatrix![2.0], 1.1);

@@ -7,8 +7,8 @@ use super::Matrix;
 /// QR iterations after which the poles are given up. A closed loop of 20 states takes about 60;
 /// nalgebra's iteration has no exceptional shifts and may circle on symmetric spectra (#611, #764).
 const MAX_ITERATIONS: usize = 10_000;
-/// Units in the last place at which an entry below the diagonal counts as zero. A fourfold pole,
-/// such as that of four equal rotors, never gets below one of them, and always below sixteen.
+/// Units in the last place up to which an entry below the diagonal counts as zero. A fourfold pole,
+/// such as that of four equal rotors, converges to between one and sixteen of them.
 const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 
 /// Eigenvalues of `A` (1/s), the slowest to die out first; of a pair the one above the real axis
@@ -38,9 +38,9 @@ mod tests {
     #[test]
     fn poles_of_an_oscillator_and_of_a_triangle_are_known() {
         // ẍ + 2 ẋ + 5 x = 0: −1 ± 2i.
-        let found = poles(&dmatrix![0.0, 1.0; -5.0, -2.0]).unwrap();
-        assert!((found[0] - Complex::new(-1.0, 2.0)).norm_sqr() < 1e-28, "{found:?}");
-        assert!((found[1] - Complex::new(-1.0, -2.0)).norm_sqr() < 1e-28, "{found:?}");
+        let actual = poles(&dmatrix![0.0, 1.0; -5.0, -2.0]).unwrap();
+        assert!((actual[0] - Complex::new(-1.0, 2.0)).norm_sqr() < 1e-28, "{actual:?}");
+        assert!((actual[1] - Complex::new(-1.0, -2.0)).norm_sqr() < 1e-28, "{actual:?}");
         let triangle = dmatrix![-3.0, 7.0, 1.0; 0.0, 0.5, 9.0; 0.0, 0.0, -0.1];
         let real: Vec<f64> = poles(&triangle).unwrap().iter().map(|p| p.re).collect();
         assert_eq!(real, [0.5, -0.1, -3.0]);

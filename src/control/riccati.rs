@@ -16,8 +16,8 @@ const CONVERGED: f64 = 1e-15;
 /// (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, rounding of `X` alone causes 1e-16 of that). Sound problems
 /// leave 1e-12 and less.
 const MAX_RESIDUAL: f64 = 1e-10;
-/// Residual relative to the terms themselves (`‖Q‖ + ‖XGX‖`) from which a solution is refined.
-/// The reference flight's leaves 1e-15; weights that are six decades apart leave up to 1e-5.
+/// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
+/// flight's leaves 1e-15; weights that are six decades apart leave up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
 /// Steps of the refinement. Each squares the error; after two only rounding remains.
 const MAX_REFINEMENTS: usize = 2;
@@ -38,8 +38,8 @@ const LYAPUNOV_SHIFT: f64 = 0.25;
 ///
 /// # Errors
 ///
-/// [`Error::Infeasible`] where there is no such solution: a mode that no input reaches is
-/// unstable, or a mode costs nothing.
+/// [`Error::Infeasible`] without such a solution: an uncontrollable mode is unstable, or a mode
+/// costs nothing.
 pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
     let mut shift = mean_pole(a, g, q);
     for _ in 0..MAX_SHIFTS {

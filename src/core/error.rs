@@ -163,7 +163,7 @@ impl Error {
     /// The same error in a file, and in its line where that is known. A file that it names already
     /// is a part of this one.
     #[must_use]
-    pub fn at(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
+    pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
         self.inside([file].into_iter().chain(line.into().map(Segment::Line)))
     }

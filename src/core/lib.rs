@@ -1,4 +1,4 @@
-//! What all stages of Noctograph share: tools, and products as plain data.
+//! Shared tools and data types of all stages of Noctograph.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -34,10 +34,10 @@
 //! }
 //! ```
 //!
-//! `for KEY = NAMES` and `unless KEY = NAMES` say with which values of another key, or members of
-//! its list, or numbers, a setting has an effect; without names, whether that key is set, and not
-//! 0. The settings of other choices are kept all the same, so that a preset's gains survive a
-//! change of the choice.
+//! `for KEY = NAMES` and `unless KEY = NAMES` restrict the effect of a setting to some values of
+//! another key, members of its list, or numbers; without names, to that key being set and not 0.
+//! Settings without effect keep their values, so that a preset's gains survive a change of the
+//! choice.
 //!
 //! A group may end with `fixed { ... }`: constants that no scene sets, and which tests, conditions
 //! and ideal sensors vary.
@@ -64,7 +64,7 @@ pub struct Setting {
     pub needs: &'static [Need],
 }
 
-/// What a setting needs to have an effect: another setting, by its dotted key in the scene file.
+/// A condition for the effect of a setting: another setting, by its dotted key in the scene file.
 #[derive(Debug)]
 pub struct Need {
     /// The other setting.
@@ -114,7 +114,7 @@ pub trait Described {
     /// Form in the scene file.
     const SHAPE: Shape;
 
-    /// Checks all ranges within the value; `place` is its key, and `range` what it must keep to.
+    /// Checks all ranges within the value; `place` is its key, and `range` its own range.
     ///
     /// # Errors
     ///
@@ -161,8 +161,7 @@ pub fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] 
     variant.map_or(&[], |variant| variant.settings)
 }
 
-/// Advice on a name that does not exist: the candidate most like it, `otherwise` where none is
-/// alike.
+/// Advice on an unknown name: the most similar candidate, or `otherwise` if none is similar.
 pub fn suggestion<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
@@ -494,7 +493,7 @@ macro_rules! payload_of {
     };
 }
 
-/// Checks the payload of whichever variant is there.
+/// Checks the payload of the present variant.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! check_variant {
@@ -574,11 +573,11 @@ mod tests {
 
     #[test]
     fn a_value_out_of_its_range_is_named_by_its_key() {
-        let fault = |change: fn(&mut PenOptions)| {
+        fn fault(change: fn(&mut PenOptions)) -> String {
             let mut pen = PenOptions::default();
             change(&mut pen);
             pen.check("pen", None).unwrap_err().to_string()
-        };
+        }
         let brush = |pen: &mut PenOptions| pen.tip = Tip::Brush(BrushOptions { width_m: 2.0 });
         assert_eq!(fault(brush), "pen.tip.width_m: found 2, wanted a number from 0 to 1");
         assert!(fault(|pen| pen.corners_m[1] = -2.0).starts_with("pen.corners_m[1]: found -2"));

@@ -10,8 +10,8 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)
 }
 
-/// Weighted quantile: the least value up to which a share of the weight lies, given pairs of a
-/// value and its weight. Sorts the pairs.
+/// Weighted quantile of pairs of a value and its weight: the least value whose cumulative weight
+/// reaches a share. Sorts the pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], share: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = share * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
@@ -32,7 +32,7 @@ mod tests {
         assert_eq!(median([3, 1, 4, 2]), Some(3));
         assert_eq!(median::<f64>([]), None);
         let mut pairs = [(2.0, 1.0), (5.0, 6.0), (1.0, 3.0)];
-        let found = [0.2, 0.4, 0.5].map(|share| weighted_quantile(&mut pairs, share));
-        assert_eq!(found, [Some(1.0), Some(2.0), Some(5.0)]);
+        let actual = [0.2, 0.4, 0.5].map(|share| weighted_quantile(&mut pairs, share));
+        assert_eq!(actual, [Some(1.0), Some(2.0), Some(5.0)]);
     }
 }

@@ -24,15 +24,15 @@ pub struct Strokes {
     pub order: StrokeOrder,
     /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
     pub colors: Vec<[u8; 3]>,
-    /// What the detail of a drawing leaves out (`letters.detail`).
+    /// Strokes that the detail of a drawing leaves out (`letters.detail`).
     pub left_out: LeftOut,
-    /// The number of each stroke of a drawing, by which it is chosen or left out (`letters.ink`,
-    /// `letters.without`), and a point of it; empty for a word.
+    /// The number of each stroke of a drawing, which selects it (`letters.ink`, `letters.without`),
+    /// and one of its points; empty for a word.
     pub numbers: Vec<(usize, [f64; 2])>,
     /// A drawing as its file has it.
     pub source: Source,
-    /// What of a drawing's file is not followed, and what is not as it seems: a sentence each, with
-    /// the place in the file.
+    /// Unsupported or misleading parts of a drawing's file: a sentence each, with the place in the
+    /// file.
     pub warnings: Vec<String>,
 }
 
@@ -43,7 +43,7 @@ pub struct Source {
     pub corners_px: Option<[[f64; 2]; 4]>,
     /// Whether it is a bitmap: its strokes are in pixels.
     pub is_bitmap: bool,
-    /// All strokes in the order of their numbers, those that are left out as well.
+    /// All strokes in the order of their numbers, omitted ones included.
     pub strokes: Vec<SourceStroke>,
 }
 
@@ -52,7 +52,7 @@ pub struct Source {
 pub struct SourceStroke {
     /// In pixels of the picture, or units of another drawing; y down.
     pub points: Vec<[f64; 2]>,
-    /// The color by whose name it is chosen; none where the file has none.
+    /// The color whose name selects the stroke; none if the file gives none.
     pub color: Option<&'static str>,
 }
 
@@ -132,11 +132,11 @@ impl Strokes {
     /// Number of its strokes: lit moves without a way in the dark between them.
     #[must_use]
     pub fn n_strokes(&self) -> usize {
-        let runs = |glyph: &Glyph| {
+        let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
             runs.filter(|run| run[0].lit).count()
-        };
-        self.glyphs.iter().map(runs).sum()
+        });
+        n_runs.sum()
     }
 
     /// Length of its strokes.
@@ -163,11 +163,11 @@ impl Strokes {
     #[must_use]
     pub fn lines(&self) -> Vec<std::ops::Range<usize>> {
         let mut begin = 0;
-        let same = |a: &Glyph, b: &Glyph| a.cell.baseline_m == b.cell.baseline_m;
-        let lines = self.glyphs.chunk_by(same).map(|line| {
-            begin += line.len();
-            begin - line.len()..begin
-        });
+        let lines =
+            self.glyphs.chunk_by(|a, b| a.cell.baseline_m == b.cell.baseline_m).map(|line| {
+                begin += line.len();
+                begin - line.len()..begin
+            });
         lines.collect()
     }
 }

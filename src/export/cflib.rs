@@ -66,6 +66,7 @@ pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
     with_caution(job, LAUNCHER.replace("@SCRIPTS@", &names))
 }
 
+/// Data of one drone for the cflib script, as JSON.
 fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let plan = &job.plans[drone];
     let stretch = Stretch::new(plan)?;
@@ -203,7 +204,7 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
         Positioning::Gnss => vec!["bcGTGPS"],
     };
     let mut decks = vec![("positioning", position)];
-    for channel in plan.lamps().filter_map(|(name, _)| Channel::of(name)) {
+    for channel in plan.lamps().filter_map(|(name, _)| Channel::named(name)) {
         let (name, parameters) = channel.deck;
         if decks.iter().all(|(other, _)| *other != name) {
             decks.push((name, parameters.to_vec()));
@@ -437,11 +438,11 @@ mod tests {
             acceleration_m_s2: Vector3::zeros(),
             letter: Some(0),
         };
-        let times_s = |rows: &[Setpoint]| -> Result<Vec<f64>> {
+        fn times_s(rows: &[Setpoint]) -> Result<Vec<f64>> {
             let plan = Plan { setpoints: rows.to_vec(), ..Plan::default() };
             let rows = setpoints(&plan, 9.0)?;
             Ok(rows.iter().map(|row| row[0].as_f64().unwrap()).collect())
-        };
+        }
         // Straight on at 1 m/s, a corner at 1.01 s, straight on.
         let [a, b, c] =
             [setpoint(0.5, 0.5, 1.0), setpoint(1.0, 1.0, 1.0), setpoint(1.01, 1.01, -1.0)];

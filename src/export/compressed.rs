@@ -490,10 +490,10 @@ mod tests {
         let (timeline, bytes) = flight_of_beside(0.0);
         let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(lines.next().unwrap(), format!("bytes {hex}"));
-        let flown = |legs: &[Leg]| -> Vec<Polynomials> {
+        fn flown(legs: &[Leg]) -> Vec<Polynomials> {
             let legs = legs.iter().filter(|leg| leg.duration_s > 0.0);
             legs.map(|leg| Polynomials::from_rest_to_rest(leg.ends_m, leg.duration_s)).collect()
-        };
+        }
         let letters = Compressed::encode(&beside(), 0.0001).unwrap().polynomials();
         let (before, after) = (flown(&timeline.legs_before()), flown(&timeline.legs_alone(0.2)));
         let all = [before, letters, after].concat();
@@ -531,9 +531,9 @@ mod tests {
 
     #[test]
     fn twenty_four_letters_fit_and_of_sixty_it_says_how_many() {
-        let plan_of = |word: &str| {
+        fn plan_of(word: &str) -> Plan {
             plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
-        };
+        }
         let word = "NOCTOGRAPH".repeat(6);
         Compressed::encode(&plan_of(&word[..24]), 0.002).unwrap();
         let error = Compressed::encode(&plan_of(&word), 0.002).unwrap_err().to_string();
@@ -589,12 +589,12 @@ mod tests {
         let trajectory = decoded(&bytes);
         let stretch = Stretch::new(&plan).unwrap();
         // De Casteljau's way from point to point, which `motion` does not go.
-        let on_curve = |mut points: Vec<Vector3<f64>>, share: f64| {
+        fn on_curve(mut points: Vec<Vector3<f64>>, share: f64) -> Vector3<f64> {
             while points.len() > 1 {
                 points = points.windows(2).map(|pair| pair[0].lerp(&pair[1], share)).collect();
             }
             points[0]
-        };
+        }
         let (mut start_s, mut worst_m) = (0.0, 0.0_f64);
         for (duration_s, points_m) in trajectory.curves() {
             let steps = (1000.0 * duration_s).round();
@@ -613,11 +613,11 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_the_form_is_refused() {
-        let refused = |change: fn(&mut Setpoint)| {
+        fn refused(change: fn(&mut Setpoint)) -> String {
             let mut plan = noor();
             plan.setpoints.iter_mut().for_each(change);
             Compressed::encode(&plan, 0.002).unwrap_err().to_string()
-        };
+        }
         assert!(refused(|s| s.position_m.x += 33.0).contains("32.767"));
         assert!(refused(|s| s.letter = None).contains("no letter"));
         assert!(refused(|s| s.time_s *= 2000.0).contains("65.535 s"));

@@ -138,6 +138,7 @@ fn drone(
     }))
 }
 
+/// The file `crazyflies.yaml` of Crazyswarm2.
 fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
     let kind = match platform {
         Platform::Crazyflie2 => "cf21",

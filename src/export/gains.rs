@@ -30,6 +30,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     }
 }
 
+/// Parameters of the firmware's geometric controller (Lee).
 fn lee(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mut parameters = Vec::new();
@@ -145,6 +146,7 @@ fn header(design: &Design, sim: &SimOptions) -> String {
     )
 }
 
+/// A matrix as an array in C.
 fn table(name: &str, matrix: &DMatrix<f64>) -> String {
     let rows = matrix.row_iter().map(|row| {
         let entries: Vec<String> = row.iter().map(|entry| format!("{entry:.9e}f")).collect();
@@ -175,9 +177,9 @@ mod tests {
     #[test]
     fn mellingers_gains_ask_for_the_same_thrust_and_torques_as_lees() {
         let sim = SimOptions::default();
-        let by_name = |parameters: Parameters| -> std::collections::BTreeMap<String, f64> {
+        fn by_name(parameters: Parameters) -> std::collections::BTreeMap<String, f64> {
             parameters.into_iter().collect()
-        };
+        }
         let (lee, mellinger) = (by_name(lee(&sim)), by_name(mellinger(&sim)));
         let vehicle = &sim.vehicle;
         let force = mellinger["ctrlMel.kp_z"] * 0.01;

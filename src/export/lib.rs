@@ -275,6 +275,7 @@ pub fn memory(plan: &Plan) -> Result<Memory> {
     Ok(Memory { bytes, pieces, formats: formats.collect(), fits_all })
 }
 
+/// The cflib script of each drone, and a launcher for several.
 fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     let before_s = earliest_s(job.plans)?;
     let mut files =
@@ -357,10 +358,10 @@ mod format_tests {
 
     #[test]
     fn the_memory_names_the_forms_that_hold_a_word() {
-        let memory_of = |word: &str| {
+        fn memory_of(word: &str) -> Memory {
             let strokes = write(word, &LetterOptions::default()).unwrap();
             memory(&plan(&strokes, &PlanOptions::even()).unwrap()).unwrap()
-        };
+        }
         let short = memory_of("NO");
         assert_eq!(
             (&short.formats[..], short.fits_all),
@@ -376,9 +377,9 @@ mod format_tests {
         use Format::{Cflib, Compressed, Crazyswarm2, Gains, LogConfig, Poly4d, Skyc, Vviz};
         let all = [Cflib, Compressed, Poly4d, Crazyswarm2, Skyc, Vviz, Gains, LogConfig];
         assert_eq!(Format::ALL, all, "a new one is said here");
-        let formats = |is: fn(Format) -> bool| -> Vec<Format> {
+        fn formats(is: fn(Format) -> bool) -> Vec<Format> {
             Format::ALL.iter().copied().filter(|format| is(*format)).collect()
-        };
+        }
         let within_mm: Vec<f64> = Form::ALL.iter().map(|form| 1e3 * form.tolerance_m()).collect();
         assert_eq!(within_mm, [2.0, 5.0]);
         assert_eq!(formats(|format| !format.flies()), [Gains, LogConfig]);

@@ -53,7 +53,7 @@ enum Target<'a> {
 
 impl<'a> Target<'a> {
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
-        if let Some(channel) = Channel::of(channel) {
+        if let Some(channel) = Channel::named(channel) {
             return Ok(Self::Deck(channel));
         }
         let mut own = fixtures.iter().filter(|it| it.drive.channel() == Some(channel));
@@ -108,7 +108,7 @@ fn color(
 ) -> [u8; 4] {
     let [r, g, b] = options.ring_rgb_of(letter);
     let own = if channel == RING.name { [0, r, g, b] } else { options.wrgb_of(letter) };
-    let colors = Channel::of(channel).map_or(&[][..], |channel| channel.colors);
+    let colors = Channel::named(channel).map_or(&[][..], |channel| channel.colors);
     std::array::from_fn(|k| {
         let name = (k + colors.len()).checked_sub(4).and_then(|k| colors.get(k));
         name.and_then(|name| plan.lights.get(*name)).map_or(own[k], |levels| byte(levels[row]))
@@ -164,10 +164,10 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
-    for Channel { name, ready, off, .. } in &CHANNELS {
+    for Channel { name, ready, idle, .. } in &CHANNELS {
         let set = match plan.lights.contains_key(*name) {
             true => *ready,
-            false if fixtures.iter().any(|it| it.drive.channel() == Some(*name)) => *off,
+            false if fixtures.iter().any(|it| it.drive.channel() == Some(*name)) => *idle,
             false => &[],
         };
         parameters.extend(set.iter().map(|(parameter, value)| ((*parameter).to_owned(), *value)));
@@ -176,7 +176,7 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
         let corrected = parameters.iter_mut().find(|(name, _)| name == BRIGHTNESS_CORRECTION);
         corrected.into_iter().for_each(|(_, value)| *value = 0);
     }
-    let own = dark(plan, options)?.into_iter().filter(|it| Channel::of(&it.channel).is_none());
+    let own = dark(plan, options)?.into_iter().filter(|it| Channel::named(&it.channel).is_none());
     parameters.extend(own.map(|it| (it.parameter, it.value)));
     for parameter in fixtures.into_iter().filter_map(|lamp| lamp.parameter) {
         if parameters.iter().all(|(name, _)| *name != parameter) {
@@ -238,7 +238,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
 /// times its level. The bytes of a lamp are drives of its dies, which are far brighter than a
 /// screen: red that writes is 3 of 255, and black in a show.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
-    let deck = Channel::of(&command.channel).filter(|channel| !channel.colors.is_empty());
+    let deck = Channel::named(&command.channel).filter(|channel| !channel.colors.is_empty());
     // With corrected levels the dies are equally bright and the bytes are sRGB.
     let alike = deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
     let mut light = Vector3::zeros();
@@ -393,19 +393,19 @@ mod tests {
             }]),
             ..LightOptions::default()
         };
-        let shown = |options: &LightOptions| {
+        fn shown(options: &LightOptions) -> [u8; 3] {
             let commands = commands(&lit("laser", &[0.0, 1.0, 0.0]), options).unwrap();
             screen_rgb(&commands[0], options)
-        };
+        }
         let (red, green) = ([0.694, 0.306], [0.151, 0.758]);
         assert_eq!(shown(&laser(&[red])), [255, 0, 0], "the color of its die");
         assert_eq!(shown(&laser(&[green])), [0, 255, 0]);
         let [_, _, blue] = shown(&laser(&[red, green, red, green, red, green]));
         assert_eq!(blue, 0, "of all dies");
         assert_eq!(shown(&laser(&[[0.3127, 0.329]])), [255; 3]);
-        let screen = |channel, level, wrgb| {
+        fn screen(channel: &str, level: f64, wrgb: [u8; 4]) -> [u8; 3] {
             screen_rgb(&deck_command(channel, level, wrgb), &LightOptions::default())
-        };
+        }
         assert_eq!(screen("headlights", 1.0, [0; 4]), [255; 3]);
         assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);
         let [white, ..] = screen("color-led", 1.0, [255, 0, 0, 0]);

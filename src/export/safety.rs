@@ -326,12 +326,12 @@ mod tests {
 
     #[test]
     fn a_sag_of_less_than_five_seconds_empties_no_battery() {
-        let from = |low_s: f64| {
+        fn from(low_s: f64) -> impl Iterator<Item = (f64, f64)> {
             (0..200).map(move |k| {
                 let time_s = 0.1 * f64::from(k);
                 (time_s, if (1.0..1.0 + low_s).contains(&time_s) { 3.1 } else { 3.5 })
             })
-        };
+        }
         assert!(lasts(from(4.9), 3.2));
         assert!(!lasts(from(5.3), 3.2));
         assert!(lasts(from(3.0).chain(from(3.0).map(|(time_s, v)| (20.0 + time_s, v))), 3.2));

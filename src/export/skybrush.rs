@@ -67,6 +67,7 @@ fn leg(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
     }
 }
 
+/// A drone of a Skybrush show: trajectory, lights and home.
 fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Value> {
     let stretch = Stretch::new(plan)?;
     let trajectory = Compressed::of_any_length(&stretch, job.tolerance_m)?;
@@ -159,11 +160,11 @@ mod tests {
 
     #[test]
     fn durations_of_lights_are_written_seven_bits_at_a_time() {
-        let bytes = |value| {
+        fn bytes(value: u64) -> Vec<u8> {
             let mut bytes = Vec::new();
             varuint(&mut bytes, value);
             bytes
-        };
+        }
         assert_eq!((bytes(5), bytes(127), bytes(300)), (vec![5], vec![127], vec![0xAC, 2]));
     }
 

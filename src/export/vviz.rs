@@ -64,6 +64,7 @@ fn steps(flown: &Plan) -> Vec<Value> {
     steps.map(|step| json!({ "dx": step.x, "dy": step.z, "dz": step.y })).collect()
 }
 
+/// Color changes of a VVIZ agent over time.
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     let lights = commands(flown, job.light)?;
     let colors = rows(flown, COLOR_HZ).map(|(time_s, _)| {

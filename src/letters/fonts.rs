@@ -101,9 +101,9 @@ mod tests {
         let fallback = vec!["simplex".to_owned(), hebrew.display().to_string()];
         let options = LetterOptions { fallback, ..LetterOptions::default() };
         let set = |word: &str| write(word, &options).unwrap();
-        let drawn = |strokes: &Strokes| {
+        fn drawn(strokes: &Strokes) -> String {
             strokes.glyphs.iter().map(|glyph| glyph.character).collect::<String>()
-        };
+        }
         let cases = [
             ("noor", "NOOR"),
             ("NO Я", "NOЯ"),

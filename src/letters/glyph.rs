@@ -141,7 +141,7 @@ mod tests {
     const POINTS: &[u8] = include_bytes!("../../tests/fuzz/seeds/typeface/points.otf");
 
     fn drawn(face: &Font, glyph: GlyphId) -> Option<BezPath> {
-        outline(face, glyph, &Budget::of("face.otf", "none"))
+        outline(face, glyph, &Budget::new("face.otf", "none"))
     }
 
     #[test]
@@ -154,7 +154,7 @@ mod tests {
             let wanted = BezPath::from_svg(lines).unwrap();
             assert_eq!(glyph('H').unwrap().to_svg(), wanted.to_svg());
             assert!(glyph('O').unwrap().to_svg().contains('C'));
-            let budget = Budget::of("face.otf", "none");
+            let budget = Budget::new("face.otf", "none");
             let a = face.charmap().map_unicode('A').unwrap();
             (0..100).for_each(|_| assert_eq!(outline(&face, a, &budget), None));
             assert!(budget.check().is_err(), "what leads to no letter is work, too");

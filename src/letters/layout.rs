@@ -172,6 +172,7 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     Error::Letter { position, letter, wanted, hint }
 }
 
+/// Lays out the lines of a text, the last one on the baseline.
 fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let lines: Vec<&str> = word.split('\n').collect();
     let mut glyphs = Vec::new();
@@ -187,6 +188,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     Strokes { word, font, lost, glyphs, order, ..Strokes::default() }
 }
 
+/// Lays out one line of a text by the alignment of the options.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
@@ -475,11 +477,11 @@ mod tests {
 
     #[test]
     fn a_long_text_is_broken_where_that_leaves_it_larger() {
-        let on = |text: &str, canvas_m| {
+        fn on(text: &str, canvas_m: [f64; 2]) -> Strokes {
             let options =
                 LetterOptions { canvas_m: Some(canvas_m), align: Align::Center, ..simplex() };
             write(text, &options).unwrap()
-        };
+        }
         assert_eq!(on("HELLO WORLD", [3.0, 1.6]).word, "HELLO\nWORLD");
         assert_eq!(on("HELLO WORLD", [9.0, 1.6]).word, "HELLO WORLD", "it fits");
         assert_eq!(on("HELLO WORLD", [2.0, 0.2]).word, "HELLO WORLD", "a line is larger");

@@ -16,26 +16,26 @@ settings! {
         /// Fonts of the letters that the font lacks: the first that has one, such as a typeface of
         /// another script.
         fallback: Vec<String> = Vec::new(), unless "letters.drawing";
-        /// Lines that are drawn of a typeface or a picture.
+        /// Lines drawn from a typeface or a picture.
         trace: Trace = Trace::CenterLine;
         /// File of a drawing in place of a word: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`,
         /// `*.gif` or `*.bmp`, or handwriting `*.json`; empty: none.
         drawing: String = String::new();
-        /// SHA-256 of that file, which is then drawn only while it is unchanged; empty: as it is.
-        /// The scene that a command writes has it.
+        /// SHA-256 that the drawing's file must have; empty: not checked. Commands write it into
+        /// their scene.
         drawing_sha256: String = String::new(), for "letters.drawing";
-        /// Corners of the sheet of paper in a picture, which is cut out and seen square on: x and y
-        /// of the upper left, upper right, lower right and lower left one, in the picture's pixels.
-        /// By default those of a sheet that is seen as a whole.
+        /// Corners of the sheet of paper in a picture, to crop and rectify it: x and y of the upper
+        /// left, upper right, lower right and lower left one, in the picture's pixels. By default
+        /// they are detected if the picture shows the whole sheet.
         corners_px: Option<[f64; 8]> = None, in -1e5..=1e5, for "letters.drawing";
-        /// Detail of an SVG drawing or a picture: 1 draws every stroke; with less, strokes that go
-        /// on in one direction become one, short ones are left out, and all are smoother; 0 is a
-        /// sketch of the longest.
+        /// Detail of an SVG drawing or a picture: 1 draws every stroke; below 1, strokes that
+        /// continue each other are joined, short ones dropped and all smoothed; 0 sketches the
+        /// longest.
         detail: f64 = 1.0, in 0.0..=1.0, for "letters.drawing";
-        /// Strokes of a drawing that are drawn, as large as the canvas allows: colors, and numbers
-        /// as the drawing of the plan shows them, such as `red` or `2,5-7`; empty: all.
+        /// Strokes to draw, as large as the canvas allows: colors or numbers, as the plan's drawing
+        /// shows them, such as `red` or `2,5-7`; empty: all.
         ink: String = String::new(), for "letters.drawing";
-        /// Strokes of a drawing that are left out, in the same way; empty: none.
+        /// Strokes to leave out: colors or numbers; empty: none.
         without: String = String::new(), for "letters.drawing";
         /// Speed along the strokes of handwriting whose points have times.
         pace: Pace = Pace::Even, for "plan.style" = "even";
@@ -45,10 +45,10 @@ settings! {
         /// heights; letters of other fonts keep their proportions.
         width_m: Option<f64> = None, in 0.01..=100.0,
             for "letters.font" = "ae483" | "ae483-fixed";
-        /// Gap between two such boxes, by default 0.2 cap heights.
+        /// Gap between two letters' boxes, by default 0.2 cap heights.
         gap_m: Option<f64> = None, in 0.0..=100.0,
             for "letters.font" = "ae483" | "ae483-fixed";
-        /// Space that is added between two letters of other fonts.
+        /// Extra space between two letters in fonts without boxes.
         spacing_m: f64 = 0.0, in -1.0..=100.0,
             unless "letters.drawing", unless "letters.font" = "ae483" | "ae483-fixed";
         /// Height of the lowest line's baseline above the floor.
@@ -58,11 +58,11 @@ settings! {
         line_gap_m: Option<f64> = None, in 0.0..=100.0;
         /// Horizontal alignment of each line.
         align: Align = Align::Ae483;
-        /// Largest width and height: a larger text is broken into lines at its spaces where that
-        /// leaves it larger, and scaled down, gaps and all. A drawing fills the canvas; without
-        /// one, a drawing fills four cap heights by one.
+        /// Greatest width and height: a larger text is broken at spaces if that keeps its letters
+        /// larger, then scaled down. A drawing fills the canvas, or four cap heights by one if this
+        /// is left out.
         canvas_m: Option<[f64; 2]> = None, in 0.01..=1000.0;
-        /// Size of a text on that canvas.
+        /// Size of the text on the canvas.
         fit: Fitting = Fitting::Shrink, for "letters.canvas_m", unless "letters.drawing";
         fixed {
             /// Largest distance of straight strokes from a drawing's curves.
@@ -74,16 +74,16 @@ settings! {
 
     /// Size of a text on a canvas.
     pub enum Fitting {
-        /// Its own, or what fits the canvas if that is less.
+        /// Its own size, reduced to fit the canvas.
         "shrink" => Shrink,
         /// As large as fits.
         "fill" => Fill,
     }
 
-    /// Lines that are drawn of a typeface or a picture.
+    /// Lines drawn from a typeface or a picture.
     pub enum Trace {
-        /// The center lines of its strokes, as a pen would write them; of a picture's patches,
-        /// which are too thick for a pen, the outlines.
+        /// Center lines of the strokes, as a pen writes them; a picture's patches that are too
+        /// thick for a pen are outlined.
         "center-line" => CenterLine,
         /// The outlines themselves.
         "outline" => Outline,
@@ -93,8 +93,8 @@ settings! {
     pub enum Pace {
         /// One speed, the plan's stroke speed.
         "even" => Even,
-        /// The writer's: where the pen was slower than its mean speed, the drone is slower than the
-        /// stroke speed in proportion, down to a quarter of it, and its light is brighter.
+        /// The writer's: where the pen was slower than its mean speed, the drone slows in
+        /// proportion, to a quarter of the stroke speed at least, and its light is brighter.
         "written" => Written,
     }
 

@@ -164,7 +164,7 @@ mod tests {
     }
 
     fn budget() -> Budget {
-        Budget::of("face.ttf", "none")
+        Budget::new("face.ttf", "none")
     }
 
     #[test]

@@ -56,7 +56,7 @@ pub(super) fn strokes(
     Some(strokes)
 }
 
-/// The contours of a path, without the edges that close them.
+/// The contours of a path, without closing edges.
 fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     let contours = subpaths(path).into_iter().map(|(first, mut elements)| {
         elements.retain(|element| *element != PathEl::ClosePath);
@@ -110,11 +110,11 @@ mod tests {
 
     #[test]
     fn faces_of_strokes_are_told_from_faces_of_outlines() {
-        let is_stroked = |glyphs: &[&str]| {
+        fn is_stroked(glyphs: &[&str]) -> bool {
             let paths: Vec<BezPath> =
                 glyphs.iter().map(|svg| BezPath::from_svg(svg).unwrap()).collect();
             are_strokes(&paths)
-        };
+        }
         let (h, l) = ("M0 7L0 0Z M0 3L4 3Z M4 7L4 0Z", "M0 7L0 0L4 0Z");
         assert!(is_stroked(&[h, "M0 7L4 7Z M2 7L2 0Z", l]));
         let (bar, solid) = ("M0 0H1V7H0Z", "M0 0H4V1H1V7H0Z");

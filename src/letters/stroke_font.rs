@@ -74,7 +74,7 @@ impl StrokeFont {
                      points, {MAX_FONT_POINTS} in all",
                     "compare with fonts/ae483.strokes and fonts/simplex.strokes",
                 );
-                error.at(file, number as u64)
+                error.in_file(file, number as u64)
             })?;
         }
         Ok(font)

@@ -88,7 +88,7 @@ const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
 impl Typeface {
     /// Reads a face; `file` is its name in messages. Of a collection it is the first.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
-        let budget = Budget::of(file, "name another font file, or a font of the program");
+        let budget = Budget::new(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
         let (cap, half_width, has_stems, is_stored) = (1.0, 0.0, false, false);
@@ -182,6 +182,7 @@ impl Typeface {
         self.traced.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
+    /// Kerning of a pair of letters, in font units.
     fn kern_units(&self, [left, right]: [char; 2]) -> Option<i32> {
         let (left, right) = (self.glyph(left)?, self.glyph(right)?);
         let table = self.face.tables().kern().ok()?;

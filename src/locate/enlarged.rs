@@ -279,11 +279,11 @@ mod tests {
         // Two drones on figures in space, from starts 3 m off, which the filter does not trust.
         let mut random = Random(5);
         let anchors_m = GEOMETRIES[0].1.map(Vector3::from);
-        let place = |drone: usize, time_s: f64| {
+        fn place(drone: usize, time_s: f64) -> Vector3<f64> {
             let phase = 1.7 * drone as f64;
             let wave = |rate: f64| libm::sin(rate * time_s + phase);
             Vector3::new(1.5 * wave(1.0), 1.2 * wave(1.3), 1.2 + 0.8 * wave(0.7))
-        };
+        }
         let starts_m = [0, 1].map(|drone| place(drone, 0.0) + random.vector().normalize() * 3.0);
         let mut filter = Enlarged::new(&anchors_m, &starts_m, 30.0);
         for k in 1..=4000_u32 {

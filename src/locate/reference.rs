@@ -134,7 +134,7 @@ mod tests {
         // The reference's clock is half a second behind.
         let reference = Reference { flight: &flight, offset_s: 0.5 };
         let anchors_m = [Vector3::new(10.0, 0.0, 0.0)];
-        let range = |k: u32| {
+        fn range(k: u32) -> RangeSample {
             let time_s = f64::from(k) / 10.0;
             let off_m = [-0.1, 0.0, 0.1][k as usize % 3];
             RangeSample {
@@ -142,7 +142,7 @@ mod tests {
                 link: Link::Anchor { drone: 0, anchor: 0 },
                 distance_m: 10.0 - (time_s - 0.5) + 0.4 + off_m,
             }
-        };
+        }
         let samples: Vec<RangeSample> = (0..36).map(range).collect();
         let [error] = link_errors(&samples, &anchors_m, &[reference]).try_into().unwrap();
         assert_eq!((error.link.as_str(), error.ranges), ("drone 1 to anchor 1 (distance0)", 19));

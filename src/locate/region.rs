@@ -216,12 +216,12 @@ mod tests {
         // The shared anchor in the middle, and figures of 4 m around it.
         let around =
             SharedAnchorObserver { shared_m: Vector3::new(0.0, 0.0, 1.2), ..observer(0.1) };
-        let orbit = |time_s: f64| {
+        fn orbit(time_s: f64) -> [Vector3<f64>; 2] {
             [0.0, 2.1].map(|phase| {
                 let wave = |rate: f64, more: f64| libm::sin(rate * time_s + phase + more);
                 Vector3::new(2.0 * wave(0.9, 0.0), 2.0 * wave(0.7, 1.0), 1.2 + wave(1.1, 2.0))
             })
-        };
+        }
         let orbited = share_left(&around, orbit, 60.0, 1.0, 30);
         println!("{written:?}\n{orbited:?}");
         assert!(written.median > 0.4, "{written:?}");

@@ -50,7 +50,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let value = value.map_err(|source| {
         budget.check().err().unwrap_or_else(|| {
             let place = format!("column {}", source.column());
-            Error::input(place, &source, "JSON", HINT).at(file, source.line() as u64)
+            Error::input(place, &source, "JSON", HINT).in_file(file, source.line() as u64)
         })
     })?;
     drop(text);
@@ -363,7 +363,7 @@ impl Reader<'_> {
         }
         let mut texts = list.texts.iter().filter(|(_, texts)| texts.len() > 1).peekable();
         if let ([(value, _)], Some((names, _))) = (&columns[..], texts.peek()) {
-            return Err(rows::in_long_form([time, names, value]).at(&self.log.file, None));
+            return Err(rows::in_long_form([time, names, value]).in_file(&self.log.file, None));
         }
         for (title, texts) in texts {
             rows::check_owners(title, texts, &self.log.file)?;
@@ -408,6 +408,7 @@ impl Reader<'_> {
         self.add(Block { name: name.to_owned(), clock: clock_of(name), time_s, columns })
     }
 
+    /// Cuts times and values of different lengths to the shorter ones, with a warning.
     fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
         let (n_time, n_data) = (time_s.len(), values.len());
         if n_time != n_data {
@@ -428,7 +429,7 @@ impl Reader<'_> {
             Some(Node::List(list)) => return Ok(list.numbers),
             other => refused(name, other.map_or_else(String::new, |node| node.text())),
         };
-        Err(error.at(&self.log.file, None))
+        Err(error.in_file(&self.log.file, None))
     }
 }
 
@@ -460,8 +461,8 @@ mod tests {
     use crate::ImportOptions;
 
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
-        let (options, budget) = (&ImportOptions::default(), &Budget::of(file, HINT));
-        super::read(&Text::of(bytes), Job { file, options, budget })
+        let (options, budget) = (&ImportOptions::default(), &Budget::new(file, HINT));
+        super::read(&Text::decode(bytes), Job { file, options, budget })
     }
 
     #[test]

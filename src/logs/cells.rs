@@ -29,7 +29,7 @@ pub(super) fn read_rows(
     if let Some((column, line, cell)) = sheet.first_text(|column| is_needed(&column.title)) {
         let place = format!("column {}", column.title);
         let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
-        return Err(error.at(file, line as u64));
+        return Err(error.in_file(file, line as u64));
     }
     let texts: Vec<String> = sheet.columns.iter().filter_map(named_texts).collect();
     if !texts.is_empty() {

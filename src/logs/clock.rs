@@ -61,6 +61,7 @@ fn duration_s(time_s: &[f64], stretch: &[usize]) -> f64 {
     latest_s - time_s[stretch[0]]
 }
 
+/// Repairs the stamps of a block: undoes wraps, drops spikes and stretches after a restart.
 fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
@@ -161,7 +162,7 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
         return 1.0;
     }
     let firmware = recording.firmware.as_deref();
-    let named = firmware.and_then(|firmware| Some((Release::of(firmware)?, firmware)));
+    let named = firmware.and_then(|firmware| Some((Release::parse(firmware)?, firmware)));
     let shown =
         recording.blocks.iter().find_map(|block| Some((shown_rate(block)?, block.name.clone())));
     let (rate, is_odd, why) = match (shown, named) {

@@ -22,7 +22,7 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
         let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
         let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
         let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();
-        let named = words.iter().find(|word| Release::of(word).is_some());
+        let named = words.iter().find(|word| Release::parse(word).is_some());
         named
             .or(words.iter().find(|word| word.starts_with(|c: char| c.is_ascii_hexdigit())))
             .map(|word| (*word).to_owned())
@@ -32,7 +32,7 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
 /// A warning where the firmware that flew is not the scene's.
 pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<String> {
     let (named, assumed) = (recording.firmware.as_ref()?, assumed?.name());
-    match Release::of(named).map(Release::name) {
+    match Release::parse(named).map(Release::name) {
         Some(flown) if flown == assumed => None,
         Some(flown) => Some(format!(
             "the drone flew firmware {named}: vehicle.firmware = \"{flown}\" is its model, and here it \

@@ -121,7 +121,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
             let flight = "a flight that rises along -z and along y";
             let hint = "say which axes its world has: z-down or y-up";
             let error = Error::input("axes", flight, "one axis that points up", hint);
-            return Err(error.at(&recording.file, None));
+            return Err(error.in_file(&recording.file, None));
         }
         (true, false) => {
             let down = format!("goes down to z = {lowest_m:.2} m from where it starts or ends");
@@ -210,11 +210,11 @@ mod tests {
 
     #[test]
     fn where_no_axis_shows_a_take_off_the_guess_is_said() {
-        let said = |to: &dyn Fn([f64; 3]) -> [f64; 3], axes| {
+        fn said(to: &dyn Fn([f64; 3]) -> [f64; 3], axes: Axes) -> (f64, String) {
             let mut log = flight(to);
             resolve_axes(&mut log, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
             (log.blocks[0].columns[2].values[40], log.warnings.join("\n"))
-        };
+        }
         // It drifts as it takes off and lands, along y; z is toward the viewer.
         let drifts = |[x, y, z]: [f64; 3]| [x + z, z, y];
         let shuttles = |[x, _, z]: [f64; 3]| [x, z, 0.8];

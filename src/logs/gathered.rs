@@ -40,7 +40,7 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
             && path.is_file()
             && LIMIT
                 .beginning(path, HEAD_BYTES)
-                .is_ok_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::of(&head).bytes)))
+                .is_ok_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::decode(&head).bytes)))
     }))
 }
 
@@ -79,6 +79,7 @@ pub fn logs_in(folder: &Path) -> Result<Vec<GatheredLog>> {
 }
 
 impl GatheredLog {
+    /// A log of an evening, whose file or folder names its drone.
     fn new(path: PathBuf, folder: &Path) -> Self {
         let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
         let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
@@ -172,11 +173,11 @@ mod tests {
         assert_eq!(named, wanted);
         assert!(!is_one_log(folder.path()).unwrap());
         assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());
-        let about = |uri: &str| {
+        fn about(uri: &str) -> String {
             format!(
                 "{{\"noctograph\": {{\"word\": \"NO\", \"uri\": \"{uri}\"}}, \"stateEstimate.x\": {{}}}}"
             )
-        };
+        }
         let evening = tempfile::tempdir().unwrap();
         for (name, uri) in [
             ("NO-1.json", "radio://0/80/2M/E7E7E7E701"),

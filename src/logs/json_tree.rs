@@ -128,6 +128,7 @@ impl<'de> Visitor<'de> for Tree<'_> {
         })
     }
 
+    /// Reads a JSON array; of each item only the numbers stay in memory and budget.
     fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> std::result::Result<Node, A::Error> {
         let Self(budget) = self;
         let mut list = List::default();

@@ -119,7 +119,7 @@ settings! {
 
     /// Unit of stamps.
     pub enum TimeUnit {
-        /// That of the title; else by the steps, since a drone is logged every 0.1 ms to 2.55 s.
+        /// From the title; else from the steps, since a drone is logged every 0.1 ms to 2.55 s.
         "auto" => Auto,
         /// Seconds.
         "s" => Seconds,
@@ -139,7 +139,7 @@ settings! {
 
     /// Unit of angles.
     pub enum AngleUnit {
-        /// That of the title; else radians, unless no drone leans or turns so.
+        /// From the title; else radians, or degrees where radians would be implausible for a drone.
         "auto" => Auto,
         /// Radians.
         "rad" => Radians,
@@ -149,7 +149,8 @@ settings! {
 
     /// Axes of a world.
     pub enum Axes {
-        /// Those of the format; else z up, unless the drone can only have taken off along another.
+        /// Those of the format; else z up, or the only axis along which the drone can have taken
+        /// off.
         "auto" => Auto,
         /// z up.
         "z-up" => ZUp,
@@ -161,7 +162,7 @@ settings! {
 
     /// Source of the true position.
     pub enum PositionSource {
-        /// The first of the following that is logged and changes while others do.
+        /// The first of the following that is logged and not frozen while others move.
         "best" => Best,
         /// Motion capture.
         ///
@@ -225,7 +226,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     options.check("import", None)?;
     let name = path.display().to_string();
     if path.is_dir() {
-        let budget = Budget::of(&name, HINT);
+        let budget = Budget::new(&name, HINT);
         let job = Job { file: &name, options, budget: &budget };
         return flight(folder(path, job)?, options, &budget);
     }
@@ -245,13 +246,13 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
 
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     foreign::refuse(bytes, file)?;
-    let budget = Budget::of(file, HINT);
+    let budget = Budget::new(file, HINT);
     let job = Job { file, options, budget: &budget };
     if bytes.first() == Some(&usd::MAGIC) {
         budget.bytes(bytes.len())?;
         return flight(usd::read(bytes, job)?, options, &budget);
     }
-    let text = Text::of(bytes);
+    let text = Text::decode(bytes);
     let first = text.bytes.trim_ascii_start().first();
     if matches!(first, Some(b'{' | b'[')) {
         budget.bytes(bytes.len())?;
@@ -332,6 +333,7 @@ fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) ->
     Ok(OnClock { flight, zero_stamp_s: is_stamped.then_some(zero_s), firmware })
 }
 
+/// The error for a file of no known log format.
 fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
     Error::input(
         file,
@@ -350,7 +352,7 @@ fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
         let bytes = read(path)?;
         budget.steps(bytes.len())?;
         budget.bytes(bytes.len())?;
-        let text = Text::of(&bytes);
+        let text = Text::decode(&bytes);
         let head = Head::find(&text.bytes);
         if cfclient_csv::is_its_own(&head) {
             let file = path.display().to_string();

@@ -70,6 +70,7 @@ pub(super) fn flight(
     Ok((flight, axis.zero_s))
 }
 
+/// The error for a log without any usable quantity; it names the columns.
 fn nothing_known(recording: &Recording) -> Error {
     let names: Vec<&str> = recording.names().collect();
     let columns = if names.is_empty() {
@@ -248,7 +249,7 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
                         "a number within ±{MAX_QUANTITY:e}",
                         "cut the broken part out of the log, or correct the column's unit",
                     );
-                    return Err(error.at(file, None));
+                    return Err(error.in_file(file, None));
                 }
             }
         }

@@ -49,6 +49,7 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)
 }
 
+/// Reads a CSV of Motive.
 fn motive(
     file: &str,
     lines: &Lines<'_>,
@@ -105,6 +106,7 @@ fn motive(
     Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, notes }))
 }
 
+/// Reads a CSV of Vicon.
 fn vicon(
     file: &str,
     lines: &Lines<'_>,
@@ -152,7 +154,7 @@ fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> 
         0 => "none in the take".to_owned(),
         n => format!("{n} ({names})"),
     };
-    Err(Error::input(kind, count, "one", "export the drone's rigid body alone").at(file, None))
+    Err(Error::input(kind, count, "one", "export the drone's rigid body alone").in_file(file, None))
 }
 
 fn refused(file: &str, setting: &str, wanted: &str) -> Error {

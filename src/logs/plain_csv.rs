@@ -96,7 +96,7 @@ pub(super) fn read(
             let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
                           between two rows";
             let hint = "name the column of times t, or give the period of the rows";
-            return Err(Error::input("times", titles.join(","), wanted, hint).at(file, 1));
+            return Err(Error::input("times", titles.join(","), wanted, hint).in_file(file, 1));
         }
     };
     if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {
@@ -197,7 +197,7 @@ impl Columns {
     }
 
     fn refused(&self, place: String, cause: String, wanted: &str, hint: &str) -> Error {
-        Error::input(place, cause, wanted, hint).at(&self.log.file, None)
+        Error::input(place, cause, wanted, hint).in_file(&self.log.file, None)
     }
 }
 
@@ -351,8 +351,8 @@ mod tests {
     use noctograph_core::files::Budget;
 
     fn read(bytes: &[u8], file: &str) -> Result<Recording> {
-        let (options, budget) = (&ImportOptions::default(), &Budget::of(file, "none"));
-        let (text, job) = (Text::of(bytes), Job { file, options, budget });
+        let (options, budget) = (&ImportOptions::default(), &Budget::new(file, "none"));
+        let (text, job) = (Text::decode(bytes), Job { file, options, budget });
         super::read(&text, Head::find(&text.bytes), None, job)
     }
 

@@ -31,7 +31,7 @@ pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
         { sheet.columns.iter() }.filter(|c| !is_index(c)).partition(|c| meaning(&c.title).0 == "t");
     if let ([names], [time], [value]) = (&texts[..], &times[..], &values[..]) {
         let titles = [&time.title, &names.title, &value.title].map(String::as_str);
-        return Err(in_long_form(titles).at(file, None));
+        return Err(in_long_form(titles).in_file(file, None));
     }
     for column in &sheet.columns {
         let owners = if column.is_text() { column.texts.clone() } else { whole(&column.values) };
@@ -59,7 +59,7 @@ pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result
     }
     let rows = format_args!("rows of several drones ({})", shortened(owners));
     let hint = "write the rows of one drone to a file of its own, and import that";
-    Err(Error::input(format!("column {title}"), rows, "those of one", hint).at(file, None))
+    Err(Error::input(format!("column {title}"), rows, "those of one", hint).in_file(file, None))
 }
 
 /// The different numbers of a column of ids: whole ones, each in several rows.
@@ -110,7 +110,7 @@ pub(super) fn join_stamps(
     }
     let hint = "add the times of day, or seconds as a column t";
     let place = format!("column {title}");
-    Err(Error::input(place, "days alone", "times", hint).at(file, None))
+    Err(Error::input(place, "days alone", "times", hint).in_file(file, None))
 }
 
 /// For a column with fractions of seconds: the title of the whole seconds, and the fraction's unit.

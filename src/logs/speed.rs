@@ -48,7 +48,7 @@ pub(super) fn check(
     let hint = "name the unit of the columns (x_cm, x_mm) or of the stamps (t_ms, t_min); keep the \
                 rows of one drone alone; a drone that is as fast: raise the limit";
     Err(Error::input("max_speed_m_s", seen, "the position of one drone, in m and s", hint)
-        .at(file, None))
+        .in_file(file, None))
 }
 
 #[cfg(test)]

@@ -181,6 +181,7 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
+    /// Reads the header of a µSD log: its events by number.
     fn header(&mut self) -> Result<BTreeMap<u16, Event>> {
         let n_events = self.u16("the number of event types")?;
         let (mut events, mut n_all) = (BTreeMap::new(), 0);
@@ -246,6 +247,6 @@ impl Cursor<'_> {
     }
 
     fn error(&self, byte: usize, text: impl std::fmt::Display, wanted: impl Into<String>) -> Error {
-        Error::input(format!("byte {byte}"), text, wanted, HINT).at(self.file, None)
+        Error::input(format!("byte {byte}"), text, wanted, HINT).in_file(self.file, None)
     }
 }

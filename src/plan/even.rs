@@ -20,7 +20,7 @@ use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
 const LEVEL_STEPS: f64 = 50.0;
 /// Least level, so that a slow corner does not go dark.
 const LEAST_LEVEL: f64 = 0.04;
-/// Height above its home at which a drone of several begins and ends its way to the strokes.
+/// Height above its home at which one of several drones begins and ends its way to the strokes.
 const OVER_HOME_M: f64 = 0.3;
 /// Take-off acceleration over that of other transits. A climb that saturates the motors winds up
 /// the integrators of a PID controller, and the first letter is written too high.
@@ -33,7 +33,7 @@ const LEAD_S: f64 = 0.4;
 /// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the
 /// lamps' timer, 5 mm each at 0.2 m/s, and the drone strays along the curve by as much.
 const OVERLAP_M: f64 = 0.015;
-/// Hover at a dot before its light goes on, in which the drone comes to rest.
+/// Hover at a dot before its light goes on, to come to rest.
 const SETTLE_S: f64 = 0.2;
 
 /// One part of the flight.
@@ -61,13 +61,13 @@ enum Path {
 }
 
 impl Path {
-    fn at(&self, time_s: f64) -> State {
+    fn state_at(&self, time_s: f64) -> State {
         match self {
             Self::Still(place) | Self::Dot(place) => {
                 State { position_m: *place, ..State::default() }
             }
-            Self::RunIn(motion) | Self::Lit(motion) => motion.at(time_s),
-            Self::Dark(transit) => transit.at(time_s),
+            Self::RunIn(motion) | Self::Lit(motion) => motion.state_at(time_s),
+            Self::Dark(transit) => transit.state_at(time_s),
         }
     }
 }
@@ -88,7 +88,7 @@ pub(super) fn plan(
         n_strokes: drawn.len(),
         segments: Vec::new(),
         end_s: 0.0,
-        at: State::default(),
+        state: State::default(),
     };
     course.begin(drawn)?;
     for stroke in drawn {
@@ -106,14 +106,15 @@ struct Course<'a> {
     n_strokes: usize,
     segments: Vec<Segment>,
     end_s: f64,
-    at: State,
+    state: State,
 }
 
 impl Course<'_> {
+    /// Waits on the floor, takes off and hovers before the first stroke.
     fn begin(&mut self, drawn: &[PenStroke]) -> Result<()> {
         let first = match drawn[0].dot_m() {
             Some(at_m) => rest(at_m.x, at_m.y),
-            None => self.motion(&drawn[0]).at(0.0),
+            None => self.motion(&drawn[0]).state_at(0.0),
         };
         let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
         match self.options.extent {
@@ -133,6 +134,7 @@ impl Course<'_> {
         Ok(())
     }
 
+    /// Flies to a stroke in the dark and along it with light.
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
         let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
         if let Some(at_m) = stroke.dot_m() {
@@ -142,7 +144,7 @@ impl Course<'_> {
             return self.push(Some(stroke.letter), Path::Dot(at_m), lit_s);
         }
         let mut motion = self.motion(stroke);
-        self.go(letter, &motion.at(0.0))?;
+        self.go(letter, &motion.state_at(0.0))?;
         if self.lead_m(stroke) > 0.0 {
             self.push(letter, Path::RunIn(motion.clone()), LEAD_S)?;
             motion = motion.after(LEAD_S);
@@ -151,8 +153,9 @@ impl Course<'_> {
         self.push(Some(stroke.letter), Path::Lit(motion), duration_s)
     }
 
+    /// Flies home and lands, or stops after the letters.
     fn finish(&mut self) -> Result<()> {
-        let (x, y) = (self.at.position_m.x, self.at.position_m.y);
+        let (x, y) = (self.state.position_m.x, self.state.position_m.y);
         if self.options.extent == Extent::Letters {
             return self.go(None, &rest(x, y));
         }
@@ -184,8 +187,8 @@ impl Course<'_> {
     /// A transit to a state in a style.
     fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
         let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
-        let transit = Transit::new(&self.at, to, style, RING_TICK_S)
-            .or_else(|| Transit::new(&coasting(&self.at), &coasting(to), style, RING_TICK_S));
+        let transit = Transit::new(&self.state, to, style, RING_TICK_S)
+            .or_else(|| Transit::new(&coasting(&self.state), &coasting(to), style, RING_TICK_S));
         let transit = transit.ok_or_else(|| Error::Infeasible {
             what: format!("no transit was found after {:.2} s", self.end_s),
             hint: "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3".into(),
@@ -194,9 +197,10 @@ impl Course<'_> {
         self.push(letter, Path::Dark(transit), duration_s)
     }
 
+    /// Adds a segment to the course.
     fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) -> Result<()> {
         let lasts_s = (lasts_s / RING_TICK_S - 1e-6).ceil() * RING_TICK_S;
-        self.at = path.at(lasts_s);
+        self.state = path.state_at(lasts_s);
         self.segments.push(Segment { start_s: self.end_s, letter, path });
         self.end_s += lasts_s;
         // Refused before more of it is planned, sampled or flown.
@@ -231,7 +235,7 @@ impl Course<'_> {
             let segment = &self.segments[index];
             let until_s = times_s.get(row + 1).copied();
             let State { position_m: p, velocity_m_s: v, acceleration_m_s2: a } =
-                segment.path.at(time_s - segment.start_s);
+                segment.path.state_at(time_s - segment.start_s);
             let world = |v: Vector2<f64>| Vector3::new(v.x, 0.0, v.y).map(on_grid);
             let setpoint = Setpoint {
                 time_s: on_grid(*time_s),
@@ -258,7 +262,7 @@ impl Course<'_> {
         }
         let speeds = [1.0, 3.0, 5.0, 7.0].map(|eighth| {
             let time_s = from_s + (until_s - from_s) * eighth / 8.0 - segment.start_s;
-            motion.at(time_s).velocity_m_s.norm()
+            motion.state_at(time_s).velocity_m_s.norm()
         });
         let level = speeds.iter().sum::<f64>() / 4.0 / self.options.stroke_speed_m_s;
         ((level * LEVEL_STEPS).round() / LEVEL_STEPS).clamp(LEAST_LEVEL, 1.0)
@@ -332,7 +336,7 @@ mod tests {
                 **level > 0.0 && pair.iter().all(|setpoint| setpoint.velocity_m_s.norm() == 0.0)
             });
             let still_s: f64 = still.map(|(pair, _)| pair[1].time_s - pair[0].time_s).sum();
-            // The first of the dark setpoints after it is at rest as well: the whole of it counts.
+            // The first dark setpoint after the stroke is at rest, too: the whole stroke counts.
             let wanted_s = 0.2 * f64::from(dots);
             assert!((still_s - wanted_s).abs() < 1e-4, "{word} in {font}: {still_s} s");
         }

@@ -27,7 +27,8 @@ pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a
     })
 }
 
-/// Sends the inputs for which the loop's output is the design, per axis; `inverse` is the plan's.
+/// Replaces the setpoints by inputs whose loop output is the design, per axis; `inverse` inverts
+/// the plan's loop.
 ///
 /// Setpoints on the floor, where motors are off, are unchanged; an offset is kept.
 #[must_use]
@@ -70,8 +71,8 @@ pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
 }
 
 /// Of each of the three axes, which are independent.
-fn axes<T: Send>(of: impl Fn(usize) -> T + Sync) -> [T; 3] {
-    let (x, (y, z)) = rayon::join(|| of(0), || rayon::join(|| of(1), || of(2)));
+fn axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
+    let (x, (y, z)) = rayon::join(|| axis(0), || rayon::join(|| axis(1), || axis(2)));
     [x, y, z]
 }
 

@@ -1,11 +1,10 @@
 //! Fleet: several drones share the strokes of one word, and keep apart in space and time.
 //!
-//! Each drone takes a stretch of the word from left to right with about as much light as the
-//! others. Of each stretch some routes are tried: the shortest, the same backward, and from one
-//! side to the other, which keep drones apart that fly at once. The drones are dealt with one after
-//! another; each takes the route that ends first and keeps apart from those before, waiting on the
-//! floor as long as it must. The one that ends last is dealt with first the next time, until that
-//! has been tried with each.
+//! Each drone writes a stretch of the word, from left to right, with about the same length of
+//! light. Four routes of each stretch are tried: the shortest, the same backward, and those from
+//! one side to the other, which keep simultaneous drones apart. The drones are assigned in turn:
+//! each gets the route that ends first without conflict with the earlier ones, after a wait on the
+//! floor. The drone that ends last is assigned first in the next round, until each was first once.
 
 use std::collections::HashMap;
 
@@ -42,6 +41,13 @@ pub struct Approach {
     pub vertical_m: f64,
 }
 
+impl Approach {
+    /// Order by horizontal distance.
+    pub fn compare(&self, other: &Self) -> std::cmp::Ordering {
+        self.horizontal_m.total_cmp(&other.horizontal_m)
+    }
+}
+
 /// Plans of the drones that write a word together, `options.drones` of them; fewer where there are
 /// not as many strokes.
 ///
@@ -55,9 +61,9 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     }
     options.check()?;
     let Style::Even(style) = &options.style else {
-        let found = format!("{} drones in style team", options.drones);
+        let actual = format!("{} drones in style team", options.drones);
         let hint = "set plan.style = \"even\"";
-        return Err(Error::input("plan.drones", found, "one, or style even", hint));
+        return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
@@ -73,7 +79,7 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     assignment.plans(options, style)
 }
 
-/// The shares of all drones, with the routes that they may take and those that they do.
+/// The shares of all drones, with their possible and their assigned routes.
 struct Assignment {
     homes_m: Vec<f64>,
     routes: Vec<Vec<Route>>,
@@ -105,11 +111,11 @@ impl Assignment {
                 true => vec![share.clone()],
                 false => ways(share, options, style),
             };
-            let route = |strokes: Vec<PenStroke>| {
-                let track = Track::of(&even::plan(&strokes, options, style, Some(*home_m))?);
+            let routes = ways.into_iter().map(|strokes| {
+                let track = Track::new(&even::plan(&strokes, options, style, Some(*home_m))?);
                 Ok(Route { strokes, track })
-            };
-            ways.into_iter().map(route).collect()
+            });
+            routes.collect()
         };
         let routes = shares.iter().zip(&homes_m).map(routes).collect::<Result<Vec<_>>>()?;
         let starts = starts(&routes);
@@ -118,13 +124,13 @@ impl Assignment {
 
     fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
         let drones = self.routes.iter().zip(&self.starts).zip(&self.homes_m);
-        let plan = |((routes, start), home_m): ((&Vec<Route>, &Start), &f64)| {
+        let plans = drones.map(|((routes, start), home_m)| {
             let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
             let later = PlanOptions { floor_wait_s, ..options.clone() };
             let plan = even::plan(&routes[start.route].strokes, &later, style, Some(*home_m))?;
             Ok(adjusted(plan, options))
-        };
-        drones.map(plan).collect()
+        });
+        plans.collect()
     }
 }
 
@@ -142,14 +148,14 @@ struct Start {
 }
 
 impl Start {
-    /// Step at which the drone has landed, of its routes.
+    /// Step at which the drone has landed on its assigned route.
     fn end(self, routes: &[Route]) -> usize {
         self.delay + routes[self.route].track.places.len()
     }
 }
 
-/// The routes and delays of all drones whose last one ends first, and the step at which it does;
-/// `None` where they cannot keep apart.
+/// The assignment of routes and delays that ends first, and the step of its end; `None` if the
+/// drones cannot keep apart.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
@@ -157,7 +163,7 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     for _ in 0..2 * routes.len() {
         let last = match assigned(routes, &order, &mut meetings) {
             Ok(starts) => {
-                let ends = starts.iter().enumerate().map(|(at, start)| start.end(&routes[at]));
+                let ends = starts.iter().zip(routes).map(|(start, routes)| start.end(routes));
                 let (end, last) = ends.zip(0..).max().expect("one drone at least");
                 if best.as_ref().is_none_or(|(least, _)| end < *least) {
                     best = Some((end, starts));
@@ -166,7 +172,7 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
             }
             Err(stuck) => stuck,
         };
-        let place = order.iter().position(|at| *at == last).expect("each drone has a turn");
+        let place = order.iter().position(|drone| *drone == last).expect("each drone has a turn");
         if place == 0 {
             break;
         }
@@ -175,30 +181,29 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     best
 }
 
-/// Routes and delays if the drones are dealt with in an order; the first that does not keep apart.
+/// Routes and delays for an order of assignment; as error, the first drone with a conflict.
 fn assigned(
     routes: &[Vec<Route>],
     order: &[usize],
     meetings: &mut Meetings<'_>,
 ) -> std::result::Result<Vec<Start>, usize> {
-    let mut found: Vec<(usize, Start)> = Vec::new();
-    for &at in order {
-        let ends = found.iter().map(|(other, start)| start.end(&routes[*other]));
+    let mut chosen: Vec<(usize, Start)> = Vec::new();
+    for &drone in order {
+        let ends = chosen.iter().map(|(other, start)| start.end(&routes[*other]));
         let most = ends.max().unwrap_or(0);
-        let apart = |route: usize| {
+        let starts = (0..routes[drone].len()).filter_map(|route| {
             let mut delays = (0..=most).map(|delay| Start { route, delay });
-            delays.find(|start| !found.iter().any(|other| meetings.are((at, *start), *other)))
-        };
-        let starts = (0..routes[at].len()).filter_map(apart);
-        let first = starts.min_by_key(|start| start.end(&routes[at]));
-        found.push((at, first.ok_or(at)?));
+            delays.find(|start| !chosen.iter().any(|other| meetings.are((drone, *start), *other)))
+        });
+        let first = starts.min_by_key(|start| start.end(&routes[drone]));
+        chosen.push((drone, first.ok_or(drone)?));
     }
-    found.sort_by_key(|(at, _)| *at);
-    Ok(found.into_iter().map(|(_, start)| start).collect())
+    chosen.sort_by_key(|(drone, _)| *drone);
+    Ok(chosen.into_iter().map(|(_, start)| start).collect())
 }
 
-/// Whether two drones meet, each on one of its routes and by how many steps the first starts after
-/// the other one: looked up from order to order.
+/// Cache of conflicts between two drones, by their routes and the delay between their starts,
+/// shared by all orders of assignment.
 struct Meetings<'a> {
     routes: &'a [Vec<Route>],
     /// By drones and routes, then by delay.
@@ -208,8 +213,10 @@ struct Meetings<'a> {
 }
 
 impl Meetings<'_> {
+    /// Whether two drones conflict, from the cache or by comparison of their tracks.
     fn are(&mut self, (a, of_a): (usize, Start), (b, of_b): (usize, Start)) -> bool {
-        let [one, other] = [(a, of_a), (b, of_b)].map(|(at, of)| &self.routes[at][of.route].track);
+        let [one, other] =
+            [(a, of_a), (b, of_b)].map(|(k, start)| &self.routes[k][start.route].track);
         let n = [one, other].map(|track| track.places.len());
         // One that starts when the other has landed may as well start later.
         let later = (of_a.delay + n[0]).saturating_sub(of_b.delay).min(n[0] + n[1]);
@@ -228,7 +235,7 @@ struct Track {
 }
 
 impl Track {
-    fn of(plan: &Plan) -> Self {
+    fn new(plan: &Plan) -> Self {
         let place = |time_s: f64| {
             (plan.design_m(time_s), plan.setpoint_at(time_s).is_some_and(Setpoint::on_floor))
         };
@@ -242,14 +249,14 @@ impl Track {
 
     /// The place at a step, if the plan starts after some: on the floor before it and behind its
     /// end.
-    fn at(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
+    fn place(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
         self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
     }
 
     /// Horizontal distance and difference in height to another drone at a step; `None` where one
     /// flies above the other.
     fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
-        let ((a, a_parked), (b, b_parked)) = (self.at(step, delay), other.at(step, later));
+        let ((a, a_parked), (b, b_parked)) = (self.place(step, delay), other.place(step, later));
         let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
         let apart_m = a - b;
         (apart_m.z.abs() < reach_m).then(|| [apart_m.xy().norm(), apart_m.z.abs()])
@@ -262,7 +269,7 @@ impl Track {
         while step < end {
             let Some(rest) = left.checked_sub(1) else { return true };
             *left = rest;
-            let aside_m = (self.at(step, delay).0 - other.at(step, later).0).xy().norm();
+            let aside_m = (self.place(step, delay).0 - other.place(step, later).0).xy().norm();
             let is_near = aside_m < MIN_HORIZONTAL_M - 1e-9;
             if is_near && self.apart_m(delay, other, later, step).is_some() {
                 return true;
@@ -313,11 +320,11 @@ fn shares(
 fn ways(share: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
     let backward = |way: &[PenStroke]| way.iter().rev().map(|stroke| stroke.along(1)).collect();
     let shortest = shortest(share, options.stroke_speed_m_s, style);
-    let to_the_right = |stroke: &PenStroke| {
-        let ends = [0, stroke.points_m.len() - 1].map(|at| stroke.points_m[at].x);
+    let strokes = share.iter().map(|stroke| {
+        let ends = [0, stroke.points_m.len() - 1].map(|index| stroke.points_m[index].x);
         if ends[0] > ends[1] { stroke.along(1) } else { stroke.clone() }
-    };
-    let across: Vec<PenStroke> = share.iter().map(to_the_right).collect();
+    });
+    let across: Vec<PenStroke> = strokes.collect();
     vec![backward(&shortest), shortest, backward(&across), across]
 }
 
@@ -326,8 +333,8 @@ fn homes_x_m(shares: &[Vec<PenStroke>]) -> Vec<f64> {
     let middles: Vec<f64> =
         shares.iter().map(|share| extent_x_m(share).iter().sum::<f64>() / 2.0).collect();
     let mut homes = middles.clone();
-    for at in 1..homes.len() {
-        homes[at] = homes[at].max(homes[at - 1] + MIN_HORIZONTAL_M);
+    for index in 1..homes.len() {
+        homes[index] = homes[index].max(homes[index - 1] + MIN_HORIZONTAL_M);
     }
     let n = homes.len() as f64;
     let aside_m = (homes.iter().sum::<f64>() - middles.iter().sum::<f64>()) / n;
@@ -351,13 +358,12 @@ pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
 /// [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] where one stands on the floor with its
 /// motors off. `None`: they are always above each other.
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
-    let (a, b) = (Track::of(a), Track::of(b));
+    let (a, b) = (Track::new(a), Track::new(b));
     let place = |step: usize| {
         let [horizontal_m, vertical_m] = a.apart_m(0, &b, 0, step)?;
         Some(Approach { time_s: step as f64 * CHECK_STEP_S, horizontal_m, vertical_m })
     };
-    let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
-    (0..a.places.len().max(b.places.len())).filter_map(place).min_by(nearest)
+    (0..a.places.len().max(b.places.len())).filter_map(place).min_by(Approach::compare)
 }
 
 /// The moment of least difference in height of two plans while both fly, one within
@@ -388,7 +394,7 @@ mod tests {
     #[test]
     fn more_drones_take_less_time_and_wait_for_each_other_briefly() {
         for word in ["PEACE", "WELCOME"] {
-            let longest_s = |drones: u32| {
+            let [one_s, two_s, four_s] = [1, 2, 4].map(|drones| {
                 let options = PlanOptions { drones, ..PlanOptions::even() };
                 let plans = fleet(&strokes(word), &options).unwrap();
                 let pairs = (0..plans.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
@@ -396,8 +402,7 @@ mod tests {
                     assert_eq!(conflict(&plans[a], &plans[b]), None, "{word}");
                 }
                 plans.iter().map(Plan::duration_s).fold(0.0, f64::max)
-            };
-            let [one_s, two_s, four_s] = [1, 2, 4].map(longest_s);
+            });
             assert!(two_s < 0.65 * one_s && four_s < two_s, "{word}: {one_s}, {two_s}, {four_s} s");
         }
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
@@ -429,16 +434,16 @@ mod tests {
     fn steps_are_skipped_only_where_nobody_can_meet() {
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let plans = fleet(&strokes("NOOR"), &options).unwrap();
-        let [a, b] = [0, 1].map(|at| Track::of(&plans[at]));
-        let mut found = [0, 0];
+        let [a, b] = [0, 1].map(|drone| Track::new(&plans[drone]));
+        let mut counts = [0, 0];
         for delay in (0..a.places.len() + b.places.len()).step_by(3) {
             let near = |apart_m: [f64; 2]| apart_m[0] < MIN_HORIZONTAL_M - 1e-9;
             let meets = (0..delay + a.places.len() + b.places.len())
                 .any(|step| a.apart_m(delay, &b, 0, step).is_some_and(near));
             assert_eq!(a.meets(delay, &b, 0, &mut { u64::MAX }), meets, "{delay} steps later");
-            found[usize::from(meets)] += 1;
+            counts[usize::from(meets)] += 1;
         }
-        assert!(found.iter().all(|n| *n > 10), "{found:?}");
+        assert!(counts.iter().all(|n| *n > 10), "{counts:?}");
     }
 
     #[test]

@@ -10,8 +10,7 @@ pub struct LampTiming {
 }
 
 impl LampTiming {
-    /// The tick nearest to a time, from the last one on at which something changed: its time and
-    /// number.
+    /// The tick nearest to a time, not before that of the last change: its time and number.
     pub(super) fn tick(&self, time_s: f64, last_tick: f64) -> (f64, f64) {
         if self.tick_s == 0.0 {
             return (time_s.max(self.delay_s), time_s);

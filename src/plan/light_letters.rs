@@ -1,4 +1,4 @@
-//! Light letters: the letter to which commanded light belongs.
+//! Light letters: the letter of each commanded stretch of light.
 //!
 //! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond it where the
 //! drone lags. It keeps the color of that stroke.
@@ -19,9 +19,9 @@ pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
     drawn.into_iter().map(|rows| rows.and_then(of_rows)).collect()
 }
 
-/// For each setpoint of `sent` at which light is commanded, the rows of `design` from the beginning
-/// of that lit stretch up to the one that is drawn; `None` in the dark. Both are plans of the same
-/// strokes with a light level for each setpoint.
+/// For each lit setpoint of `sent`, the rows of `design` from the beginning of the lit stretch up
+/// to the drawn one; `None` in the dark. Both are plans of the same strokes with a light level for
+/// each setpoint.
 ///
 /// The lit stretches belong together in their order. Within a stretch a row is drawn as long after
 /// its beginning as in the design.
@@ -32,7 +32,7 @@ pub(super) fn drawn(
     let mut rows = vec![None; commanded.len()];
     let (commanded, mut strokes) = (stretches(commanded), stretches(lit));
     if strokes.len() != commanded.len() {
-        // Not of the same strokes: what is drawn is where the setpoint is.
+        // Plans of different strokes: the drawn row is the setpoint's own.
         strokes = vec![0..design.setpoints.len(); commanded.len()];
     }
     for (sent_rows, stroke) in commanded.into_iter().zip(strokes) {
@@ -48,7 +48,7 @@ pub(super) fn drawn(
     rows
 }
 
-/// The stretches of rows at which light is on.
+/// Ranges of consecutive lit rows.
 fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
     let mut stretches: Vec<Range<usize>> = Vec::new();
     for row in (0..levels.len()).filter(|row| levels[*row] > 0.0) {
@@ -73,10 +73,10 @@ mod tests {
         // that follows without a gap. Light is commanded two rows late.
         let letters = [None, Some(0), Some(0), Some(0), Some(1), Some(1), Some(2), Some(2), None];
         let lit = [0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0];
-        let late = |rows: usize, values: &[f64]| {
+        fn late(rows: usize, values: &[f64]) -> Vec<f64> {
             let dark = std::iter::repeat_n(0.0, rows);
             dark.chain(values.iter().copied()).take(values.len() + 2).collect::<Vec<f64>>()
-        };
+        }
         let letters = letters.into_iter().chain([None, None]);
         let setpoint = |(row, letter): (u32, Option<usize>)| Setpoint {
             time_s: 0.1 * f64::from(row),

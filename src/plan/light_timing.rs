@@ -3,9 +3,9 @@
 //! Product in: a [`Plan`], a flight of it (rehearsed or real), and the delays of the lamp. Products
 //! out: the plan with its commands moved, and the errors left at each stroke's end. A command waits
 //! for the radio, then for the lamps' timer (50 ms), then for the ramp, while the drone lags behind
-//! the design. For each edge of the design's light, the time at which the drone was there is sought
-//! in the flight. The light changes at the nearest tick to that time, and the command is sent so
-//! that it arrives in the middle between two ticks.
+//! the design. For each edge of the design's light, the flight gives the time when the drone passed
+//! the place. The light changes at the nearest tick, and the command arrives in the middle between
+//! two ticks.
 
 use std::ops::Range;
 
@@ -240,10 +240,10 @@ mod tests {
         let paced = on_trajectory_clock(plan.clone(), clock);
         let late_s = paced.duration_s() - plan.duration_s();
         assert!((late_s - plan.duration_s() / 84.0).abs() < 1e-5, "0.71 s a minute: {late_s}");
-        let last_lit = |plan: &Plan| {
+        fn last_lit(plan: &Plan) -> f64 {
             let lights = &plan.lights["headlights"];
             plan.setpoints[lights.iter().rposition(|l| *l > 0.0).unwrap() + 1].time_s
-        };
+        }
         assert!((last_lit(&paced) - last_lit(&plan)).abs() < 1e-5, "the host's clock is right");
         let (_, ends) = time_lights(&paced, &late(&paced, 0.0), &LAMP, Between::Design).unwrap();
         assert!(ends.iter().all(|end| end.streak_m.abs() < 0.006), "{ends:?}");

@@ -32,7 +32,7 @@ struct Piece {
     twice_m_s2: Vector2<f64>,
 }
 
-/// Acceleration by its limit from which a stroke is flown more slowly as a whole.
+/// Ratio of acceleration to its limit above which a stroke is slowed as a whole.
 pub(super) const BEYOND: f64 = 1.045;
 
 /// The motion along a stroke.
@@ -93,7 +93,7 @@ impl Motion {
     fn most_m_s2(&self, step_s: f64) -> f64 {
         let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
         let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
-        steps.map(|time_s| self.at(time_s).acceleration_m_s2.norm()).fold(0.0, f64::max)
+        steps.map(|time_s| self.state_at(time_s).acceleration_m_s2.norm()).fold(0.0, f64::max)
     }
 
     pub(super) fn duration_s(&self) -> f64 {
@@ -111,14 +111,15 @@ impl Motion {
     }
 
     /// The state `time_s` after its beginning.
-    pub(super) fn at(&self, time_s: f64) -> State {
+    pub(super) fn state_at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
         let middle_s = self.middle_s(time_s);
         let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
         let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
         let mut average = State::default();
         for (off_s, sign) in corners {
-            let (pen, once, twice) = self.piece_at(middle_s + off_s).at(middle_s + off_s);
+            let (pen, once, twice) =
+                self.piece_at(middle_s + off_s).derivatives_at(middle_s + off_s);
             average.position_m += twice * sign;
             average.velocity_m_s += once * sign;
             average.acceleration_m_s2 += pen * sign;
@@ -145,9 +146,10 @@ struct Pen {
 }
 
 impl Pen {
+    /// Adds a piece of constant acceleration.
     fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
         let still = Vector2::zeros();
-        let before = self.pieces.last().map(|last| last.at(self.end_s));
+        let before = self.pieces.last().map(|last| last.derivatives_at(self.end_s));
         let (_, once_m_s, twice_m_s2) = before.unwrap_or((p, still, still));
         self.pieces.push(Piece {
             start_s: self.end_s,
@@ -163,7 +165,7 @@ impl Pen {
 
 impl Piece {
     /// The pen and its first and second integral.
-    fn at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
+    fn derivatives_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
         let t = time_s - self.start_s;
         let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);
         let pen = p + v * t + a * (t * t / 2.0);
@@ -191,19 +193,19 @@ mod tests {
         let dt_s = 0.001;
         let mut time_s = 0.0;
         while time_s <= motion.duration_s() {
-            let now = motion.at(time_s);
+            let now = motion.state_at(time_s);
             let point = [now.position_m.x, now.position_m.y];
-            let off = points.windows(2).map(|leg| segment_distance(point, [leg[0], leg[1]]));
+            let distances = points.windows(2).map(|leg| segment_distance(point, [leg[0], leg[1]]));
             let jerk =
                 before.map_or(0.0, |b| (now.acceleration_m_s2 - b.acceleration_m_s2).norm() / dt_s);
-            let found = [
-                off.fold(f64::INFINITY, f64::min),
+            let actual = [
+                distances.fold(f64::INFINITY, f64::min),
                 now.velocity_m_s.norm(),
                 now.acceleration_m_s2.norm(),
                 jerk,
             ];
-            for (most, found) in most.iter_mut().zip(found) {
-                *most = most.max(found);
+            for (most, actual) in most.iter_mut().zip(actual) {
+                *most = most.max(actual);
             }
             before = Some(now);
             time_s += dt_s;
@@ -218,11 +220,11 @@ mod tests {
         let line = motion(&[[0.1, 0.5], [0.1, 1.0]], 0.2, 0.01);
         assert!((line.duration_s() - 2.5).abs() < 1e-12, "0.5 m at 0.2 m/s");
         for k in 0..=50 {
-            let found = line.at(0.05 * f64::from(k));
+            let actual = line.state_at(0.05 * f64::from(k));
             let want = Vector2::new(0.1, 0.5 + 0.01 * f64::from(k));
-            assert!((found.position_m - want).norm() < 1e-9, "{found:?}");
-            assert!((found.velocity_m_s - Vector2::new(0.0, 0.2)).norm() < 1e-9, "{found:?}");
-            assert!(found.acceleration_m_s2.norm() < 1e-7, "{found:?}");
+            assert!((actual.position_m - want).norm() < 1e-9, "{actual:?}");
+            assert!((actual.velocity_m_s - Vector2::new(0.0, 0.2)).norm() < 1e-9, "{actual:?}");
+            assert!(actual.acceleration_m_s2.norm() < 1e-7, "{actual:?}");
         }
     }
 
@@ -264,7 +266,7 @@ mod tests {
         let h = 1e-5;
         for k in 1..100 {
             let t = n.duration_s() * f64::from(k) / 100.0;
-            let [before, now, after] = [n.at(t - h), n.at(t), n.at(t + h)];
+            let [before, now, after] = [n.state_at(t - h), n.state_at(t), n.state_at(t + h)];
             let slope = (after.position_m - before.position_m) / (2.0 * h);
             assert!((slope - now.velocity_m_s).norm() < 1e-5, "at {t}");
             let slope = (after.velocity_m_s - before.velocity_m_s) / (2.0 * h);

@@ -6,7 +6,7 @@ use noctograph_core::settings::{Described, settings};
 settings! {
     /// How a word is flown.
     pub struct PlanOptions {
-        /// Light channels that a lit stroke switches on: `headlights`, `ring`, `color-led` (the
+        /// Light channels switched on along lit strokes: `headlights`, `ring`, `color-led` (the
         /// default where `light.deck` is set to it), or those of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
         /// Speed along every leg; in style `even`, along lit strokes.
@@ -15,8 +15,8 @@ settings! {
         setpoint_interval_s: f64 = 0.1, in 0.001..=10.0;
         /// Wait on the floor with motors off, before take-off and after landing.
         floor_wait_s: f64 = 1.1, in 0.0..=600.0;
-        /// Height to which the drone sinks after the last letter, and at which it returns (`team`)
-        /// or switches its motors off (`even`).
+        /// Height after the last letter at which the drone returns (`team`) or stops its motors
+        /// (`even`).
         landing_height_m: f64 = 0.15, in 0.001..=1000.0;
         /// Drones that share the strokes; more than one in style `even` only.
         drones: u32 = 1, in 1.0..=16.0;
@@ -27,9 +27,9 @@ settings! {
         mean_error_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;
-        /// Heading of the nose from take-off to landing, from world x toward y: the drone is put
-        /// down so. Headlights shine along it; at -π/2 they face the audience, one beside the
-        /// other.
+        /// Heading of the nose from take-off to landing, from world x toward y; place the drone
+        /// with this heading. Headlights shine along it; at -π/2 they face the audience, one beside
+        /// the other.
         yaw_rad: f64 = 0.0, in -3.15..=3.15;
         /// Way of flying. It also sets the defaults of the other keys of this table.
         style: Style = Style::default();
@@ -62,7 +62,7 @@ settings! {
         letter_wait_s: f64 = 2.0, in 0.0..=600.0;
         /// Height of the first setpoint in the air.
         lift_off_height_m: f64 = 0.1, in 0.001..=1000.0;
-        /// Height at which the way to the first letter ends.
+        /// Height at the end of the way to the first letter.
         approach_height_m: f64 = 0.3, in 0.001..=1000.0;
     }
 
@@ -70,7 +70,7 @@ settings! {
     pub struct EvenStyle {
         /// Order and direction of strokes.
         order: Order = Order::Shortest;
-        /// Hover before the first stroke, in which the height settles after the take-off.
+        /// Hover before the first stroke, for the height to settle after take-off.
         hover_s: f64 = 1.0, in 0.0..=600.0;
         /// Greatest speed in the dark.
         dark_speed_m_s: f64 = 1.0, in 0.01..=100.0;
@@ -82,7 +82,7 @@ settings! {
         ///
         /// 30 m/s³ is a tilt of 11.5° in 0.07 s, a third of what the attitude loop does.
         jerk_m_s3: f64 = 30.0, in 0.1..=10_000.0;
-        /// Distance that a rounded corner may lie from the drawn one.
+        /// Greatest distance of a rounded corner from the drawn one.
         corner_error_m: f64 = 0.01, in 0.0001..=1.0;
         /// How the exposure is kept even where the drone must slow down.
         exposure: LightLevel = LightLevel::Switched;
@@ -117,7 +117,7 @@ settings! {
 
     /// Position that is sent to the controller.
     pub enum ReferenceKind {
-        /// The design, which a controller that holds positions lags behind.
+        /// The design; a controller that holds positions lags behind it.
         "design" => Design,
         /// The design through the inverse of the closed loop, less the tracking error of a
         /// simulated rehearsal. For controllers with feedforward of their own, the design less

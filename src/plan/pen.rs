@@ -1,17 +1,17 @@
-//! Pen strokes: uninterrupted runs of light, and the directions in which each may be drawn.
+//! Pen strokes: uninterrupted runs of light, and their possible directions.
 
 use nalgebra::Vector2;
 
 use noctograph_core::strokes::Strokes;
 
-/// Most corners of a closed stroke at which its drawing may begin.
+/// Greatest number of starting corners of a closed stroke.
 const MAX_STARTS: usize = 8;
 /// Points nearer to each other than this are one.
 const SAME_M: f64 = 1e-6;
 /// A run of light shorter than this is a dot: half as long as a stroke is wide in the photograph.
 pub(super) const DOT_M: f64 = 0.005;
 
-/// Cosine of the turn at its beginning up to which a closed stroke is a curve.
+/// Cosine of the largest turn at its ends for a closed stroke to count as smooth.
 const SMOOTH_COS: f64 = 0.5;
 /// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle
 /// of a spot of width σ, one that passes at `v` leaves `I / (√(2π) σ v)`: both are alike after
@@ -19,7 +19,7 @@ const SMOOTH_COS: f64 = 0.5;
 /// make up for the hovering drone's own motion, and for serifs that dots do not have.
 const DOT_LIGHT_M: f64 = 0.04;
 
-/// Time for which a dot is lit where strokes are drawn at a speed.
+/// Duration of a dot's light, for strokes of a given speed.
 pub(super) fn dot_s(speed_m_s: f64) -> f64 {
     DOT_LIGHT_M / speed_m_s
 }
@@ -107,7 +107,7 @@ impl PenStroke {
 
     /// Whether it comes back to its beginning without a corner.
     pub(super) fn is_loop(&self) -> bool {
-        let along = |at: usize| (self.points_m[at + 1] - self.points_m[at]).normalize();
+        let along = |index: usize| (self.points_m[index + 1] - self.points_m[index]).normalize();
         self.closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
     }
 
@@ -209,18 +209,18 @@ mod tests {
     #[test]
     fn a_loop_goes_on_over_its_beginning() {
         let simplex = LetterOptions { font: "simplex".into(), ..LetterOptions::default() };
-        let of = |word: &str| pen_strokes(&write(word, &simplex).unwrap()).remove(0);
-        assert!(of("O").is_loop() && !of("C").is_loop());
+        let stroke_of = |word: &str| pen_strokes(&write(word, &simplex).unwrap()).remove(0);
+        assert!(stroke_of("O").is_loop() && !stroke_of("C").is_loop());
         assert!(!runs("O")[0].is_loop(), "the team's O is a rectangle: it has corners");
-        let o = of("O");
+        let o = stroke_of("O");
         for way in 0..o.ways(0.2).len() {
             let around = o.along(way);
             let over = around.overlapped(0.05);
             assert!((over.length_m() - around.length_m() - 0.05).abs() < 1e-9, "way {way}");
             let end = over.points_m[over.points_m.len() - 1];
-            let off =
+            let distance =
                 |leg: &[Vector2<f64>]| segment_distance(end.into(), [leg[0].into(), leg[1].into()]);
-            let off_m = around.points_m.windows(2).take(8).map(off).fold(1.0, f64::min);
+            let off_m = around.points_m.windows(2).take(8).map(distance).fold(1.0, f64::min);
             assert!(off_m < 1e-9 && over.legs.len() + 1 == over.points_m.len(), "{off_m} m");
         }
         assert!((o.overlapped(9.0).length_m() - 2.0 * o.length_m()).abs() < 1e-9, "once more");

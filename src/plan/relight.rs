@@ -25,7 +25,7 @@ const LEAST_FLOWN: f64 = 0.6;
 pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let hint = "name the word that was flown, and the size of its letters under [letters]; a log \
                 without lights must write them stroke by stroke, as style team does";
-    if flight.unlogged.contains(&Quantity::Design) {
+    if !flight.has(Quantity::Design) {
         let wanted = "setpoints, from which letters and lights are inferred";
         return Err(Error::input("flight", "no setpoints", wanted, hint));
     }
@@ -51,9 +51,9 @@ pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
         all_m += libm::hypot(to_m[0] - from_m[0], to_m[1] - from_m[1]);
     }
     if flown_m < LEAST_FLOWN * all_m {
-        let found = format!("{flown_m:.2} of {all_m:.2} m of its strokes in the setpoints");
+        let actual = format!("{flown_m:.2} of {all_m:.2} m of its strokes in the setpoints");
         let place = format!("word {word}");
-        return Err(Error::input(place, found, "a flight that writes this word", hint));
+        return Err(Error::input(place, actual, "a flight that writes this word", hint));
     }
     flight.lights.insert(HEADLIGHTS.to_owned(), levels);
     Ok(())

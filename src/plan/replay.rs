@@ -8,7 +8,7 @@ use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::statistics::median;
 
-/// Distance in median steps from which setpoints between two were lost.
+/// Gap between setpoints, in median steps, that means lost setpoints.
 const LOST_STEPS: f64 = 1.5;
 /// Speed between two setpoints by the median speed: beyond it there was a jump or a wait, not a
 /// loss.
@@ -158,9 +158,9 @@ mod tests {
         let sent = [(0.0, 0.0, 0.0), (0.11, 0.02, 0.0), (0.2, 0.04, 0.0), (0.5, 0.04, 1.0)];
         let Replay { plan, n_restored } = replay(&logged(&sent)).unwrap();
         assert_eq!(n_restored, 0);
-        let found = plan.setpoints.iter().zip(&plan.lights["headlights"]);
-        let found: Vec<_> = found.map(|(s, l)| (s.time_s, s.position_m.x, *l)).collect();
-        assert_eq!(found, [&sent[..], &[(1.0, 0.04, 1.0)]].concat());
+        let actual = plan.setpoints.iter().zip(&plan.lights["headlights"]);
+        let actual: Vec<_> = actual.map(|(s, l)| (s.time_s, s.position_m.x, *l)).collect();
+        assert_eq!(actual, [&sent[..], &[(1.0, 0.04, 1.0)]].concat());
         assert!(plan.setpoints.iter().all(|s| s.velocity_m_s == Vector3::zeros()), "held");
     }
 
@@ -178,8 +178,8 @@ mod tests {
         ];
         let Replay { plan, n_restored } = replay(&logged(&sent)).unwrap();
         assert_eq!(n_restored, 2);
-        let found = |k: usize| (plan.setpoints[k].time_s, plan.setpoints[k].position_m.x);
-        assert_eq!([2, 3, 4, 5].map(found), [(0.2, 0.04), (0.3, 0.06), (0.4, 0.08), (0.5, 0.1)]);
+        let actual = |k: usize| (plan.setpoints[k].time_s, plan.setpoints[k].position_m.x);
+        assert_eq!([2, 3, 4, 5].map(actual), [(0.2, 0.04), (0.3, 0.06), (0.4, 0.08), (0.5, 0.1)]);
         assert_eq!(plan.lights["headlights"].len(), plan.setpoints.len());
     }
 

@@ -12,14 +12,13 @@ pub struct StepResponse {
 
 /// Share of the step below which the rest of a response is neglected.
 const SETTLED: f64 = 1e-3;
-/// Times at which the output is compared with the wanted one, per input: one between two inputs
-/// keeps the loop from swinging there.
+/// Comparisons of output and target per input: one between two inputs prevents oscillation there.
 const OUTPUTS_PER_INPUT: usize = 2;
 
 impl StepResponse {
     /// The response at a time after the step; 0 before it.
     #[must_use]
-    pub fn at(&self, time_s: f64) -> f64 {
+    pub fn value_at(&self, time_s: f64) -> f64 {
         let place = time_s / self.interval_s;
         let Some(last) = self.values.len().checked_sub(1).filter(|_| place >= 0.0) else {
             return 0.0;
@@ -107,7 +106,7 @@ impl Inverse<'_> {
         right.into_iter().map(|input| input + rest).collect()
     }
 
-    /// Times at which the output is compared with the wanted one.
+    /// Times of comparison of the output with the target.
     fn outputs_s(&self) -> impl Iterator<Item = f64> + use<> {
         let ends_s = [self.times_s.first(), self.times_s.last()];
         let [start_s, end_s] = ends_s.map(|end_s| end_s.copied().unwrap_or_default());
@@ -118,18 +117,18 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// What the inputs from the one that is returned on weigh in the output at a time.
+    /// Weights of the inputs in the output at a time, from the returned index on.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;
         let until = times_s.partition_point(|t| *t <= time_s + 1e-9);
         let from = times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
-        let at = |input_s: &f64| response.at(time_s - input_s);
+        let response_to = |input_s: &f64| response.value_at(time_s - input_s);
         // Everything before the window has settled and counts with the window's first input.
-        let mut own = if from > 0 { 1.0 } else { at(&times_s[0]) };
+        let mut own = if from > 0 { 1.0 } else { response_to(&times_s[0]) };
         weights.clear();
         weights.extend((from..until).map(|k| {
-            let after = times_s.get(k + 1).map_or(0.0, at);
+            let after = times_s.get(k + 1).map_or(0.0, response_to);
             std::mem::replace(&mut own, after) - after
         }));
         from
@@ -179,7 +178,7 @@ struct Banded {
     width: usize,
     /// Row by row from the diagonal rightward.
     upper: Vec<f64>,
-    /// What each row was divided by.
+    /// Divisor of each row.
     pivots: Vec<f64>,
 }
 
@@ -188,6 +187,7 @@ impl Banded {
         Self { width, upper: vec![0.0; n * width], pivots: Vec::with_capacity(n) }
     }
 
+    /// Solves the factored banded system in place.
     fn solve(&self, right: &mut [f64]) {
         let (n, width) = (right.len(), self.width);
         for (i, row) in self.upper.chunks_exact(width).enumerate() {
@@ -217,7 +217,7 @@ mod tests {
     fn output(response: &StepResponse, inputs: &[(f64, f64)], time_s: f64) -> f64 {
         let (mut output, mut held) = (0.0, 0.0);
         for (at_s, input) in inputs.iter().take_while(|(at_s, _)| *at_s <= time_s) {
-            output += (input - held) * response.at(time_s - at_s);
+            output += (input - held) * response.value_at(time_s - at_s);
             held = *input;
         }
         output
@@ -237,8 +237,8 @@ mod tests {
         assert!((sent[160].1 - 0.2 * (8.0 + 0.525)).abs() < 2e-3, "{}", sent[160].1);
         for k in 0..340 {
             let time_s = f64::from(k) * 0.025;
-            let found = output(&loop_, &sent, time_s);
-            assert!((found - ramp(time_s)).abs() < 1e-3, "{found} at {time_s} s");
+            let actual = output(&loop_, &sent, time_s);
+            assert!((actual - ramp(time_s)).abs() < 1e-3, "{actual} at {time_s} s");
         }
     }
 
@@ -261,8 +261,8 @@ mod tests {
         // Settled inputs leave the window: a long rest changes nothing.
         let loop_ = lag(0.1);
         let times_s: Vec<f64> = (0..600).map(|k| f64::from(k) * 0.1).collect();
-        let step = |time_s| if time_s < 20.0 { 1.0 } else { 2.0 };
-        let sent = loop_.inverse(times_s, 0.01).inputs(step);
+        let sent =
+            loop_.inverse(times_s, 0.01).inputs(|time_s| if time_s < 20.0 { 1.0 } else { 2.0 });
         assert!((sent[50] - 1.0).abs() < 2e-3 && (sent[590] - 2.0).abs() < 2e-3, "{}", sent[590]);
         assert_eq!(loop_.inverse(Vec::new(), 1.0).inputs(|_| 0.0), [] as [f64; 0]);
         assert_eq!(loop_.inverse(vec![1.0], 1.0).inputs(|_| 3.0), [3.0]);

@@ -23,7 +23,8 @@ const MAX_NODES: f64 = 100_000.0;
 /// A corner's speed is held for this many times the longer average before and after it: within
 /// the average, only the corner may change the velocity.
 const NEAR: f64 = 1.05;
-/// Factor by which corners are slowed, and most steps of it, which leave 1 % of the speed.
+/// Factor of a step that slows a corner, and the greatest number of steps, which leaves 1 % of the
+/// speed.
 const SLOWER: f64 = 0.95;
 const MAX_SLOWER: usize = 90;
 
@@ -92,7 +93,7 @@ impl Corners {
             for first in 1..self.at_m.len() {
                 let speed_m_s = caps_m_s[first];
                 let until_m = self.at_m[first] + speed_m_s * smoothing.long_s;
-                let window = self.at_m[first..].partition_point(|at| *at <= until_m);
+                let window = self.at_m[first..].partition_point(|node_m| *node_m <= until_m);
                 let turn: f64 = self.turn[first..first + window].iter().sum();
                 if turn * speed_m_s > smoothing.turn_m_s * (1.0 + 1e-9) {
                     marked[first..first + window].fill(true);
@@ -115,9 +116,9 @@ impl Corners {
             self.at_m.iter().zip(caps_m_s).zip(&self.turn).filter(|(_, turn)| **turn > 0.0)
         {
             let reach_m = cap_m_s * near_s;
-            let first = at_m.partition_point(|at| *at < corner_m - reach_m);
-            for (node, at) in nodes[first..].iter_mut().zip(&at_m[first..]) {
-                if *at > corner_m + reach_m {
+            let first = at_m.partition_point(|node_m| *node_m < corner_m - reach_m);
+            for (node, node_m) in nodes[first..].iter_mut().zip(&at_m[first..]) {
+                if *node_m > corner_m + reach_m {
                     break;
                 }
                 node.speed_m_s = node.speed_m_s.min(*cap_m_s);

@@ -24,7 +24,7 @@ pub struct StrokeEnd {
     pub streak_m: f64,
 }
 
-/// Range around the flight's lag in which the drone's lag at an edge is sought.
+/// Search range of the lag at an edge, around the flight's lag.
 const SEARCH_S: f64 = 0.3;
 /// Cost of a second away from the flight's lag, m/s: the drone may wait at an edge.
 const LAG_COST_M_S: f64 = 0.03;
@@ -40,7 +40,7 @@ pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Ve
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }
 
-/// The rows at which the light goes on or off.
+/// The rows where the light switches on or off.
 fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
     (0..levels.len()).filter_map(|row| {
         let was = row > 0 && levels[row - 1] > 0.0;
@@ -109,8 +109,7 @@ impl<'a> Aligned<'a> {
         let mut next = 0;
         for sample in samples {
             let time_s = sample.time_s + lag_s;
-            let passed = |later: &&FlightSample| later.time_s <= time_s;
-            next += self.samples[next..].iter().take_while(passed).count();
+            next += self.samples[next..].iter().take_while(|later| later.time_s <= time_s).count();
             let error_m = self.before_m(next, time_s) - sample.design_m;
             n += 1.0;
             sum += error_m;
@@ -146,17 +145,18 @@ impl<'a> Aligned<'a> {
         steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(about_s)
     }
 
+    /// Errors of the light at both ends of each stroke.
     pub(super) fn stroke_ends(&self, plan: &Plan, lamp: &LampTiming) -> Vec<StrokeEnd> {
         let (wanted, commanded) = (plan.lit(), plan.commanded());
         let pairs = switches(&wanted).zip(switches(&commanded));
-        let end = |((row, on), (sent, _)): ((usize, bool), (usize, bool))| {
+        let ends = pairs.map(|((row, on), (sent, _))| {
             let time_s = lamp.light_s(plan.setpoints[sent].time_s);
             let edge = Edge::new(plan, row, on);
             let along = edge.velocity_m_s.try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
             let beyond_m = (self.at_m(time_s) - edge.at_m).dot(&along);
             let streak_m = if on { -beyond_m } else { beyond_m };
             StrokeEnd { time_s, at_m: edge.at_m, on, streak_m }
-        };
-        pairs.map(end).collect()
+        });
+        ends.collect()
     }
 }

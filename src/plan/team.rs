@@ -111,8 +111,8 @@ impl Script<'_> {
         }
     }
 
-    fn wait(&mut self, at: Vector3<f64>, duration_s: f64) {
-        self.leg(at, Vector3::zeros(), duration_s, false);
+    fn wait(&mut self, place_m: Vector3<f64>, duration_s: f64) {
+        self.leg(place_m, Vector3::zeros(), duration_s, false);
     }
 
     /// Setpoints from now until `duration_s` is over.

@@ -12,7 +12,7 @@ use rsruckig::prelude::{
 use super::EvenStyle;
 use super::motion::{BEYOND, State};
 
-/// Angles by which the two axes share the limits.
+/// Angles that split the limits between the two axes.
 const SHARES_RAD: [f64; 3] = [0.25, 0.5, 0.785];
 
 /// Shares of the limit of acceleration that are tried where both axes together exceed it.
@@ -49,6 +49,7 @@ impl Transit {
         gentlest.map(|(_, way)| way)
     }
 
+    /// The fastest of the transits whose axes split the limits by an angle.
     fn fastest(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
         let way = to.position_m - from.position_m;
         let angle_rad = if way.norm() > 1e-9 { libm::atan2(way.y, way.x) } else { 0.0 };
@@ -64,14 +65,14 @@ impl Transit {
             shared.map(|trajectory| Self { from_m: from.position_m, world_from_way, trajectory });
         let mut ways: Vec<Self> = ways.collect();
         ways.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
-        // The axes together may be too fast; such a way is taken only where there is no other.
+        // Both axes together may exceed the limit; such a way is only the last resort.
         let slow = ways.iter().position(|way| way.most(|state| state.velocity_m_s) <= limit_m_s);
         ways.into_iter().nth(slow.unwrap_or(0))
     }
 
     /// Greatest norm of a vector on the way.
-    fn most(&self, of: impl Fn(&State) -> Vector2<f64>) -> f64 {
-        let part = |k: u32| of(&self.at(self.duration_s() * f64::from(k) / 32.0)).norm();
+    fn most(&self, vector: impl Fn(&State) -> Vector2<f64>) -> f64 {
+        let part = |k: u32| vector(&self.state_at(self.duration_s() * f64::from(k) / 32.0)).norm();
         (0..=32).map(part).fold(0.0, f64::max)
     }
 
@@ -80,7 +81,7 @@ impl Transit {
     }
 
     /// The state `time_s` after the beginning.
-    pub(super) fn at(&self, time_s: f64) -> State {
+    pub(super) fn state_at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());
         let (p_out, v_out, a_out) = (&mut Some(&mut p), &mut Some(&mut v), &mut Some(&mut a));
@@ -167,13 +168,16 @@ mod tests {
             let transit = Transit::new(&from, &to, &style, 0.05).unwrap();
             let duration_s = transit.duration_s();
             assert!((duration_s / 0.05 - (duration_s / 0.05).round()).abs() < 1e-6, "case {case}");
-            let end = transit.at(duration_s);
-            assert!((transit.at(0.0).position_m - from.position_m).norm() < 1e-9, "case {case}");
+            let end = transit.state_at(duration_s);
+            assert!(
+                (transit.state_at(0.0).position_m - from.position_m).norm() < 1e-9,
+                "case {case}"
+            );
             assert!((end.position_m - to.position_m).norm() < 1e-6, "case {case}");
             assert!((end.velocity_m_s - to.velocity_m_s).norm() < 1e-6, "case {case}");
             for k in 0..=200 {
                 let State { velocity_m_s: v, acceleration_m_s2: a, .. } =
-                    transit.at(duration_s * f64::from(k) / 200.0);
+                    transit.state_at(duration_s * f64::from(k) / 200.0);
                 assert!(v.norm() < 1.0 + 1e-6 && a.norm() < 2.0 + 1e-6, "case {case}: {v} {a}");
             }
         }

@@ -24,8 +24,8 @@ impl Columns {
         match times_s.windows(2).find(|pair| pair[0] >= pair[1]) {
             None => Ok(Self { times_s }),
             Some(pair) => {
-                let found = format!("{} after {}", pair[1], pair[0]);
-                Err(refused(time_s.py(), "time_s", found, "rising times"))
+                let actual = format!("{} after {}", pair[1], pair[0]);
+                Err(refused(time_s.py(), "time_s", actual, "rising times"))
             }
         }
     }
@@ -44,8 +44,8 @@ impl Columns {
         if values.len() == columns * n {
             return Ok(values);
         }
-        let found = format!("{} rows", values.len() / columns);
-        Err(refused(array.py(), name, found, format!("{n} rows, as time_s")))
+        let actual = format!("{} rows", values.len() / columns);
+        Err(refused(array.py(), name, actual, format!("{n} rows, as time_s")))
     }
 
     /// A column of points or directions, by default all zero.
@@ -84,9 +84,9 @@ impl Columns {
         let levels = self.column(name, array, 1, usual)?;
         let beyond = levels.iter().position(|level| !(0.0..=1.0).contains(level));
         let Some((row, array)) = beyond.zip(array) else { return Ok(levels) };
-        let found = format!("{} in row {row}", levels[row]);
+        let actual = format!("{} in row {row}", levels[row]);
         let hint = "1 is the lamp at full: divide bytes by 255";
-        Err(raised(array.py(), &Error::input(name, found, "levels from 0 to 1", hint)))
+        Err(raised(array.py(), &Error::input(name, actual, "levels from 0 to 1", hint)))
     }
 }
 
@@ -94,14 +94,14 @@ fn finite(name: &str, array: &Bound<'_, PyAny>, columns: usize) -> PyResult<Vec<
     let values = numbers(array, name, columns)?;
     match values.iter().position(|value| value.is_nan() || value.abs() > MOST) {
         None => Ok(values),
-        Some(at) => {
-            let found = format!("{} in row {}", values[at], at / columns);
-            Err(refused(array.py(), name, found, "numbers up to 1e6"))
+        Some(index) => {
+            let actual = format!("{} in row {}", values[index], index / columns);
+            Err(refused(array.py(), name, actual, "numbers up to 1e6"))
         }
     }
 }
 
-fn refused(py: Python<'_>, name: &str, found: String, wanted: impl Into<String>) -> PyErr {
+fn refused(py: Python<'_>, name: &str, actual: String, wanted: impl Into<String>) -> PyErr {
     let hint = "one row for each time, all of them finite";
-    raised(py, &Error::input(name, found, wanted.into(), hint))
+    raised(py, &Error::input(name, actual, wanted.into(), hint))
 }

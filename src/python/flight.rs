@@ -63,13 +63,13 @@ impl PyFlight {
         &self,
         py: Python<'py>,
         name: &str,
-        of: impl Fn(&FlightSample) -> [f64; N],
+        vector: impl Fn(&FlightSample) -> [f64; N],
     ) -> PyResult<Bound<'py, PyAny>> {
         let mut arrays = self.arrays.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = arrays.get(name) {
             return Ok(known.bind(py).clone());
         }
-        let values: Vec<f64> = self.flight.samples.iter().flat_map(of).collect();
+        let values: Vec<f64> = self.flight.samples.iter().flat_map(vector).collect();
         let made = array(py, &values, N)?;
         arrays.insert(name.to_owned(), made.clone().unbind());
         Ok(made)
@@ -93,17 +93,17 @@ impl PyFlight {
         let lasts_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
         let step_s = lasts_s / times_s.len().max(2).saturating_sub(1) as f64;
         if lasts_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
-            let found = format!("{lasts_s} s with a sample every {step_s:.1} s");
+            let actual = format!("{lasts_s} s with a sample every {step_s:.1} s");
             let hint = "times are in seconds: divide milliseconds by 1000";
             let wanted = "at most an hour, and a sample every two seconds";
-            return Err(raised(py, &Error::input("time_s", found, wanted, hint)));
+            return Err(raised(py, &Error::input("time_s", actual, wanted, hint)));
         }
         let positions_m = columns.points("position_m", Some(position_m))?;
         let angles_rad = columns.points("attitude_rad", attitude_rad)?;
         let designs_m = columns.points("design_m", design_m.or(Some(position_m)))?;
         let lights = columns.lights(light, 1.0)?;
         let is_lit = |row: usize| lights.values().any(|levels| levels[row] > 0.0);
-        let sample = |row: usize| {
+        let samples = (0..times_s.len()).map(|row| {
             let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
             FlightSample {
                 time_s: times_s[row],
@@ -113,8 +113,8 @@ impl PyFlight {
                 letter: is_lit(row).then_some(0),
                 ..FlightSample::default()
             }
-        };
-        let samples = (0..times_s.len()).map(sample).collect();
+        });
+        let samples = samples.collect();
         let unlogged =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
         Ok(Self::new(Flight { samples, lights, unlogged, ..Flight::default() }))
@@ -289,9 +289,9 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
                 false => function.call1((state, reference))?,
             };
             let motors = numbers(&motors, "controller", 1)?;
-            let refuse = |found: String| {
+            let refuse = |actual: String| {
                 let (wanted, hint) = ("four motor commands", "return m1 to m4, 0 to 65535");
-                raised(py, &Error::input("controller", found, wanted, hint))
+                raised(py, &Error::input("controller", actual, wanted, hint))
             };
             if let Some(motor) = motors.iter().position(|motor| motor.is_nan()) {
                 return Err(refuse(format!("NaN for m{} at {time_s:.3} s", motor + 1)));

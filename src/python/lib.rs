@@ -61,8 +61,8 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
             ("InputError", vec![place.to_string(), found.clone(), wanted.clone(), hint.clone()])
         }
         Error::Letter { position, letter, wanted, hint } => {
-            let (place, found) = (format!("word, position {position}"), format!("{letter:?}"));
-            ("InputError", vec![place, found, wanted.clone(), hint.clone()])
+            let (place, actual) = (format!("word, position {position}"), format!("{letter:?}"));
+            ("InputError", vec![place, actual, wanted.clone(), hint.clone()])
         }
         Error::Io { path, source, .. } => {
             let text = format!("{}: {source}", path.display());
@@ -215,10 +215,10 @@ fn py_kind(array: &Bound<'_, PyAny>) -> PyResult<String> {
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
     let (py, given) = (array.py(), py_kind(array)?);
     if !"biufO".contains(&*given) {
-        let found = if given == "c" { "complex numbers" } else { "no numbers" };
+        let actual = if given == "c" { "complex numbers" } else { "no numbers" };
         return Err(raised(
             py,
-            &Error::input(name, found, "numbers", "look at what is handed over"),
+            &Error::input(name, actual, "numbers", "look at what is handed over"),
         ));
     }
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;

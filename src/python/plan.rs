@@ -65,14 +65,14 @@ impl PyPlan {
         let accelerations_m_s2 = columns.points("acceleration_m_s2", acceleration_m_s2)?;
         let sent_m = sent_m.map(|sent_m| columns.points("sent_m", Some(sent_m))).transpose()?;
         let lights = columns.lights(light, 0.0)?;
-        let setpoint = |row: usize| Setpoint {
+        let setpoints = (0..columns.times_s.len()).map(|row| Setpoint {
             time_s: columns.times_s[row],
             position_m: positions_m[row],
             velocity_m_s: velocities_m_s[row],
             acceleration_m_s2: accelerations_m_s2[row],
             letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
-        };
-        let setpoints = (0..columns.times_s.len()).map(setpoint).collect();
+        });
+        let setpoints = setpoints.collect();
         let sent_m = sent_m.unwrap_or_default();
         // The file's reader is the one check of times, levels and reach.
         let plan = Self(Plan { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad });

@@ -52,18 +52,18 @@ impl PyScene {
         }
         let borrowed: Vec<(&str, &str)> =
             settings.iter().map(|(key, value)| (&**key, &**value)).collect();
-        let found = match scene.map(|scene| (scene, scene.cast::<Self>())) {
-            None => Scene::find("cf21", &borrowed).map(|found| found.scene),
+        let loaded = match scene.map(|scene| (scene, scene.cast::<Self>())) {
+            None => Scene::find("cf21", &borrowed).map(|loaded| loaded.scene),
             Some((_, Ok(scene))) => Scene::parse_with(&scene.get().0.to_toml(), "scene", &borrowed),
             Some((name, Err(_no_scene))) => {
-                Scene::find(&name.str()?.to_cow()?, &borrowed).map(|found| found.scene)
+                Scene::find(&name.str()?.to_cow()?, &borrowed).map(|loaded| loaded.scene)
             }
         };
-        let mut found = found.map_err(|error| raised(py, &error))?;
+        let mut loaded = loaded.map_err(|error| raised(py, &error))?;
         if let Some(word) = word {
-            found.set_word(word);
+            loaded.set_word(word);
         }
-        Ok(Self(found))
+        Ok(Self(loaded))
     }
 
     /// str: The word; empty for a drawing.
@@ -98,8 +98,7 @@ impl PyScene {
     fn gain<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let sim = self.0.sim();
         let design = run(py, &Stop::default(), move || design(&sim, MOTOR_LAG_S))?;
-        let array = |k: DMatrix<f64>| array(py, k.transpose().as_slice(), k.ncols());
-        design.k.map(array).transpose()
+        design.k.map(|k| array(py, k.transpose().as_slice(), k.ncols())).transpose()
     }
 
     /// Value of a key, dotted as in ``set``: a number, a text, a list or a dict.
@@ -110,11 +109,11 @@ impl PyScene {
     ///     As ``"vehicle.mass_kg"``; a table's name gives its keys.
     fn get<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
         let scene = serde_json::to_value(&self.0).expect("a scene is a table");
-        let found = key.split('.').try_fold(&scene, |value, part| {
+        let value = key.split('.').try_fold(&scene, |value, part| {
             value.get(part).or_else(|| value.get(part.parse::<usize>().ok()?))
         });
         let hint = "`noctograph scene` prints every key; None is a key that is not set";
-        match found {
+        match value {
             Some(value) => to_python(py, value),
             None => Err(raised(py, &Error::input(key, "no such key", "a key of the scene", hint))),
         }
@@ -177,10 +176,10 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         return Ok(flag.is_true().to_string());
     }
     if let Ok(table) = value.cast::<PyDict>() {
-        let pair = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let pairs = table.iter().map(|(key, value)| {
             Ok(format!("{} = {}", serde_json::json!(key.extract::<String>()?), toml(&value)?))
-        };
-        let pairs = table.iter().map(pair).collect::<PyResult<Vec<_>>>()?;
+        });
+        let pairs = pairs.collect::<PyResult<Vec<_>>>()?;
         return Ok(format!("{{ {} }}", pairs.join(", ")));
     }
     if let Ok(text) = value.extract::<String>() {
@@ -200,6 +199,6 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         let items = value.try_iter()?.map(|item| toml(&item?)).collect::<PyResult<Vec<_>>>()?;
         return Ok(format!("[{}]", items.join(", ")));
     }
-    let (found, wanted) = (value.get_type().name()?.to_string(), "a number, text, list or dict");
-    Err(raised(value.py(), &Error::input("set", found, wanted, "convert it to one of these")))
+    let (actual, wanted) = (value.get_type().name()?.to_string(), "a number, text, list or dict");
+    Err(raised(value.py(), &Error::input("set", actual, wanted, "convert it to one of these")))
 }

@@ -44,7 +44,7 @@ impl PySessions {
     fn new(py: Python<'_>, scene: &PyScene, n: usize, conditions: &str) -> PyResult<Self> {
         let scene = for_any_controller(scene.0.clone());
         let conditions = conditions.to_owned();
-        let stage = move || {
+        let prepared = run(py, &Stop::default(), move || {
             let word = scene.word.clone();
             let named = NamedScene::new("scene", scene);
             let prepared = Prepared::new(&named, &word, &Conditions::find(&conditions)?)?;
@@ -53,8 +53,7 @@ impl PySessions {
                 1 => Ok(prepared),
                 n => Err(Error::input("scene", format!("{n} plans"), "one", "fly one drone")),
             }
-        };
-        let prepared = run(py, &Stop::default(), stage)?;
+        })?;
         let flying = std::iter::repeat_with(Flying::default).take(n).collect();
         Ok(Self { prepared: Arc::new(prepared), flying: Mutex::new(flying) })
     }
@@ -95,26 +94,26 @@ impl PySessions {
         let motors = numbers(motors, "motors", 4)?;
         let n = self.all().len();
         if motors.len() != 4 * n {
-            let (found, wanted) = (motors.len() / 4, format!("{n} rows"));
-            return Err(raised(py, &Error::input("motors", found, wanted, "one row a flight")));
+            let (actual, wanted) = (motors.len() / 4, format!("{n} rows"));
+            return Err(raised(py, &Error::input("motors", actual, wanted, "one row a flight")));
         }
         if let Some(row) = motors.chunks(4).position(|row| row.iter().any(|m| m.is_nan())) {
-            let found = format!("NaN in row {row}");
+            let actual = format!("NaN in row {row}");
             let hint = "a motor command is a number: look for 0 / 0 and for logarithms";
-            return Err(raised(py, &Error::input("motors", found, "numbers", hint)));
+            return Err(raised(py, &Error::input("motors", actual, "numbers", hint)));
         }
-        let turn = |((flying, motors), n): ((&mut Flying, &[f64]), u32)| {
-            let Some(session) = flying.session.as_mut().filter(|_| flying.lost.is_none()) else {
-                return;
-            };
-            let motors = [motors[0], motors[1], motors[2], motors[3]];
-            let turns = (0..n).try_for_each(|_| session.command(motors));
-            flying.lost = turns.err().map(|error| error.to_string());
-        };
         py.detach(|| {
             let mut flying = self.all();
             let commanded = flying.par_iter_mut().zip(motors.par_chunks_exact(4));
-            commanded.zip(n_commands).for_each(turn);
+            commanded.zip(n_commands).for_each(|((flying, motors), n)| {
+                let Some(session) = flying.session.as_mut().filter(|_| flying.lost.is_none())
+                else {
+                    return;
+                };
+                let motors = [motors[0], motors[1], motors[2], motors[3]];
+                let turns = (0..n).try_for_each(|_| session.command(motors));
+                flying.lost = turns.err().map(|error| error.to_string());
+            });
         });
         Ok(())
     }
@@ -167,8 +166,8 @@ impl PySessions {
                 }
             }
         };
-        let stage = move || ended.into_par_iter().map(judge).collect::<Result<Vec<_>>>();
-        let judged = run(py, &stop, stage)?;
+        let judged =
+            run(py, &stop, move || ended.into_par_iter().map(judge).collect::<Result<Vec<_>>>())?;
         let json = judged.iter().map(|it| serde_json::json!(it).to_string()).collect();
         Ok((columns(py, &judged, [1, judged.len()])?, json))
     }
@@ -178,8 +177,8 @@ impl PySessions {
         let ended = self.all().get_mut(index).and_then(|it| Some((it.session.take()?, it.seed)));
         let Some((session, seed)) = ended else { return Ok(py.None().into_bound(py)) };
         let prepared = Arc::clone(&self.prepared);
-        let stage = move || prepared.judge(vec![session.finish()], seed);
-        let (outcome, _) = run(py, &Stop::default(), stage)?;
+        let (outcome, _) =
+            run(py, &Stop::default(), move || prepared.judge(vec![session.finish()], seed))?;
         to_python(py, &outcome)
     }
 }

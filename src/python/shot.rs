@@ -95,7 +95,8 @@ impl PyShot {
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let film = self.film();
         let n = film.counts.len() / 3;
-        let lx_s = (0..n).flat_map(|at| [0, 1, 2].map(|channel| film.exposure_lx_s(channel, at)));
+        let lx_s =
+            (0..n).flat_map(|pixel| [0, 1, 2].map(|channel| film.exposure_lx_s(channel, pixel)));
         #[expect(clippy::cast_possible_truncation, reason = "24 bits are finer than a photo needs")]
         let lx_s: Vec<f32> = lx_s.map(|lx_s| lx_s as f32).collect();
         let shape = [film.height_px as usize, film.width_px as usize, 3];
@@ -167,9 +168,9 @@ pub(super) fn photograph(
         Ok(flight) => Ok(Recording::Flight(flight.get().flight.clone())),
         Err(_no_flight) => {
             let path = it.extract::<PathBuf>().map_err(|_no_path| {
-                let found = it.get_type().to_string();
+                let actual = it.get_type().to_string();
                 let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
-                raised(py, &Error::input("flights", found, "a Flight, or a file's path", hint))
+                raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
             })?;
             let read = Recording::read(&path, &ImportOptions::default());
             read.map(|(recording, _)| recording).map_err(|error| raised(py, &error))
@@ -184,14 +185,13 @@ pub(super) fn photograph(
     let scene = scene.0.clone();
     let stop = Stop::default();
     let until = stop.clone();
-    let stage = move || {
+    let shot = run(py, &stop, move || {
         let shoot = match recordings {
             None => Shoot::new(scene)?,
             Some(recordings) => Shoot::with_recordings(scene, recordings)?,
         };
         Shoot { format: Some(Format::Png), stop: until, ..shoot }.take(&|_, _| {})
-    };
-    let shot = run(py, &stop, stage)?;
+    })?;
     let shape = [shot.photo.height_px as usize, shot.photo.width_px as usize, 3];
     let image = array_of(py, &shot.photo.rgb8, "u1", &shape)?;
     Ok(PyShot { image: image.unbind(), shot })
@@ -234,14 +234,14 @@ pub(super) fn score<'py>(
 pub(super) fn flip<'py>(
     py: Python<'py>,
     wanted: PathBuf,
-    found: &PyShot,
+    actual: &PyShot,
 ) -> PyResult<(f64, Bound<'py, PyBytes>)> {
     let wanted = photo::read(&wanted).map_err(|error| raised(py, &error))?;
-    let found = &found.shot.photo;
-    if (wanted.width_px, wanted.height_px) != (found.width_px, found.height_px) {
+    let actual = &actual.shot.photo;
+    if (wanted.width_px, wanted.height_px) != (actual.width_px, actual.height_px) {
         return Ok((1.0, PyBytes::new(py, &[])));
     }
-    let (difference, mut png) = (difference(&wanted, found), Vec::new());
+    let (difference, mut png) = (difference(&wanted, actual), Vec::new());
     photo::write_png(&difference.picture(), &mut png, None, &[]).expect("memory can be written");
     Ok((difference.mean(|_| true), PyBytes::new(py, &png)))
 }
@@ -282,9 +282,9 @@ fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
         _ => None,
     };
     let Some((width_px, height_px)) = sides else {
-        let (found, wanted) =
+        let (actual, wanted) =
             (format!("{dtype} of shape {shape:?}"), "uint8 of (height, width, 3)");
-        return Err(raised(py, &Error::input("image", found, wanted, "leave out transparency")));
+        return Err(raised(py, &Error::input("image", actual, wanted, "leave out transparency")));
     };
     let bytes = image.call_method0("tobytes")?;
     let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();

@@ -54,13 +54,13 @@ pub(super) fn outcomes<'py>(
             until.check()?;
             let word = scene.word.clone();
             let prepared = Prepared::new(&NamedScene::new("scene", scene), &word, &conditions)?;
-            let outcome = |seed: &u64| {
+            let outcomes = seeds.par_iter().map(|seed| {
                 until.check()?;
                 let outcome = prepared.outcome(*seed)?;
                 counter.fetch_add(1, Ordering::Relaxed);
                 Ok(outcome)
-            };
-            seeds.par_iter().map(outcome).collect::<Result<Vec<_>>>()
+            });
+            outcomes.collect::<Result<Vec<_>>>()
         };
         Ok(scenes.into_par_iter().map(of_scene).collect::<Result<Vec<_>>>()?.concat())
     })?;
@@ -74,12 +74,12 @@ pub(super) fn columns<'py>(
     shape: [usize; 2],
 ) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
-    let numbers = |of: &dyn Fn(&Outcome) -> f64| {
-        let values: Vec<f64> = outcomes.iter().map(of).collect();
+    let numbers = |figure: &dyn Fn(&Outcome) -> f64| {
+        let values: Vec<f64> = outcomes.iter().map(figure).collect();
         array_of(py, bytemuck::cast_slice(&values), "f8", &shape)
     };
-    let flags = |of: fn(&Outcome) -> bool| {
-        let values: Vec<u8> = outcomes.iter().map(|outcome| u8::from(of(outcome))).collect();
+    let flags = |figure: fn(&Outcome) -> bool| {
+        let values: Vec<u8> = outcomes.iter().map(|outcome| u8::from(figure(outcome))).collect();
         array_of(py, &values, "?", &shape)
     };
     columns.set_item("probability", numbers(&|outcome| outcome.probability)?)?;
@@ -142,14 +142,14 @@ pub(super) fn ranking<'py>(
             study.check()?;
         }
         let trials: Vec<Trial> = study.trials().collect();
-        let rest = trials.iter().enumerate().filter(|(at, _)| !flown.contains_key(at));
+        let rest = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
         let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
         let count = |n| counter.store(n, Ordering::Relaxed);
         let ready = study.prepare()?;
         let others = evaluate(&study, &ready, &rest, store.as_ref(), until, &count)?;
         let mut others = others.into_iter();
-        let record = |(at, trial): (usize, &Trial)| match flown.get(&at) {
+        let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
             None => others.next().expect("a record for each trial"),
             Some(outcome) => Record {
                 scene: "a controller of Python".into(),
@@ -158,8 +158,8 @@ pub(super) fn ranking<'py>(
                 seed: trial.seed,
                 outcome: serde_json::from_str(outcome).expect("it was made here"),
             },
-        };
-        let records: Vec<Record> = trials.iter().enumerate().map(record).collect();
+        });
+        let records: Vec<Record> = records.collect();
         let mut ranking = rank(&study, &records);
         let unranked = unranked.into_iter();
         ranking.unranked = unranked.map(|(contender, note)| Unranked { contender, note }).collect();

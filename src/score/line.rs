@@ -210,6 +210,7 @@ impl Line {
         own.or_else(|| self.box_of(&self.ink, from, to))
     }
 
+    /// Bounding box of the ink between two columns of the line.
     fn box_of(&self, ink: &Raster, from: usize, to: usize) -> Option<[f64; 4]> {
         let width = ink.width;
         let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);

@@ -93,6 +93,7 @@ pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f
     (wanted.start, all[own].to_vec())
 }
 
+/// Logits of all classes for columns of a strip.
 fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let values = strip.bytes(columns.clone()).map(i16::from).collect();
     let mut map = Map { height: HEIGHT, width: columns.len(), channels: 2, values };

@@ -168,7 +168,7 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     letters.collect()
 }
 
-/// The likeliest spelling of what is seen, of letters alone; `None` where there is none.
+/// The likeliest spelling of the choices by letters alone, by beam search; `None` without any.
 fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
     let mut words = vec![Spelled::default()];
     for (choice, expected) in choices.iter().zip(expected) {

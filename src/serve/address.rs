@@ -80,7 +80,7 @@ impl Address {
 
     fn read(path: &Path) -> Result<Self> {
         let wanted = "an address of this program: 32 digits from 0 to f a secret";
-        let refused = |found: String| Error::input(path.display(), found, wanted, LIMIT.hint);
+        let refused = |actual: String| Error::input(path.display(), actual, wanted, LIMIT.hint);
         let address: Self = serde_json::from_str(&LIMIT.read_text(path)?)
             .map_err(|error| refused(error.to_string()))?;
         let Self { visitors, kiosk, operator, .. } = &address;

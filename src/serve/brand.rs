@@ -43,8 +43,8 @@ impl Brand {
     /// Reads and checks a folder.
     pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("brand.toml");
-        let refused = |key: &str, found: String, wanted: String| {
-            Error::input(key, found, wanted, "see docs/page.md").at(path.display(), None)
+        let refused = |key: &str, actual: String, wanted: String| {
+            Error::input(key, actual, wanted, "see docs/page.md").in_file(path.display(), None)
         };
         let mut brand: Self = toml::from_str(&TABLE.read_text(&path)?).map_err(|error| {
             let wanted = "title, [sentence], [consent]".into();

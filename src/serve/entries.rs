@@ -245,7 +245,7 @@ impl Entries {
     /// The whole queue, for the operator.
     pub(crate) fn queue(&self) -> Value {
         let list = self.list();
-        let flying = list.of(|entry| entry.state == State::Flying);
+        let flying = list.first(|entry| entry.state == State::Flying);
         let entries: Vec<Value> = list.entries.iter().map(|it| it.entry.for_operator()).collect();
         json!({
             "revision": *self.revision.borrow(), "paused": list.paused, "entries": entries,
@@ -272,7 +272,7 @@ impl Entries {
 
     /// A file of an entry.
     pub(crate) fn file(&self, id: &str, name: &str) -> Option<PathBuf> {
-        regular(self.list().of(|entry| entry.id == id)?.folder.join(name))
+        regular(self.list().first(|entry| entry.id == id)?.folder.join(name))
     }
 
     /// What the wall shows, the newest first: of each visitor a word once.
@@ -303,7 +303,7 @@ impl Entries {
     /// A file of a photo on the wall.
     pub(crate) fn shown(&self, key: &str, name: &str) -> Option<PathBuf> {
         let list = self.list();
-        regular(list.of(|entry| entry.key == key && self.is_shown(entry))?.folder.join(name))
+        regular(list.first(|entry| entry.key == key && self.is_shown(entry))?.folder.join(name))
     }
 
     fn is_shown(&self, entry: &Entry) -> bool {
@@ -344,11 +344,11 @@ impl Entries {
 impl List {
     /// Name and number of the entry that has a photo.
     fn with_photo(&self, photo: &str) -> Option<(String, u32)> {
-        let Stored { entry, .. } = self.of(|entry| entry.photo == photo)?;
+        let Stored { entry, .. } = self.first(|entry| entry.photo == photo)?;
         Some((entry.id.clone(), entry.number))
     }
 
-    fn of(&self, is_it: impl Fn(&Entry) -> bool) -> Option<&Stored> {
+    fn first(&self, is_it: impl Fn(&Entry) -> bool) -> Option<&Stored> {
         self.entries.iter().find(|it| is_it(&it.entry))
     }
 }

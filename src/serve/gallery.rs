@@ -103,7 +103,7 @@ impl Gallery {
         Ok(Self { folder: folder.to_owned(), _lock: lock(folder)? })
     }
 
-    /// Entries with their folders, and what is left alone.
+    /// Reads all entries with their folders; warns of unreadable ones and leaves them alone.
     pub(crate) fn read(&self, warn: fn(&str)) -> Result<Vec<(Entry, PathBuf)>> {
         let mut entries = Vec::new();
         for path in entries_in(&self.folder)? {
@@ -209,8 +209,9 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     // What a killed server was writing has a name with a dot.
     let is_folder = folder.symlink_metadata().is_ok_and(|it| it.is_dir()) && !name.starts_with('.');
     let Some(path) = regular(folder.join(ENTRY)).filter(|_| is_folder) else { return Ok(None) };
-    let refused =
-        |found: String| Error::input(path.display(), found, "an entry of this program", TABLE.hint);
+    let refused = |actual: String| {
+        Error::input(path.display(), actual, "an entry of this program", TABLE.hint)
+    };
     let entry: Entry = serde_json::from_str(&TABLE.read_text(&path)?)
         .map_err(|error| refused(error.to_string()))?;
     match entry.number {
@@ -264,8 +265,8 @@ fn lock(folder: &Path) -> Result<Option<File>> {
         Ok(()) => Ok(Some(file)),
         Err(std::fs::TryLockError::WouldBlock) => {
             let hint = "end it, or name another gallery";
-            let found = "in use by another server";
-            Err(Error::input(folder.display(), found, "a gallery of one's own", hint))
+            let actual = "in use by another server";
+            Err(Error::input(folder.display(), actual, "a gallery of one's own", hint))
         }
         Err(std::fs::TryLockError::Error(_)) => Ok(None),
     }

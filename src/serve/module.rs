@@ -31,9 +31,9 @@ impl Module {
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = LIMIT.read(path)?;
         if !bytes.starts_with(b"\0asm") {
-            let found = "no WebAssembly module";
+            let actual = "no WebAssembly module";
             let wanted = "noctograph.wasm, as src/web/build writes it";
-            return Err(Error::input(path.display(), found, wanted, LIMIT.hint));
+            return Err(Error::input(path.display(), actual, wanted, LIMIT.hint));
         }
         let mut gzip = GzEncoder::new(Vec::new(), Compression::default());
         gzip.write_all(&bytes).expect("memory takes it");

@@ -80,6 +80,7 @@ impl Recorder {
     }
 }
 
+/// The flight's sample of a snapshot of the simulation.
 fn sample(snapshot: &Snapshot, setpoint: &Setpoint) -> FlightSample {
     let state = snapshot.state.map(on_grid);
     FlightSample {

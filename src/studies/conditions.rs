@@ -88,11 +88,12 @@ settings! {
         /// with r². Small faults begin at 5 % of a blade's length (Baldini et al. 2026, doi
         /// 10.1007/s10846-026-02369-x).
         motor_loss_frac: f64 = 0.0, in 0.0..=1.0;
-        /// Age of the battery, uniform from 0 to this; at 1 it has 80 % of its capacity, where
-        /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996), and
-        /// fails the firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`, firmware
-        /// pull request 1192) under motors at 61 % (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`,
-        /// 40000), which is the load of hovering that the scene's resistance answers with 0.57 V.
+        /// Age of the battery, uniform from 0 to this. At 1 it has 80 % of its capacity, where
+        /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996). It
+        /// then fails the firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`,
+        /// firmware pull request 1192) under motors at 61 %
+        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000); the scene's resistance has 0.57 V at
+        /// that load, which is hovering.
         battery_age: f64 = 0.0, in 0.0..=1e3;
     }
 }

@@ -334,7 +334,7 @@ fn figures(
     air: &[FlightSample],
     scene: &Scene,
 ) -> std::result::Result<LogFigures, Flaw> {
-    if !flight.unlogged.contains(&Quantity::Motors) && !air.is_empty() && is_frozen(air) {
+    if flight.has(Quantity::Motors) && !air.is_empty() && is_frozen(air) {
         return Err(Flaw::Frozen);
     }
     let vehicle = &scene.vehicle;

@@ -118,7 +118,7 @@ impl Outcome {
             if !range.contains(&value) {
                 let wanted = format!("a number from {} to {}", range.start(), range.end());
                 let hint = "take the line out, or name another folder";
-                return Err(Error::input(name, value, wanted, hint).at(place, None));
+                return Err(Error::input(name, value, wanted, hint).in_file(place, None));
             }
         }
         Ok(())
@@ -186,6 +186,7 @@ impl Flown {
         })))
     }
 
+    /// Figures of a flight: tracking, tilt, saturation, duration and energy.
     fn from_flight(flight: &Flight, believed: &SimOptions) -> Result<Self> {
         let tracking = track(flight, Part::Letters)?;
         let tilt_rad =

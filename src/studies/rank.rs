@@ -138,10 +138,10 @@ fn pairs(contenders: &[(&str, Vec<f64>)]) -> Vec<Pair> {
         n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
         let open = pairs.iter_mut().zip(&differences).filter(|(pair, _)| !pair.distinguishable);
         for (pair, apart) in open {
-            let Some(found) = center(apart, level(n_open)) else { continue };
-            pair.distinguishable = found.low > 0.0 || found.high < 0.0;
+            let Some(interval) = center(apart, level(n_open)) else { continue };
+            pair.distinguishable = interval.low > 0.0 || interval.high < 0.0;
             if n_open == n_pairs {
-                pair.difference = found;
+                pair.difference = interval;
             }
         }
     }
@@ -166,12 +166,12 @@ fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // A lost drone leaves no photo.
     let mut photos: Vec<usize> =
-        (0..records.len()).filter(|at| records[*at].outcome.flown.is_some()).collect();
+        (0..records.len()).filter(|index| records[*index].outcome.flown.is_some()).collect();
     photos.sort_by(|a, b| {
-        let [a, b] = [a, b].map(|at| &records[*at].outcome);
+        let [a, b] = [a, b].map(|index| &records[*index].outcome);
         a.probability.total_cmp(&b.probability).then(a.similarity.total_cmp(&b.similarity))
     });
-    let photo = |at: usize| first + photos.get(at).copied().unwrap_or(0);
+    let photo = |index: usize| first + photos.get(index).copied().unwrap_or(0);
     let figure = |index: usize| {
         let value = |record: &Record| Some(record.outcome.flown?.values()[index]);
         mean_of_strata(&strata(study, records, value))
@@ -268,14 +268,14 @@ mod tests {
             conditions: Conditions::still(),
             seed: 0,
         };
-        let record = |trial: super::super::Trial| Record {
+        let records = study.trials().map(|trial| Record {
             scene: String::new(),
             contender: "a".into(),
             word: "I".into(),
             seed: trial.seed,
             outcome: Outcome::lost("I", "it turns over".into()),
-        };
-        let records: Vec<Record> = study.trials().map(record).collect();
+        });
+        let records: Vec<Record> = records.collect();
         assert_eq!(places(&rank(&study, &records)), [None]);
     }
 
@@ -330,11 +330,11 @@ mod tests {
     fn figures_are_those_of_the_flights() {
         let values: Vec<f64> = (0..20).map(|k| 0.05 * f64::from(k)).collect();
         let ranking = ranked(&[&values]);
-        let found = &ranking.measures[0];
-        assert!((found.legibility.value - 0.475).abs() < 1e-12);
-        assert!((found.worst_decile.value - 0.025).abs() < 1e-12, "mean of 0 and 0.05");
-        assert!((found.legible.value - 0.3).abs() < 1e-12, "six are above 0.7: {found:?}");
-        assert!((found.all_read.value - 0.45).abs() < 1e-12, "nine are above a half");
-        assert!(ranking.pairs.is_empty() && found.place == Some(1));
+        let actual = &ranking.measures[0];
+        assert!((actual.legibility.value - 0.475).abs() < 1e-12);
+        assert!((actual.worst_decile.value - 0.025).abs() < 1e-12, "mean of 0 and 0.05");
+        assert!((actual.legible.value - 0.3).abs() < 1e-12, "six are above 0.7: {actual:?}");
+        assert!((actual.all_read.value - 0.45).abs() < 1e-12, "nine are above a half");
+        assert!(ranking.pairs.is_empty() && actual.place == Some(1));
     }
 }

@@ -146,8 +146,8 @@ pub(super) fn share(values: impl IntoIterator<Item = bool>) -> Estimate {
     Estimate { value, low: (middle - reach).max(0.0), high: (middle + reach).min(1.0) }
 }
 
-/// Mean of differences with the interval of their law's center at `level`; `None` where they are
-/// too few for any at that level.
+/// Mean of differences, with a confidence interval of their distribution's center at `level` by the
+/// means of subsets; `None` for too few differences.
 pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let mut means = subset_means(differences);
     #[expect(clippy::cast_possible_truncation, reason = "within the subsets")]

@@ -184,9 +184,9 @@ impl Tuned {
     /// Whether a candidate won the test against the scene as it was.
     #[must_use]
     pub fn helped(&self) -> bool {
-        let is_won = |ranking: &Ranking| {
+        fn is_won(ranking: &Ranking) -> bool {
             ranking.measures[0].contender == TUNED && ranking.pairs[0].distinguishable
-        };
+        }
         self.test.as_ref().is_some_and(|(_, ranking)| is_won(ranking))
     }
 }

@@ -187,7 +187,7 @@ impl Message {
             "drone": checked.drone,
         });
         let key = listed(STOPS, &format!("stop-{}", row.check.replace(' ', "-").to_lowercase()));
-        let text = format!("{}: {}", row.check, checked.found());
+        let text = format!("{}: {}", row.check, checked.finding());
         let message = Self { key, values, text, hint: row.change(Change::to_string) };
         (row.severity == Severity::Stop).then_some(message)
     }
@@ -261,9 +261,9 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
 /// or digit is before.
 fn without_paths(text: &str) -> String {
     let name = |word: &str| {
-        let begins = |at: &usize| !word[..*at].ends_with(char::is_alphanumeric);
-        match word.match_indices('/').map(|(at, _)| at).find(begins) {
-            Some(at) => word[..at].to_owned() + word.rsplit('/').next().unwrap_or_default(),
+        let begins = |begin: &usize| !word[..*begin].ends_with(char::is_alphanumeric);
+        match word.match_indices('/').map(|(begin, _)| begin).find(begins) {
+            Some(begin) => word[..begin].to_owned() + word.rsplit('/').next().unwrap_or_default(),
             None => word.to_owned(),
         }
     };

@@ -122,9 +122,9 @@ impl Drawing {
         if !matches!(self.kind, Kind::Jpg) {
             return Ok(self.text.clone().into_bytes());
         }
-        let refused = |found: String| {
+        let refused = |actual: String| {
             let wanted = format!("a JPEG of at most {MAX_SIDE} pixels a side, in base64");
-            Error::input("drawing", found, wanted, "reload the page")
+            Error::input("drawing", actual, wanted, "reload the page")
         };
         let bytes = BASE64_STANDARD.decode(&self.text).map_err(|e| refused(e.to_string()))?;
         // The page makes pictures smaller; a small file can hold a huge one.
@@ -144,7 +144,7 @@ impl PhotoRequest {
     ///
     /// The message to its visitor.
     pub fn parse(body: &[u8], is_kiosk: bool) -> std::result::Result<Self, Message> {
-        let refused = |found: String| Err(Message::of_old_page(&found));
+        let refused = |actual: String| Err(Message::of_old_page(&actual));
         let posted: Posted = match serde_json::from_slice(body) {
             Ok(posted) => posted,
             Err(broken) => return refused(broken.to_string()),

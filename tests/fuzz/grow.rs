@@ -17,7 +17,7 @@ const SIGNS: [&[u8]; 7] = [b"", b",", b" ", b"\n", b";", b", ", b"}{"];
 
 /// The largest file of a reader that is grown, and what grows it: its text, or the program's own
 /// writer of such files.
-pub(crate) fn of(reader: &str) -> Option<(usize, Grower)> {
+pub(crate) fn grower(reader: &str) -> Option<(usize, Grower)> {
     const KIB: usize = 1 << 10;
     const MIB: usize = 1 << 20;
     Some(match reader {

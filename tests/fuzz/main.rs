@@ -67,7 +67,7 @@ fn no_file_hurts_its_reader() {
 fn no_growth_hurts_its_reader() {
     let cases = number("NOCTOGRAPH_GROW_CASES");
     each_reader("grown", |reader, path| {
-        let (limit, grow) = grow::of(reader.name)?;
+        let (limit, grow) = grow::grower(reader.name)?;
         let seeds = reader.seeds();
         let mut tally = Tally::default();
         for n in 0..cases.unwrap_or(GROWN_CASES) {

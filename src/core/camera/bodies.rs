@@ -66,7 +66,7 @@ settings! {
     }
 }
 
-/// A lens that cannot be changed or stopped down, and the limits of what is left to set.
+/// A fixed lens with a fixed aperture, and the limits of sensitivity and shutter time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FixedLens {
     /// Focal length.
@@ -115,17 +115,19 @@ impl BodyModel {
     /// the sensor's diagonal (4:3).
     #[must_use]
     pub fn figures(&self) -> BodyFigures {
-        let body = |sensor_width_m, width_px, exif| BodyFigures {
-            sensor_width_m,
-            width_px,
-            fixed_lens: None,
-            exif,
-        };
-        let phone = |sensor_width_m, focal_length_m, f_number, longest_s| {
+        fn body(sensor_width_m: f64, width_px: f64, exif: &'static [&'static str]) -> BodyFigures {
+            BodyFigures { sensor_width_m, width_px, fixed_lens: None, exif }
+        }
+        fn phone(
+            sensor_width_m: f64,
+            focal_length_m: f64,
+            f_number: f64,
+            longest_s: f64,
+        ) -> BodyFigures {
             let iso = [50.0, 3200.0];
             let fixed_lens = Some(FixedLens { focal_length_m, f_number, iso, longest_s });
             BodyFigures { fixed_lens, ..body(sensor_width_m, 4000.0, &[]) }
-        };
+        }
         match self {
             Self::Custom(custom) => body(custom.sensor_width_m, 6000.0, &[]),
             Self::FullFrame24Mp => body(0.036, 6000.0, &[]),

@@ -52,7 +52,7 @@ pub struct Camera {
     pub white_balance: [f64; 3],
     /// Sensitivity; see [`Self::saturation_lx_s`].
     pub iso: f64,
-    /// Sensitivity at which a full well is white; at a lower one it is white too.
+    /// Sensitivity at and below which a full well is white.
     pub base_iso: f64,
     /// Time of flight at which the shutter opens.
     pub shutter_open_s: f64,
@@ -96,8 +96,8 @@ impl Camera {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
-    /// Image of a point of the world; `None` for a point that is not in front of the entrance
-    /// pupil, and beyond the radius at which the distortion folds back.
+    /// Image of a point of the world; `None` behind the entrance pupil, and beyond the radius where
+    /// the distortion folds back.
     #[must_use]
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
@@ -122,16 +122,17 @@ impl Camera {
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
         let mut tangents = wanted;
         for _ in 0..200 {
-            let off = wanted - Vector2::from(self.distorted(tangents.into())?);
-            tangents += off;
-            if off.amax() < 1e-12 {
+            let error = wanted - Vector2::from(self.distorted(tangents.into())?);
+            tangents += error;
+            if error.amax() < 1e-12 {
                 return Some(self.camera_from_world.transpose() * tangents.push(1.0).normalize());
             }
         }
         None
     }
 
-    /// Tangents off the axis with distortion; `None` beyond the radius at which it folds back.
+    /// Tangents off the axis with distortion; `None` beyond the radius where the distortion folds
+    /// back.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {
@@ -212,8 +213,8 @@ mod tests {
         let camera = camera();
         let bounds_m = camera.plane_bounds_m().unwrap();
         // The word is 1.5 m wide and half of the picture.
-        for (found, wanted) in bounds_m.into_iter().zip([-1.35, -0.09375, 1.65, 1.59375]) {
-            assert!((found - wanted).abs() < 1e-9, "{bounds_m:?}");
+        for (actual, wanted) in bounds_m.into_iter().zip([-1.35, -0.09375, 1.65, 1.59375]) {
+            assert!((actual - wanted).abs() < 1e-9, "{bounds_m:?}");
         }
         let up = crate::geometry::camera_from_world(Vector3::new(0.0, 0.1, 1.0));
         assert_eq!(Camera { camera_from_world: up, ..camera }.plane_bounds_m(), None);

@@ -23,15 +23,13 @@ settings! {
     /// By default a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual start for
     /// light painting; blur is half the usual circle of confusion of 30 µm.
     pub struct CameraOptions {
-        /// Who sets aperture and sensitivity. A scene that sets `f_number` or `iso` and not this
-        /// key is not metered.
+        /// Automatic exposure; off in a scene that sets `f_number` or `iso` but not this key.
         metering: Metering = Metering::default();
         /// Width of the picture in pixels.
         width_px: u32 = 1920, in 1.0..=16_384.0;
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
-        /// Dots per inch of the print that the picture is for, which its file notes; none if left
-        /// out.
+        /// Print resolution in dots per inch, written into the picture's file; none if left out.
         dots_per_inch: Option<f64> = None, in 1.0..=10_000.0;
         /// Aperture number, unless the meter sets it.
         f_number: f64 = 8.0, in 0.5..=256.0, unless "camera.metering" = "trail";
@@ -48,7 +46,7 @@ settings! {
         /// with a custom one everything is sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
         /// Standard deviation of the blur of the lens on the sensor, without diffraction; a
-        /// telephone's lens has it in proportion to its sensor, on full frame.
+        /// telephone's lens scales it from full frame to its sensor.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
         /// Share of light that the lens transmits.
         transmission: f64 = 0.9, in 0.001..=1.0;
@@ -65,7 +63,7 @@ settings! {
         lens: LensModel = LensModel::default();
     }
 
-    /// Who sets aperture and sensitivity.
+    /// Automatic exposure.
     pub enum Metering tagged {
         /// The photographer: `f_number` and `iso` as given.
         "off" => Off,
@@ -76,25 +74,25 @@ settings! {
 
     /// Exposures that the light meter aims at, in stops over saturation.
     pub struct TrailMetering {
-        /// Middle of the brightest trail.
+        /// Exposure of the middle of the brightest trail.
         trail_stops: f64 = 2.0, in -10.0..=10.0;
-        /// Middle of the brightest trail in its strongest color channel, where its lamp writes in
-        /// color.
+        /// Exposure of the middle of the brightest trail in its strongest color channel, for a
+        /// colored lamp.
         ///
         /// At saturation the camera's tone turns orange by ΔE 10 (CIEDE2000, at equal lightness),
         /// half a stop below by 7; two stops above, by 27.
         color_stops: f64 = -0.5, in -10.0..=10.0;
-        /// Most of the room's light, which gathers while the shutter is open; the trail gives way
-        /// to it, down to its `least_stops`.
+        /// Greatest exposure by the room's light, which accumulates while the shutter is open; in a
+        /// brighter room the trail is exposed less, down to `least_stops`.
         room_stops: f64 = -7.0, in -20.0..=0.0;
-        /// Least of the middle of the brightest trail.
+        /// Lowest exposure of the middle of the brightest trail.
         least_stops: f64 = -1.0, in -10.0..=10.0;
     }
 
     /// Pose of the camera.
     pub enum Framing tagged {
-        /// In front of the middle of the word, at the distance at which the word has its share of
-        /// the picture.
+        /// Centered in front of the word, at the distance where the word fills `fill_frac` of the
+        /// picture.
         "word" => Word(WordFraming),
         /// As given.
         "fixed" => Fixed(FixedPose),
@@ -104,8 +102,8 @@ settings! {
     pub struct WordFraming {
         /// Share of the width or height of the picture that the word fills, whichever comes first.
         fill_frac: f64 = 0.5, in 0.01..=1.0;
-        /// Height of the camera, from which it looks at the middle of the word; square in front of
-        /// it if left out. An LED ring, which shines down, is seen from below.
+        /// Height of the camera, aimed at the middle of the word; by default that of the middle. An
+        /// LED ring shines down and is seen from a low camera.
         height_m: Option<f64> = None, in 0.0..=1000.0;
     }
 
@@ -268,11 +266,11 @@ mod tests {
 
     #[test]
     fn the_word_fills_its_share_of_the_picture() {
-        let image = |bounds_m, x, z| {
+        fn image(bounds_m: [f64; 4], x: f64, z: f64) -> [f64; 2] {
             let camera = CameraOptions::default().camera(bounds_m, 57.0).unwrap();
             let image = camera.image_from_world(Vector3::new(x, 0.0, z)).unwrap();
             [image.x_px, image.y_px].map(f64::round)
-        };
+        }
         assert_eq!(image(NOOR_M, -0.6, 0.75), [480.0, 540.0], "left edge, middle of the height");
         assert_eq!(image(NOOR_M, 0.9, 0.75), [1440.0, 540.0], "right edge");
         assert_eq!(image([0.0, 0.0, 0.1, 1.0], 0.05, 1.0), [960.0, 270.0], "a tall word");
@@ -280,11 +278,11 @@ mod tests {
 
     #[test]
     fn impossible_cameras_are_refused_by_key() {
-        let refused = |change: &dyn Fn(&mut CameraOptions)| {
+        fn refused(change: &dyn Fn(&mut CameraOptions)) -> String {
             let mut options = CameraOptions::default();
             change(&mut options);
             options.camera(NOOR_M, 57.0).unwrap_err().to_string()
-        };
+        }
         for size_px in [(0, 0), (0, 1080), (100_000, 100_000), (16_384, 16_384)] {
             let error = refused(&|c| (c.width_px, c.height_px) = size_px);
             assert!(error.contains(&format!("{}x{}", size_px.0, size_px.1)), "{error}");
@@ -339,18 +337,18 @@ mod tests {
     #[test]
     fn lenses_darken_the_corner_as_measured() {
         // Stops that the lens loses in all at the corner of full frame, wide open and stopped down.
-        let lost = |lens: LensModel, f_number: f64| {
+        fn lost(lens: LensModel, f_number: f64) -> f64 {
             let options = CameraOptions { lens, f_number, height_px: 1280, ..Default::default() };
             let camera = options.camera(NOOR_M, 1.0).unwrap();
             let ray = camera.world_from_image(0.0, 0.0).unwrap();
             let cos = (camera.camera_from_world * ray).z;
             -libm::log2(camera.unvignetted(0.0, 0.0) * cos * cos * cos * cos)
-        };
+        }
         for (lens, f_number, wanted) in
             [(LensModel::Normal50, 1.8, 2.7), (LensModel::Normal35, 2.0, 2.2)]
         {
-            let found = lost(lens, f_number);
-            assert!((found - wanted).abs() < 0.05, "{found} at f/{f_number}, wanted {wanted}");
+            let actual = lost(lens, f_number);
+            assert!((actual - wanted).abs() < 0.05, "{actual} at f/{f_number}, wanted {wanted}");
         }
         assert!(lost(LensModel::Normal50, 3.5) < 1.0, "less than a stop from f/3.5 on");
         let natural = lost(LensModel::default(), 8.0);
@@ -359,23 +357,23 @@ mod tests {
 
     #[test]
     fn a_telephone_has_its_makers_angle_of_view_and_aperture() {
-        let of = |body| {
+        fn camera_with(body: BodyModel) -> Camera {
             let options =
                 CameraOptions { body, f_number: 5.0, height_px: 1440, ..Default::default() };
             options.camera(NOOR_M, 1.0).unwrap()
-        };
+        }
         for (body, degrees, f_number) in [
             (BodyModel::IPhone15Pro, 84.0, 1.78),
             (BodyModel::Pixel8Pro, 82.0, 1.68),
             (BodyModel::GalaxyS24, 85.0, 1.8),
         ] {
-            let camera = of(body);
+            let camera = camera_with(body);
             // The picture is 4:3: its diagonal is 5/4 of its width.
-            let found = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
-            assert!((found.to_degrees() - degrees).abs() < 0.7, "{:.1}°", found.to_degrees());
+            let actual = 2.0 * libm::atan(0.625 * camera.sensor_width_m / camera.focal_length_m);
+            assert!((actual.to_degrees() - degrees).abs() < 0.7, "{:.1}°", actual.to_degrees());
             assert_eq!((camera.f_number, camera.base_iso), (f_number, 50.0));
         }
-        let [phone, full] = [BodyModel::Phone, BodyModel::FullFrame24Mp].map(of);
+        let [phone, full] = [BodyModel::Phone, BodyModel::FullFrame24Mp].map(camera_with);
         let share = |camera: &Camera| camera.blur_m / camera.sensor_width_m;
         assert!((share(&phone) / share(&full) - 1.0).abs() < 1e-12, "as sharp for its sensor");
     }

@@ -1,12 +1,12 @@
-//! Distances by which points lie outside the picture.
+//! Distances of points outside the picture from its edges.
 
 use nalgebra::Vector3;
 
 use super::{Camera, ImagePoint};
 
 impl Camera {
-    /// The distances by which points of the world lie outside the picture, at their depth, such as
-    /// `12 cm on the left, 3 cm at the bottom`; `None` where all are inside.
+    /// Distances of points from the edges of the picture, measured at their depth in the world,
+    /// such as `12 cm on the left, 3 cm at the bottom`; `None` where all are inside.
     #[must_use]
     pub fn outside(&self, points_m: impl IntoIterator<Item = Vector3<f64>>) -> Option<String> {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
@@ -41,9 +41,9 @@ mod tests {
         let framing = Framing::Word(WordFraming { fill_frac: 1.0, ..Default::default() });
         let camera = CameraOptions { framing, ..CameraOptions::default() };
         let camera = camera.camera([-0.6, 0.5, 0.9, 1.0], 1.0).unwrap();
-        let at = |x: f64, z: f64| Vector3::new(x, 0.0, z);
-        assert_eq!(camera.outside([at(-0.59, 0.5), at(0.89, 1.0)]), None);
-        let words = camera.outside([at(-0.72, 0.75), at(0.0, 2.0)]).unwrap();
+        let point = |x: f64, z: f64| Vector3::new(x, 0.0, z);
+        assert_eq!(camera.outside([point(-0.59, 0.5), point(0.89, 1.0)]), None);
+        let words = camera.outside([point(-0.72, 0.75), point(0.0, 2.0)]).unwrap();
         assert_eq!(words, "12 cm on the left, 83 cm at the top");
         let words = camera.outside([Vector3::new(0.0, -90.0, 0.0)]).unwrap();
         assert!(words.contains("behind"), "{words}");

@@ -76,11 +76,11 @@ mod tests {
 
     #[test]
     fn daylight_needs_no_gain_and_lamp_light_needs_blue() {
-        let near = |found: [f64; 3], wanted: [f64; 3]| {
-            for (found, wanted) in found.into_iter().zip(wanted) {
-                assert!((found / wanted - 1.0).abs() < 0.02, "{found} for {wanted}");
+        fn near(actual: [f64; 3], wanted: [f64; 3]) {
+            for (actual, wanted) in actual.into_iter().zip(wanted) {
+                assert!((actual / wanted - 1.0).abs() < 0.02, "{actual} for {wanted}");
             }
-        };
+        }
         // A black body of 6504 K is a little more purple than D65.
         near(WhiteBalance::Kelvin(6504.0).gains(), [1.0, 1.055, 1.016]);
         // Illuminant A, 2856 K: x 0.4476, y 0.4074; linear sRGB 1.827, 0.810, 0.234... by hand.

@@ -4,7 +4,7 @@ use super::SLOW_CLOCK;
 use crate::settings::settings;
 
 settings! {
-    /// A release of the Crazyflie's firmware, where they differ in what is flown.
+    /// Releases of the Crazyflie's firmware with different flight behavior.
     pub enum Release {
         /// From 2023.11 to 2026.04: the controller keeps its integrals when the host falls silent.
         "2026.04" => R2026_04,
@@ -25,11 +25,11 @@ impl Release {
     /// The release that flies as a firmware of this name, such as `2025.12.1`; `None` for a build
     /// between releases or of one's own.
     #[must_use]
-    pub fn of(firmware: &str) -> Option<Self> {
-        let digits = |part: &str, n: usize| {
+    pub fn parse(firmware: &str) -> Option<Self> {
+        fn digits(part: &str, n: usize) -> Option<u32> {
             let whole = part.len() == n && part.bytes().all(|byte| byte.is_ascii_digit());
             whole.then(|| part.parse::<u32>().ok()).flatten()
-        };
+        }
         let (year, rest) = firmware.split_once('.')?;
         let (month, patch) = rest.split_once('.').unwrap_or((rest, "0"));
         digits(patch, patch.len()).filter(|_| !patch.is_empty())?;
@@ -79,7 +79,7 @@ mod tests {
             ("2026.08.", None),
             ("", None),
         ] {
-            assert_eq!(Release::of(firmware), release, "{firmware}");
+            assert_eq!(Release::parse(firmware), release, "{firmware}");
         }
         assert!(Release::R2026_08.clock() < 0.99 && Release::After2026_08.clock() == 1.0);
     }

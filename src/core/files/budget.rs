@@ -5,26 +5,25 @@ use std::cell::Cell;
 
 use crate::error::{Error, Result};
 
-/// Most work of an input in steps. A step is what a core of 2020 does in a nanosecond: readers
-/// multiply their counts by what one of them was measured to take.
+/// Most work of an input in steps. A step is a nanosecond of a core of 2020: readers multiply their
+/// counts by the measured cost of one.
 const MAX_STEPS: u64 = 1_000_000_000;
 
-/// Most memory of an input in bytes: what is kept of it, and copies while it is read.
+/// Most memory of an input in bytes, copies during reading included.
 const MAX_BYTES: u64 = 240 << 20;
 
 /// Work and memory that are left to an input: a file, a folder of files that belong together, or a
 /// typeface with all its characters.
 ///
-/// Decoders spend before they work. What returns no error itself may go on with
-/// [`Budget::spend_steps`] alone, which stays `false` once it was, and leaves the error to
-/// [`Budget::check`].
+/// Decoders spend before they work. Code that cannot return an error calls [`Budget::spend_steps`],
+/// which stays `false` once the budget is exceeded, and leaves the error to [`Budget::check`].
 #[derive(Debug)]
 pub struct Budget {
     place: String,
     hint: &'static str,
     steps_left: Cell<u64>,
     bytes_left: Cell<u64>,
-    /// What was asked for beyond the budget.
+    /// The first amount beyond the budget.
     beyond: Cell<Option<Beyond>>,
 }
 
@@ -37,7 +36,7 @@ enum Beyond {
 impl Budget {
     /// The budget of an input; `place` is its name in messages, `hint` the advice where it is
     /// spent.
-    pub fn of(place: impl Into<String>, hint: &'static str) -> Self {
+    pub fn new(place: impl Into<String>, hint: &'static str) -> Self {
         let place = place.into();
         let (steps_left, bytes_left) = (Cell::new(MAX_STEPS), Cell::new(MAX_BYTES));
         Self { place, hint, steps_left, bytes_left, beyond: Cell::new(None) }
@@ -70,23 +69,23 @@ impl Budget {
         self.bytes_left.set((self.bytes_left.get() + bytes).min(MAX_BYTES));
     }
 
-    /// Checks that nothing was spent beyond the budget.
+    /// Checks that the budget was not exceeded.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] with the limit.
     pub fn check(&self) -> Result<()> {
-        let (found, most, unit) = match self.beyond.get() {
+        let (what, most, unit) = match self.beyond.get() {
             None => return Ok(()),
             Some(Beyond::Steps) => {
-                ("work than an input may take", MAX_STEPS / 1_000_000, "million steps")
+                ("more work than an input may take", MAX_STEPS / 1_000_000, "million steps")
             }
             Some(Beyond::Bytes) => {
-                ("data than an input may hold", MAX_BYTES >> 20, "MiB of memory")
+                ("more data than an input may hold", MAX_BYTES >> 20, "MiB of memory")
             }
         };
         let wanted = format!("at most {most} {unit}");
-        Err(Error::input("", format_args!("more {found}"), wanted, self.hint).at(&self.place, None))
+        Err(Error::input("", what, wanted, self.hint).in_file(&self.place, None))
     }
 
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {
@@ -115,7 +114,7 @@ mod tests {
 
     #[test]
     fn a_budget_is_spent_once_and_stays_spent() {
-        let budget = Budget::of("a.svg", "simplify it");
+        let budget = Budget::new("a.svg", "simplify it");
         let most = usize::try_from(MAX_STEPS).unwrap();
         assert!(budget.spend_steps(most) && budget.check().is_ok(), "all of it");
         assert!(!budget.spend_steps(1) && !budget.spend_steps(0));
@@ -126,7 +125,7 @@ mod tests {
 
     #[test]
     fn memory_may_be_given_back() {
-        let budget = Budget::of("a.csv", "cut it");
+        let budget = Budget::new("a.csv", "cut it");
         budget.bytes(7).unwrap();
         let left = budget.bytes_left();
         budget.bytes(usize::try_from(left).unwrap()).unwrap();

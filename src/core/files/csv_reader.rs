@@ -17,7 +17,7 @@ const STEPS: [usize; 2] = [1, 60];
 /// How many different texts of a column are kept, and how much of each.
 const TEXTS: (usize, usize) = (4, 60);
 
-/// What parts the cells of a line.
+/// The separator between the cells of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
     /// A comma, a semicolon or a tab.
@@ -33,7 +33,7 @@ pub struct Head {
     pub titles: Vec<String>,
     /// How many columns there are.
     pub n_columns: usize,
-    /// What parts the cells.
+    /// The separator between the cells.
     pub separator: Separator,
     /// Index of the first row's line.
     pub row: usize,
@@ -59,7 +59,7 @@ pub struct RowRules<'a> {
 pub struct Sheet {
     /// The columns in the order of the file.
     pub columns: Vec<SheetColumn>,
-    /// What was assumed or left out.
+    /// Notes on assumptions and omitted lines.
     pub notes: Vec<String>,
     /// The line of each row.
     lines: Vec<u32>,
@@ -184,17 +184,18 @@ impl Head {
             }
         }
         let is_passed = |index: &usize| is_bare(index) && ![named, units].contains(&Some(*index));
-        let note = |index: usize| {
+        let notes = before().filter(is_passed).map(|index| {
             let shown: String =
                 String::from_utf8_lossy(lines[index]).trim().chars().take(40).collect();
             format!("line {} stands before the head and is not read: {shown}", index + 1)
-        };
-        let notes = before().filter(is_passed).map(note).collect();
+        });
+        let notes = notes.collect();
         let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
         Self { titles, n_columns, separator, row, notes }
     }
 
-    /// The first line, where no row is found.
+    /// The head of a table without rows of numbers: titles in its first line, unless most cells are
+    /// numbers.
     fn alone(lines: &[&[u8]]) -> Self {
         let filled = || (0..lines.len()).filter(|index| !lines[*index].trim_ascii().is_empty());
         let first = filled().find(|index| !is_comment(lines[*index])).or(filled().next());
@@ -224,8 +225,8 @@ impl Head {
 }
 
 impl Sheet {
-    /// Reads the rows of a table. `number` is the number in a cell that is no plain one, by the
-    /// index of its column; `None` of a text.
+    /// Reads the rows of a table. `number` parses a cell that is not a plain number, given the
+    /// index of its column; `None` for text.
     ///
     /// # Errors
     ///
@@ -277,9 +278,11 @@ impl Sheet {
                 sheet.columns.last().is_some_and(|c| c.values.len() <= sheet.lines.len());
             // A separator at the end of each line makes one more cell, which is empty.
             if is_short || cells.any(|cell| !cell.is_empty()) {
-                let found = format!("{} of {n} cells", head.separator.cells(line).count());
+                let count = format!("{} of {n} cells", head.separator.cells(line).count());
                 let wanted = "as many cells as the head has titles";
-                return Err(Error::input("row", found, wanted, hint).at(file, index as u64 + 1));
+                return Err(
+                    Error::input("row", count, wanted, hint).in_file(file, index as u64 + 1)
+                );
             }
             push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
         }
@@ -333,6 +336,7 @@ impl Sheet {
 }
 
 impl SheetColumn {
+    /// Adds a row's cell to the column, as a number or as text.
     fn push(&mut self, value: Option<f64>, cell: &[u8], line: usize) {
         push(&mut self.values, value.unwrap_or(f64::NAN));
         if value.is_none() {
@@ -348,14 +352,14 @@ impl SheetColumn {
         }
     }
 
-    /// Whether it has nothing but texts.
+    /// Whether all cells are text.
     #[must_use]
     pub fn is_text(&self) -> bool {
         self.n_texts > 0 && self.n_texts == self.values.len()
     }
 }
 
-/// Whether a byte is nothing in a line of cells.
+/// Whether a byte is empty space in a line of cells.
 fn is_empty(byte: &u8) -> bool {
     matches!(byte, b' ' | b'\t' | b',' | b';' | b'"' | b'\r')
 }
@@ -368,11 +372,8 @@ fn is_comment(line: &[u8]) -> bool {
 
 /// A line without the sign of a comment.
 fn uncommented(line: &[u8]) -> &[u8] {
-    let is_sign = |byte: &u8| matches!(byte, b'#' | b'%' | b'/' | b' ' | b'\t');
-    match is_comment(line) {
-        true => &line[line.iter().take_while(|byte| is_sign(byte)).count()..],
-        false => line,
-    }
+    let begin = line.iter().take_while(|byte| b"#%/ \t".contains(byte)).count();
+    if is_comment(line) { &line[begin..] } else { line }
 }
 
 /// Whether a cell is a number, with a point or a comma.
@@ -430,7 +431,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn read(text: &[u8]) -> Result<Sheet> {
-        let (text, budget) = (Text::of(text), Budget::of("f.csv", "none"));
+        let (text, budget) = (Text::decode(text), Budget::new("f.csv", "none"));
         let head = Head::find(&text.bytes);
         let (file, hint, needs_line_ends) = ("f.csv", "none", true);
         let rules = RowRules { file, budget: &budget, hint, needs_line_ends };
@@ -492,11 +493,11 @@ mod tests {
     proptest! {
         #[test]
         fn short_numbers_are_rounded_as_any_are(text in "-?[0-9]{0,9}[.]?[0-9]{0,9}") {
-            let found = short_number(text.as_bytes());
+            let actual = short_number(text.as_bytes());
             let wanted = text.parse::<f64>().ok();
-            prop_assert!(found.is_none() || found.map(f64::to_bits) == wanted.map(f64::to_bits));
+            prop_assert!(actual.is_none() || actual.map(f64::to_bits) == wanted.map(f64::to_bits));
             let n_digits = text.bytes().filter(u8::is_ascii_digit).count();
-            prop_assert_eq!(found.is_some(), (1..=15).contains(&n_digits));
+            prop_assert_eq!(actual.is_some(), (1..=15).contains(&n_digits));
         }
     }
 }

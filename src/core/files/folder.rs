@@ -12,8 +12,8 @@ use crate::error::{Error, Result};
 
 /// A folder whose files are staged inside it until all are written.
 ///
-/// Two programs may write into one folder: it is locked while files get their names, so that it
-/// holds all files of the one or of the other.
+/// Two programs may write into one folder: it is locked during the renames, so that it holds the
+/// files of one of them, never a mixture.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,
@@ -45,11 +45,11 @@ impl OutputFolder {
         Ok(Self { path: path.to_owned(), staging, lock, made, names: Vec::new() })
     }
 
-    /// Finds before the long work what no file of these names may replace.
+    /// Checks before the long work that the files of these names can be written.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a folder in the place of a file, and for what may not be written.
+    /// [`Error::Io`] for a folder in the place of a file, and without write permission.
     pub fn expects(&self, names: &[impl AsRef<Path>]) -> Result<()> {
         names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
             let writable = match path.metadata() {
@@ -81,7 +81,7 @@ impl OutputFolder {
         Ok(())
     }
 
-    /// Gives all files their names, in the order in which they were written.
+    /// Renames all staged files to their final names, in the order of writing.
     ///
     /// # Errors
     ///
@@ -89,15 +89,15 @@ impl OutputFolder {
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        let look = |name: &String| {
+        let checked = self.names.iter().map(|name| {
             let path = self.path.join(name);
-            match Place::at(&path) {
+            match Place::for_path(&path) {
                 Ok(place) => Ok((self.staging.path().join(name), path, place)),
                 Err(source) => Err(Error::write(&path, source)),
             }
-        };
-        let places: Vec<_> = self.names.iter().map(look).collect::<Result<_>>()?;
-        let name = |(staged, path, place): (PathBuf, PathBuf, Place)| {
+        });
+        let places: Vec<_> = checked.collect::<Result<_>>()?;
+        let paths = places.into_iter().map(|(staged, path, place)| {
             let named = match place {
                 Place::Regular(permissions) if !path.is_symlink() => permissions
                     .map_or(Ok(()), |permissions| std::fs::set_permissions(&staged, permissions))
@@ -109,8 +109,8 @@ impl OutputFolder {
                 Ok(()) => Ok(path),
                 Err(source) => Err(Error::write(&path, source)),
             }
-        };
-        places.into_iter().map(name).collect()
+        });
+        paths.collect()
     }
 }
 
@@ -155,7 +155,7 @@ mod tests {
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
 
-    /// Writers of two hundred files each, of which every set is one writer's.
+    /// Two writers of two hundred files each; the folder holds the set of one.
     #[test]
     fn two_writers_of_one_folder_never_mix() {
         let parent = tempfile::tempdir().unwrap();
@@ -200,17 +200,17 @@ mod tests {
     #[test]
     fn a_link_in_the_folder_is_written_through() {
         let parent = tempfile::tempdir().unwrap();
-        let at = |name: &str| parent.path().join(name);
-        std::fs::create_dir(at("out")).unwrap();
-        std::fs::write(at("far.txt"), "a longer old text").unwrap();
-        std::os::unix::fs::symlink("../far.txt", at("out/one.txt")).unwrap();
-        std::os::unix::fs::symlink("/dev/null", at("out/two.txt")).unwrap();
-        let mut folder = OutputFolder::create(&at("out")).unwrap();
+        let path = |name: &str| parent.path().join(name);
+        std::fs::create_dir(path("out")).unwrap();
+        std::fs::write(path("far.txt"), "a longer old text").unwrap();
+        std::os::unix::fs::symlink("../far.txt", path("out/one.txt")).unwrap();
+        std::os::unix::fs::symlink("/dev/null", path("out/two.txt")).unwrap();
+        let mut folder = OutputFolder::create(&path("out")).unwrap();
         for name in ["one.txt", "two.txt"] {
             folder.write(name, |out| out.write_all(b"new")).unwrap();
         }
         folder.keep().unwrap();
-        assert_eq!(std::fs::read_to_string(at("far.txt")).unwrap(), "new");
-        assert!(at("out/one.txt").is_symlink() && at("out/two.txt").is_symlink());
+        assert_eq!(std::fs::read_to_string(path("far.txt")).unwrap(), "new");
+        assert!(path("out/one.txt").is_symlink() && path("out/two.txt").is_symlink());
     }
 }

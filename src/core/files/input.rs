@@ -70,12 +70,12 @@ impl Limit {
             let byte = broken.utf8_error().valid_up_to() + 1;
             let place = format!("byte {byte}");
             Error::input(place, "no character", "text in UTF-8", "save the file as UTF-8")
-                .at(path.display(), None)
+                .in_file(path.display(), None)
         })
     }
 
-    /// Checks that files, or the files of folders, are together no larger than one may be, before
-    /// any of them is read. A link counts as what it leads to, and as often as it is named.
+    /// Checks before reading that files, or the files of folders, are together no larger than one
+    /// may be. A link counts with the size of its target, each time that it is named.
     ///
     /// # Errors
     ///
@@ -86,9 +86,9 @@ impl Limit {
         if sum <= self.bytes {
             return Ok(());
         }
-        let found = format_args!("{n} of {} in all", size(sum));
+        let actual = format_args!("{n} of {} in all", size(sum));
         let wanted = format!("at most {} in all", size(self.bytes));
-        Err(Error::input(self.what, found, wanted, self.hint))
+        Err(Error::input(self.what, actual, wanted, self.hint))
     }
 
     fn beyond(self) -> String {
@@ -102,19 +102,18 @@ impl Limit {
 
 /// Bytes of a file, or of the files in a folder; none where they cannot be told, as of a pipe.
 fn bytes_at(path: &Path) -> u64 {
-    let of_file = |path: &Path| {
+    fn of_file(path: &Path) -> u64 {
         let metadata = std::fs::metadata(path).ok();
         metadata.filter(std::fs::Metadata::is_file).map_or(0, |metadata| metadata.len())
-    };
+    }
     match path.is_dir() {
         true => files_in(path).unwrap_or_default().iter().map(|path| of_file(path)).sum(),
         false => of_file(path),
     }
 }
 
-/// The regular files of a folder, links to them included, in the order of their names. What a
-/// program finds in a folder was not named by its user: a pipe there would keep it waiting for
-/// ever.
+/// The regular files of a folder, links to them included, in the order of their names. Other
+/// entries are skipped: a pipe would block the program forever.
 ///
 /// # Errors
 ///
@@ -189,16 +188,17 @@ mod tests {
     #[test]
     fn files_count_together_also_in_folders_and_through_links() {
         let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        std::fs::create_dir(at("inner")).unwrap();
-        std::fs::write(at("a"), [b'x'; 1000]).unwrap();
-        std::fs::write(at("inner/b"), [b'x'; 1000]).unwrap();
-        LIMIT.check_all(&[at("a"), at("inner"), at("missing")]).unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("inner")).unwrap();
+        std::fs::write(path("a"), [b'x'; 1000]).unwrap();
+        std::fs::write(path("inner/b"), [b'x'; 1000]).unwrap();
+        LIMIT.check_all(&[path("a"), path("inner"), path("missing")]).unwrap();
         #[cfg(unix)]
-        std::os::unix::fs::symlink("a", at("link")).unwrap();
+        std::os::unix::fs::symlink("a", path("link")).unwrap();
         #[cfg(not(unix))]
-        std::fs::copy(at("a"), at("link")).unwrap();
-        let error = LIMIT.check_all(&[at("a"), at("inner"), at("link")]).unwrap_err().to_string();
+        std::fs::copy(path("a"), path("link")).unwrap();
+        let error =
+            LIMIT.check_all(&[path("a"), path("inner"), path("link")]).unwrap_err().to_string();
         assert_eq!(error, "a note: found 3 of 2 KiB in all, wanted at most 2 KiB in all");
     }
 

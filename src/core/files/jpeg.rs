@@ -1,15 +1,15 @@
-//! The frame of a JPEG file, read before anything is decoded: what a decoder will hold, and how
-//! often it goes over the picture (ITU-T T.81, annex B).
+//! The frame of a JPEG file, read before decoding: the decoder's memory and its passes over the
+//! picture (ITU-T T.81, annex B).
 //!
 //! The size of a progressive picture says too little: all its coefficients, two bytes each, are
 //! held until the last scan, and a scan may take a dozen bytes of the file.
 
-/// What decoding a JPEG picture takes.
+/// Costs of decoding a JPEG picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JpegFrame {
     /// Width and height in pixels.
     pub size_px: [u64; 2],
-    /// Samples of all components with what fills up their blocks.
+    /// Samples of all components, padded to whole blocks.
     pub samples: u64,
     /// Scans over them.
     pub scans: u64,
@@ -20,17 +20,17 @@ pub struct JpegFrame {
 impl JpegFrame {
     /// The first frame of a file; `None` where it has none.
     #[must_use]
-    pub fn of(bytes: &[u8]) -> Option<Self> {
-        let mut at = bytes.strip_prefix(b"\xff\xd8")?;
+    pub fn parse(bytes: &[u8]) -> Option<Self> {
+        let mut rest = bytes.strip_prefix(b"\xff\xd8")?;
         loop {
-            let [0xff, marker, high, low, ..] = *at else { return None };
+            let [0xff, marker, high, low, ..] = *rest else { return None };
             let length = usize::from(u16::from_be_bytes([high, low]));
             match marker {
                 // A marker may be filled up with any number of 0xff.
-                0xff => at = &at[1..],
-                0xc0..=0xc2 => return Self::from_header(at.get(4..)?, marker == 0xc2, bytes),
-                0x01 | 0xd0..=0xd9 => at = &at[2..],
-                _ => at = at.get(2 + length.max(2)..)?,
+                0xff => rest = &rest[1..],
+                0xc0..=0xc2 => return Self::from_header(rest.get(4..)?, marker == 0xc2, bytes),
+                0x01 | 0xd0..=0xd9 => rest = &rest[2..],
+                _ => rest = rest.get(2 + length.max(2)..)?,
             }
         }
     }
@@ -79,10 +79,10 @@ mod tests {
 
     #[test]
     fn coefficients_of_progressive_pictures_count_and_their_scans() {
-        let plain = JpegFrame::of(&file(0xc0, &[0x11], 1)).unwrap();
+        let plain = JpegFrame::parse(&file(0xc0, &[0x11], 1)).unwrap();
         assert_eq!((plain.size_px, plain.samples), ([17, 9], 3 * 2 * 64), "whole blocks");
         assert_eq!(plain.decoded_bytes(), 3 * 17 * 9);
-        let halved = JpegFrame::of(&file(0xc2, &[0x22, 0x11, 0x11], 5)).unwrap();
+        let halved = JpegFrame::parse(&file(0xc2, &[0x22, 0x11, 0x11], 5)).unwrap();
         assert_eq!(halved.samples, 2 * (4 + 1 + 1) * 64, "two units of six blocks");
         assert_eq!(halved.decoded_bytes(), 3 * 17 * 9 + 2 * halved.samples);
         assert_eq!((halved.scans, halved.later_scans_ns()), (5, halved.samples * 4 / 3));
@@ -92,9 +92,9 @@ mod tests {
     fn what_has_no_frame_is_none() {
         let whole = file(0xc2, &[0x11, 0x11, 0x11], 1);
         for n in 0..whole.len() - 9 {
-            assert_eq!(JpegFrame::of(&whole[..n]).filter(|_| n < 28), None, "{n} bytes");
+            assert_eq!(JpegFrame::parse(&whole[..n]).filter(|_| n < 28), None, "{n} bytes");
         }
-        assert_eq!(JpegFrame::of(b"\xff\xd8\xff\xe0\0\0"), None);
-        assert_eq!(JpegFrame::of(b"PNG"), None);
+        assert_eq!(JpegFrame::parse(b"\xff\xd8\xff\xe0\0\0"), None);
+        assert_eq!(JpegFrame::parse(b"PNG"), None);
     }
 }

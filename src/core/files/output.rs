@@ -21,7 +21,7 @@ const STANDARD_OUTPUTS: [&str; 4] =
 /// Most symbolic links from one to the next.
 const MAX_LINKS: usize = 40;
 
-/// A file that is not written yet.
+/// A file under construction.
 ///
 /// A regular file is staged under a temporary name beside its place until [`Output::keep`] gives it
 /// its name; a link is followed. Devices and pipes are written through. `-` is standard output.
@@ -44,7 +44,7 @@ impl Output {
     /// # Errors
     ///
     /// [`Error::Input`] with the folder that does not exist; [`Error::Io`] for a folder in the
-    /// place of a file, and for what may not be written.
+    /// place of a file, and without write permission.
     pub fn create(path: &Path) -> Result<Self> {
         let sink = Sink::open(path).map_err(|source| {
             missing_folder(path, &source).unwrap_or_else(|| Error::write(path, source))
@@ -114,7 +114,7 @@ impl Sink {
         if path.file_name().is_none() {
             return Err(std::io::ErrorKind::IsADirectory.into());
         }
-        let permissions = match Place::at(path)? {
+        let permissions = match Place::for_path(path)? {
             Place::Through(file) => return Ok(Self::Through(file)),
             Place::Regular(permissions) => permissions,
         };
@@ -159,7 +159,7 @@ fn buffered(
 ) -> std::io::Result<()> {
     let mut out = BufWriter::with_capacity(1 << 18, file);
     let written = write(&mut out).and_then(|()| out.flush());
-    // What failed is not written again when the buffer is dropped.
+    // After a failure the buffer is not flushed again on drop.
     let _ = out.into_parts();
     written
 }
@@ -193,17 +193,17 @@ mod tests {
     #[test]
     fn the_next_run_removes_what_a_killed_one_left_and_nothing_else() {
         let parent = tempfile::tempdir().unwrap();
-        let at = |name: &str| parent.path().join(name);
-        std::fs::write(at(".noctograph-killed.tmp"), "half").unwrap();
-        std::fs::create_dir_all(at(".noctograph-killed-2.tmp/inner")).unwrap();
-        std::fs::write(at(".noctograph-notes.txt"), "mine").unwrap();
-        let living = Output::create(&at("other.csv")).unwrap();
-        write(&at("plan.csv"), b"new").unwrap();
-        assert!(!at(".noctograph-killed.tmp").exists(), "left by a kill");
-        assert!(cfg!(not(unix)) || !at(".noctograph-killed-2.tmp").exists(), "a folder");
-        assert!(at(".noctograph-notes.txt").exists(), "a file of the user's");
+        let path = |name: &str| parent.path().join(name);
+        std::fs::write(path(".noctograph-killed.tmp"), "half").unwrap();
+        std::fs::create_dir_all(path(".noctograph-killed-2.tmp/inner")).unwrap();
+        std::fs::write(path(".noctograph-notes.txt"), "mine").unwrap();
+        let living = Output::create(&path("other.csv")).unwrap();
+        write(&path("plan.csv"), b"new").unwrap();
+        assert!(!path(".noctograph-killed.tmp").exists(), "left by a kill");
+        assert!(cfg!(not(unix)) || !path(".noctograph-killed-2.tmp").exists(), "a folder");
+        assert!(path(".noctograph-notes.txt").exists(), "a file of the user's");
         living.keep(|out| out.write_all(b"whole")).unwrap();
-        assert_eq!(text(&at("other.csv")), "whole", "another run's file is not taken away");
+        assert_eq!(text(&path("other.csv")), "whole", "another run's file is not taken away");
     }
 
     #[cfg(unix)]
@@ -211,26 +211,26 @@ mod tests {
     fn a_link_is_followed_and_a_file_keeps_its_mode() {
         use std::os::unix::fs::{PermissionsExt, symlink};
         let parent = tempfile::tempdir().unwrap();
-        let at = |name: &str| parent.path().join(name);
-        std::fs::create_dir(at("far")).unwrap();
-        std::fs::write(at("far/plan.csv"), "old").unwrap();
-        let mode = |name: &str| std::fs::metadata(at(name)).unwrap().permissions().mode() & 0o777;
-        std::fs::set_permissions(at("far/plan.csv"), PermissionsExt::from_mode(0o640)).unwrap();
-        symlink("far/plan.csv", at("plan.csv")).unwrap();
-        symlink("far/new.csv", at("new.csv")).unwrap();
-        write(&at("plan.csv"), b"new").unwrap();
-        write(&at("new.csv"), b"new").unwrap();
-        assert!(at("plan.csv").is_symlink() && at("new.csv").is_symlink(), "they stay links");
+        let path = |name: &str| parent.path().join(name);
+        std::fs::create_dir(path("far")).unwrap();
+        std::fs::write(path("far/plan.csv"), "old").unwrap();
+        let mode = |name: &str| std::fs::metadata(path(name)).unwrap().permissions().mode() & 0o777;
+        std::fs::set_permissions(path("far/plan.csv"), PermissionsExt::from_mode(0o640)).unwrap();
+        symlink("far/plan.csv", path("plan.csv")).unwrap();
+        symlink("far/new.csv", path("new.csv")).unwrap();
+        write(&path("plan.csv"), b"new").unwrap();
+        write(&path("new.csv"), b"new").unwrap();
+        assert!(path("plan.csv").is_symlink() && path("new.csv").is_symlink(), "they stay links");
         assert_eq!(
-            (text(&at("far/plan.csv")), text(&at("far/new.csv"))),
+            (text(&path("far/plan.csv")), text(&path("far/new.csv"))),
             ("new".into(), "new".into())
         );
         assert_eq!(mode("far/plan.csv"), 0o640);
-        std::fs::write(at("plain"), "").unwrap();
+        std::fs::write(path("plain"), "").unwrap();
         assert_eq!(mode("far/new.csv"), mode("plain"), "the umask's mode");
-        symlink("b", at("a")).unwrap();
-        symlink("a", at("b")).unwrap();
-        assert!(write(&at("a"), b"").is_err(), "a circle");
+        symlink("b", path("a")).unwrap();
+        symlink("a", path("b")).unwrap();
+        assert!(write(&path("a"), b"").is_err(), "a circle");
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
 ///
 /// # Errors
 ///
-/// Where nothing can be written there.
+/// [`Error::Io`] without write permission.
 pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     remove_leftovers(folder);
     loop {
@@ -62,7 +62,7 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
 }
 
-/// Removes temporary files that nothing holds any more.
+/// Removes temporary files of ended processes.
 fn remove_leftovers(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let (name, path) = (entry.file_name(), entry.path());
@@ -72,7 +72,7 @@ fn remove_leftovers(folder: &Path) {
         let opens = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
         let Some(kind) = entry.file_type().ok().filter(opens) else { continue };
         if File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
-            // What cannot be removed does no harm.
+            // A file that stays does no harm.
             let _ = match kind.is_dir() {
                 true => std::fs::remove_dir_all(&path),
                 false => std::fs::remove_file(&path),
@@ -81,7 +81,7 @@ fn remove_leftovers(folder: &Path) {
     }
 }
 
-/// What a new file finds at its place.
+/// The state of the place for a new file.
 pub(super) enum Place {
     /// Nothing, or a regular file whose permissions it takes over.
     Regular(Option<Permissions>),
@@ -94,8 +94,8 @@ impl Place {
     ///
     /// # Errors
     ///
-    /// A folder, and what may not be written.
-    pub(super) fn at(path: &Path) -> Result<Self> {
+    /// [`Error::Io`] for a folder, and without write permission.
+    pub(super) fn for_path(path: &Path) -> Result<Self> {
         let there = std::fs::metadata(path);
         if there.as_ref().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound) {
             return Ok(Self::Regular(None));

@@ -4,7 +4,7 @@
 
 use std::borrow::Cow;
 
-/// A text, and what a reader should know of how it was read.
+/// A text, with notes on its decoding.
 #[derive(Clone, Debug)]
 pub struct Text<'a> {
     /// UTF-8; bytes that no encoding explains stay.
@@ -19,7 +19,7 @@ const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}
 impl<'a> Text<'a> {
     /// The text of a file.
     #[must_use]
-    pub fn of(bytes: &'a [u8]) -> Self {
+    pub fn decode(bytes: &'a [u8]) -> Self {
         let mut notes = Vec::new();
         let decoded = match bytes {
             [0xef, 0xbb, 0xbf, rest @ ..] => Cow::Borrowed(rest),
@@ -50,11 +50,11 @@ fn is_windows_1252(bytes: &[u8]) -> bool {
 }
 
 fn from_windows_1252(bytes: &[u8]) -> String {
-    let character = |byte: &u8| match byte {
+    let characters = bytes.iter().map(|byte| match byte {
         0x80..0xa0 => WINDOWS_1252.chars().nth(usize::from(byte - 0x80)).unwrap_or_default(),
         byte => char::from(*byte),
-    };
-    bytes.iter().map(character).collect()
+    });
+    characters.collect()
 }
 
 /// Text whose lines end in LF, where any ends in CR alone.
@@ -96,11 +96,11 @@ mod tests {
             (wanted.replace('\n', "\r").into_bytes(), 0),
             (latin, 1),
         ] {
-            let text = Text::of(&bytes);
+            let text = Text::decode(&bytes);
             assert_eq!(String::from_utf8_lossy(&text.bytes), wanted, "{bytes:x?}");
             assert_eq!(text.notes.len(), notes, "{bytes:x?}");
         }
-        assert_eq!(&*Text::of(b"a\x80\x99b").bytes, "a€™b".as_bytes());
-        assert_eq!(&*Text::of(b"\x01\xff,").bytes, b"\x01\xff,", "no text");
+        assert_eq!(&*Text::decode(b"a\x80\x99b").bytes, "a€™b".as_bytes());
+        assert_eq!(&*Text::decode(b"\x01\xff,").bytes, b"\x01\xff,", "no text");
     }
 }

@@ -26,13 +26,12 @@ const LONGEST_BREAK_S: f64 = 0.5;
 /// along the floor afterwards are left out.
 #[must_use]
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
-    let logged = |quantity| !flight.unlogged.contains(&quantity);
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
     let flown = |sample: &FlightSample| {
-        if logged(Quantity::Motors) {
+        if flight.has(Quantity::Motors) {
             sample.motors.iter().all(|command| *command > FLYING_MOTOR_COMMAND)
-        } else if logged(Quantity::Design) {
+        } else if flight.has(Quantity::Design) {
             sample.design_m.z > FLYING_HEIGHT_M
         } else {
             sample.position_m.z - floor_m > FLYING_HEIGHT_M
@@ -79,19 +78,18 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;
     }
-    let logged = |quantity| !flight.unlogged.contains(&quantity);
     let most = |value: fn(&FlightSample) -> f64| {
         flight.samples.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
     };
     Some(if flight.samples.is_empty() {
         "no sample".to_owned()
-    } else if logged(Quantity::Motors) {
+    } else if flight.has(Quantity::Motors) {
         let weakest = |s: &FlightSample| s.motors.into_iter().fold(f64::INFINITY, f64::min);
         format!(
             "the weakest motor's command reaches {:.0} of 65535; flight takes {FLYING_MOTOR_COMMAND}",
             most(weakest)
         )
-    } else if logged(Quantity::Design) {
+    } else if flight.has(Quantity::Design) {
         format!("setpoints reach {:.2} m; flight takes {FLYING_HEIGHT_M} m", most(|s| s.design_m.z))
     } else {
         let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);

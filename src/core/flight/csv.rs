@@ -26,13 +26,13 @@ const TIME: &str = "time_s";
 const LETTER: &str = "letter";
 /// The column that is 1 in the first row after a gap.
 const GAP: &str = "gap_before";
-/// What a simulator calls the level of its one light.
+/// Names of the light level's column in simulators with one light.
 const LIGHT: &str = "light";
 /// Numbers of a sample: time, those of [`Quantity::TABLE`], letter.
 const N_NUMBERS: usize = 24;
 
 impl Quantity {
-    /// The places of its numbers among those of a sample.
+    /// Indices of the quantity's numbers in a sample.
     pub fn places(self) -> std::ops::Range<usize> {
         let start = 1 + 3 * self as usize;
         start..start + Self::TABLE[self as usize].2.len()
@@ -98,11 +98,11 @@ impl Flight {
     /// 1 for each sample that ends a gap, 0 for the others.
     fn after_gap(&self) -> Vec<f64> {
         let mut gaps = self.gaps.iter().peekable();
-        let flag = |sample: &FlightSample| {
+        let flags = self.samples.iter().map(|sample| {
             let ends = gaps.next_if(|gap| gap[1] <= sample.time_s).is_some();
             f64::from(u8::from(ends))
-        };
-        self.samples.iter().map(flag).collect()
+        });
+        flags.collect()
     }
 
     /// Reads a flight from a CSV file as [`Self::write_csv`] makes it.
@@ -172,9 +172,9 @@ impl Flight {
 /// Names further columns that are nearly ours, and refuses two columns of one name where one would
 /// be dropped.
 fn odd_titles(table: &Table) -> Result<Vec<String>> {
-    let bare = |text: &str| {
+    fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
-    };
+    }
     let ours = Quantity::TABLE.iter().flat_map(|(.., names)| *names).chain(&[LETTER, GAP, TIME]);
     let ours: Vec<(&str, String)> = ours.map(|name| (*name, bare(name))).collect();
     let (mut seen, mut odd) = (BTreeSet::new(), Vec::new());
@@ -193,12 +193,12 @@ fn odd_titles(table: &Table) -> Result<Vec<String>> {
     Ok(odd)
 }
 
-/// Checks that a column, where there is one, has whole numbers from 0 on.
+/// Checks that a column, if present, has whole numbers from 0 to `most`.
 fn whole(table: &Table, name: &str, most: f64, wanted: &str) -> Result<()> {
     let is_odd = |(_, value): &(_, &f64)| value.fract() != 0.0 || !(0.0..=most).contains(*value);
     match table.find(name).unwrap_or_default().iter().enumerate().find(is_odd) {
         None => Ok(()),
-        Some((row, found)) => Err(table.wrong(name, table.line(row), found, wanted, REWRITE_HINT)),
+        Some((row, value)) => Err(table.wrong(name, table.line(row), value, wanted, REWRITE_HINT)),
     }
 }
 
@@ -247,13 +247,13 @@ impl FlightSample {
 ///
 /// [`Error::Input`] with the channel of a level outside, or for headlights in two columns.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
-    let light = |(channel, levels): (&str, &[f64])| {
+    fn light((channel, levels): (&str, &[f64])) -> Result<(String, Vec<f64>)> {
         let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) else {
             return Ok((channel.to_owned(), levels.to_vec()));
         };
         let place = format!("column light.{channel}");
         Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"))
-    };
+    }
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
     let mut lights = table.columns_after("light.").chain(bare).map(light);
     lights.try_fold(BTreeMap::new(), |mut lights, light| {
@@ -342,8 +342,7 @@ mod tests {
     proptest::proptest! {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(64))]
 
-        /// One thing in a flight file that is not understood, and would change the flight, is
-        /// named.
+        /// An unreadable value that would change the flight is an error that names it.
         #[test]
         fn what_a_flight_file_should_not_have_is_named(which in 0..26_usize, kind in 0..4_usize) {
             let mut file = Vec::new();

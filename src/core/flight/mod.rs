@@ -51,11 +51,16 @@ pub struct Flight {
     pub gaps: Vec<[f64; 2]>,
     /// Quantities that the log lacks: zeros in the samples.
     pub unlogged: BTreeSet<Quantity>,
-    /// What one should know of it.
+    /// Warnings of the flight.
     pub warnings: Vec<Warning>,
 }
 
 impl Flight {
+    /// Whether the flight's log has a quantity.
+    pub fn has(&self, quantity: Quantity) -> bool {
+        !self.unlogged.contains(&quantity)
+    }
+
     /// Last value of a further column; `None` where the flight lacks it.
     pub fn at_end(&self, column: &str) -> Option<f64> {
         self.extra.get(column)?.last().copied()

@@ -12,7 +12,7 @@ const USUAL_PERIOD_S: f64 = 9.5e-3;
 /// Numbers of today's days, as spreadsheets, MATLAB and Julian days count them.
 const DAY_NUMBERS: [std::ops::Range<f64>; 3] = [3e4..8e4, 7e5..8e5, 2.4e6..2.5e6];
 
-/// What a unit was found by.
+/// Evidence for a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FoundUnit {
     /// In s.
@@ -23,11 +23,11 @@ pub struct FoundUnit {
     pub in_doubt: bool,
 }
 
-/// Seconds of a unit of stamps. A step of more than 2.55 is none of seconds, since no Crazyflie
-/// logs so slowly: it is of ms, from a thousand on of µs, from a million on of ns; a step that no
-/// unit makes one of a log stays in seconds. Steps of 1 in whole numbers are ms, but for several
-/// rows of one stamp. A step of less than 0.1 ms is none either: it is of the first of minutes,
-/// hours and days that make it a usual one; of days where the stamps are numbers of today's.
+/// Length of a unit of stamps in seconds, from the step between stamps. A Crazyflie logs every 0.1
+/// ms to 2.55 s: a larger step is in ms, from a thousand on in µs, from a million on in ns; a
+/// smaller one in the first of minutes, hours and days that gives a usual step, or in days where
+/// the stamps are today's dates. Steps of 1 in whole numbers are ms, except with several rows a
+/// stamp. Any other step stays in seconds.
 pub fn unit_of(stamps: &[f64]) -> FoundUnit {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);

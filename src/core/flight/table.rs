@@ -1,8 +1,8 @@
 //! Tables of numbers as CSV: the file form of plans and flights.
 //!
-//! One header line, then rows of finite numbers; unknown columns are allowed. Written numbers lie
-//! on a grid of 1e-6 (micrometers, microseconds, microradians), to which [`on_grid`] rounds,
-//! so that a product reads back from its file bit by bit as it was in memory.
+//! One header line, then rows of finite numbers; unknown columns are allowed. Written numbers are
+//! rounded to a grid of 1e-6 (micrometers, microseconds, microradians) by [`on_grid`], so that a
+//! product reads back from its file bit for bit.
 
 use std::fmt::Display;
 use std::io::Write;
@@ -68,7 +68,7 @@ impl Table {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self> {
-        let text = Text::of(bytes);
+        let text = Text::decode(bytes);
         let head = Head::find(&text.bytes);
         Self::below(head, &text, file)
     }
@@ -79,7 +79,7 @@ impl Table {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn below(head: Head, text: &Text<'_>, file: &str) -> Result<Self> {
-        let budget = Budget::of(file, SMALLER_HINT);
+        let budget = Budget::new(file, SMALLER_HINT);
         let number = |_, cell: &str| cell.parse().ok().filter(|v: &f64| v.abs() <= MAX_NUMBER);
         let (budget, hint, needs_line_ends) = (&budget, REWRITE_HINT, false);
         let rules = RowRules { file, budget, hint, needs_line_ends };
@@ -89,12 +89,12 @@ impl Table {
             let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
             let place = format!("column {}", column.title);
             let error = Error::input(place, format_args!("{cell:?}"), wanted, REWRITE_HINT);
-            return Err(error.at(file, line as u64));
+            return Err(error.in_file(file, line as u64));
         }
         Ok(Self { file: file.to_owned(), sheet })
     }
 
-    /// What was assumed of the file, or left out.
+    /// Notes on assumptions about the file, and on omitted rows.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.sheet.notes
@@ -122,7 +122,7 @@ impl Table {
             let wanted = format!("a column {name}");
             let titles: Vec<&str> = self.columns_after("").map(|(title, _)| title).collect();
             let first: String = titles.join(",").chars().take(60).collect();
-            Error::input("", first, wanted, REWRITE_HINT).at(&self.file, 1)
+            Error::input("", first, wanted, REWRITE_HINT).in_file(&self.file, 1)
         })
     }
 
@@ -157,7 +157,7 @@ impl Table {
         wanted: impl Into<String>,
         hint: &str,
     ) -> Error {
-        Error::input(format!("column {name}"), found, wanted, hint).at(&self.file, line as u64)
+        Error::input(format!("column {name}"), found, wanted, hint).in_file(&self.file, line as u64)
     }
 
     /// Whether there is a column of this name.
@@ -190,17 +190,16 @@ impl Table {
     pub fn times_in(&self, name: &str, unit_s: f64) -> Result<&[f64]> {
         let time_s = self.column(name)?;
         if time_s.is_empty() {
-            return Err(
-                Error::input("", "no row", "at least one row", REWRITE_HINT).at(&self.file, None)
-            );
+            return Err(Error::input("", "no row", "at least one row", REWRITE_HINT)
+                .in_file(&self.file, None));
         }
         if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
             let wanted = format!("at least {}, the time before it", time_s[row]);
-            let found = time_s[row + 1];
+            let actual = time_s[row + 1];
             return Err(self.wrong(
                 name,
                 self.line(row + 1),
-                found,
+                actual,
                 wanted,
                 "sort the rows by time",
             ));

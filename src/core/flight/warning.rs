@@ -5,7 +5,7 @@ use std::fmt;
 
 use super::Quantity;
 
-/// What one should know of a flight.
+/// A warning of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Warning {
     /// A motor was at its limit while the drone wrote, for so many seconds.
@@ -20,7 +20,7 @@ pub enum Warning {
     HostSilent(f64),
     /// Quantities that its file lacks, which are zeros in the samples.
     Unlogged(BTreeSet<Quantity>),
-    /// Of the file that it is from: what was left out, or taken as what.
+    /// Of its file: omitted data, assumed units and columns.
     File(String),
 }
 

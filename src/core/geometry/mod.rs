@@ -85,7 +85,7 @@ pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
 }
 
-/// A vector turned about the vertical axis, from x toward y; by nothing, exactly itself.
+/// A vector rotated about the vertical axis, from x toward y; by zero, bit for bit the same.
 #[must_use]
 #[inline]
 pub fn turned(vector: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {

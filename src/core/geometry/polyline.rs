@@ -55,8 +55,8 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     while let Some((first, last)) = spans.pop() {
         let inner = first + 1..last;
         let inner = inner.map(|i| (i, segment_distance(line[i], [line[first], line[last]])));
-        let Some((index, off)) = inner.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
-        if off > error {
+        let Some((index, distance)) = inner.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        if distance > error {
             keep[index] = true;
             spans.extend([(first, index), (index, last)]);
         }
@@ -104,10 +104,10 @@ mod tests {
         let arc: Vec<[f64; 2]> = arc.collect();
         let kept = simplify(&arc, 1e-3);
         assert!(kept.len() < 20, "{kept:?}");
-        let off = |p: [f64; 2]| {
+        let error_of = |p: [f64; 2]| {
             let legs = kept.windows(2).map(|leg| [arc[leg[0]], arc[leg[1]]]);
             legs.map(|leg| segment_distance(p, leg)).fold(1.0, f64::min)
         };
-        assert!(arc.iter().all(|p| off(*p) <= 1e-3), "within the error");
+        assert!(arc.iter().all(|p| error_of(*p) <= 1e-3), "within the error");
     }
 }

@@ -1,4 +1,5 @@
-//! Light channels: what a plan switches and dims by name, and the firmware parameter behind it.
+//! Light channels: the names by which a plan switches and dims lamps, and their firmware
+//! parameters.
 
 use super::{COLOR_LED_COLORS, RING_COLORS};
 
@@ -13,12 +14,13 @@ pub struct Channel {
     /// Channels of a plan for its color, as bytes of the parameter from the last one on; empty: a
     /// pin, which is on or off.
     pub colors: &'static [&'static str],
-    /// Its deck, and the parameters in `deck.` of which one says that the deck is attached.
+    /// The channel's deck, and the parameters `deck.*`, one of which is set if the deck is
+    /// attached.
     pub deck: (&'static str, &'static [&'static str]),
     /// Parameters that make it ready and dark before a flight that it lights.
     pub ready: &'static [(&'static str, u32)],
     /// Parameters that keep it dark in a flight that it does not light.
-    pub off: &'static [(&'static str, u32)],
+    pub idle: &'static [(&'static str, u32)],
 }
 
 const RING_DECK: (&str, &[&str]) = ("the ring", &["bcLedRing"]);
@@ -33,7 +35,7 @@ pub const CHANNELS: [Channel; 3] = [
         colors: &[],
         deck: RING_DECK,
         ready: &[("ring.headlightEnable", 0)],
-        off: &[("ring.headlightEnable", 0)],
+        idle: &[("ring.headlightEnable", 0)],
     },
     Channel {
         name: "ring",
@@ -41,7 +43,7 @@ pub const CHANNELS: [Channel; 3] = [
         colors: &RING_COLORS,
         deck: RING_DECK,
         ready: &[("ring.fadeTime", 0), ("ring.fadeColor", 0), ("ring.effect", 14)],
-        off: &[("ring.effect", 0)],
+        idle: &[("ring.effect", 0)],
     },
     Channel {
         name: "color-led",
@@ -49,7 +51,7 @@ pub const CHANNELS: [Channel; 3] = [
         colors: &COLOR_LED_COLORS,
         deck: ("the color LED", &["bcColorLedBot"]),
         ready: &[("colorLedBot.brightCorr", 1), ("colorLedBot.wrgb8888", 0)],
-        off: &[("colorLedBot.wrgb8888", 0)],
+        idle: &[("colorLedBot.wrgb8888", 0)],
     },
 ];
 
@@ -63,7 +65,7 @@ pub const HEADLIGHTS: &str = CHANNELS[0].name;
 impl Channel {
     /// The channel of a deck with a name; `None`: a lamp of one's own.
     #[must_use]
-    pub fn of(name: &str) -> Option<&'static Self> {
+    pub fn named(name: &str) -> Option<&'static Self> {
         CHANNELS.iter().find(|channel| channel.name == name)
     }
 }

@@ -11,7 +11,7 @@ settings! {
     pub struct Fixture {
         /// Name in tables and messages.
         name: String = "lamp".to_owned();
-        /// Drive: what turns it on.
+        /// The condition that turns the lamp on.
         drive: Drive = Drive::Always;
         /// Position on the body: x forward, y left, z up.
         position_body_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
@@ -127,7 +127,7 @@ impl Fixture {
             within(&place("chromaticity x + y"), x + y, 0.0, 1.0)?;
         }
         self.check_parameter(key)?;
-        let (found, wanted) = match (&self.drive, self.dies.len()) {
+        let (actual, wanted) = match (&self.drive, self.dies.len()) {
             (Drive::Ring(led), _) if *led >= RING_LEDS => (led.to_string(), "an LED from 0 to 11"),
             (Drive::Ring(_), n) if n != 3 => (n.to_string(), "3 dies: red, green, blue"),
             (Drive::ColorLed, n) if n != 4 => (n.to_string(), "4 dies: white, red, green, blue"),
@@ -142,15 +142,15 @@ impl Fixture {
             ) => return Ok(()),
         };
         let hint = "the printed scene has the rows of every known deck";
-        Err(Error::input(place("drive and dies"), found, wanted, hint))
+        Err(Error::input(place("drive and dies"), actual, wanted, hint))
     }
 
     /// Refuses a parameter that no export would set.
     fn check_parameter(&self, key: &str) -> Result<()> {
         let Some(parameter) = &self.parameter else { return Ok(()) };
-        let is_name = |part: &str| {
+        fn is_name(part: &str) -> bool {
             !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')
-        };
+        }
         let is_full =
             parameter.split_once('.').is_some_and(|(group, name)| is_name(group) && is_name(name));
         let (wanted, hint) = match self.drive.channel() {
@@ -158,7 +158,7 @@ impl Fixture {
                 ("group.name of letters, digits and _", "the firmware's list of parameters has it")
             }
             None => ("no parameter: nothing commands this lamp", "set drive.command"),
-            Some(channel) if Channel::of(channel).is_some() => (
+            Some(channel) if Channel::named(channel).is_some() => (
                 "no parameter: the channel is that of a deck",
                 "give the lamp a channel of its own: drive.command",
             ),

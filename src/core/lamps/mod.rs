@@ -1,4 +1,4 @@
-//! Lamps: a description without pixels of what a drone carries: decks, lamps, their light channels.
+//! Lamps: description of a drone's decks, lamps and light channels, without pixels.
 
 mod channel;
 mod fixture;

@@ -124,12 +124,11 @@ impl LightOptions {
     /// The lamps.
     #[must_use]
     pub fn fixtures(&self) -> Vec<Fixture> {
-        let own = || {
+        self.fixtures.clone().unwrap_or_else(|| {
             let glints = self.motor_glints && self.deck == Deck::LedRing;
             let glints = if glints { off_the_motors() } else { Vec::new() };
             self.deck.fixtures().into_iter().chain(glints).collect()
-        };
-        self.fixtures.clone().unwrap_or_else(own)
+        })
     }
 
     /// Color of the color LED deck on a letter, counted from 0.

@@ -19,8 +19,7 @@ const BLUE: [f64; 2] = [0.132, 0.049];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
 
-/// The LEDs on the board of a Crazyflie 2.x: none of them is part of a program, all of them are in
-/// the picture.
+/// The LEDs on the board of a Crazyflie 2.x, which plans do not control but pictures show.
 ///
 /// Blue power LEDs at the rear (M2, M3), always lit; red status LED at the front right (M1), 50 ms
 /// of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`, lines 65 to 69 of
@@ -68,8 +67,8 @@ pub fn crazyflie() -> Vec<Fixture> {
 ///
 /// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
 /// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7
-/// of saturation, where a tenth of the main strand's own light, which leaks into green, clips. That
-/// it is the propeller which throws it, a centimeter higher up, is an assumption.
+/// of saturation, where a tenth of the main strand's own light leaks into green and clips. The
+/// propeller, a centimeter higher up, is assumed to reflect it.
 fn off_the_propeller(led: &Fixture) -> Fixture {
     let [x, y, _] = led.position_body_m;
     let mut glint = led.clone();
@@ -86,11 +85,11 @@ fn off_the_propeller(led: &Fixture) -> Fixture {
 /// the firmware's order is documented nowhere.
 ///
 /// Assumptions: a headlight spills 5 % to its side: the team's camera looked at the drone from its
-/// side, at right angles to the beam, and still recorded clipped white streaks. Too little, and a
-/// drone seen from the side writes nothing. Beyond 120° off its beam the deck and the battery hide
-/// it. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a camera
-/// below the drone sees the spinner's helix, and the team's camera, above it, saw only the glow on
-/// the floor.
+/// side, at right angles to the beam, and still recorded clipped white streaks. With less spill a
+/// drone seen from the side would write nothing. Beyond 120° off its beam the deck and the battery
+/// hide it. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a
+/// camera below the drone sees the spinner's helix, and the team's camera, above it, saw only the
+/// glow on the floor.
 #[must_use]
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
@@ -127,7 +126,7 @@ pub fn led_ring() -> Vec<Fixture> {
 /// 0.9 of saturation there, where a headlight's spill of 0.09 cd reaches 1.4 in our render with the
 /// same camera: 0.05 cd to every side but the front, which the motors shade.
 pub fn off_the_motors() -> Vec<Fixture> {
-    let glint = |mut headlight: Fixture| {
+    let glints = led_ring().into_iter().take(2).map(|mut headlight| {
         headlight.name = format!("{} off the motor", headlight.name);
         let left_m = headlight.position_body_m[1].signum() * MOTOR_M;
         headlight.position_body_m = [MOTOR_M, left_m, 0.0];
@@ -136,8 +135,8 @@ pub fn off_the_motors() -> Vec<Fixture> {
         headlight.diameter_m = 0.004;
         headlight.dies[0].intensity_cd = 0.05;
         headlight
-    };
-    led_ring().into_iter().take(2).map(glint).collect()
+    });
+    glints.collect()
 }
 
 /// Distance of a motor from the middle on both axes: an arm of 46 mm at 45° (`vehicle.arm_m`).

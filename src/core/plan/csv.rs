@@ -122,19 +122,19 @@ mod tests {
 
     #[test]
     fn a_plan_reads_back_bit_by_bit() {
-        let written = |plan: &Plan| {
+        fn written(plan: &Plan) -> Vec<u8> {
             let mut file = Vec::new();
             plan.write_csv(&mut file).unwrap();
             file
-        };
-        let setpoint = |step: i32| Setpoint {
+        }
+        let setpoints = (0..4).map(|step| Setpoint {
             time_s: 0.25 * f64::from(step),
             position_m: Vector3::new(0.125 * f64::from(step), -0.5, 1e-6),
             velocity_m_s: Vector3::new(0.4, 0.0, -0.125),
             acceleration_m_s2: Vector3::new(0.0, 1.5, 0.0),
             letter: usize::try_from(step - 1).ok(),
-        };
-        let setpoints: Vec<Setpoint> = (0..4).map(setpoint).collect();
+        });
+        let setpoints: Vec<Setpoint> = setpoints.collect();
         let lights = [("headlights".to_owned(), vec![0.0, 1.0, 0.5, 0.0])].into();
         let plan = Plan { setpoints, lights, ..Plan::default() };
         let n = plan.setpoints.len();

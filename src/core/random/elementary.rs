@@ -155,8 +155,8 @@ mod tests {
         let drawn = (0..300_000).map(|_| noise.normal());
         let edges = (-40..=40).map(|k| f64::from(k) * FRAC_PI_4);
         for x in drawn.flat_map(|x| [x, 10.0 * x, 1000.0 * x]).chain(edges) {
-            let (found, want) = (cos(x), libm::cos(x));
-            assert!((found - want).abs() < 3e-16, "cos {x}: {found} of {want}");
+            let (actual, want) = (cos(x), libm::cos(x));
+            assert!((actual - want).abs() < 3e-16, "cos {x}: {actual} of {want}");
         }
     }
 }

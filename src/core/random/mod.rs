@@ -1,5 +1,5 @@
-//! Random numbers as functions of a key, so that each depends on no other; named streams of noise,
-//! and a smooth random field.
+//! Random numbers as independent functions of a key; named streams of noise, and a smooth random
+//! field.
 
 mod elementary;
 mod noise;

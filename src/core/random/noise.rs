@@ -84,7 +84,7 @@ impl<const N: usize> Field<N> {
     }
 
     /// The field at a place.
-    pub fn at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
+    pub fn value_at(&self, position_m: &Vector3<f64>) -> SVector<f64, N> {
         SVector::from_fn(|component, _| self.component(component, position_m))
     }
 
@@ -147,8 +147,8 @@ mod tests {
             // A normal takes one uniform number of 64 bits, two words, from the stream.
             noise.rng.set_word_pos(u128::from(4 * pair));
             noise.spare = None;
-            let at = 2 * pair as usize;
-            assert_eq!([noise.normal(), noise.normal()], [drawn[at], drawn[at + 1]]);
+            let first = 2 * pair as usize;
+            assert_eq!([noise.normal(), noise.normal()], [drawn[first], drawn[first + 1]]);
         }
     }
 
@@ -175,7 +175,8 @@ mod tests {
         let (mut square, mut product, n) = (0.0, 0.0, 4000);
         for _ in 0..n {
             let field = Field::<3>::new(&mut noise, 2.0, 0.5);
-            let (here, there) = (field.at(&Vector3::zeros()), field.at(&(Vector3::x() * 0.5)));
+            let (here, there) =
+                (field.value_at(&Vector3::zeros()), field.value_at(&(Vector3::x() * 0.5)));
             square += here.norm_squared() / f64::from(3 * n);
             product += here.dot(&there) / f64::from(3 * n);
         }

@@ -124,6 +124,7 @@ pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     lines
 }
 
+/// Chains branches from one end on into a line of knots.
 fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
     let (mut index, mut enters_by_tail) = (begin, tail);

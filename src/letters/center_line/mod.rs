@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     fn budget() -> Budget {
-        Budget::of("face.ttf", "none")
+        Budget::new("face.ttf", "none")
     }
 
     /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from

@@ -73,7 +73,7 @@ pub(super) fn read(
     size: impl Fn([f64; 4]) -> Result<f64>,
     file: &str,
 ) -> Result<Traced> {
-    let budget = Budget::of(file, "make the picture smaller, or draw less");
+    let budget = Budget::new(file, "make the picture smaller, or draw less");
     let (whole, shrunk) = upright(bytes, &budget, file)?;
     let corners = corners(&whole, shrunk, options, file)?;
     let in_whole = corners.map(|corners| corners.map(|corner| corner.map(|x| x / shrunk)));
@@ -160,7 +160,7 @@ fn corners(
     }
     let wanted = "x and y of the upper left, upper right, lower right and lower left corner";
     let hint = "read the corners of the sheet off the picture, clockwise from upper left";
-    Err(Error::input("corners", format!("{corners:?}"), wanted, hint).at(file, None))
+    Err(Error::input("corners", format!("{corners:?}"), wanted, hint).in_file(file, None))
 }
 
 fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
@@ -187,7 +187,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
     }
     let n_bytes = usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX);
     budget.steps(STEPS.saturating_mul(n_bytes))?;
-    if let Some(frame) = JpegFrame::of(bytes) {
+    if let Some(frame) = JpegFrame::parse(bytes) {
         let [n_bytes, n_steps] = [frame.decoded_bytes(), frame.later_scans_ns()]
             .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
         budget.bytes(n_bytes)?;
@@ -302,7 +302,7 @@ fn nested(contours: Vec<Contour>, least: f64) -> Vec<Vec<Contour>> {
     let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
     // The smallest patch that holds a point of a hole has the hole.
     patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
-    let budget = Budget::of("", "");
+    let budget = Budget::new("", "");
     let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
     for hole in holes {
         let [x, y] = hole[0];

@@ -181,10 +181,10 @@ fn thick_patches_are_outlined_colors_kept_and_a_blank_sheet_refused() {
         }
     }
     let strokes = drawn(picture, &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
-    let length_m = |glyph: &Glyph| {
+    fn length_m(glyph: &Glyph) -> f64 {
         let lit = glyph.moves.iter().filter(|step| step.lit);
         lit.map(|step| distance(step.from_m, step.to_m)).sum::<f64>()
-    };
+    }
     let trace: Vec<_> =
         strokes.colors.iter().zip(&strokes.glyphs).map(|(c, g)| (*c, length_m(g))).collect();
     let [(blue, bar_m), (red, rim_m)] = trace[..] else { panic!("two colors: {trace:?}") };

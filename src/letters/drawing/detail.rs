@@ -37,7 +37,7 @@ pub(super) fn reduced(
         return Ok((lines, LeftOut::default()));
     }
     let all: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
-    let budget = Budget::of(file, "draw less, or raise letters.detail");
+    let budget = Budget::new(file, "draw less, or raise letters.detail");
     budget.steps(STEPS[0].saturating_mul(lines.len().saturating_mul(lines.len())))?;
     let lines = joined(lines, GAP * rough);
     let longest = lines.iter().map(|(line, _)| polyline_length_m(line)).fold(0.0, f64::max);

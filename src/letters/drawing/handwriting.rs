@@ -92,7 +92,9 @@ pub(super) fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64;
                 continue;
             };
             let place = format!("stroke {}, point {}", stroke + 1, point + 1);
-            return Err(Error::input(place, format!("{values:?}"), wanted, hint).at(file, None));
+            return Err(
+                Error::input(place, format!("{values:?}"), wanted, hint).in_file(file, None)
+            );
         }
         if !trace.points.is_empty() {
             traces.push(trace);

@@ -138,7 +138,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// A sign in place of an element: transformed and hidden as its attributes say.
+    /// Replaces an element by a marker: a polyline with the element's attributes, whose points
+    /// encode its index. usvg transforms or hides the marker as it would the element.
     fn sign(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let name = node.tag_name().name();
         let mut texts = node.descendants().filter_map(|part| part.text());

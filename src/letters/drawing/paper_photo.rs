@@ -365,6 +365,7 @@ fn normal(k: usize) -> [f64; 2] {
     [cos, sin]
 }
 
+/// Intersection of two lines; `None` for parallel ones.
 fn crossing(a: Line, b: Line) -> Option<[f64; 2]> {
     let determinant = cross(a.normal, b.normal);
     (determinant.abs() > 0.2).then(|| {

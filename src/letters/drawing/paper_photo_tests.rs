@@ -69,13 +69,13 @@ fn photographed(taken: &Taken) -> (image::RgbImage, paper_photo::Corners) {
     let map = paper_photo::Map::to(&corners);
     let below =
         paper_photo::Map::to(&[[0.55, 0.4], [1.6, 0.4], [1.6, 1.2], [0.55, 1.2]].map(place));
-    let inverse = |map: &paper_photo::Map, [x, y]: [f64; 2]| {
+    fn inverse(map: &paper_photo::Map, [x, y]: [f64; 2]) -> [f64; 2] {
         let [a, b, c] = map.0;
         let (p, q) = ([0, 1].map(|k| a[k] - x * c[k]), [0, 1].map(|k| b[k] - y * c[k]));
         let (r, s) = (x * c[2] - a[2], y * c[2] - b[2]);
         let determinant = p[0] * q[1] - p[1] * q[0];
         [(r * q[1] - p[1] * s) / determinant, (p[0] * s - r * q[0]) / determinant]
-    };
+    }
     let picture = image::RgbImage::from_fn(SIZE[0], SIZE[1], |px, py| {
         let (x, y) = (f64::from(px) + 0.5, f64::from(py) + 0.5);
         let inside = |[u, v]: [f64; 2]| (0.0..1.0).contains(&u) && (0.0..1.0).contains(&v);
@@ -118,10 +118,10 @@ fn errors(trace: &Traced) -> [f64; 2] {
     let scale = (right - left) / (r - l);
     let lines: Vec<[f64; 2]> =
         lines.iter().map(|[x, y]| [left + scale * (x - l), top + scale * (y - t)]).collect();
-    let farthest = |points: &[[f64; 2]], others: &[[f64; 2]]| {
+    fn farthest(points: &[[f64; 2]], others: &[[f64; 2]]) -> f64 {
         let nearest = |p: &[f64; 2]| others.iter().map(|q| distance(*p, *q)).fold(9.0, f64::min);
         points.iter().map(nearest).fold(0.0, f64::max)
-    };
+    }
     [farthest(&drawn, &lines), farthest(&lines, &drawn)]
 }
 

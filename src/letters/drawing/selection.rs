@@ -32,7 +32,7 @@ pub(super) fn chosen<T>(
     if kept.is_empty() && !is_empty {
         let (choice, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
         let error = Error::input("letters.without", choice, "at least one stroke", hint);
-        return Err(error.at(file, None));
+        return Err(error.in_file(file, None));
     }
     Ok(kept)
 }
@@ -101,10 +101,10 @@ mod tests {
 
     #[test]
     fn colors_have_the_names_that_people_give_them() {
-        let named = |text: &str| {
+        fn named(text: &str) -> &'static str {
             let color: svgtypes::Color = text.parse().unwrap();
             name([color.red, color.green, color.blue])
-        };
+        }
         for own in "black gray white red orange yellow green cyan blue purple".split(' ') {
             assert_eq!(named(own), own);
         }

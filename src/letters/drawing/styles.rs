@@ -269,7 +269,7 @@ mod tests {
     use super::*;
 
     fn check(xml: &str) -> std::result::Result<(), String> {
-        let budget = Budget::of("a.svg", "none");
+        let budget = Budget::new("a.svg", "none");
         check_text(xml, &budget)?;
         budget.check().map_err(|error| error.to_string())
     }
@@ -300,9 +300,9 @@ mod tests {
     #[test]
     fn attributes_of_a_tag_are_compared_with_each_other_and_prefixes_with_namespaces() {
         let tags = |xml: &str| check(xml).is_ok();
-        let list = |n: usize, name: &str| -> String {
+        fn list(n: usize, name: &str) -> String {
             (0..n).map(|k| format!(" {name}{k}='>'")).collect()
-        };
+        }
         assert!(tags(&format!("<svg{}/>", list(5000, "a"))));
         assert!(!tags(&format!("<svg{}/>", list(20_000, "a"))));
         assert!(tags(&format!("<svg>{}</svg>", "<g a='1' b='2'/>".repeat(100_000))), "many tags");

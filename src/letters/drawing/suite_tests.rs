@@ -52,14 +52,14 @@ impl Picture {
         let paper = if is_blank { 0 } else { 255 };
         let rgb = if is_blank { on(paper) } else { on_white };
         let [width, height] = size;
-        let edge = |index: usize| {
+        let edges = (0..rgb.len()).map(|index| {
             let (x, y) = (index % width, index / width);
             let right = (x + 1 < width).then_some(index + 1);
             let below = (y + 1 < height).then_some(index + width);
             let mut beside = [right, below].into_iter().flatten();
             beside.any(|other| difference(rgb[index], rgb[other]) >= EDGE)
-        };
-        let is_edge: Vec<bool> = (0..rgb.len()).map(edge).collect();
+        });
+        let is_edge: Vec<bool> = edges.collect();
         let edge_px = distances(&is_edge, size);
         let is_ink = rgb.iter().map(|color| difference(*color, [paper; 3]) >= INK).collect();
         Self { size, is_ink, is_edge, edge_px }
@@ -68,7 +68,7 @@ impl Picture {
     fn index(&self, [x, y]: [f64; 2]) -> usize {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let [x, y] = [(x, self.size[0]), (y, self.size[1])]
-            .map(|(at, side)| at.clamp(0.0, side as f64 - 1.0) as usize);
+            .map(|(x, side)| x.clamp(0.0, side as f64 - 1.0) as usize);
         y * self.size[0] + x
     }
 }
@@ -101,7 +101,7 @@ fn distances(marked: &[bool], [width, height]: [usize; 2]) -> Vec<f32> {
 fn points(strokes: &Strokes, px_per_unit: f64) -> Vec<[f64; 2]> {
     let mut points = Vec::new();
     for leg in strokes.source.strokes.iter().flat_map(|stroke| stroke.points.windows(2)) {
-        let [a, b] = [leg[0], leg[1]].map(|place| place.map(|at| px_per_unit * at));
+        let [a, b] = [leg[0], leg[1]].map(|place| place.map(|x| px_per_unit * x));
         let n = libm::hypot(b[0] - a[0], b[1] - a[1]).ceil().max(1.0);
         let share = |k: f64| [0, 1].map(|i| a[i] + (b[i] - a[i]) * (k + 0.5) / n);
         points.extend((0..).map(f64::from).take_while(|k| *k < n).map(share));
@@ -131,8 +131,8 @@ fn in_question(picture: &Picture, points: &[[f64; 2]]) -> [[f32; 2]; 2] {
 /// Clears the marks around a place.
 fn cover(marks: &mut [bool], [width, height]: [usize; 2], [x, y]: [f64; 2], reach: f64) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    let range = |at: f64, side: usize| {
-        let [from, to] = [at - reach, at + reach].map(|end| end.clamp(0.0, side as f64) as usize);
+    let range = |x: f64, side: usize| {
+        let [from, to] = [x - reach, x + reach].map(|end| end.clamp(0.0, side as f64) as usize);
         from..(to + 1).min(side)
     };
     for row in range(y, height) {
@@ -145,15 +145,15 @@ fn cover(marks: &mut [bool], [width, height]: [usize; 2], [x, y]: [f64; 2], reac
 }
 
 /// SVG files below a folder that have a picture.
-fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+fn files(folder: &Path, paths: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            files(&path, found);
+            files(&path, paths);
         } else if path.extension().is_some_and(|end| end == "svg")
             && path.with_extension("png").exists()
         {
-            found.push(path);
+            paths.push(path);
         }
     }
 }
@@ -187,8 +187,8 @@ fn suite_of_drawings_is_right_or_named() {
         let px_per_unit = picture.size[0] as f64 / f64::from(tree.size().width());
         let pairs = in_question(&picture, &points(&strokes, px_per_unit));
         let is_much = |[odd, all]: [f32; 2], share: f32| odd > FEW_PX.max(share * all);
-        let [[stray, of], [bare, edges]] = pairs;
-        let figures = format!("{file}: {stray} of {of} px stray, {bare} of {edges} px bare");
+        let [[stray, ink], [bare, edges]] = pairs;
+        let figures = format!("{file}: {stray} of {ink} px stray, {bare} of {edges} px bare");
         if is_much(pairs[0], CORNERS[0]) {
             wrong.push(figures);
             continue;

@@ -79,8 +79,8 @@ proptest! {
         let whole = std::f64::consts::TAU * radius;
         prop_assert!((rim / whole - 1.0).abs() < 0.01, "{rim} of {whole}: {text}");
         for [x, y] in lines.iter().flat_map(|(line, _)| line) {
-            let off = distance([*x, -*y], MIDDLE) - radius;
-            prop_assert!(off.abs() < 0.1, "{off}: {text}");
+            let error = distance([*x, -*y], MIDDLE) - radius;
+            prop_assert!(error.abs() < 0.1, "{error}: {text}");
         }
     }
 }

@@ -61,7 +61,7 @@ enum Item {
 /// Reads a file.
 pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let text = in_words_of_usvg(decoded(bytes).map_err(|cause| refused(file, cause))?);
-    let budget = Budget::of(file, LIMIT.hint);
+    let budget = Budget::new(file, LIMIT.hint);
     check_text(&text, &budget).map_err(|cause| refused(file, cause))?;
     budget.check()?;
     let limits =
@@ -102,7 +102,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     if let Some(text) = texts.first() {
         let count = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
         let line = u64::from(document.text_pos_at(text.range().start).row);
-        return Err(Error::input("", count, "paths in place of text", TEXT).at(file, line));
+        return Err(Error::input("", count, "paths in place of text", TEXT).in_file(file, line));
     }
     for node in others {
         named.add(format!("<{}>", node.tag_name().name()), "not followed", node);

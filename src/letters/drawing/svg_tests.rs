@@ -38,11 +38,11 @@ fn ends(body: &str) -> Vec<[i64; 4]> {
 #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
 fn rounded(lines: &[Vec<[f64; 2]>]) -> Vec<[i64; 4]> {
     let round = |x: f64| x.round() as i64;
-    let ends = |line: &Vec<[f64; 2]>| {
+    let ends = lines.iter().map(|line| {
         let [from, to] = [line[0], line[line.len() - 1]];
         [round(from[0]), round(from[1]), round(to[0]), round(to[1])]
-    };
-    lines.iter().map(ends).collect()
+    });
+    ends.collect()
 }
 
 #[test]

@@ -123,17 +123,17 @@ fn handwriting_keeps_its_order_and_where_wanted_its_pace() {
 
 #[test]
 fn smoothing_takes_the_wobble_and_keeps_within_its_limit() {
-    let wobble = |amount: f64| -> String {
+    fn wobble(amount: f64) -> String {
         let points = (0..400).map(|k| {
             let sign = if k % 2 == 0 { amount } else { -amount };
             format!("[{k}, {}, {}]", 100.0 + sign, f64::from(k) * 0.01)
         });
         format!("{{\"strokes\": [[[0, 0, -1]], [{}]]}}", points.collect::<Vec<_>>().join(","))
-    };
-    let roughness = |strokes: &Strokes| {
+    }
+    fn roughness(strokes: &Strokes) -> f64 {
         let moves: Vec<_> = strokes.glyphs[0].moves.iter().filter(|m| m.lit).collect();
         moves.iter().skip(4).map(|m| (m.to_m[1] - m.from_m[1]).abs()).sum::<f64>()
-    };
+    }
     let options = on_canvas(4.0, 4.0);
     let rough = LetterOptions { smoothing_m: 0.0, ..options.clone() };
     let (raw, smooth) =
@@ -201,20 +201,20 @@ fn dashes_are_dark_between_and_as_long_as_their_transform_makes_them() {
 
 #[test]
 fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
-    let in_both = |name: &str, content: &str| {
+    fn in_both(name: &str, content: &str) -> [Strokes; 2] {
         let ways = [Ink::Alike, Ink::ByColor];
         ways.map(|ink| drawn_in(name, content, &on_canvas(2.0, 1.0), ink).unwrap())
-    };
+    }
     let body = "<path d='M0 0 h50' stroke='red'/><path d='M0 20 h50' stroke='#0000ff'/>
         <path d='M0 40 h50' style='stroke:#f00'/><circle cx='100' cy='50' r='20'/>";
     let [alike, by_color] = in_both("a.svg", &svg(body));
     assert_eq!((alike.glyphs.len(), &alike.colors), (1, &Vec::new()));
     assert_eq!(by_color.colors, [[255, 0, 0], [0, 0, 255], [0, 0, 0]]);
-    let begins = |glyph: &Glyph| -> Vec<[f64; 2]> {
+    fn begins(glyph: &Glyph) -> Vec<[f64; 2]> {
         let moves = &glyph.moves;
         let runs = moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit);
         runs.map(|run| run[0].from_m.map(|x| (x * 1e3).round() / 1e3)).collect()
-    };
+    }
     assert_eq!(begins(&by_color.glyphs[0]), [[0.0, 1.5], [0.0, 0.929]], "both red strokes");
     assert_eq!((by_color.glyphs.len(), by_color.bounds_m()), (3, alike.bounds_m()));
 
@@ -271,10 +271,10 @@ fn an_svg_with_less_detail_has_fewer_strokes() {
 
 #[test]
 fn handwriting_on_a_canvas_keeps_its_place() {
-    let page = |strokes: &str| {
+    fn page(strokes: &str) -> Result<Strokes> {
         let text = format!("{{\"strokes\": {strokes}, \"canvas\": [0, 0, 200, 100]}}");
         drawn("a.json", &text, &LetterOptions { smoothing_m: 0.0, ..on_canvas(2.0, 1.0) })
-    };
+    }
     let line = page("[[[50, 25], [150, 25]]]").unwrap();
     assert_eq!(line.bounds_m(), [0.0, 0.5, 2.0, 1.5], "as large as the canvas");
     let step = line.glyphs[0].moves.iter().find(|step| step.lit).unwrap();

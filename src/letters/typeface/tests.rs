@@ -51,7 +51,7 @@ fn capitals_are_a_cap_height_high_on_the_baseline() {
 fn center_lines_stay_in_the_ink() {
     let face = roboto(Trace::CenterLine);
     for character in ('A'..='Z').chain('a'..='z').chain('0'..='9').chain("äßØ&@".chars()) {
-        let budget = Budget::of("Roboto-Thin.ttf", "none");
+        let budget = Budget::new("Roboto-Thin.ttf", "none");
         let ink = super::super::outline::Filled::new(
             &face.contours(&[(face.glyph(character).unwrap(), [0; 2])], &budget).unwrap(),
             &budget,

@@ -112,6 +112,8 @@ struct Explained {
 }
 
 impl Stretch {
+    /// Sums of products over one stretch of the flight: instruments (designs), response (turns) and
+    /// regressors (pushes).
     fn new(index: usize, designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;

@@ -76,12 +76,12 @@ fn a_column_light_is_that_of_the_headlights_unless_another_is_named_so() {
 #[test]
 fn one_flight_is_read_from_every_way_of_writing_a_table() {
     let comma = |text: &str| text.replace(',', ";").replace('.', ",");
-    let utf16 = |text: &str, unit: fn(u16) -> [u8; 2], mark: [u8; 2]| -> Vec<u8> {
+    fn utf16(text: &str, unit: fn(u16) -> [u8; 2], mark: [u8; 2]) -> Vec<u8> {
         mark.into_iter().chain(text.encode_utf16().flat_map(unit)).collect()
-    };
-    let clock = |stamp: &dyn Fn(f64) -> String| {
+    }
+    fn clock(stamp: &dyn Fn(f64) -> String) -> String {
         rows("timestamp,x,y,z\n", |t, [x, y, z]| format!("{},{x:.4},{y:.4},{z:.4}", stamp(t)))
-    };
+    }
     let clock_time = |t: f64| format!("{:02}:{:06.3}", 34, 10.0 + t);
     let mut tables: Vec<(&str, Vec<u8>)> = [
         ("decimal commas", comma(&plain())),
@@ -358,10 +358,10 @@ fn other_files_are_refused_with_what_converts_them() {
 
 /// A JSON log of the flight: variables of 10 Hz in ms.
 fn variables(values: &[(&str, &dyn Fn(f64) -> f64)]) -> String {
-    let list = |cell: &dyn Fn(f64) -> f64| {
+    fn list(cell: &dyn Fn(f64) -> f64) -> String {
         let cells: Vec<String> = (0..=120).map(|i| cell(0.1 * f64::from(i)).to_string()).collect();
         cells.join(",")
-    };
+    }
     let time = list(&|t| (1e3 * t).round() + 9000.0);
     let variables = values.iter().map(|(name, value)| {
         format!("\"{name}\": {{\"time\": [{time}], \"data\": [{}]}}", list(*value))
@@ -532,12 +532,12 @@ proptest! {
             });
             lines.collect::<String>()
         };
-        let named = |text: &str, file: &str, wanted: &str| {
+        fn named(text: &str, file: &str, wanted: &str) -> bool {
             match parse(text.as_bytes(), file, &ImportOptions::default()) {
                 Ok(flight) => said(&flight).contains(wanted),
                 Err(error) => error.to_string().contains(wanted),
             }
-        };
+        }
         prop_assert!(named(&column("7", &name), "log", &name), "a column");
         prop_assert!(named(&column(&word, &name), "log", &name), "a column of texts");
         prop_assert!(named(&column("7", &format!("x [{name}]")), "log", &name), "a unit");
@@ -559,9 +559,9 @@ fn refused(text: &str) -> String {
 
 #[test]
 fn stamps_in_two_columns_and_in_longer_units_are_read() {
-    let stamped = |head: &str, stamp: &dyn Fn(f64) -> String| {
+    fn stamped(head: &str, stamp: &dyn Fn(f64) -> String) -> String {
         rows(&format!("{head},x,y,z\n"), |t, [x, y, z]| format!("{},{x},{y},{z}", stamp(t)))
-    };
+    }
     let parts = |t: f64| ((t + 1e-9).floor(), (t + 1e-9).fract());
     let nanoseconds = |t: f64| format!("{},{:.0}", 1.7e9 + parts(t).0, 1e9 * parts(t).1);
     let clock =
@@ -607,7 +607,7 @@ fn stamps_in_two_columns_and_in_longer_units_are_read() {
 
 #[test]
 fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
-    let owned = |head: &str, owner: &dyn Fn(usize) -> String, apart_s: f64| {
+    fn owned(head: &str, owner: &dyn Fn(usize) -> String, apart_s: f64) -> String {
         let mut text = format!("t,{head},x,y,z\n");
         for i in 0..=240_u32 {
             let (t, second) = (0.1 * f64::from(i / 2), i % 2 == 1);
@@ -616,7 +616,7 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
             writeln!(text, "{t:.3},{},{x},{y},{z}", owner(usize::from(second))).unwrap();
         }
         text
-    };
+    }
     let id = |which: usize| ["1", "2"][which].to_owned();
     let uri = |which: usize| format!("radio://0/80/2M/E7E7E7E70{which}");
     for (head, owner) in
@@ -632,9 +632,9 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
     assert!(refused(&owned("mode", &id, 0.0)).contains("at another place at the same time"));
     let one = rows("t,drone_id,x,y,z\n", |t, [x, y, z]| format!("{t:.2},7,{x},{y},{z}"));
     check("one drone", &read(one.as_bytes()));
-    let scaled = |head: &str, scale: f64| {
+    fn scaled(head: &str, scale: f64) -> String {
         rows(head, |t, [x, y, z]| format!("{t:.2},{},{},{}", scale * x, scale * y, scale * z))
-    };
+    }
     assert!(refused(&scaled("t,x,y,z\n", 100.0)).contains("x_cm"));
     check("named", &read(scaled("t,x_cm,y_cm,z_cm\n", 100.0).as_bytes()));
     let options = ImportOptions { max_speed_m_s: 60.0, ..ImportOptions::default() };
@@ -671,11 +671,11 @@ fn a_format_that_was_recognized_says_itself_why_it_is_not_read() {
 #[test]
 fn json_of_pandas_and_of_ros_is_read_and_its_drones_are_told_apart() {
     let names = ["timestamp", "stateEstimate.x", "stateEstimate.y", "stateEstimate.z"];
-    let values = |column: usize, i: u32| {
+    fn values(column: usize, i: u32) -> f64 {
         let t = 0.1 * f64::from(i);
         let [x, y, z] = place(t);
         [(1e3 * t).round(), x, y, z][column]
-    };
+    }
     let join = |cell: &dyn Fn(u32) -> String| (0..=120).map(cell).collect::<Vec<_>>().join(",");
     let by_index = |key: &dyn Fn(u32) -> u32, columns: &[usize]| {
         let column = |column: &usize| {

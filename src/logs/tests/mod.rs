@@ -115,11 +115,11 @@ fn read_back(flight: &Flight) -> Flight {
 
 #[test]
 fn gaps_are_not_interpolated() {
-    let rows = |from: u32, to: u32| -> String {
+    fn rows(from: u32, to: u32) -> String {
         (from..to)
             .map(|i| format!("{},{},0,1\n", f64::from(i) * 0.02, f64::from(i) * 0.1))
             .collect()
-    };
+    }
     let flight = imported(format!("t,x,y,z\n{}{}", rows(0, 50), rows(100, 150)).as_bytes());
     assert_eq!(flight.gaps, [[0.98, 2.0]]);
     let inside = |sample: &&FlightSample| sample.time_s > 0.98 && sample.time_s < 2.0;
@@ -130,10 +130,10 @@ fn gaps_are_not_interpolated() {
 #[test]
 fn motion_capture_is_aligned_with_the_drones_clock_and_preferred() {
     let wave = |s: f64, rate: f64| 0.8 * libm::sin(rate * s) + 0.2 * libm::sin(0.2 * s * s);
-    let list = |n: u32, value: &dyn Fn(f64) -> f64| {
+    fn list(n: u32, value: &dyn Fn(f64) -> f64) -> String {
         let cells: Vec<String> = (0..n).map(|i| format!("{:.6}", value(f64::from(i)))).collect();
         format!("[{}]", cells.join(","))
-    };
+    }
     let (drone, mocap) = (|i: f64| 0.02 * i, |i: f64| 0.01 * i - 1.0);
     let variable = |name: &str, rate: f64, error: f64| {
         let time = list(600, &|i| 223.0 + drone(i));
@@ -186,7 +186,7 @@ fn a_file_that_is_no_log_is_refused() {
     let far = b"t,x,y,z\n0.5,0,0,0\n1e10,0,0,0\n";
     assert!(parse(far, "log", &ImportOptions::default()).is_err(), "300 years");
     assert!(
-        flight(Recording::default(), &ImportOptions::default(), &Budget::of("log", HINT)).is_err(),
+        flight(Recording::default(), &ImportOptions::default(), &Budget::new("log", HINT)).is_err(),
         "no sample"
     );
 }

@@ -1,9 +1,9 @@
 //! Segments: neighboring intervals that run straight and evenly, merged into one.
 //!
-//! Greedy and linear in time: an interval joins the run while the chord from the run's first sample
-//! to its last, traversed at constant speed, passes every sample between within the tolerance,
-//! while the brightness does the same on its own axis (a fade is one segment), and while the width
-//! of the spot stays even. The segment carries the exact sum of the light.
+//! Greedy and linear in time. An interval joins the run while three things stay within tolerance of
+//! the chord from the run's first sample to its last: the place, at constant speed; the brightness,
+//! so that a fade is one segment; and the width of the spot. The segment carries the exact sum of
+//! the light.
 
 use super::project::{Interval, Px};
 use noctograph_core::geometry::Chords;
@@ -162,10 +162,10 @@ mod tests {
 
     /// A winding path with a pause in the middle.
     fn path() -> Vec<Interval> {
-        let position = |t: f64| {
+        fn position(t: f64) -> Px {
             let pause = t.clamp(1.0, 1.5);
             Px::new(80.0 * (t - pause) + 3.0, 5.0 * libm::sin(7.0 * (t - pause)) + 9.0)
-        };
+        }
         (0..1000)
             .map(|i| {
                 let time_s = [f64::from(i) / 400.0, f64::from(i + 1) / 400.0];

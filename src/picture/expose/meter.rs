@@ -207,6 +207,7 @@ fn gathered(segments: &[Segment]) -> Vec<Segment> {
     all
 }
 
+/// Exposure along the trail of a lamp in the picture; `None` for an invisible lamp.
 fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
     let few = (segments.len() > MANY).then(|| gathered(segments));
     let segments = few.as_deref().unwrap_or(segments);
@@ -359,14 +360,14 @@ mod tests {
 
     #[test]
     fn a_lamp_that_changes_its_color_is_one_row() {
-        let half = |from: f64| {
+        fn half(from: f64) -> Lamp {
             let mut lamp = lamp((0..=100).map(|i| {
                 let t = from + f64::from(i) / 100.0;
                 (t, [0.2 * t - 0.2, 3.0, 0.0])
             }));
             lamp.emitter.rgb = if from > 0.0 { [4.7, 0.0, 0.0] } else { [0.0, 1.398_210, 0.0] };
             lamp
-        };
+        }
         let camera = camera(640, 400);
         let metered = meter(&LightTrace { lamps: vec![half(1.0), half(0.0)] }, &camera).unwrap();
         let [row] = &metered[..] else { panic!("{metered:?}") };
@@ -390,13 +391,13 @@ mod tests {
 
     #[test]
     fn dwells_on_either_side_of_the_dark_are_two_spots() {
-        let rest = |from_s: f64, x: f64, moves: f64| {
+        fn rest(from_s: f64, x: f64, moves: f64) -> impl Iterator<Item = (f64, [f64; 3])> {
             (0..=200).map(move |i| {
                 let t = f64::from(i) / 100.0;
                 let along = if moves > 0.0 { (t - 1.0).max(0.0) } else { t.min(1.0) };
                 (from_s + t, [x + 0.2 * along, 3.0, 0.0])
             })
-        };
+        }
         let mut path = lamp(rest(0.0, -0.4, -1.0).chain(rest(3.0, 0.1, 1.0)));
         for dark in &mut path.samples[200..=201] {
             dark.level = 0.0;

@@ -116,8 +116,8 @@ settings! {
         /// Sheen of the floor: mean slope of its facets (α of GGX), 0.15 for polished stone, 0.3
         /// for linoleum, 0.6 for worn boards (assumptions); matte if left out.
         floor_roughness: Option<f64> = None, in 0.1..=1.0, for "expose.floor_albedo";
-        /// Width, depth and height of the room, its middle at x = y = 0: its walls take light, and
-        /// flights are checked within them; none if left out.
+        /// Width, depth and height of the room, its middle at x = y = 0: its walls are lit, and
+        /// flights are checked against them; none if left out.
         room_m: Option<[f64; 3]> = None, in 0.1..=1e3;
         fixed {
             /// How far a sample may lie from the segment that replaces it. 0 merges nothing and
@@ -297,6 +297,7 @@ impl Drop for Developer {
     }
 }
 
+/// Checks the numbers of camera, lamps and options against their ranges.
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
     check_size(camera.width_px, camera.height_px)?;
     let ranges = [

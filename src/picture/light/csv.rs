@@ -46,9 +46,9 @@ const FULL_CD: f64 = 1.0;
 fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     let (bare, bracket) = bracketed(title);
     let bare = simplified(bare);
-    let known = |bare: &str| {
+    fn known(bare: &str) -> Option<&'static str> {
         Some(TITLES.iter().find(|(_, titles)| titles.split(' ').any(|known| known == bare))?.0)
-    };
+    }
     let (name, text) = match (known(&bare), bare.rsplit_once('_')) {
         (Some(name), _) => (name, bracket.map(simplified)),
         (None, Some((bare, unit))) => (known(bare)?, Some(unit.to_owned())),
@@ -63,7 +63,7 @@ fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
 /// Whether a text begins with the header of a light trace.
 #[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
-    let head = Head::find(&Text::of(&text[..text.len().min(1 << 16)]).bytes);
+    let head = Head::find(&Text::decode(&text[..text.len().min(1 << 16)]).bytes);
     let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();
     COLUMNS.iter().all(|column| names.contains(column))
 }
@@ -76,7 +76,7 @@ pub fn is_light_trace(text: &[u8]) -> bool {
 /// [`Error::Input`] with line and column where a cell is not a number, time falls, or an intensity
 /// is negative.
 pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
-    let text = Text::of(text);
+    let text = Text::decode(text);
     let mut head = Head::find(&text.bytes);
     let own = COLUMNS.iter().all(|column| head.has(column));
     let (mut units, mut others) = (BTreeMap::new(), Vec::new());
@@ -281,14 +281,14 @@ mod tests {
 
     #[test]
     fn light_logs_of_other_programs_are_traces_in_their_colors() {
-        let body = |separator: &str, unit: f64| -> String {
+        fn body(separator: &str, unit: f64) -> String {
             let rows = (0..5).map(|i: u32| {
                 let t = f64::from(i) * 0.2 * unit;
                 let cells = [format!("{t:.3}"), "0.5".into(), "0.1".into(), "1.2".into()];
                 cells.join(separator) + separator + &["255", "128", "0"].join(separator) + "\n"
             });
             rows.collect()
-        };
+        }
         let logs = [
             format!("# time,X,Y,Z,R,G,B\n{}", body(",", 1.0)),
             format!("Time (s);x;y;z;Red;Green;Blue\n{}", body(";", 1.0).replace('.', ",")),
@@ -319,14 +319,14 @@ mod tests {
 
     #[test]
     fn a_lamp_that_is_too_fast_for_a_drone_is_warned_of() {
-        let said = |unit: f64, apart: f64| {
+        fn said(unit: f64, apart: f64) -> String {
             let rows = (0..40_u32).map(|i| {
                 let (t, x) = (0.1 * f64::from(i / 2), 0.05 * f64::from(i / 2));
                 format!("{t},{},0,1,1,0,0\n", unit * (x + apart * f64::from(i % 2)))
             });
             let text = "t,x,y,z,r,g,b\n".to_owned() + &rows.collect::<String>();
             read(text.as_bytes(), "light.csv").unwrap().1.join("; ")
-        };
+        }
         assert_eq!(said(1.0, 0.0), "");
         assert!(said(100.0, 0.0).contains("another unit"), "{}", said(100.0, 0.0));
         assert!(said(1.0, 1.0).contains("20 of 39 steps"), "{}", said(1.0, 1.0));

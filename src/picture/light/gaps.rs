@@ -169,12 +169,12 @@ mod tests {
 
     /// A circle of 0.5 m/s and 0.5 m/s² at 100 Hz, without the samples in the gaps.
     fn circle(gaps: &[[f64; 2]]) -> Flight {
-        let sample = |i: i32| {
+        fn sample(i: i32) -> FlightSample {
             let time_s = f64::from(i) * 0.01;
             let (sin, cos) = libm::sincos(time_s);
             let position_m = Vector3::new(0.5 * cos, 0.0, 1.0 + 0.5 * sin);
             FlightSample { time_s, position_m, ..FlightSample::default() }
-        };
+        }
         let open = |s: &FlightSample| {
             gaps.iter().all(|[from, to]| s.time_s < from + 1e-9 || s.time_s > to - 1e-9)
         };

@@ -34,6 +34,7 @@ pub(super) fn stretches(samples: &[Cow<'_, [FlightSample]>], tolerance_m: f64) -
     samples.iter().map(|stretch| poses(stretch, tolerance_m)).collect()
 }
 
+/// The poses of a flight, thinned to straight stretches within a tolerance.
 fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
     let mut kept: Vec<Pose> = Vec::new();
     let mut run: Option<Straight> = None;

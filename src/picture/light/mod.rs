@@ -13,9 +13,9 @@
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
 //! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
-//! modeled: light reflected by the body, pulses (a lamp that is dimmed by pulse width is its mean),
-//! rare stalls of the radio (up to 0.7 s in the team's log), the clock of the firmware that ran
-//! 1.2 % slow until 2026, effects of the ring that depend on sensors, a falling battery voltage.
+//! modeled: light reflected by the body, effects of the ring that depend on sensors, a falling
+//! battery voltage; pulses (a lamp dimmed by pulse width shines with its mean); rare stalls of the
+//! radio (up to 0.7 s in the team's log); the firmware's clock, 1.2 % slow until 2026.
 
 use std::cell::LazyCell;
 
@@ -160,7 +160,7 @@ impl Emitter {
 /// the light columns that the lamps follow.
 pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> Result<LightTrace> {
     options.check()?;
-    if flight.unlogged.contains(&Quantity::Position) {
+    if !flight.has(Quantity::Position) {
         let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
         return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
     }

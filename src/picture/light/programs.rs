@@ -80,6 +80,7 @@ impl<'a> Programs<'a> {
         Timer { period_s: self.options.tick_s, phase_s: 0.0 }.hold(&arrivals)
     }
 
+    /// Changes of a lamp that blinks with a period through the flight.
     fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
         let timer = Timer { period_s, phase_s };
         let mut changes = Vec::new();
@@ -94,6 +95,7 @@ impl<'a> Programs<'a> {
         changes
     }
 
+    /// Changes of a lamp that flashes at random times.
     fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, name);
         let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };

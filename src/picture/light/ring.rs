@@ -99,6 +99,7 @@ struct Fade {
 }
 
 impl Ring {
+    /// State of the LED ring's driver at the start of a flight.
     fn at_start(flight: &Flight, options: &LightOptions) -> Self {
         let first = |channel: usize| flight.lights.get(CHANNELS[channel])?.first().copied();
         let on = first(0).is_none_or(|level| level > 0.0);

@@ -28,13 +28,13 @@ fn flight(channels: &[&str]) -> Flight {
 
 #[test]
 fn light_crosses_a_short_gap_of_the_log_and_no_long_one() {
-    let lit_s = |flight: &Flight| -> f64 {
+    fn lit_s(flight: &Flight) -> f64 {
         let trace = light(flight, &LightOptions::default(), 0, 0).unwrap();
         let samples = &trace.lamps.iter().find(|l| l.emitter.name.contains("headlight")).unwrap();
         let mean = |p: &[LightSample]| 0.5 * (p[0].level + p[1].level);
         samples.samples.windows(2).map(|p| mean(p) * (p[1].time_s - p[0].time_s)).sum()
-    };
-    let gapped = |to_s: f64, named: bool| {
+    }
+    fn gapped(to_s: f64, named: bool) -> f64 {
         let mut flight = flight(&["headlights"]);
         let hole = |s: &FlightSample| s.time_s > 1.1 + 1e-9 && s.time_s < to_s - 1e-9;
         let levels = flight.lights.get_mut("headlights").unwrap();
@@ -43,7 +43,7 @@ fn light_crosses_a_short_gap_of_the_log_and_no_long_one() {
         flight.samples.retain(|s| !hole(s));
         flight.gaps = if named { vec![[1.1, to_s]] } else { Vec::new() };
         lit_s(&flight)
-    };
+    }
     let whole_s = lit_s(&flight(&["headlights"]));
     assert!((gapped(1.3, false) - whole_s).abs() < 1e-9, "interpolated without a gap");
     assert!((gapped(1.5, true) - whole_s).abs() < 1e-6, "bridged");
@@ -146,11 +146,11 @@ fn the_status_led_writes_a_dot_of_50_ms_every_10_cm() {
 
 #[test]
 fn bitmask_128_turns_the_boards_leds_off_and_bits_light_them() {
-    let names = |led_bitmask| -> Vec<String> {
+    fn names(led_bitmask: u8) -> Vec<String> {
         let options =
             LightOptions { led_bitmask, deck: Deck::None, fixtures: None, ..Default::default() };
         lit(&options, &[]).lamps.into_iter().map(|lamp| lamp.emitter.name).collect()
-    };
+    }
     assert_eq!(names(0).len(), 7, "{:?}", names(0));
     assert_eq!(names(128), Vec::<String>::new());
     let glints = ["power M3 off the propeller", "status M1 off the propeller"];
@@ -203,10 +203,10 @@ fn a_fading_ring_keeps_its_light_however_many_colors_it_shows() {
 #[test]
 fn commands_take_the_radio_the_jitter_and_the_tick() {
     let untimed = LightOptions { tick_s: 0.0, radio_jitter_s: 0.0, ..LightOptions::default() };
-    let on_s = |options: &LightOptions, seed| {
+    fn on_s(options: &LightOptions, seed: u64) -> f64 {
         let trace = light(&flight(&["headlights"]), options, seed, 0).unwrap();
         named(&trace, "headlight left").samples[0].time_s
-    };
+    }
     assert!((on_s(&untimed, 0) - 0.52).abs() < 1e-12, "the radio alone");
     let jitter = LightOptions { radio_jitter_s: 0.01, ..untimed.clone() };
     let late: Vec<f64> = (0..20).map(|seed| on_s(&jitter, seed) - 0.52).collect();
@@ -322,12 +322,12 @@ fn a_flight_without_light_columns_is_refused_if_lamps_follow_one() {
 
 #[test]
 fn impossible_rows_are_refused_by_name() {
-    let refused = |change: fn(&mut Fixture)| {
+    fn refused(change: fn(&mut Fixture)) -> String {
         let mut fixtures = Deck::LedRing.fixtures();
         change(&mut fixtures[2]);
         let options = LightOptions { fixtures: Some(fixtures), ..LightOptions::default() };
         options.check().unwrap_err().to_string()
-    };
+    }
     assert!(refused(|row| row.drive = Drive::Ring(12)).contains("ring 0"));
     assert!(refused(|row| row.dies.truncate(2)).contains("3 dies"));
     assert!(refused(|row| row.spill = f64::NAN).contains("light.fixtures[2].spill"));
@@ -376,11 +376,11 @@ fn a_lamp_of_several_drones_is_labeled_by_its_drone_and_keeps_its_name() {
 
 #[test]
 fn colors_of_the_screen_are_those_of_the_lamps() {
-    let color_led = |srgb| {
+    fn color_led(srgb: [u8; 3]) -> [f64; 3] {
         let plain = ColorLedLevels::Plain;
         let levels = programs::color_led_levels(color_led_wrgb(srgb, plain), plain);
         emitter(&tables::color_led()[0], &levels).rgb
-    };
+    }
     let ring = |srgb| {
         let rows = tables::led_ring();
         let row = rows.iter().find(|row| matches!(row.drive, Drive::Ring(_))).unwrap();

@@ -3,9 +3,9 @@
 //! EXIF 2.32. The tags that are understood are those of [`taken_as`]; no other tag
 //! changes the camera, and a directory that holds none of them may be broken.
 //!
-//! The width of the sensor is that of the body if the model is known, else from its resolution in
-//! pixels per unit of length, else from the focal length and its equivalent on 35 mm film, which
-//! refers to diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be
+//! The width of the sensor is that of a known body; else it follows from the resolution in pixels
+//! per unit of length; else from the focal length and its equivalent on 35 mm film, which refers to
+//! diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be
 //! newer than the resolution. Canon writes the resolution as 1000 times the pixels over thousandths
 //! of the unit, so that it holds both. For other makers the width is taken if the film equivalent
 //! agrees, else with a warning, or not at all if the tags say that the picture was edited.
@@ -77,15 +77,15 @@ pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Ve
     camera.check().map_err(|error| {
         let Error::Input { place: key, found, wanted, .. } = &error else { return error };
         match TAGS.iter().find(|(part, _)| key.key().contains(part)) {
-            Some((_, tag)) => {
-                Error::input(format!("EXIF, {tag}"), found, wanted.as_str(), HINT).at(&place, None)
-            }
+            Some((_, tag)) => Error::input(format!("EXIF, {tag}"), found, wanted.as_str(), HINT)
+                .in_file(&place, None),
             None => error,
         }
     })?;
     Ok((camera, warnings))
 }
 
+/// The camera with sensor, lens and exposure of a photograph's EXIF.
 fn with_exif(
     mut camera: CameraOptions,
     exif: &Exif,
@@ -423,7 +423,7 @@ fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
             let [width, height] = [16, 20].map(|offset| bytes.get(offset..)?.first_chunk());
             [width?, height?].map(|bytes| u64::from(u32::from_be_bytes(*bytes)))
         }
-        false => JpegFrame::of(bytes)?.size_px,
+        false => JpegFrame::parse(bytes)?.size_px,
     };
     size_px.iter().all(|side| *side > 0).then(|| size_px.map(|side| side as f64))
 }
@@ -621,12 +621,12 @@ mod tests {
     fn a_directory_that_is_not_needed_may_be_broken() {
         let file = tiff(&telephone());
         let mut bytes = std::fs::read(file.path()).unwrap();
-        let long = |bytes: &[u8], start: usize| {
+        fn long(bytes: &[u8], start: usize) -> usize {
             u32::from_be_bytes(bytes[start..start + 4].try_into().unwrap()) as usize
-        };
-        let entries = |bytes: &[u8], start: usize| {
+        }
+        fn entries(bytes: &[u8], start: usize) -> usize {
             usize::from(u16::from_be_bytes(bytes[start..start + 2].try_into().unwrap()))
-        };
+        }
         // The directory of EXIF, and the pointer after it, which is to be 0.
         let first = long(&bytes, 4);
         let tag = (0..entries(&bytes, first)).map(|n| first + 2 + 12 * n);
@@ -707,8 +707,8 @@ mod tests {
             let longer_mm = width_mm.min(aspect * height_mm);
             let wanted_mm = if is_upright { longer_mm / aspect } else { longer_mm };
             let found_mm = 1e3 * camera.body.figures().sensor_width_m;
-            let off = found_mm / wanted_mm - 1.0;
-            proptest::prop_assert!(off.abs() < 0.02, "{found_mm} mm, not {wanted_mm} mm");
+            let error = found_mm / wanted_mm - 1.0;
+            proptest::prop_assert!(error.abs() < 0.02, "{found_mm} mm, not {wanted_mm} mm");
         }
 
         /// One tag of a good file that is not understood leaves the camera as it is, or is named.

@@ -283,6 +283,7 @@ fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + libm::hypotf(a[1] - b[1], a[2] - b[2])
 }
 
+/// Maps a color difference to 0 to 1, compressing the upper part (FLIP).
 fn compressed(difference: f32, largest: f32) -> f32 {
     let [share, becomes] = COMPRESSED;
     let knee = share * largest;

@@ -66,7 +66,7 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
 /// Refuses a JPEG file whose decoding takes more memory than that of any other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     // The decoder refuses a file without a frame.
-    let Some(frame) = JpegFrame::of(bytes) else { return Ok(()) };
+    let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
     // The decoder keeps a copy of the file.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
     if needed <= MOST_BYTES {
@@ -119,11 +119,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.jpg");
         // 8000 x 8000 pixels of four components, and the same in one scan.
-        let frame = |marker: u8| {
+        fn frame(marker: u8) -> Vec<u8> {
             let mut bytes = vec![0xff, 0xd8, 0xff, marker, 0, 20, 8, 0x1f, 0x40, 0x1f, 0x40, 4];
             (0..4).for_each(|id| bytes.extend([id, 0x11, 0]));
             bytes
-        };
+        }
         std::fs::write(&path, frame(0xc2)).unwrap();
         let error = read(&path).unwrap_err().to_string();
         assert!(error.contains("a progressive JPEG of 8000x8000 pixels"), "{error}");

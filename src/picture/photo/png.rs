@@ -128,7 +128,7 @@ fn text(
     plain.map(Some).map_err(|error| {
         let wanted = format!("a text of at most {} MiB", MAX_TEXT_BYTES >> 20);
         let hint = "name a scene, which goes before the photo's own";
-        Error::input(keyword, error, wanted, hint).at(path.display(), None)
+        Error::input(keyword, error, wanted, hint).in_file(path.display(), None)
     })
 }
 
@@ -196,6 +196,7 @@ impl Readout {
     }
 }
 
+/// Writes a PNG with EXIF and texts.
 fn write(
     out: impl Write,
     [width_px, height_px]: [u32; 2],

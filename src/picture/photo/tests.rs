@@ -293,13 +293,13 @@ fn few_electrons_are_poisson() {
 
 #[test]
 fn a_full_well_clips() {
-    let share = |electrons: f64| {
+    fn share(electrons: f64) -> f64 {
         let film = film([500, 400], |_, _, _| count(electrons / 50_000.0));
         let options = electrons_only();
         let rgb = read_out(&film, &camera([500, 400], |_| {}), &options, 2).unwrap().rgb;
         assert!(rgb.iter().all(|value| *value <= 1.0));
         rgb.iter().filter(|value| **value == 1.0).count() as f64 / rgb.len() as f64
-    };
+    }
     // σ = √50000 = 223.6 electrons: one σ above, 84.1 % clip.
     assert!((share(50_223.6) - 0.8413).abs() < 0.003, "{}", share(50_223.6));
     assert!((share(50_000.0) - 0.5).abs() < 0.003, "{}", share(50_000.0));
@@ -333,7 +333,7 @@ fn a_print_has_the_noise_of_the_photosites_that_its_dots_stand_for() {
         hot_pixel_frac: 2e-3,
         ..SensorNoise::default()
     };
-    let mean_and_variance = |side: u32, noise: &SensorNoise, light: f64| {
+    fn mean_and_variance(side: u32, noise: &SensorNoise, light: f64) -> (f64, f64) {
         let (size_px, block) = ([side; 2], side as usize / 200);
         let options =
             PhotoOptions { noise: Noise::Emva1288(noise.clone()), ..PhotoOptions::plain() };
@@ -347,7 +347,7 @@ fn a_print_has_the_noise_of_the_photosites_that_its_dots_stand_for() {
         }));
         let mean = blocks.iter().sum::<f64>() / 4e4;
         (mean, blocks.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / 4e4)
-    };
+    }
     for light in [0.0, 0.02, 0.5] {
         let (mean, variance) = mean_and_variance(400, &sensor, light);
         let (print, spread) = mean_and_variance(200, &sensor.resampled(4.0), light);
@@ -441,12 +441,12 @@ fn a_gray_room_in_lamp_light_is_gray_with_crosstalk_too() {
 
 #[test]
 fn below_its_base_sensitivity_a_sensor_saturates_at_its_full_well() {
-    let white = |iso, base_iso| {
+    fn white(iso: f64, base_iso: f64) -> f64 {
         let camera = Camera { iso, base_iso, ..camera([1, 1], |_| {}) };
         let readout = read_out(&film([1, 1], |_, _, _| 0), &camera, &PhotoOptions::plain(), 0);
         assert_eq!(readout.unwrap().white_lx_s, camera.saturation_lx_s(), "one white everywhere");
         camera.saturation_lx_s()
-    };
+    }
     assert_eq!(white(100.0, 100.0), 0.78);
     assert_eq!(white(25.0, 100.0), 0.78, "the well is full");
     assert_eq!(white(25.0, 50.0), 1.56);
@@ -455,12 +455,12 @@ fn below_its_base_sensitivity_a_sensor_saturates_at_its_full_well() {
 
 #[test]
 fn hot_photosites_belong_to_the_camera() {
-    let hot = |seed| -> Vec<usize> {
+    fn hot(seed: u64) -> Vec<usize> {
         let options = noisy(|noise| noise.hot_pixel_frac = 1e-3);
         let dark = film([200, 100], |_, _, _| 0);
         let rgb = read_out(&dark, &camera([200, 100], |_| {}), &options, seed).unwrap().rgb;
         (0..rgb.len()).filter(|index| rgb[*index] > 0.005).collect()
-    };
+    }
     let [one, other] = [hot(1), hot(2)];
     assert!(one.len() > 30, "{one:?}");
     // Near the threshold the noise of the electrons decides.

@@ -1,4 +1,4 @@
-//! An export that is checked before it is written: what flies, what speaks against it, its files.
+//! An export with its checks: the exported flights, their findings, and the files.
 
 use super::{Checked, Profile, Severity, checks, flown, of_flights, preflight};
 use crate::shoot::Shoot;
@@ -8,18 +8,18 @@ use noctograph_export::safety::Checks;
 use noctograph_export::{File, Form, Format, Job, Length, Mode, deviation_m, export};
 use noctograph_plan::Plan;
 
-/// What is exported, and within which limits.
+/// Format of the export and limits of its checks.
 #[derive(Clone, Debug)]
 pub struct ExportOptions {
     /// Form of the files.
     pub format: Format,
-    /// What the script for cflib sends, unless it is told otherwise.
+    /// Setpoints of the script for cflib, unless its own --mode is given.
     pub mode: Mode,
     /// Largest distance of a trajectory from the design.
     pub tolerance_m: f64,
     /// Limits of the flight.
     pub profile: Profile,
-    /// Whether what is not safe is written all the same.
+    /// Whether unsafe flights are written, too.
     pub is_unchecked: bool,
 }
 
@@ -31,7 +31,7 @@ pub struct CheckedExport {
     /// The trajectory that is exported in place of the plans.
     trajectory: Option<Shoot>,
     checks: Checks,
-    /// Every check that was made; none of a format that does not fly.
+    /// The findings of all checks; empty for a format that does not fly.
     pub findings: Vec<Checked>,
 }
 
@@ -45,7 +45,7 @@ pub struct ExportedFiles {
 }
 
 impl CheckedExport {
-    /// Flies what is exported of a shoot's plans, and checks it.
+    /// Flies a shoot's plans as exported, and checks them.
     ///
     /// # Errors
     ///
@@ -69,7 +69,7 @@ impl CheckedExport {
         self.trajectory.as_ref().unwrap_or(&self.shoot)
     }
 
-    /// What the files write: a word, or a drawing.
+    /// The subject: a word, or a drawing.
     #[must_use]
     pub fn word(&self) -> &str {
         let strokes = self.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());

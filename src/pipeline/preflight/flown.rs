@@ -1,7 +1,7 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
 use super::picture::{Picture, Piece, painted};
-use super::row::{Row, Severity, at, largest, stop_if, warn_if};
+use super::row::{Row, Severity, at_time, largest, stop_if, warn_if};
 use super::{CAP_HEIGHT_M, Profile, cap_height_m, platform};
 use crate::scene::Scene;
 use crate::shoot::{CHECK_LIGHT, Shoot, ends};
@@ -15,7 +15,7 @@ use noctograph_plan::tracking::{Part, least_cap_height_m};
 use noctograph_plan::{LightClock, PlanOptions, StrokeEnd, Style};
 use noctograph_sim::sensors::Positioning;
 
-/// Ratio to the median dose from which light dwells on a spot: two stops.
+/// Ratio to the median dose that counts as dwelling: two stops.
 const DWELL: f64 = 4.0;
 /// Longest lit dwell.
 const MAX_DWELL_S: f64 = 0.1;
@@ -29,7 +29,7 @@ const MAX_UNEVEN_STOPS: f64 = 4.0;
 /// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or
 /// more.
 const BRIEF_SATURATED_S: f64 = 0.07;
-/// Time at a motor's limit from which the flight is stopped.
+/// Duration at a motor's limit that stops the flight.
 pub const MAX_SATURATED_S: f64 = 0.5;
 
 /// Checks a simulated flight of a drone: its path, its demands, and its light in the picture.
@@ -63,10 +63,10 @@ pub(super) fn check_flight(
 
 /// Whether the letters are high enough for the error of the height.
 fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Row {
-    let unchecked = |why, advice| {
+    fn unchecked(why: &str, advice: &'static str) -> Row {
         let wanted = "letters of a known height, not a drawing";
         Row::unchecked("altitude hold", why, wanted, advice)
-    };
+    }
     let of_plans = "name the word of the plans: {word}";
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
         return match strokes.is_some_and(|strokes| strokes.font.is_none()) {
@@ -77,7 +77,7 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Row {
     let Ok(least_m) = least_cap_height_m(flight, Part::Letters) else {
         return unchecked("the flight writes no letter", of_plans);
     };
-    Row::of("altitude hold", warn_if(least_m > cap_height_m), least_m).within(cap_height_m).say(
+    Row::new("altitude hold", warn_if(least_m > cap_height_m), least_m).within(cap_height_m).say(
         format!("precise enough for letters of {least_m:.2} m or more"),
         format!(
             "error of the height up to {:.0} mm, a twentieth of the letters",
@@ -88,14 +88,15 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Row {
     )
 }
 
+/// Check of the deviation in depth against the profile's corridor.
 fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
     let strays = flight.samples.iter().map(|s| (s.position_m.y - s.design_m.y, s.time_s));
     let farthest = strays.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
     let ((y_m, time_s), most_m) = (farthest.unwrap_or_default(), profile.corridor_m);
     let mean_m = strays.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
     let (room, beacons) = (&scene.sensors.lighthouse, &scene.sensors.positioning);
-    Row::of("corridor", stop_if(y_m.abs() > most_m), y_m).within(most_m).timed(time_s).say(
-        format!("strays by {y_m:+.2} m in depth{}", at(time_s)),
+    Row::new("corridor", stop_if(y_m.abs() > most_m), y_m).within(most_m).timed(time_s).say(
+        format!("strays by {y_m:+.2} m in depth{}", at_time(time_s)),
         format!("within ±{most_m} m of the design"),
         match beacons {
             _ if !room.people_m.is_empty() => {
@@ -110,7 +111,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
                  ({sensors.uwb.anchors_m})"
             }
             Positioning::Gnss => "fly in calmer air, or with a better receiver",
-            // A mean error can be planned for; what comes and goes cannot.
+            // A mean error can be planned for; a varying one cannot.
             _ if mean_m.abs() > 0.5 * y_m.abs() => "take the mean error off ({plan.mean_error_m})",
             Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
                 "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
@@ -119,20 +120,22 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
     )
 }
 
+/// Check of the greatest tilt in flight.
 fn tilt(flight: &Flight, profile: &Profile) -> Row {
-    let tilt_rad = |s: &FlightSample| {
+    fn tilt_rad(s: &FlightSample) -> f64 {
         libm::acos((libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad)).min(1.0))
-    };
+    }
     let (value_rad, time_s) = largest(flight.samples.iter().map(|s| (tilt_rad(s), s.time_s)));
     let most_rad = profile.tilt_rad;
-    Row::of("tilt", stop_if(value_rad > most_rad), value_rad).within(most_rad).timed(time_s).say(
-        format!("{:.1}°{}", value_rad.to_degrees(), at(time_s)),
+    Row::new("tilt", stop_if(value_rad > most_rad), value_rad).within(most_rad).timed(time_s).say(
+        format!("{:.1}°{}", value_rad.to_degrees(), at_time(time_s)),
         format!("up to {:.0}°", most_rad.to_degrees()),
         "lower {plan.style.acceleration_m_s2} or {plan.style.jerk_m_s3}; check that the plan has \
          no jump",
     )
 }
 
+/// Check of the time at the motors' limit.
 fn motors(flight: &Flight, motor_max: f64) -> Row {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
@@ -143,18 +146,18 @@ fn motors(flight: &Flight, motor_max: f64) -> Row {
         true => Severity::Stop,
         false => warn_if(lasts_s > BRIEF_SATURATED_S),
     };
-    Row::of("motors", severity, lasts_s).within(BRIEF_SATURATED_S).timed(time_s).say(
+    Row::new("motors", severity, lasts_s).within(BRIEF_SATURATED_S).timed(time_s).say(
         match lasts_s {
             0.0 => "never at their limit".to_owned(),
-            s => format!("{:.0} ms at their limit, first{}", 1e3 * s, at(time_s)),
+            s => format!("{:.0} ms at their limit, first{}", 1e3 * s, at_time(time_s)),
         },
         format!("up to {:.0} ms at their limit", 1e3 * BRIEF_SATURATED_S),
         "lower {plan.style.acceleration_m_s2}, or fly a drone with more thrust for its weight",
     )
 }
 
-/// Share of the greatest thrust that hovering may take: what is left holds the attitude and climbs
-/// (an assumption; a Crazyflie 2.1 with two decks takes two thirds).
+/// Greatest share of the thrust for hovering: the rest controls attitude and climbs (an assumption;
+/// a Crazyflie 2.1 with two decks takes two thirds).
 const MAX_HOVER_FRAC: f64 = 0.85;
 
 /// Thrust to hover, of the greatest thrust at the voltage of the flight's end.
@@ -169,17 +172,17 @@ fn thrust(flight: &Flight, scene: &Scene) -> Row {
     let volts = volts.and_then(|volts| volts.get(last?)).copied();
     let at_end_n = volts.map_or(full_n, |v| 4.0 * (t0 + v * (t1 + v * (t2 + v * t3))));
     let share = weight_n / at_end_n.min(full_n);
-    Row::of("thrust", warn_if(share > MAX_HOVER_FRAC), share).within(MAX_HOVER_FRAC).say(
+    Row::new("thrust", warn_if(share > MAX_HOVER_FRAC), share).within(MAX_HOVER_FRAC).say(
         format!("hovering takes {:.0} % of the greatest thrust", 100.0 * share),
         format!("up to {:.0} %: the rest steers and climbs", 100.0 * MAX_HOVER_FRAC),
         "take weight off ({vehicle.mass_kg}), or fly a drone with more thrust",
     )
 }
 
-/// Height from which a drone flies, and its battery is loaded.
+/// Height above which a drone counts as flying, with its battery under load.
 const AIRBORNE_M: f64 = 0.2;
 
-/// What the flight takes of the battery: the one rule of the check and of exported scripts.
+/// The flight's load of the battery, for the check and for exported scripts alike.
 fn battery(flight: &Flight, scene: &Scene) -> Row {
     if scene.battery.capacity_ah <= 0.0 {
         let why = "the scene's drone has no battery model";
@@ -208,15 +211,15 @@ fn battery(flight: &Flight, scene: &Scene) -> Row {
         }
     };
     let detail = warning.map(ToString::to_string).unwrap_or_default();
-    let found = match detail.as_str() {
+    let actual = match detail.as_str() {
         "" => volts,
         warned => format!("{warned} ({volts})"),
     };
     let rest_v = taken.as_ref().map(|taken| taken.rest_v);
     let limit_v = taken.and_then(|taken| taken.least_rest_v).unwrap_or(0.0);
     let severity = stop_if(warning.is_some() || !lasts);
-    Row::of("battery", severity, rest_v).within(limit_v).detailed(detail).say(
-        found,
+    Row::new("battery", severity, rest_v).within(limit_v).detailed(detail).say(
+        actual,
         wanted,
         "charge it ({battery.charge_frac}), write fewer letters, or share them ({plan.drones=2})",
     )
@@ -251,11 +254,11 @@ fn lit_transit(
         (false, true) => "a stroke's beginning without light",
         (false, false) => "a stroke's end without light",
     };
-    let row = Row::of("lit transit", warn_if(streak_m.abs() > most_m), streak_m);
+    let row = Row::new("lit transit", warn_if(streak_m.abs() > most_m), streak_m);
     let row = row.within(most_m).timed(time_s).detailed(if on { "beginning" } else { "end" });
-    let (off_mm, at, x, z) = (1e3 * streak_m.abs(), at(time_s), at_m.x, at_m.z);
+    let (off_mm, when, x, z) = (1e3 * streak_m.abs(), at_time(time_s), at_m.x, at_m.z);
     Row { position_m: Some(at_m.into()), ..row }.say(
-        format!("up to {off_mm:.0} mm of {what}{at} ({x:.2}, {z:.2})"),
+        format!("up to {off_mm:.0} mm of {what}{when} ({x:.2}, {z:.2})"),
         format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * most_m),
         match clock {
             LightClock::Light => "slow down ({plan.stroke_speed_m_s})",
@@ -266,7 +269,7 @@ fn lit_transit(
     )
 }
 
-/// Time for which the light dwells on a spot.
+/// Duration of the light's dwell on a spot.
 fn dwell(painted: &[Piece], plan: &PlanOptions) -> Row {
     if painted.is_empty() {
         return without_light("lit dwell", NO_LAMP);
@@ -286,11 +289,11 @@ fn dwell(painted: &[Piece], plan: &PlanOptions) -> Row {
         }
     }
     let (dwell_s, time_s) = longest;
-    let row = Row::of("lit dwell", warn_if(dwell_s > MAX_DWELL_S), dwell_s);
+    let row = Row::new("lit dwell", warn_if(dwell_s > MAX_DWELL_S), dwell_s);
     row.within(MAX_DWELL_S).timed(time_s).say(
         match dwell_s {
             0.0 => "none".to_owned(),
-            s => format!("{:.0} ms of light two stops over the rest{}", 1e3 * s, at(time_s)),
+            s => format!("{:.0} ms of light two stops over the rest{}", 1e3 * s, at_time(time_s)),
         },
         format!("less than {:.0} ms of it", 1e3 * MAX_DWELL_S),
         match (&plan.style, plan.light_clock) {
@@ -311,7 +314,7 @@ fn evenness(stops: Option<f64>) -> Row {
     let Some(stops) = stops else {
         return without_light("evenness", "no light of the plan is in the picture");
     };
-    Row::of("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
+    Row::new("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
         format!("exposure varies by {stops:.1} stops along the trail"),
         format!(
             "within {MAX_UNEVEN_STOPS:.0} stops, from the 5th to the 95th percentile, as `meter` reads"
@@ -335,23 +338,23 @@ mod tests {
         let dwell = |painted: &[Piece]| dwell(painted, &PlanOptions::default());
         assert_eq!(dwell(&painted).severity, Severity::Fine);
         painted.insert(50, (2.5, 0.001, 0.3));
-        let found = dwell(&painted);
-        assert_eq!((found.value, found.limit, found.time_s), (Some(0.3), 0.1, Some(2.5)));
-        assert_eq!(found.severity, Severity::Warning);
+        let actual = dwell(&painted);
+        assert_eq!((actual.value, actual.limit, actual.time_s), (Some(0.3), 0.1, Some(2.5)));
+        assert_eq!(actual.severity, Severity::Warning);
     }
 
     #[test]
     fn letters_are_as_high_as_the_error_of_the_height_asks() {
         let strokes = write("I", &LetterOptions::default()).unwrap();
-        let at = |k: u32, error_m: f64| {
+        fn sample_at(k: u32, error_m: f64) -> FlightSample {
             let design_m = Vector3::new(0.01 * f64::from(k), 0.0, 1.0);
             let position_m =
                 design_m + Vector3::z() * if k.is_multiple_of(2) { error_m } else { -error_m };
             let (time_s, letter) = (0.1 * f64::from(k), Some(0));
             FlightSample { time_s, position_m, design_m, letter, ..FlightSample::default() }
-        };
+        }
         let finding = |error_m: f64| {
-            let samples = (0..100).map(|k| at(k, error_m)).collect();
+            let samples = (0..100).map(|k| sample_at(k, error_m)).collect();
             altitude_hold(&Flight { samples, ..Flight::default() }, Some(&strokes))
         };
         let (good, bad) = (finding(0.02), finding(0.03));
@@ -388,17 +391,16 @@ mod tests {
 
     #[test]
     fn motors_at_their_limit_for_an_instant_are_fine() {
-        let severity = |lasts: u32| {
-            let sample = |k: u32| FlightSample {
+        let actual = [0, 4, 20, 60].map(|lasts| {
+            let samples = (0..100).map(|k| FlightSample {
                 time_s: 0.01 * f64::from(k),
                 motors: if k < lasts { [1.0; 4] } else { [0.5; 4] },
                 ..FlightSample::default()
-            };
-            let samples = (0..100).map(sample).collect();
+            });
+            let samples = samples.collect();
             motors(&Flight { samples, ..Flight::default() }, 1.0).severity
-        };
-        let found = [0, 4, 20, 60].map(severity);
+        });
         let wanted = [Severity::Fine, Severity::Fine, Severity::Warning, Severity::Stop];
-        assert_eq!(found, wanted);
+        assert_eq!(actual, wanted);
     }
 }

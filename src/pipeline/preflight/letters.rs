@@ -43,11 +43,11 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
             let mut faulty: Vec<char> = faulty.map(|glyph| glyph.character).collect();
             faulty.dedup();
             let (is_bad, detail) = (!faulty.is_empty(), named(faulty));
-            let found = if is_bad { detail.clone() } else { "none".to_owned() };
+            let actual = if is_bad { detail.clone() } else { "none".to_owned() };
             // Style `even`, whose plan follows no dark move, mends it as well.
             let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
-            let row = Row::of(check, warn_if(is_bad), f64::from(is_bad));
-            findings.push(row.detailed(detail).say(found, wanted, advice));
+            let row = Row::new(check, warn_if(is_bad), f64::from(is_bad));
+            findings.push(row.detailed(detail).say(actual, wanted, advice));
         }
     }
     findings
@@ -99,7 +99,7 @@ fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     (to - from).abs()
 }
 
-/// Letters with lengths of something that are more than the longest that is no fault.
+/// Letters with a length above the limit.
 fn lengths(
     check: &'static str,
     lengths_m: impl Iterator<Item = (char, f64)>,
@@ -111,13 +111,13 @@ fn lengths(
     longer.dedup_by_key(|(character, _)| *character);
     let most_m = longer.iter().map(|(_, length_m)| *length_m).fold(0.0, f64::max);
     let detail = named(longer.iter().map(|(letter, _)| *letter));
-    let found = match longer.len() {
+    let actual = match longer.len() {
         0 => "none".to_owned(),
         1 => format!("{detail} ({most_m:.2} m)"),
         _ => format!("{detail} (up to {most_m:.2} m)"),
     };
-    let row = Row::of(check, warn_if(!longer.is_empty()), most_m).within(limit_m);
-    row.detailed(detail).say(found, wanted, advice)
+    let row = Row::new(check, warn_if(!longer.is_empty()), most_m).within(limit_m);
+    row.detailed(detail).say(actual, wanted, advice)
 }
 
 fn named(letters: impl IntoIterator<Item = char>) -> String {

@@ -18,22 +18,21 @@ fn not_exported(check: &'static str, error: &Error) -> Row {
     Row::unchecked(check, error, wanted, "change what the export refuses")
 }
 
-/// Whether the plan fits the memory on board as either trajectory and the radio as setpoints:
-/// bytes and pieces, each of as many as the drone's memory holds.
+/// Whether the plan fits the memory on board as a trajectory of either form: bytes and pieces, each
+/// with the memory's capacity.
 pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Row {
     let Memory { bytes, pieces, formats, fits_all } = match memory(&shoot.designs()[drone]) {
         Ok(memory) => memory,
         Err(error) => return not_exported("memory", &error),
     };
     let detail = formats.join(", ");
-    let beyond = |is: bool| if is { ", too many" } else { "" };
-    let [bytes_beyond, pieces_beyond] =
-        [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES].map(beyond);
+    let [bytes_beyond, pieces_beyond] = [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES]
+        .map(|is| if is { ", too many" } else { "" });
     let forms = match detail.as_str() {
         "" => "no form of export takes it".to_owned(),
         formats => format!("it can be exported as {formats}"),
     };
-    let row = Row::of("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
+    let row = Row::new("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
     Row { count: Some(pieces), ..row.within(TRAJECTORY_MEMORY_BYTES as f64) }.say(
         format!(
             "{bytes} of {TRAJECTORY_MEMORY_BYTES} bytes compressed{bytes_beyond}; {pieces} of \
@@ -63,7 +62,7 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Row {
         Err(error) => return not_exported(LED_MEMORY, &error),
     };
     let severity = warn_if(entries.is_some_and(|n| n > MOST));
-    Row::of(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
+    Row::new(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
         entries.map_or("not used".into(), |n| format!("{n} of {MOST} entries")),
         format!("up to {MOST} entries"),
         "nothing where the radio sends the lights, as the script then does; else build firmware \

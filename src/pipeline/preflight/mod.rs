@@ -1,4 +1,4 @@
-//! Preflight: what speaks against a flight, before it is flown.
+//! Preflight: checks of a flight before it is flown.
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is
 //! known. Product out: a [`Row`] for each check of letters, plans, simulated flights, lamps, base
@@ -44,7 +44,7 @@ use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use room::{fit_within, hang_stations, letters_within, parse_room};
 pub use row::{Checked, Row, Severity};
-use row::{at, largest, warn_if};
+use row::{at_time, largest, warn_if};
 use surroundings::{check_coverage, check_surroundings};
 
 /// Error of a position that letters bear, in cap heights, and their cap height where there is no
@@ -52,7 +52,7 @@ use surroundings::{check_coverage, check_surroundings};
 const MAX_ERROR_H: f64 = 0.05;
 const CAP_HEIGHT_M: f64 = 0.5;
 
-/// What speaks against flights, and where things stand in their room.
+/// Findings of flights, and the placement of things in their room.
 #[derive(Clone, Debug)]
 pub struct Preflight {
     /// Every check that was made.
@@ -81,10 +81,9 @@ pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
         false => (0..n).map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect(),
         true => match shoot.fly(&|_, _| {}) {
             Ok(flights) => flights.into_iter().map(Ok).collect(),
-            Err(Error::Infeasible { what, hint }) => {
-                let lost = |_| Err(Error::Infeasible { what: what.clone(), hint: hint.clone() });
-                (0..n).map(lost).collect()
-            }
+            Err(Error::Infeasible { what, hint }) => (0..n)
+                .map(|_| Err(Error::Infeasible { what: what.clone(), hint: hint.clone() }))
+                .collect(),
             Err(error) => return Err(error),
         },
     })
@@ -102,7 +101,7 @@ pub fn of_flights(
 ) -> Result<Preflight> {
     let mut findings = check_design(shoot, profile);
     findings.extend(numbered(shoot, None, check_wakes(shoot, &flown)));
-    let picture = Picture::of(shoot, &flown);
+    let picture = Picture::new(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
         let mut checks = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
         match flight {
@@ -110,7 +109,7 @@ pub fn of_flights(
                 checks.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
             }
             Err(Error::Infeasible { what, .. }) => {
-                let row = Row::of("flight", Severity::Stop, None).detailed(what.as_str());
+                let row = Row::new("flight", Severity::Stop, None).detailed(what.as_str());
                 let advice = "see the message; tune the controller";
                 checks.push(row.say(what, "a flight to its end", advice));
             }
@@ -131,7 +130,7 @@ pub fn of_flights(
     Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
-/// Of a room: what stands outside of it, and whether the camera has a place.
+/// Findings of a room: things outside of it, and the place of the camera.
 fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Row>> {
     let Some(room_m) = profile.room_m else {
         let why = "no room is named";
@@ -143,7 +142,7 @@ fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Row>> {
 }
 
 impl Shot {
-    /// What speaks against its flights: the checks that can stop one, without memory and picture.
+    /// Findings of its flights by the checks that can stop one, without memory and picture.
     ///
     /// # Errors
     ///
@@ -216,7 +215,7 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     findings
 }
 
-/// What the wakes of other drones cost, where plans lead into them; `None` for a single drone.
+/// Position error by the wakes of other drones; `None` for a single drone.
 fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
@@ -230,7 +229,7 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
     });
     wakes.dedup_by_key(|([_, lower], _)| *lower);
     let costs = wakes.into_iter().map(|([_, lower], nearest)| {
-        let off = match (shoot.fly_drone(lower, &mut |_| {}), &flown[lower]) {
+        let off_m_and_time = match (shoot.fly_drone(lower, &mut |_| {}), &flown[lower]) {
             (Ok(alone), Ok(flown)) => {
                 let both = alone.samples.iter().zip(&flown.samples);
                 largest(both.map(|(a, b)| ((a.position_m - b.position_m).norm(), b.time_s)))
@@ -238,11 +237,11 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
             // How it is lost is a finding of its own.
             _ => (f64::INFINITY, nearest.time_s),
         };
-        (off, lower + 1, nearest)
+        (off_m_and_time, lower + 1, nearest)
     });
     let worst = costs.max_by(|(a, ..), (b, ..)| a.0.total_cmp(&b.0));
     let off_m = worst.map_or(0.0, |((off_m, _), ..)| off_m);
-    let row = Row::of("wake", warn_if(off_m > most_m), off_m).within(most_m);
+    let row = Row::new("wake", warn_if(off_m > most_m), off_m).within(most_m);
     Some(row.timed(worst.map(|((_, time_s), ..)| time_s)).say(
         match worst {
             None => "no drone is planned into another's wake".to_owned(),
@@ -251,7 +250,7 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
                     "drone {lower} comes {:.2} m below and {horizontal_m:.2} m beside another at \
                      {near_s:.1} s; off by up to {off_m:.3} m{}",
                     vertical_m.abs(),
-                    at(time_s)
+                    at_time(time_s)
                 )
             }
         },
@@ -266,7 +265,7 @@ fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     Some(letter.cell.cap_height_m)
 }
 
-/// The drone of a scene as its firmware names it; `None`: none of Bitcraze's.
+/// The firmware's name of the scene's drone; `None` for other makers' drones.
 #[must_use]
 pub fn platform(scene: &Scene) -> Option<Platform> {
     match scene.preset {
@@ -310,21 +309,21 @@ mod tests {
             // Across the word at its middle, and above it.
             setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
         }
-        let found = |scene: &Scene, plans: Vec<Plan>| {
+        fn wake_of(scene: &Scene, plans: Vec<Plan>) -> Option<Row> {
             let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
             let flown = shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok);
             check_wakes(&shoot, &flown.collect::<Vec<_>>())
-        };
-        let wake = found(&scene, vec![upper.clone(), lower.clone()]).unwrap();
+        }
+        let wake = wake_of(&scene, vec![upper.clone(), lower.clone()]).unwrap();
         assert!(wake.found.starts_with("drone 2 comes 0.50 m below"), "{wake:?}");
         assert!(wake.value > Some(wake.limit), "{wake:?}");
         assert_eq!(wake.severity, Severity::Warning);
 
         let mut beside = upper.clone();
         beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3);
-        let none = found(&scene, vec![beside, lower.clone()]).unwrap();
+        let none = wake_of(&scene, vec![beside, lower.clone()]).unwrap();
         assert_eq!((none.value, none.time_s), (Some(0.0), None), "{none:?}");
         scene.air.downwash = Downwash::None;
-        assert_eq!(found(&scene, vec![upper, lower]), None, "without a model");
+        assert_eq!(wake_of(&scene, vec![upper, lower]), None, "without a model");
     }
 }

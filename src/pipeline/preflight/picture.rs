@@ -12,18 +12,18 @@ use noctograph_picture::light::{Lamp, LightSample, LightTrace};
 /// The check of the picture.
 pub const PICTURE: &str = "picture";
 
-/// Share of the light away from the camera from which the picture does not show the word.
+/// Share of light facing away from the camera above which the word is invisible.
 const MOST_AWAY_FRAC: f64 = 0.95;
 
-/// Time without two base stations from which the picture suffers: the gyroscope and one station
-/// carry the estimate over less.
+/// Shortest outage of two base stations that harms the picture: the gyroscope and one station
+/// bridge shorter ones.
 const MAX_UNSEEN_S: f64 = 1.0;
 
 /// Duration of the pieces over which light along the path is summed: 1 cm at 0.2 m/s. A piece as
 /// long as the lamp's blur tells hot spots from trembling.
 const PIECE_S: f64 = 0.05;
 
-/// What the light of all drones leaves in the picture.
+/// The picture of the light of all drones.
 pub(super) struct Picture {
     /// The lamps of all drones, and the camera that sees them; `None` where there is no picture.
     pub(super) lit: Option<(LightTrace, Camera)>,
@@ -36,7 +36,7 @@ pub(super) struct Picture {
 
 impl Picture {
     /// The picture of flights; `None` where one of them fails.
-    pub(super) fn of(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
+    pub(super) fn new(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Self> {
         let flights = flown.iter().map(|flight| flight.as_ref().ok().cloned());
         let recordings = flights.map(|f| f.map(Recording::Flight)).collect::<Option<Vec<_>>>()?;
         let flown = Shoot { recordings, ..shoot.clone() };
@@ -57,32 +57,33 @@ impl Picture {
     /// The light of one drone.
     pub(super) fn light_of(&self, drone: usize) -> Option<LightTrace> {
         let (trace, _) = self.lit.as_ref()?;
-        let own = trace.lamps.iter().filter(|lamp| lamp.drone.is_none_or(|of| of.0 == drone));
+        let own = trace.lamps.iter().filter(|lamp| lamp.drone.is_none_or(|index| index.0 == drone));
         Some(LightTrace { lamps: own.cloned().collect() })
     }
 
     /// The brightest trail of a drone's lamps.
     pub(super) fn trail(&self, drone: usize) -> Option<&LampReading> {
-        let own = self.readings.iter().filter(|it| it.drone.is_none_or(|of| of.0 == drone));
+        let own = self.readings.iter().filter(|it| it.drone.is_none_or(|index| index.0 == drone));
         own.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))
     }
 }
 
-/// What only a preview would show: the word in the picture, while the shutter is open, lit.
+/// Problems otherwise seen only in a preview: the word outside the picture, a closed shutter, dark
+/// lamps.
 pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row> {
-    let unchecked = |why| {
+    fn unchecked(why: &str) -> Vec<Row> {
         let advice = "mend what stops the flight; plan a word";
         vec![Row::unchecked(PICTURE, why, "flights that end, and letters", advice)]
-    };
+    }
     let Some(picture) = picture else { return unchecked("not every drone ends its flight") };
     let mut setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
     if shoot.strokes.is_none() && !setpoints.any(|setpoint| setpoint.letter.is_some()) {
         return unchecked("the plans write no letter");
     }
     if picture.is_unseen {
-        let (found, wanted) = ("the camera shows none of the light that writes", "the whole word");
+        let (actual, wanted) = ("the camera shows none of the light that writes", "the whole word");
         let advice = "point the camera at the word ({camera.framing=word})";
-        return vec![Row::of(PICTURE, Severity::Stop, None).say(found, wanted, advice)];
+        return vec![Row::new(PICTURE, Severity::Stop, None).say(actual, wanted, advice)];
     }
     match picture.problems.as_slice() {
         [] => vec![of_problem(None)],
@@ -90,7 +91,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row
     }
 }
 
-/// Whether a camera shows nothing of the lamps that write.
+/// Whether the writing lamps are invisible to a camera.
 fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     let open = camera.shutter_open_s..=camera.shutter_close_s;
     let lamps = trace.lamps.iter().filter(|lamp| writing.contains(&lamp.emitter.name));
@@ -105,17 +106,17 @@ fn of_problem(problem: Option<&Problem>) -> Row {
         Some(Problem::FacesAway { away_frac }) => {
             stop_if(*away_frac > MOST_AWAY_FRAC).max(Severity::Warning)
         }
-        // What the corridor and the height bear is no fault of the picture.
+        // Gaps bridged within corridor and height are no fault of the picture.
         Some(Problem::Flight(_, Warning::Unseen(lasts_s))) => warn_if(*lasts_s > MAX_UNSEEN_S),
         _ => warn_if(problem.is_some()),
     };
-    let row = Row::of(PICTURE, severity, None);
+    let row = Row::new(PICTURE, severity, None);
     let wanted = "the whole word in the picture, lit while the shutter is open";
     let Some(problem) = problem else {
         return row.say("shows the word while it is written", wanted, "");
     };
-    let (found, advice) = problem.parts();
-    row.detailed(problem.sentence(Change::to_string)).say(found, wanted, advice.0)
+    let (actual, advice) = problem.parts();
+    row.detailed(problem.sentence(Change::to_string)).say(actual, wanted, advice.0)
 }
 
 /// Light along the path: start in s, length in m, seconds of full light.

@@ -8,7 +8,7 @@
 
 use serde::Serialize;
 
-use super::row::{Row, Severity, at, stop_if};
+use super::row::{Row, Severity, at_time, stop_if};
 use super::{Profile, cap_height_m};
 use crate::scene::Scene;
 use crate::shoot::{Metered, Shoot, recommended};
@@ -16,6 +16,7 @@ use noctograph_core::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
 use noctograph_core::error::Result;
+use noctograph_core::plan::Setpoint;
 use noctograph_export::safety::FRAME_M;
 use noctograph_picture::light::LightTrace;
 use noctograph_sim::sensors::Positioning;
@@ -28,8 +29,8 @@ const TRIPOD_FROM_WALL_M: f64 = 0.3;
 /// a tripod that stands a little aside.
 const MOST_FILLED: f64 = 0.9;
 
-/// Time after the last command at which a Crazyflie stops its motors; it is level until then, and
-/// keeps its speed: `COMMANDER_WDT_TIMEOUT_SHUTDOWN` in the firmware's `commander.h`.
+/// Timeout after the last command until a Crazyflie stops its motors; it levels out and keeps its
+/// speed: `COMMANDER_WDT_TIMEOUT_SHUTDOWN` in the firmware's `commander.h`.
 const CUT_OFF_S: f64 = 2.0;
 
 /// Standard gravity, m/s².
@@ -66,7 +67,7 @@ pub struct CameraPlace {
     pub name: String,
     /// Focal length on full frame with the same angle of view across the picture.
     pub equivalent_m: f64,
-    /// Least distance from the word from which it is in the picture.
+    /// Least camera distance with the whole word in the picture.
     pub least_m: f64,
     /// Place of the lens; `None`: the room is not deep enough.
     pub tripod_m: Option<[f64; 3]>,
@@ -74,7 +75,7 @@ pub struct CameraPlace {
     pub longest_equivalent_m: f64,
     /// Height of capitals that it would show from there; `None` of a drawing.
     pub largest_cap_height_m: Option<f64>,
-    /// Time for which the shutter is open.
+    /// Duration of the exposure.
     pub shutter_s: f64,
     /// Aperture and sensitivity; `None` where it has no place, and in darkness.
     #[serde(rename = "recommended")]
@@ -113,8 +114,7 @@ pub(super) fn place(
     let (Some(room_m), Some(strokes)) = (profile.room_m, &shoot.strokes) else { return Ok(None) };
     let scene = &shoot.scene;
     let word_m = strokes.bounds_m();
-    let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
-    let front_m = setpoints().map(|setpoint| setpoint.position_m.y).fold(0.0, f64::min);
+    let front_m = setpoints(shoot).map(|setpoint| setpoint.position_m.y).fold(0.0, f64::min);
     let audience_from_m = audience_from_m(shoot);
     let audience_y_m = Some(front_m - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
 
@@ -152,12 +152,16 @@ pub(super) fn place(
     }))
 }
 
+fn setpoints(shoot: &Shoot) -> impl Iterator<Item = &Setpoint> {
+    shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints)
+}
+
 /// Distance that people keep from a flight: see [`ShotPlan::audience_from_m`].
 fn audience_from_m(shoot: &Shoot) -> f64 {
-    let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
     let word_m = shoot.strokes.as_ref().map_or(0.0, |strokes| strokes.bounds_m()[3]);
-    let top_m = setpoints().map(|setpoint| setpoint.position_m.z).fold(word_m, f64::max);
-    let speed_m_s = setpoints().map(|setpoint| setpoint.velocity_m_s.norm()).fold(0.0, f64::max);
+    let top_m = setpoints(shoot).map(|setpoint| setpoint.position_m.z).fold(word_m, f64::max);
+    let speed_m_s =
+        setpoints(shoot).map(|setpoint| setpoint.velocity_m_s.norm()).fold(0.0, f64::max);
     speed_m_s * (CUT_OFF_S + (2.0 * top_m / GRAVITY_M_S2).sqrt())
 }
 
@@ -165,25 +169,24 @@ fn audience_from_m(shoot: &Shoot) -> f64 {
 /// falls; `None` where the scene has none.
 pub(super) fn check_people(shoot: &Shoot) -> Option<Row> {
     let people = &shoot.scene.sensors.lighthouse.people_m;
-    let setpoints = || shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
     let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
-        setpoints().map(move |setpoint| {
+        setpoints(shoot).map(move |setpoint| {
             let [from_x, from_y] = [setpoint.position_m.x - x, setpoint.position_m.y - y];
             ((libm::hypot(from_x, from_y) - radius_m).max(0.0), person + 1, setpoint.time_s)
         })
     });
     let (least_m, person, time_s) = distances_m.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let wanted_m = audience_from_m(shoot);
-    let row = Row::of("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
+    let row = Row::new("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
     Some(row.timed(time_s).say(
-        format!("person {person} is {least_m:.2} m beside the flight{}", at(time_s)),
+        format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
         format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
         "let people stand farther off ({sensors.lighthouse.people_m}), or fly slower \
          ({plan.style.dark_speed_m_s})",
     ))
 }
 
-/// What the scene's positioning hangs in the room: its name, and where.
+/// Beacons of the scene's positioning in the room: names and places.
 pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
     let stations = &scene.sensors.lighthouse.stations;
     match scene.sensors.positioning {
@@ -203,8 +206,8 @@ fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     starts.map(|start| [start.position_m.x, start.position_m.y])
 }
 
-/// What stands outside of a room: the origin or the room is wrong then, and so is where the drone
-/// flies.
+/// Things outside the room: either the origin or the room is wrong, and then so is the place of the
+/// flight.
 pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
     let [width_m, depth_m, height_m] = room_m;
     let (name, stations_m) = stations(&shoot.scene);
@@ -231,13 +234,13 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
         let ([x, y, z], by_m) = (*place_m, by_m(*place_m));
         format!("{what} at ({x:.2}, {y:.2}, {z:.2}), {by_m:.2} m outside")
     };
-    let found = match places.is_empty() {
+    let actual = match places.is_empty() {
         true => format!("all {n} places of stations, anchors, drones and camera are in the room"),
         false => places.iter().map(sentence).collect::<Vec<_>>().join("; "),
     };
-    let row = Row::of("frame", severity, farthest_m.map_or(0.0, by_m)).within(FRAME_M);
+    let row = Row::new("frame", severity, farthest_m.map_or(0.0, by_m)).within(FRAME_M);
     Row { position_m: farthest_m, ..row.detailed(named.join(", ")) }.say(
-        found,
+        actual,
         "stations, anchors, take-off marks and camera in the room, whose middle is x = y = 0",
         "the origin or the room is wrong: set the origin of the geometry to the middle of the floor, \
          or type the room's true size ({expose.room_m}); the stations are \
@@ -245,8 +248,8 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
     )
 }
 
-/// Whether the room has a place square in front of the word for the scene's camera, or else for
-/// which usual camera. `None` for a camera with a given pose, and without a word.
+/// Whether the room has a place centered in front of the word for the scene's camera, or else for a
+/// usual camera. `None` for a camera with a given pose, and without a word.
 pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
@@ -265,7 +268,7 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row
         Some(other) => (Severity::Warning, format!("does not fit in the room; {other} does")),
         None => (Severity::Stop, "does not fit in the room, and no usual one does".to_owned()),
     };
-    Ok(Some(Row::of(CAMERA_PLACE, severity, least_m).within(most_m).say(
+    Ok(Some(Row::new(CAMERA_PLACE, severity, least_m).within(most_m).say(
         format!("{shows}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
         format!("a camera that shows the whole word from within {most_m:.1} m"),
         "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), type \
@@ -433,9 +436,9 @@ mod tests {
             let [left, bottom, right, top] = placement.word_m;
             let all = [(BodyModel::default(), LensModel::default())];
             let all = all.into_iter().chain(owned().map(|(_, body, lens)| (body, lens)));
-            for (found, (body, lens)) in placement.cameras.iter().zip(all) {
+            for (actual, (body, lens)) in placement.cameras.iter().zip(all) {
                 // Whatever the formula says: the corners of the word, seen by that camera.
-                let y_m = found.tripod_m.map_or(0.3 - 0.5 * room_m[1], |place| place[1]);
+                let y_m = actual.tripod_m.map_or(0.3 - 0.5 * room_m[1], |place| place[1]);
                 let options = CameraOptions { body, lens, ..shoot.scene.camera.clone() };
                 let mut camera = options.camera(placement.word_m, 1.0).unwrap();
                 camera.position_m.y = y_m;
@@ -450,15 +453,15 @@ mod tests {
                     })
                 };
                 let shown = |share| camera.outside(edge(share)).is_none();
-                if found.tripod_m.is_some() {
+                if actual.tripod_m.is_some() {
                     n_fit += 1;
-                    assert!(shown(1.0), "{found:?}");
-                    assert!(y_m >= 0.3 - 0.5 * room_m[1] - 1e-9, "{found:?}");
+                    assert!(shown(1.0), "{actual:?}");
+                    assert!(y_m >= 0.3 - 0.5 * room_m[1] - 1e-9, "{actual:?}");
                 } else {
                     n_none += 1;
                     // Barrel distortion shows a little more than the formula.
-                    assert!(!shown(0.85), "it would have: {found:?}");
-                    assert!(found.longest_equivalent_m < found.equivalent_m, "{found:?}");
+                    assert!(!shown(0.85), "it would have: {actual:?}");
+                    assert!(actual.longest_equivalent_m < actual.equivalent_m, "{actual:?}");
                 }
             }
         }

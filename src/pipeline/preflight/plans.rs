@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::Profile;
-use super::row::{Row, Severity, at, largest, stop_if, warn_if};
+use super::row::{Row, Severity, at_time, largest, stop_if, warn_if};
 use noctograph_core::error::Result;
 use noctograph_core::geometry::segment_distance;
 use noctograph_core::input_error;
@@ -34,6 +34,7 @@ pub(super) fn check_plan(
     ]
 }
 
+/// Check that the plan stays inside the profile's volume.
 fn volume(plan: &Plan, profile: &Profile) -> Row {
     let [low, high] = profile.volume_m.map(Vector3::from);
     let outside = |setpoint: &Setpoint| {
@@ -46,13 +47,13 @@ fn volume(plan: &Plan, profile: &Profile) -> Row {
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
     let wanted = format!("inside {volume}");
-    let found = match outside_m > 0.0 {
-        true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at(time_s)),
+    let actual = match outside_m > 0.0 {
+        true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s)),
         false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
     };
-    let row = Row::of("volume", stop_if(outside_m > 1e-6), outside_m);
+    let row = Row::new("volume", stop_if(outside_m > 1e-6), outside_m);
     Row { position_m, ..row.timed(time_s).detailed(volume) }.say(
-        found,
+        actual,
         wanted,
         "write smaller letters or fewer ({letters.canvas_m}, {letters.cap_height_m}, \
          {letters.baseline_m})",
@@ -117,6 +118,7 @@ fn legs(plan: &Plan) -> Vec<Leg> {
 /// setpoints miss its corners.
 const MOST_APART_FRAC: f64 = 0.25;
 
+/// Check of the plan's greatest speed.
 fn speed(plan: &Plan, profile: &Profile) -> Row {
     let told = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let legs = legs(plan);
@@ -128,7 +130,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Row {
     let (is_told, most) = (told.0 > 0.0, profile.speed_m_s);
     let (value, time_s) = largest([told, (places.0, places.1)]);
     if is_told && (apart_frac > MOST_APART_FRAC || places.0 > 1.1 * told.0 + 0.05) {
-        return Row::of("speed", Severity::Stop, value).within(most).timed(time_s).say(
+        return Row::new("speed", Severity::Stop, value).within(most).timed(time_s).say(
             format!(
                 "places move at {:.2} m/s, velocities say {:.2} m/s, {:.0} % of the way apart",
                 places.0,
@@ -141,8 +143,8 @@ fn speed(plan: &Plan, profile: &Profile) -> Row {
     }
     // Places are rounded where a file has them.
     let is_fast = told.0 > 1.001 * most || places.0 > 1.02 * most;
-    Row::of("speed", stop_if(is_fast), value).within(most).timed(time_s).say(
-        format!("{value:.2} m/s{}", at(time_s)),
+    Row::new("speed", stop_if(is_fast), value).within(most).timed(time_s).say(
+        format!("{value:.2} m/s{}", at_time(time_s)),
         format!("up to {most} m/s"),
         "lower {plan.style.dark_speed_m_s} or {plan.stroke_speed_m_s}",
     )
@@ -153,18 +155,19 @@ fn landing(plan: &Plan) -> Row {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
     let ends = plan.setpoints.last().is_some_and(Setpoint::on_floor);
-    let found = match (flies, ends) {
+    let actual = match (flies, ends) {
         (false, _) => "never leaves the floor".to_owned(),
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
         (true, true) => "ends on the floor".to_owned(),
     };
-    Row::of("landing", stop_if(!flies || !ends), end_m).say(
-        found,
+    Row::new("landing", stop_if(!flies || !ends), end_m).say(
+        actual,
         "a flight that begins and ends on the floor",
         "plan it anew; of a plan from elsewhere, see that z is up and that its end is there",
     )
 }
 
+/// Check of the plan's greatest acceleration.
 fn acceleration(plan: &Plan, profile: &Profile) -> Row {
     // Without accelerations in the plan, the changes of velocity between setpoints count. Such
     // steps are not flown as they stand; a planned acceleration is.
@@ -181,12 +184,12 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Row {
         ((to - from).norm() / (0.5 * (pair[0].lasts_s + pair[1].lasts_s)), pair[1].time_s)
     });
     let ((value, time_s), most) = (largest(pairs.chain(of_places)), profile.acceleration_m_s2);
-    let (is_beyond, at) = (value > 1.05 * most, at(time_s));
+    let (is_beyond, when) = (value > 1.05 * most, at_time(time_s));
     let severity = if planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
-    Row::of("acceleration", severity, value).within(most).timed(time_s).say(
+    Row::new("acceleration", severity, value).within(most).timed(time_s).say(
         match planned {
-            true => format!("{value:.2} m/s²{at}"),
-            false => format!("setpoints change velocity by up to {value:.1} m/s²{at}"),
+            true => format!("{value:.2} m/s²{when}"),
+            false => format!("setpoints change velocity by up to {value:.1} m/s²{when}"),
         },
         format!("up to {most} m/s²"),
         match planned {
@@ -196,29 +199,31 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Row {
     )
 }
 
+/// Check for jumps of the position between setpoints.
 fn jumps(plan: &Plan) -> Row {
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
     let all = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
     let jumps: Vec<(f64, f64)> = all.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
     let n = jumps.len();
     let (most_m, time_s) = largest(jumps);
-    let row = Row::of("jump", warn_if(n > 0), most_m).within(JUMP_M).timed(time_s);
+    let row = Row::new("jump", warn_if(n > 0), most_m).within(JUMP_M).timed(time_s);
     Row { count: Some(n), ..row }.say(
         match n {
             0 => "none".to_owned(),
-            n => format!("{n} jumps of up to {most_m:.2} m{}", at(time_s)),
+            n => format!("{n} jumps of up to {most_m:.2} m{}", at_time(time_s)),
         },
         format!("setpoints within {JUMP_M} m of the design"),
         "plan with {plan.style=even}, whose design is continuous",
     )
 }
 
+/// Check of the time in the air.
 fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
     // An empty sum is -0.
     let air_s = in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0;
     let most_s = profile.flight_time_s;
-    Row::of("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
+    Row::new("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
         format!("up to {most_s:.0} s in the air"),
         match is_even {
@@ -233,10 +238,10 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Row {
     let wanted = "lamps with a firmware parameter";
     match commands(plan, light) {
         Ok(commands) => {
-            let found = format!("{} light commands", commands.len());
-            Row::of("lamps", Severity::Fine, commands.len() as f64).say(found, wanted, "")
+            let actual = format!("{} light commands", commands.len());
+            Row::new("lamps", Severity::Fine, commands.len() as f64).say(actual, wanted, "")
         }
-        Err(error) => Row::of("lamps", Severity::Warning, None).detailed(error.to_string()).say(
+        Err(error) => Row::new("lamps", Severity::Warning, None).detailed(error.to_string()).say(
             "no export lights them: a lamp without a firmware parameter",
             wanted,
             "light with {plan.lights=[\"headlights\"]}, or name the parameter of the lamp in \
@@ -254,11 +259,11 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Row {
     let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
     let time_s = times_s.iter().copied().min_by(f64::total_cmp);
     let n = (!switches.is_empty()).then_some(times_s.len());
-    Row::of("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64)).timed(time_s).say(
+    Row::new("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64)).timed(time_s).say(
         match n {
             None => "not used".to_owned(),
             Some(0) => "switched on and off, not dimmed".to_owned(),
-            Some(n) => format!("dimmed by {n} commands, first{}", at(time_s)),
+            Some(n) => format!("dimmed by {n} commands, first{}", at_time(time_s)),
         },
         "on or off: a lamp behind a pin cannot be dimmed",
         "set {plan.style.exposure=switched}, or write with lamps that can be dimmed",
@@ -272,14 +277,13 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
     }
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
-    let nearest = |a: &Approach, b: &Approach| a.horizontal_m.total_cmp(&b.horizontal_m);
-    let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(nearest);
+    let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
     let (least_m, time_s) = closest.map(|it| (it.horizontal_m, it.time_s)).unzip();
     let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
-    let row = Row::of("separation", stop_if(is_near), least_m);
+    let row = Row::new("separation", stop_if(is_near), least_m);
     Some(row.within(MIN_HORIZONTAL_M).timed(time_s).say(
         least_m.map_or("always above each other".into(), |least_m| {
-            format!("{least_m:.2} m or more apart sideways, least{}", at(time_s))
+            format!("{least_m:.2} m or more apart sideways, least{}", at_time(time_s))
         }),
         format!("{MIN_HORIZONTAL_M} m sideways, or {MIN_VERTICAL_M} m above each other"),
         "let the later drone wait ({plan.floor_wait_s}), or plan with {plan.drones}",
@@ -339,8 +343,8 @@ mod tests {
     #[test]
     fn the_reference_flight_jumps_and_may_fly() {
         let team = plan(&strokes("NOOR"), &PlanOptions::default()).unwrap();
-        let found = check_plan(&team, &LightOptions::default(), false, &Profile::indoor());
-        assert!(found.iter().all(|row| row.severity != Severity::Stop), "it flew: {found:?}");
+        let actual = check_plan(&team, &LightOptions::default(), false, &Profile::indoor());
+        assert!(actual.iter().all(|row| row.severity != Severity::Stop), "it flew: {actual:?}");
         let Row { count, value: Some(value), .. } = jumps(&team) else { panic!("it is a jump") };
         let n = count.unwrap();
         assert!(n == 5 && (value - 0.2).abs() < 0.005, "{n} jumps, {value} m");
@@ -368,13 +372,13 @@ mod tests {
             state = 43_758.545_3 * libm::sin(12.9898 * state + 1.7).fract();
             state - state.floor()
         };
-        let mut stroke = |n: u32, at: &mut dyn FnMut(f64, f64) -> [f64; 2]| -> Vec<[f64; 2]> {
-            (0..=n).map(|k| at(f64::from(k) / f64::from(n), next())).collect()
+        let mut stroke = |n: u32, place: &mut dyn FnMut(f64, f64) -> [f64; 2]| -> Vec<[f64; 2]> {
+            (0..=n).map(|k| place(f64::from(k) / f64::from(n), next())).collect()
         };
-        let turned = |r: f64, turns: f64| {
+        fn turned(r: f64, turns: f64) -> [f64; 2] {
             let (sin, cos) = libm::sincos(std::f64::consts::TAU * turns);
             [1.0 + r * cos, 1.0 + r * sin]
-        };
+        }
         let strokes: Vec<Vec<[f64; 2]>> = match kind % 6 {
             0 => vec![stroke(300, &mut |t, _| turned(t, 6.0 * t))],
             1 => vec![stroke(40, &mut |t, r| [2.0 * t, if r < 0.5 { r } else { 1.5 * r }])],
@@ -484,12 +488,12 @@ mod tests {
     #[test]
     fn drones_in_conflict_do_not_fly() {
         let alone = plan(&strokes("NO"), &PlanOptions::even()).unwrap();
-        let found = check_separation(&[alone.clone(), alone]).unwrap();
-        assert_eq!(found.severity, Severity::Stop);
+        let actual = check_separation(&[alone.clone(), alone]).unwrap();
+        assert_eq!(actual.severity, Severity::Stop);
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let pair = fleet(&strokes("NO"), &options).unwrap();
-        let found = check_separation(&pair).unwrap();
-        assert_eq!(found.severity, Severity::Fine);
-        assert!((MIN_HORIZONTAL_M..3.0).contains(&found.value.unwrap()), "{found:?}");
+        let actual = check_separation(&pair).unwrap();
+        assert_eq!(actual.severity, Severity::Fine);
+        assert!((MIN_HORIZONTAL_M..3.0).contains(&actual.value.unwrap()), "{actual:?}");
     }
 }

@@ -37,9 +37,9 @@ pub fn parse_room(text: &str) -> std::result::Result<[f64; 3], String> {
     let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
     let sides: Option<Vec<f64>> = sides.collect();
     let Some(Ok(sides)) = sides.map(<[f64; 3]>::try_from) else { return Err(wanted) };
-    let fits = |sides: [f64; 3]| {
+    fn fits(sides: [f64; 3]) -> bool {
         (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&sides[side]))
-    };
+    }
     if fits(sides) {
         return Ok(sides);
     }
@@ -89,7 +89,7 @@ pub fn hang_stations(scene: &mut Scene, room_m: [f64; 3]) {
     }
 }
 
-/// Fits a word to what the camera shows of it from within a room.
+/// Fits a word to the view of a camera inside a room.
 ///
 /// # Errors
 ///

@@ -1,5 +1,4 @@
-//! What a check found: its numbers, how bad they are, what is wanted, and what to change. A check
-//! words itself where it measures.
+//! Result of a check: numbers, severity, limits and advice. Each check words its own result.
 
 use serde::Serialize;
 
@@ -13,7 +12,7 @@ pub enum Severity {
     /// Within its limit.
     #[default]
     Fine,
-    /// Not checked: there is nothing to judge by.
+    /// Not checked, for lack of data.
     Unknown,
     /// It flies, but the picture suffers, or the drone cannot be commanded in some way.
     Warning,
@@ -33,15 +32,15 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// What was found, behind the number of its drone where there are several.
+    /// The finding, with the number of its drone if there are several.
     #[must_use]
-    pub fn found(&self) -> String {
+    pub fn finding(&self) -> String {
         let number = self.drone.map_or_else(String::new, |drone| format!("drone {drone}: "));
         number + &self.row.found
     }
 
-    /// A mark of how bad it is, the check, and what was found; what is wanted and what to change,
-    /// with each change as `typed` writes it, are empty where nothing has to.
+    /// Mark of severity, name of the check, and finding; wanted value and advice, with each change
+    /// as `typed` writes it, are empty for a passed check.
     pub fn cells(&self, typed: impl Fn(&Change) -> String) -> [String; 5] {
         let row = &self.row;
         let (mark, wanted) = match row.severity {
@@ -50,7 +49,7 @@ impl Checked {
             Severity::Warning => ("warn", &*row.wanted),
             Severity::Stop => ("STOP", &*row.wanted),
         };
-        [mark.into(), row.check.into(), self.found(), wanted.into(), row.change(typed)]
+        [mark.into(), row.check.into(), self.finding(), wanted.into(), row.change(typed)]
     }
 }
 
@@ -74,20 +73,20 @@ pub struct Row {
     /// Where it occurs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub position_m: Option<[f64; 3]>,
-    /// What the value is of: letters, a volume, forms of export, an end of a stroke; or why.
+    /// Subject of the value: letters, a volume, forms of export, an end of a stroke; or a reason.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub detail: String,
     /// What was found.
     pub found: String,
     /// The limit in words.
     pub wanted: String,
-    /// What to change beyond the limit.
+    /// Advice beyond the limit.
     #[serde(skip)]
     pub advice: SceneAdvice,
 }
 
 impl Row {
-    /// What to change, with each change as `typed` writes it; empty where nothing has to.
+    /// Advice, with each change as `typed` writes it; empty for a passed check.
     pub fn change(&self, typed: impl Fn(&Change) -> String) -> String {
         match self.severity {
             Severity::Fine => String::new(),
@@ -95,7 +94,7 @@ impl Row {
         }
     }
 
-    pub(super) fn of(
+    pub(super) fn new(
         check: &'static str,
         severity: Severity,
         value: impl Into<Option<f64>>,
@@ -113,24 +112,24 @@ impl Row {
         Self { time_s: time_s.into(), ..self }
     }
 
-    /// What the value is of, or why.
+    /// Sets the value's subject, or a reason.
     pub(super) fn detailed(self, detail: impl Into<String>) -> Self {
         Self { detail: detail.into(), ..self }
     }
 
-    /// A check that was not made: why, what it takes, and how to have it.
+    /// A check that was not made: reason, needed data, and advice.
     pub(super) fn unchecked(
         check: &'static str,
         why: impl ToString,
         wanted: &'static str,
         advice: &'static str,
     ) -> Self {
-        let (row, why) = (Self::of(check, Severity::Unknown, None), why.to_string());
-        let found = format!("not checked: {why}");
-        row.detailed(why).say(found, wanted, advice)
+        let (row, why) = (Self::new(check, Severity::Unknown, None), why.to_string());
+        let actual = format!("not checked: {why}");
+        row.detailed(why).say(actual, wanted, advice)
     }
 
-    /// What was found and wanted, and what to change.
+    /// Sets the texts: finding, wanted value and advice.
     pub(super) fn say(
         self,
         found: impl Into<String>,
@@ -147,7 +146,7 @@ pub(super) fn largest(values: impl IntoIterator<Item = (f64, f64)>) -> (f64, f64
 }
 
 /// A time in a sentence.
-pub(super) fn at(time_s: impl Into<Option<f64>>) -> String {
+pub(super) fn at_time(time_s: impl Into<Option<f64>>) -> String {
     time_s.into().map_or(String::new(), |time_s| format!(" at {time_s:.1} s"))
 }
 

@@ -1,4 +1,4 @@
-//! Checks of what a scene says of its drone and its place: base stations, estimator, weight, wind.
+//! Checks of a scene's drone and surroundings: base stations, estimator, weight, wind.
 
 use nalgebra::Vector3;
 
@@ -12,7 +12,7 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::{Positioning, coverage};
 use noctograph_sim::vehicle::Gusts;
 
-/// Distance between two places at which the view of the base stations is checked.
+/// Grid spacing of the check of the base stations' view.
 const COVERAGE_STEP_M: f64 = 0.1;
 
 /// Whether two base stations see the box of the whole flight.
@@ -45,7 +45,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
         false => format!(", without station {}, which is silent", names.join(", ")),
     };
     let seen = 100.0 * seen_frac;
-    Ok(Row::of("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
+    Ok(Row::new("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
@@ -59,8 +59,8 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
     ))
 }
 
-/// Silence of a station in the air, in sum, from which it does not count as seen: the estimator
-/// flies through less on the other station and its gyroscope (an assumption).
+/// Total outage of a station in the air from which it counts as unseen: shorter ones are bridged by
+/// the other station and the gyroscope (an assumption).
 const MAX_SILENT_S: f64 = 1.0;
 
 /// Stations, from 0, that are silent for too long while a plan is in the air.
@@ -76,7 +76,7 @@ fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
     (0..lighthouse.stations.len()).filter(|station| silent_s(*station) > MAX_SILENT_S).collect()
 }
 
-/// What of the scene no flight should be judged by, or flown in: a row for each that is not fine.
+/// Parts of the scene that spoil a simulation or a flight: a row for each.
 pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Row> {
     let rows = [
         estimator(scene),
@@ -88,9 +88,10 @@ pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Row> {
     rows.into_iter().filter(|row| row.severity != Severity::Fine).collect()
 }
 
+/// Check that the drone does not fly by its true state.
 fn estimator(scene: &Scene) -> Row {
     let cheats = scene.observer.kind == EstimatorKind::Truth;
-    Row::of("estimator", stop_if(cheats), None).say(
+    Row::new("estimator", stop_if(cheats), None).say(
         "the simulated drone knows its true place",
         "an estimator that flies",
         "judge the flight by what the drone has: {observer.kind=ekf}",
@@ -99,7 +100,7 @@ fn estimator(scene: &Scene) -> Row {
 
 fn weight(scene: &Scene, profile: &Profile) -> Row {
     let (mass_kg, most_kg) = (scene.vehicle.mass_kg, profile.mass_kg);
-    Row::of("weight", stop_if(mass_kg > most_kg), mass_kg).within(most_kg).say(
+    Row::new("weight", stop_if(mass_kg > most_kg), mass_kg).within(most_kg).say(
         format!("{:.0} g", 1e3 * mass_kg),
         format!("up to {:.0} g in the profile {}", 1e3 * most_kg, profile.name),
         "fly a lighter drone, or outdoors (--profile outdoor)",
@@ -115,7 +116,7 @@ fn wind(scene: &Scene, profile: &Profile) -> Row {
     };
     let (value, is_light) = (steady_m_s + gusts_m_s, scene.vehicle.mass_kg < LIGHT_KG);
     let most = if is_light { profile.wind_m_s.min(LIGHT_WIND_M_S) } else { profile.wind_m_s };
-    Row::of("wind", stop_if(value > most), value).within(most).say(
+    Row::new("wind", stop_if(value > most), value).within(most).say(
         format!("up to {value:.1} m/s of wind and gusts"),
         format!("up to {most} m/s for a drone of {:.0} g", 1e3 * scene.vehicle.mass_kg),
         "wait for calmer air ({air.wind_m_s}, {air.gusts})",
@@ -137,19 +138,20 @@ fn baseline(scene: &Scene) -> Row {
     let each = |a: &Vector3<f64>| places.iter().map(|b| (a - b).norm()).fold(0.0, f64::max);
     let widest_m = places.iter().map(each).fold(0.0, f64::max);
     let is_near = places.len() > 1 && widest_m < BASELINE_M;
-    Row::of("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
+    Row::new("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
         format!("base stations are {widest_m:.2} m apart"),
         format!("{BASELINE_M} m or more between two of them"),
         "hang them in opposite corners of the room ({sensors.lighthouse.stations})",
     )
 }
 
+/// Check for Lighthouse in sunlight.
 fn sunlight(scene: &Scene, profile: &Profile) -> Row {
     let is_lighthouse = match scene.sensors.positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => true,
         Positioning::UwbTwr | Positioning::UwbTdoa | Positioning::Gnss => false,
     };
-    Row::of("sunlight", warn_if(is_lighthouse && profile.is_outdoors), None).say(
+    Row::new("sunlight", warn_if(is_lighthouse && profile.is_outdoors), None).say(
         "outdoors by Lighthouse, whose infrared receivers the sun blinds",
         "darkness, or positioning that sunlight does not reach",
         "fly after dusk, or by {sensors.positioning=uwb-twr}",
@@ -193,13 +195,13 @@ mod tests {
 
     #[test]
     fn people_and_silent_stations_stop_a_flight() {
-        let verdict = |set: &[(&str, &str)], check: &str| {
+        fn verdict(set: &[(&str, &str)], check: &str) -> Option<Severity> {
             let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
             let shot = Shoot::new(scene).unwrap().take(&|_, _| {}).unwrap();
             let rows = shot.findings(&Profile::indoor()).unwrap();
             let row = rows.into_iter().map(|checked| checked.row).find(|row| row.check == check);
             row.map(|row| row.severity)
-        };
+        }
         let silent = |span: &str| verdict(&[("sensors.lighthouse.silent", span)], "coverage");
         assert_eq!(silent("[[0, 0, 1000]]"), Some(Severity::Stop));
         assert_eq!(silent("[[0, 5, 5.5]]"), Some(Severity::Fine));
@@ -211,25 +213,25 @@ mod tests {
 
     #[test]
     fn a_picture_without_its_word_stops() {
-        let picture = |set: &[(&str, &str)]| {
+        fn picture(set: &[(&str, &str)]) -> (Severity, String) {
             let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
             let rows = preflight(&Shoot::new(scene).unwrap(), &Profile::indoor()).unwrap();
             let mut rows = rows.findings.into_iter().filter(|it| it.row.check == "picture");
             // Without a room, a picture that is fine has no row.
             rows.next().map_or_else(Default::default, |it| (it.row.severity, it.row.found))
-        };
+        }
         assert_eq!(picture(&[]).0, Severity::Fine);
         assert_eq!(picture(&[("plan.yaw_rad", "1.57")]).0, Severity::Stop);
-        let camera = |place_m: &str, target_m: &str| {
+        fn camera(place_m: &str, target_m: &str) -> (Severity, String) {
             let key = "camera.framing";
             let keys = [".position_m", ".target_m"].map(|end| key.to_owned() + end);
             let set = [(key, "fixed"), (&*keys[0], place_m), (&*keys[1], target_m)];
             picture(&set)
-        };
+        }
         assert_eq!(camera("[0, -4, 0.9]", "[0, 0, 0.9]").0, Severity::Fine);
-        let (severity, found) = camera("[0, -4, 0.9]", "[0, -9, 0.9]");
-        assert!(severity == Severity::Stop && found.contains("none of the light"), "{found}");
-        let (severity, found) = camera("[0, 4, 0.9]", "[0, 0, 0.9]");
-        assert!(severity == Severity::Stop && found.contains("mirrored"), "{found}");
+        let (severity, actual) = camera("[0, -4, 0.9]", "[0, -9, 0.9]");
+        assert!(severity == Severity::Stop && actual.contains("none of the light"), "{actual}");
+        let (severity, actual) = camera("[0, 4, 0.9]", "[0, 0, 0.9]");
+        assert!(severity == Severity::Stop && actual.contains("mirrored"), "{actual}");
     }
 }

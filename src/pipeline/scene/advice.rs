@@ -29,8 +29,8 @@ impl fmt::Display for Change {
     }
 }
 
-/// What to change: a sentence with keys of the scene in braces, some with a value, such as
-/// `"raise {camera.iso}, or set {camera.metering=trail}"`.
+/// Advice: a sentence with keys of the scene in braces, some with a value, such as `"raise
+/// {camera.iso}, or set {camera.metering=trail}"`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SceneAdvice(pub &'static str);
 

@@ -28,7 +28,7 @@ impl CarriedScene {
     /// # Errors
     ///
     /// [`Error::Io`] for a scene file that cannot be read.
-    pub fn of(path: &Path) -> Result<Option<Self>> {
+    pub fn read(path: &Path) -> Result<Option<Self>> {
         // A pipe can be read once.
         if !path.is_file() {
             return Ok(None);
@@ -53,17 +53,17 @@ impl CarriedScene {
     ///
     /// [`Error::Input`] where two came; as [`Self::of`].
     pub fn of_all(files: &[PathBuf]) -> Result<Option<Self>> {
-        let all = files.iter().map(|path| Self::of(path)).collect::<Result<Vec<_>>>()?;
+        let all = files.iter().map(|path| Self::read(path)).collect::<Result<Vec<_>>>()?;
         let all: Vec<Self> = all.into_iter().flatten().collect();
         let unseeded = |carried: &Self| carried.scene(&[("seed", "0")]).ok();
         let differs =
             |other: &&Self| other.toml != all[0].toml && unseeded(other) != unseeded(&all[0]);
         if let Some(other) = all.iter().find(differs) {
             let hint = "name the scene, or the files one at a time";
-            let found = format!("another scene than {}", all[0].file);
+            let actual = format!("another scene than {}", all[0].file);
             return Err(Error::input(
                 Place::file(&other.file),
-                found,
+                actual,
                 "one scene of all files",
                 hint,
             ));
@@ -86,8 +86,8 @@ impl CarriedScene {
         Scene::parse_with(&self.toml, &self.file, settings)
     }
 
-    /// The same, of a log without a file that no setting names: its author would choose what is
-    /// opened on this machine.
+    /// The same; of a log, without files other than those that settings name, since its author
+    /// would choose the files opened on this machine.
     ///
     /// # Errors
     ///
@@ -100,7 +100,9 @@ impl CarriedScene {
         if let Some(key) = key {
             let wanted = "no file: the scene of a log may name any on this machine";
             let hint = "name the log as the scene as well, if you know who made it";
-            return Err(Error::input(key, "the path of a file", wanted, hint).at(&self.file, None));
+            return Err(
+                Error::input(key, "the path of a file", wanted, hint).in_file(&self.file, None)
+            );
         }
         Ok(scene)
     }
@@ -113,7 +115,7 @@ mod tests {
     #[test]
     fn a_scene_comes_with_a_log_a_file_of_its_own_or_its_folder() {
         let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
+        let path = |name: &str| folder.path().join(name);
         for (name, text) in [
             ("NO_flight.json", r#"{"noctograph": {"uri": "", "scene": "word = \"NO\""}, "a": {}}"#),
             ("other.json", r#"{"noctograph": {"scene": 7}}"#),
@@ -124,10 +126,10 @@ mod tests {
             ("flight.csv", ""),
             ("planned.csv", ""),
         ] {
-            std::fs::write(at(name), text).unwrap();
+            std::fs::write(path(name), text).unwrap();
         }
         let word = |name: &str| {
-            let carried = CarriedScene::of(&at(name)).unwrap()?;
+            let carried = CarriedScene::read(&path(name)).unwrap()?;
             Some(carried.scene(&[]).unwrap().word)
         };
         let words = ["NO_flight.json", "own.csv", "plan-12.csv", "flight.csv"].map(word);
@@ -135,7 +137,7 @@ mod tests {
         let none = ["other.json", "planned.csv", "missing.csv", "."].map(word);
         assert_eq!(none, [const { None }; 4]);
         // `--scene` takes them as well.
-        let named = |name: &str| Scene::read(&at(name)).map(|scene| scene.word);
+        let named = |name: &str| Scene::read(&path(name)).map(|scene| scene.word);
         assert_eq!(named("NO_flight.json").unwrap(), "NO");
         assert!(
             named("planned.csv").is_err_and(|error| error.to_string().contains("without a scene"))

@@ -1,5 +1,5 @@
-//! Keys that are set and have no effect, with the reason: those of a choice that was not made, of a
-//! part that is switched off.
+//! Set keys without effect, with the reason: keys of another choice, or of a part that is switched
+//! off.
 
 use toml::{Table, Value};
 
@@ -12,8 +12,8 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::{Gusts, VehicleOptions};
 
-/// Keys, or the tables of many; whether they are without effect in a scene; and why. What a setting
-/// needs of another one stands in its declaration ([`Need`]); here is what depends on more.
+/// Keys or tables, a test whether they are without effect in a scene, and the reason. Needs of one
+/// other setting stand in the declaration ([`Need`]); here are conditions on several.
 type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
@@ -75,12 +75,11 @@ const RULES: &[Rule] = &[
             let fixtures = s.light.fixtures();
             let colored = fixtures.iter().filter(|lamp| is_colored(lamp));
             let own: Vec<_> = colored.filter_map(|lamp| commanded(lamp)).collect();
-            let has_color = |lamp: &String| {
+            !s.plan.lights.iter().any(|lamp| {
                 lamp == COLOR_LED.name && led
                     || lamp.starts_with(RING.name)
                     || own.contains(&lamp.as_str())
-            };
-            !s.plan.lights.iter().any(has_color)
+            })
         },
         "the plan writes in white",
     ),
@@ -165,8 +164,8 @@ pub(super) fn writes_in_color(scene: &Scene) -> bool {
     has_color_led(scene) || ring_writes(scene)
 }
 
-/// Why a key has no effect in a scene, its own reasons before those of the tables around it; `None`
-/// where it has one.
+/// The reason why a key has no effect in a scene, its own before that of the tables around it;
+/// `None` if it has an effect.
 pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     let values = Value::try_from(scene).expect("a scene is a table");
     if key == ALWAYS_USED {
@@ -195,19 +194,19 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     reasons.pop()
 }
 
-/// Why a setting lacks what it needs; `None` where it has it.
+/// The reason why a setting's need is not met; `None` if it is met.
 fn unmet(need: &Need, values: &Value) -> Option<String> {
     let Need { key, names, holds } = need;
-    let at = values_at(values, key);
+    let set_values = values_at(values, key);
     let names_there = names_at(values, key);
     if names.is_empty() {
-        let is_off = |value: &&Value| {
+        fn is_off(value: &Value) -> bool {
             value.as_float() == Some(0.0)
                 || value.as_integer() == Some(0)
                 || value.as_str().is_some_and(str::is_empty)
-        };
-        let is_set = at.first().is_some_and(|value| !is_off(value));
-        let why = match at.first() {
+        }
+        let is_set = set_values.first().is_some_and(|value| !is_off(value));
+        let why = match set_values.first() {
             Some(_) if is_set => format!("{key} is set"),
             Some(value) if value.is_float() => format!("{key} is 0"),
             _ => format!("{key} is not set"),
@@ -230,10 +229,10 @@ fn unmet(need: &Need, values: &Value) -> Option<String> {
     })
 }
 
-/// The values at a dotted key; of a list of tables, those of each.
+/// The values at a dotted key, in each table of a list.
 fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
-    key.split('.').fold(vec![values], |at, part| {
-        let rows = at.into_iter().flat_map(|value| match value {
+    key.split('.').fold(vec![values], |values, part| {
+        let rows = values.into_iter().flat_map(|value| match value {
             Value::Array(rows) => rows.iter().collect(),
             value => vec![value],
         });
@@ -247,11 +246,11 @@ fn names_at(values: &Value, key: &str) -> Vec<String> {
         Value::Array(items) => items.iter().collect(),
         value => vec![value],
     });
-    let name = |value: &Value| match value {
+    let names = all.filter_map(|value| match value {
         Value::Integer(number) => Some(number.to_string()),
         value => value.as_str().or_else(|| value.get("kind")?.as_str()).map(str::to_owned),
-    };
-    all.filter_map(name).collect()
+    });
+    names.collect()
 }
 
 impl Scene {
@@ -271,7 +270,7 @@ impl Scene {
     }
 }
 
-/// The keys of two tables that differ; of a choice that was made otherwise, the choice alone.
+/// The keys whose values differ between two tables; for different choices, the choice alone.
 fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);

@@ -1,5 +1,5 @@
-//! Keys that bring others with them: where a scene sets one of them, others take the values that
-//! fit it in place of the preset's. What the scene sets itself comes before that.
+//! Keys that imply others: if a scene sets one of them, others take matching values in place of the
+//! preset's, unless the scene sets them, too.
 
 use toml::{Table, Value};
 

@@ -45,7 +45,7 @@ settings! {
     /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that
     /// names no preset begins with `cf21`.
     pub struct Scene {
-        /// Preset that gives the keys left out.
+        /// Preset that supplies omitted keys.
         preset: Preset = Preset::Ae4832022;
         /// Word to write; `\n` begins a new line.
         word: String = String::new(), unless "letters.drawing";
@@ -110,7 +110,7 @@ impl Scene {
         let file = path.display().to_string();
         let ends_in = |ending| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(ending));
         if ends_in("csv") || ends_in("json") {
-            let Some(carried) = CarriedScene::of(path)? else {
+            let Some(carried) = CarriedScene::read(path)? else {
                 let wanted = "the log of an exported script, or a plan or flight beside its scene";
                 let hint = "name the scene's own file";
                 return Err(Error::input(file, "a file without a scene", wanted, hint));
@@ -126,8 +126,8 @@ impl Scene {
             return Self::parse_with(&text, &file, settings);
         }
         let Some(toml) = photo::read_with_notes(path)?.0.scene_toml else {
-            let (found, wanted) = ("a photo without a scene", "a photo of this program");
-            return Err(Error::input(file, found, wanted, "name the scene's own file"));
+            let (actual, wanted) = ("a photo without a scene", "a photo of this program");
+            return Err(Error::input(file, actual, wanted, "name the scene's own file"));
         };
         Self::parse_with(&toml, &format!("{file} (scene)"), settings)
     }
@@ -144,8 +144,8 @@ impl Scene {
     /// Reads the text of a scene and lays single settings over it: dotted keys with their values,
     /// such as `("vehicle.mass_kg", "0.04")` or `("plan.style", "even")`.
     ///
-    /// Settings come before the keys of the file, these before what follows from a key that is set
-    /// (a table in the text of [`Self::to_toml`]), this before the preset.
+    /// Precedence: settings, keys of the file, implied values (a table in the text of
+    /// [`Self::to_toml`]), preset.
     ///
     /// # Errors
     ///
@@ -176,7 +176,7 @@ impl Scene {
         text::document(self)
     }
 
-    /// The same without documentation, its files by their names alone: for what others are given.
+    /// The same without documentation and with names of files instead of paths, for sharing.
     #[must_use]
     pub fn to_portable_toml(&self) -> String {
         let mut scene = self.clone();
@@ -201,7 +201,7 @@ impl Scene {
         text::changes(self, self.preset.scene())
     }
 
-    /// A scene that is the preset and nothing else.
+    /// A scene of the preset alone.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
         preset.scene().clone()
@@ -223,11 +223,10 @@ impl Scene {
     /// For an audience: a word is written as it is read, from the left, by a camera that maps its
     /// hot photosites out.
     pub fn for_audience(&mut self) {
-        let from_right = |c| matches!(c, '\u{590}'..='\u{8ff}' | '\u{fb1d}'..='\u{fefc}');
         if let Style::Even(style) = &mut self.plan.style
             && style.order == Order::Shortest
             && self.letters.drawing.is_empty()
-            && !self.word.contains(from_right)
+            && !self.word.contains(|c| matches!(c, '\u{590}'..='\u{8ff}' | '\u{fb1d}'..='\u{fefc}'))
         {
             style.order = Order::Reading;
         }
@@ -237,7 +236,7 @@ impl Scene {
     }
 
     /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene
-    /// means the same from every folder. A drawing that is not there is left to [`Self::strokes`].
+    /// means the same from every folder. [`Self::strokes`] reports a missing drawing.
     ///
     /// # Errors
     ///
@@ -254,16 +253,16 @@ impl Scene {
         // A pipe can be read once, when it is drawn.
         if drawing.is_file() {
             let bytes = letters::DRAWING_LIMIT.read(drawing)?;
-            let found = sha256(&bytes);
+            let actual = sha256(&bytes);
             let wanted = &mut self.letters.drawing_sha256;
-            if !wanted.is_empty() && *wanted != found {
+            if !wanted.is_empty() && *wanted != actual {
                 let hint =
                     "restore the drawing, or clear letters.drawing_sha256 to draw the new one";
                 let place = "letters.drawing_sha256";
-                let found = format!("{} with digest {found}", self.letters.drawing);
-                return Err(Error::input(place, found, format!("digest {wanted}"), hint));
+                let actual = format!("{} with digest {actual}", self.letters.drawing);
+                return Err(Error::input(place, actual, format!("digest {wanted}"), hint));
             }
-            *wanted = found;
+            *wanted = actual;
         }
         Ok(())
     }
@@ -337,9 +336,9 @@ mod tests {
 
     #[test]
     fn a_ring_that_is_chosen_writes_unless_its_effect_is_named() {
-        let ring = |toml: &str, settings: &[(&str, &str)]| {
+        fn ring(toml: &str, settings: &[(&str, &str)]) -> RingEffect {
             Scene::parse_with(toml, "scene.toml", settings).unwrap().light.ring
-        };
+        }
         let solid = RingEffect::Solid(RingColor::default());
         let chosen = ("plan.lights", "[\"ring\"]");
         assert_eq!(ring("", &[chosen]), solid);
@@ -462,10 +461,10 @@ mod tests {
 
     #[test]
     fn a_deck_brings_its_lamps() {
-        let names = |toml: &str| -> Vec<String> {
+        fn names(toml: &str) -> Vec<String> {
             let fixtures = Scene::parse(toml, "my.toml").unwrap().light.fixtures();
             fixtures.into_iter().map(|fixture| fixture.name).collect()
-        };
+        }
         assert!(names("").contains(&"ring 0".to_owned()));
         let led = "[light]\ndeck = \"color-led\"\n";
         assert_eq!(names(led)[0], "color LED");
@@ -498,11 +497,11 @@ mod tests {
             ("[letters]\nfont = \"comic\"\n", ":2: letters.font", "comic"),
             ("word = \n", ":1", "string values must be quoted"),
         ];
-        for (toml, place, found) in cases {
+        for (toml, place, actual) in cases {
             let error = Scene::parse(toml, "my.toml").unwrap_err();
             let message = error.to_string();
             assert!(message.contains(&format!("my.toml{place}")), "{toml:?}: {message}");
-            assert!(message.contains(found), "{toml:?}: {message}");
+            assert!(message.contains(actual), "{toml:?}: {message}");
             assert!(!error.hint().is_empty(), "{toml:?} leaves the reader alone");
         }
     }

@@ -52,9 +52,9 @@ impl Scene {
             return Ok(NamedScene::new(name, parse(&toml)?));
         }
         let path = Path::new(name);
-        let text = |name: Option<&std::ffi::OsStr>| {
+        fn text(name: Option<&std::ffi::OsStr>) -> String {
             name.unwrap_or_default().to_string_lossy().into_owned()
-        };
+        }
         if path.is_dir() {
             let scene = Self::read_with(&path.join("scene.toml"), settings)?;
             return Ok(NamedScene::new(&text(path.file_name()), scene));

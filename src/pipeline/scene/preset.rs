@@ -137,8 +137,8 @@ mod tests {
             options.check().unwrap();
             let flight = noor(&options);
             let rmse = track(&flight, Part::Letters).unwrap().rmse_m;
-            for (found, bound) in rmse.iter().zip(bounds) {
-                assert!(*found < bound, "{rmse} above {bounds:?}");
+            for (actual, bound) in rmse.iter().zip(bounds) {
+                assert!(*actual < bound, "{rmse} above {bounds:?}");
             }
             assert_eq!(flight.samples.last().unwrap().position_m.z, 0.0, "landed");
             assert!(flight.warnings.is_empty(), "{:?}", flight.warnings);

@@ -11,7 +11,7 @@ use super::{LIMIT, Scene, text};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::{Described, paths, suggestion};
 
-/// Keys that a submission may change where no others are named.
+/// Keys that a submission may change by default.
 const MAY: [&str; 3] = ["controller.*", "observer.luenberger.*", "observer.ekf.*"];
 /// Keys that name files: these are always the task's.
 const FILES: [&str; 5] = [
@@ -105,10 +105,10 @@ fn covers(named: &str, key: &str) -> bool {
 /// Keys that differ, as a sentence: the first with both values.
 fn told(changes: &[[String; 3]]) -> Option<String> {
     let short = |value: &str| -> String { value.chars().take(TOLD_CHARACTERS).collect() };
-    let one = |[key, value, task]: &[String; 3]| {
+    let tasks = changes.iter().take(TOLD).map(|[key, value, task]| {
         format!("{key} differs from the task's: {} for {}", short(value), short(task))
-    };
-    let first: Vec<String> = changes.iter().take(TOLD).map(one).collect();
+    });
+    let first: Vec<String> = tasks.collect();
     let more = match changes.len().saturating_sub(TOLD) {
         0 => String::new(),
         n => format!("; and {n} keys more"),

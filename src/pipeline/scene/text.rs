@@ -162,8 +162,8 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
-        let found = error.message().replace('\n', "; ");
-        Error::input("", found, "keys and values of a scene", HINT).at(file, line)
+        let actual = error.message().replace('\n', "; ");
+        Error::input("", actual, "keys and values of a scene", HINT).in_file(file, line)
     })?;
     check_keys(&table).map_err(|error| with_line(error, toml, file))?;
     Ok(table)
@@ -199,7 +199,7 @@ fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> 
     Ok(())
 }
 
-/// Checks the keys of a choice: those of its kind, or of any kind where it names none.
+/// Checks the keys of a choice: those of its kind, or of any kind if none is given.
 fn keys_of_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table) -> Result<()> {
     let kind = table.get("kind").and_then(Value::as_str);
     if let Some(kind) = kind {
@@ -228,7 +228,7 @@ fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
     }
 }
 
-/// The error for a key that does not exist: where it is now, or which one is like it.
+/// The error for an unknown key: its new name, or a similar key.
 fn unknown_key(place: &str, key: &str) -> Error {
     let paths = noctograph_core::settings::paths(Scene::SHAPE.settings());
     // The one key of this name within a table.
@@ -246,9 +246,8 @@ fn unknown_key(place: &str, key: &str) -> Error {
     Error::input(place, format!("the unknown key {key}"), "a key of a scene", hint)
 }
 
-/// Lays a table of some settings over another, table into table. A choice takes a bare name for its
-/// `kind`, and where the kind changes nothing is left of the settings below; a group that has a
-/// `kind` among other keys keeps these.
+/// Merges a table of settings into another, recursively. A choice takes a bare name as its `kind`,
+/// and a new kind drops the settings below; a group with a `kind` among other keys keeps these.
 pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
         let setting = settings.iter().find(|setting| setting.key == key);
@@ -279,6 +278,7 @@ fn kind_alone(kind: String) -> Table {
     [("kind".to_owned(), Value::String(kind))].into_iter().collect()
 }
 
+/// Merges the table of a choice; another `kind` drops the settings below.
 fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match over.get("kind") {
         Some(kind) if Some(kind) != base.get("kind") => *base = over,
@@ -317,6 +317,7 @@ pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     changes
 }
 
+/// Collects the keys whose values differ from the preset's.
 fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, preset: &Table) {
     let keys: BTreeSet<&String> = values.keys().chain(preset.keys()).collect();
     for key in keys {
@@ -349,7 +350,7 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
         Error::Input { place, .. } => line_of(toml, place),
         _ => None,
     };
-    error.at(file, line)
+    error.in_file(file, line)
 }
 
 /// The line of a place's key, or of the innermost of its tables and lists that the file has.
@@ -395,19 +396,19 @@ pub(super) fn scene_of(values: Table) -> Result<Scene> {
             _ => None,
         });
         let place = Place(steps.collect());
-        let found = error.inner().message().replace('\n', "; ");
+        let actual = error.inner().message().replace('\n', "; ");
         let mismatch =
-            found.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
+            actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {
             Some((value, expected)) => {
                 Error::input(place, in_words(value), in_words(expected), HINT)
             }
-            None => Error::input(place, found, "a value of the key's type", HINT),
+            None => Error::input(place, actual, "a value of the key's type", HINT),
         }
     })
 }
 
-/// What the TOML reader calls a type, or a value of one, as who writes a scene knows it.
+/// The TOML reader's name of a type or value, in words of a scene's author.
 fn in_words(text: &str) -> String {
     const WORDS: [(&str, &str); 12] = [
         ("f64", "a number"),

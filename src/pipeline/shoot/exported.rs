@@ -1,4 +1,4 @@
-//! Exported flights: what drones fly of a trajectory that was exported, in the place of its design.
+//! Exported flights: plans replaced by the trajectories that drones decode from the export.
 
 use super::planned::{aim, in_colors};
 use super::{Planned, Shoot, rehearse};
@@ -25,8 +25,8 @@ impl Shoot {
         Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
     }
 
-    /// The same as it is flown by the clock of the scene's firmware, by which the exported script
-    /// paces the lights, too.
+    /// The same on the clock of the scene's firmware, which paces the exported script's lights,
+    /// too.
     #[must_use]
     pub fn by_its_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();
@@ -106,7 +106,7 @@ mod tests {
             let flight = rehearse(&shoot.scene, &flown[0]).unwrap();
             let as_designed = ends(&shoot.scene, &flown[0], &flight).unwrap();
             let (timed_m, as_designed_m) = (worst_m(timed), worst_m(&as_designed));
-            // What is left: PID cuts corners by 16 mm on average.
+            // Remaining error: PID cuts corners by 16 mm on average.
             assert!(timed_m <= 0.02, "{form:?}: {timed_m} m, {as_designed_m} m before");
             assert!(as_designed_m > 0.06, "{form:?}: {as_designed_m} m, half a second late");
             let again = exported.as_exported(form, form.tolerance_m(), Length::OnBoard).unwrap();

@@ -111,7 +111,7 @@ pub(super) fn encode(
     Ok(out.into_inner())
 }
 
-/// What a photo shows, beside its scene.
+/// Contents of a photo, beside its scene.
 pub(super) struct Shown {
     pub(super) flight_sha256: Option<String>,
     /// Of strokes from a file of the user's.

@@ -9,7 +9,7 @@ use crate::scene::{Scene, reason};
 use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kind};
 use noctograph_sim::sensors::HeightSensor;
 
-/// Keys that change no product of this chain, and what they change.
+/// Keys without effect on the products of this chain, and their effect elsewhere.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("letters.fallback", "words with letters that the font lacks"),
@@ -173,8 +173,7 @@ fn faults(settings: &[(&str, &str)]) -> Vec<String> {
             return;
         }
         let others = others(key, setting, value);
-        let changed = |other: &String| Case::new(&text, &[(key, other)]);
-        let cases = || others.iter().map(changed);
+        let cases = || others.iter().map(|other| Case::new(&text, &[(key, other)]));
         // A scene that is refused before it is flown is the cheapest answer.
         let idle = |case: &Case| reason(&case.scene, key).is_some();
         let (mut idles, mut refused, mut silent) = (0, 0, 0);

@@ -27,19 +27,18 @@ pub struct Lighting {
     pub writing: Vec<String>,
     /// The scene's camera, as the meter set it.
     pub camera: Camera,
-    /// What the meter set, if the scene asks for it.
+    /// The meter's settings, if the scene is metered.
     pub metered: Option<Metered>,
-    /// What is wrong with the picture; first what keeps the word from being read.
+    /// Problems of the picture, those that make the word unreadable first.
     pub problems: Vec<Problem>,
 }
 
 impl Lighting {
-    /// Aperture and sensitivity that the light meter recommends for the scene: those that it set,
-    /// if the scene asks for it. `None` for darkness.
+    /// Aperture and sensitivity recommended by the light meter, or set by it in a metered scene.
+    /// `None` for darkness.
     #[must_use]
     pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
-        let meter = || recommended(&self.trace, &self.camera, &scene.camera, &scene.photo);
-        self.metered.or_else(meter)
+        self.metered.or_else(|| recommended(&self.trace, &self.camera, &scene.camera, &scene.photo))
     }
 }
 
@@ -57,7 +56,7 @@ pub(super) fn in_ink(
     }
     let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
     let wrgb = |rgb: &[u8; 3]| match *rgb {
-        // Black is no light: what is drawn in it has the lamp's own color.
+        // Black would be dark: strokes drawn in black get the lamp's own color.
         [0, 0, 0] => lamps.color_led_wrgb,
         rgb if by_ring => {
             let [r, g, b] = ring_rgb(rgb);
@@ -80,7 +79,7 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Shoot::fly`] and [`light`], and those of the camera.
+    /// Those of [`Shoot::fly`], [`light`] and the camera.
     pub fn lighting(mut self, watch: &Watch<'_>) -> Result<Lighting> {
         match std::mem::take(&mut self.recordings) {
             recordings if recordings.is_empty() => self.light(self.record(watch)?),
@@ -201,21 +200,21 @@ fn check_place(
     };
     let [x, y, z] = camera.position_m.into();
     if left < right && y > 0.0 {
-        let found = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
-        return Err(Error::input(place, found, "y below 0, in front of it", hint));
+        let actual = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
+        return Err(Error::input(place, actual, "y below 0, in front of it", hint));
     }
     let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
     for lamp in &trace.lamps {
         let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < MIN_DISTANCE_M;
         if let Some(sample) = lamp.samples.iter().find(near) {
             let name = lamp.label();
-            let found = format!(
+            let actual = format!(
                 "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
                 (1e3 * distance_m(sample)).floor() / 1e3,
                 sample.time_s
             );
             let wanted = format!("at least {MIN_DISTANCE_M} m from every lit lamp");
-            return Err(Error::input(place, found, wanted, hint));
+            return Err(Error::input(place, actual, wanted, hint));
         }
     }
     Ok(())

@@ -1,8 +1,8 @@
 //! The light meter sets aperture and sensitivity.
 //!
-//! The trail is as bright as the lamp is slow; the room gets brighter as long as the shutter is
-//! open. Both follow aperture and sensitivity alike, so that a long flight's trail has to give way
-//! for the room to stay dark.
+//! A slower lamp makes a brighter trail; a longer exposure makes a brighter room. Aperture and
+//! sensitivity change both alike, so that the trail of a long flight is exposed less to keep the
+//! room dark.
 
 use serde::Serialize;
 
@@ -18,7 +18,7 @@ const F_NUMBERS: [f64; 19] = [
     20.0, 22.0,
 ];
 
-/// Sensitivities, a third of a stop apart: from 100 on, or what a telephone's camera has.
+/// Sensitivities, a third of a stop apart: from 100 on, or those of a telephone's camera.
 const ISOS: [f64; 19] = [
     50.0, 64.0, 80.0, 100.0, 125.0, 160.0, 200.0, 250.0, 320.0, 400.0, 500.0, 640.0, 800.0, 1000.0,
     1250.0, 1600.0, 2000.0, 2500.0, 3200.0,
@@ -27,7 +27,7 @@ const ISOS: [f64; 19] = [
 /// Width of the picture that is metered: larger pixels blur a trail.
 const WIDTH_PX: u32 = 1920;
 
-/// What the light meter recommends.
+/// The light meter's recommendation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Metered {
     /// Aperture number.
@@ -48,7 +48,7 @@ pub struct Metered {
 }
 
 impl Metered {
-    /// What a camera needs besides its settings; `None`: nothing.
+    /// Help that a camera needs besides its settings, such as a filter; `None` if none.
     #[must_use]
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
@@ -183,7 +183,11 @@ mod tests {
     const SIDE_CD: f64 = 0.09;
 
     /// A lamp of `candela` that passes for two seconds, in an exposure of `open_s`.
-    fn of(candela: f64, open_s: f64, change: fn(&mut CameraOptions)) -> (Camera, Option<Metered>) {
+    fn pass(
+        candela: f64,
+        open_s: f64,
+        change: fn(&mut CameraOptions),
+    ) -> (Camera, Option<Metered>) {
         let mut csv = "t,x,y,z,r,g,b\n".to_owned();
         for i in 0..=200 {
             let t = f64::from(i) / 100.0;
@@ -204,22 +208,22 @@ mod tests {
 
     #[test]
     fn a_short_trail_is_two_stops_over_and_a_long_exposure_leaves_the_room_dark() {
-        let (camera, short) = of(SIDE_CD, 30.0, |_| {});
+        let (camera, short) = pass(SIDE_CD, 30.0, |_| {});
         let short = short.unwrap();
         assert!((short.trail_stops - 2.0).abs() < 0.2 && !short.gave_way, "{short:?}");
         assert_eq!((camera.f_number, camera.iso), (short.f_number, short.iso));
-        let long = of(SIDE_CD, 150.0, |_| {}).1.unwrap();
+        let long = pass(SIDE_CD, 150.0, |_| {}).1.unwrap();
         assert!(long.gave_way && long.f_number > short.f_number, "{long:?}");
         assert!((long.room_stops.unwrap() + 7.0).abs() < 0.25, "{long:?}");
         // In an hour no room stays dark: the trail is kept.
-        let hour = of(SIDE_CD, 3600.0, |_| {}).1.unwrap();
+        let hour = pass(SIDE_CD, 3600.0, |_| {}).1.unwrap();
         assert!((hour.trail_stops + 1.0).abs() < 0.2, "{hour:?}");
     }
 
     #[test]
     fn a_colored_trail_is_metered_by_its_strongest_channel() {
         // Luminance 1: in red the strongest channel has 4.7 times as much, 2.2 stops.
-        let of_color = |[r, g, b]: [f64; 3]| {
+        fn of_color([r, g, b]: [f64; 3]) -> f64 {
             let mut csv = "t,x,y,z,r,g,b\n".to_owned();
             for i in 0..=200 {
                 let t = f64::from(i) / 100.0;
@@ -233,7 +237,7 @@ mod tests {
             let mut camera = options.camera([-0.6, 0.5, 0.6, 1.0], 2.0).unwrap();
             let dark = PhotoOptions { ambient_cd_m2: 0.0, ..PhotoOptions::default() };
             metered(&trace, &mut camera, &options, &dark).unwrap().trail_stops
-        };
+        }
         let (red, white) = (of_color([0.04, 0.0, 0.0]), of_color([0.01; 3]));
         assert!((red + 0.5 + libm::log2(1.0 / 0.2126)).abs() < 0.2, "{red}");
         assert!((white - 2.0).abs() < 0.2, "{white}");
@@ -244,23 +248,23 @@ mod tests {
 
     #[test]
     fn a_faint_lamp_raises_the_sensitivity_where_the_lens_opens_no_further() {
-        let faint = of(0.004, 0.5, |_| {}).1.unwrap();
+        let faint = pass(0.004, 0.5, |_| {}).1.unwrap();
         assert_eq!(faint.f_number, 2.8);
         assert!(faint.iso > 100.0 && (faint.trail_stops - 2.0).abs() < 0.2, "{faint:?}");
-        let kit = of(0.004, 0.5, |options| options.lens = LensModel::Kit16).1.unwrap();
+        let kit = pass(0.004, 0.5, |options| options.lens = LensModel::Kit16).1.unwrap();
         assert!(kit.f_number == 3.5, "{kit:?}");
     }
 
     #[test]
     fn a_telephone_sets_its_sensitivity_alone_and_says_what_it_lacks() {
-        let on_phone = |candela, open_s| {
-            let phone = |options: &mut CameraOptions| options.body = BodyModel::GalaxyS24;
-            let (camera, metered) = of(candela, open_s, phone);
+        fn on_phone(candela: f64, open_s: f64) -> Metered {
+            let (camera, metered) =
+                pass(candela, open_s, |options| options.body = BodyModel::GalaxyS24);
             let metered = metered.unwrap();
             assert_eq!((camera.f_number, metered.f_number), (1.8, 1.8));
             assert_eq!(camera.iso, metered.iso);
             metered
-        };
+        }
         let faint = on_phone(8e-3, 2.0);
         assert!(faint.iso > 50.0 && (faint.trail_stops - 2.0).abs() < 0.2, "{faint:?}");
         assert_eq!(faint.help(), None);
@@ -273,20 +277,24 @@ mod tests {
         assert!(help.contains("light-trail mode") && help.contains("30 s"), "{help}");
         assert!(help.contains(&format!("filter of {} stops", bright.filter_stops)), "{help}");
         // A lens with an iris asks for one where f/22 is not small enough.
-        assert_eq!(of(SIDE_CD, 31.0, |_| {}).1.unwrap().help(), None);
-        assert!(of(1e3, 31.0, |_| {}).1.unwrap().filter_stops > 3);
+        assert_eq!(pass(SIDE_CD, 31.0, |_| {}).1.unwrap().help(), None);
+        assert!(pass(1e3, 31.0, |_| {}).1.unwrap().filter_stops > 3);
     }
 
     #[test]
     fn the_start_does_not_matter_and_off_is_off() {
-        let apart = of(SIDE_CD, 30.0, |options| (options.f_number, options.iso) = (22.0, 800.0));
-        assert_eq!(apart.0, of(SIDE_CD, 30.0, |_| {}).0);
-        let small = |options: &mut CameraOptions| {
+        let apart = pass(SIDE_CD, 30.0, |options| (options.f_number, options.iso) = (22.0, 800.0));
+        assert_eq!(apart.0, pass(SIDE_CD, 30.0, |_| {}).0);
+        fn small(options: &mut CameraOptions) {
             (options.width_px, options.height_px) = (480, 270);
-        };
-        assert_eq!(of(SIDE_CD, 30.0, small).1, of(SIDE_CD, 30.0, |_| {}).1, "the picture's size");
-        let off = of(SIDE_CD, 30.0, |options| options.metering = Metering::Off);
-        assert_eq!((off.0.f_number, off.1), (8.0, None));
-        assert_eq!(of(0.0, 30.0, |_| {}).1, None, "darkness");
+        }
+        assert_eq!(
+            pass(SIDE_CD, 30.0, small).1,
+            pass(SIDE_CD, 30.0, |_| {}).1,
+            "the picture's size"
+        );
+        let unmetered = pass(SIDE_CD, 30.0, |options| options.metering = Metering::Off);
+        assert_eq!((unmetered.0.f_number, unmetered.1), (8.0, None));
+        assert_eq!(pass(0.0, 30.0, |_| {}).1, None, "darkness");
     }
 }

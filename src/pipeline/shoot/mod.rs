@@ -85,7 +85,7 @@ pub struct Shoot {
     pub room_seed: Option<u64>,
     /// How the photo is read.
     pub judging: Judging,
-    /// Format in which the photo is encoded, while it is read; `None`: not encoded.
+    /// Format of the encoded photo, made in parallel to reading; `None`: not encoded.
     pub format: Option<Format>,
     /// Whether the shot has its film; else its memory is given back before the photo is read.
     pub keeps_film: bool,
@@ -93,13 +93,13 @@ pub struct Shoot {
     pub reader: Option<Arc<Reader>>,
     /// Backend that exposes the film.
     pub backend: BackendChoice,
-    /// Cores that expose the film, on this processor; `None`: those of the backend.
+    /// Number of processor cores that expose the film; `None`: the backend's.
     pub cores: Option<NonZero<usize>>,
     /// Ends [`Self::take`] between two stages.
     pub stop: Stop,
 }
 
-/// A switch by which another thread stops work; clones are the same switch.
+/// A switch for another thread to stop work; clones share it.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -138,7 +138,7 @@ pub enum Recording {
 }
 
 impl Recording {
-    /// Reads a flight, a log or a light trace, and what one should know of it.
+    /// Reads a flight, a log or a light trace, with its warnings.
     ///
     /// # Errors
     ///
@@ -217,9 +217,9 @@ impl Shoot {
         scene.check()?;
         let whole_s = plans.iter().map(Plan::duration_s).sum::<f64>();
         if whole_s > MAX_TOGETHER_S {
-            let found = format!("{} that last {whole_s:.0} s together", plans.len());
+            let actual = format!("{} that last {whole_s:.0} s together", plans.len());
             let wanted = format!("at most {MAX_TOGETHER_S} s");
-            return Err(Error::input("plans", found, wanted, "name fewer plans at a time"));
+            return Err(Error::input("plans", actual, wanted, "name fewer plans at a time"));
         }
         let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
         let (scene, strokes) = written::as_written(scene, strokes, &plans)?;
@@ -244,13 +244,15 @@ impl Shoot {
     ///
     /// [`Error::Input`] with their number.
     pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
-        let samples = |recording: &Recording| match recording {
-            Recording::Flight(flight) => flight.samples.len(),
-            // A fourth of a flight's sample in memory.
-            Recording::Light(trace) => {
-                trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
+        fn samples(recording: &Recording) -> usize {
+            match recording {
+                Recording::Flight(flight) => flight.samples.len(),
+                // A fourth of a flight's sample in memory.
+                Recording::Light(trace) => {
+                    trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
+                }
             }
-        };
+        }
         let n: usize = recordings.iter().map(samples).sum();
         if n <= MAX_SAMPLES {
             return Ok(());
@@ -311,8 +313,8 @@ impl Shoot {
             && (self.scene.observer.kind == EstimatorKind::Cooperative || !self.wakes().is_empty())
     }
 
-    /// Pairs of drones, counted from 0, of which the second is planned into the wake of the first,
-    /// where it is nearest below it.
+    /// Pairs of drones, counted from 0, with the second one planned into the wake of the first, and
+    /// their closest approach.
     #[must_use]
     pub fn wakes(&self) -> Vec<([usize; 2], Approach)> {
         if self.scene.air.downwash == Downwash::None {
@@ -345,7 +347,7 @@ impl Shoot {
         Drone { believed, actual, seed, room_seed, index: drone as u64 }
     }
 
-    /// Flies the plan of one drone, counted from 0, by itself: it hears no other drone.
+    /// Flies the plan of one drone, counted from 0, without the other drones.
     ///
     /// # Errors
     ///

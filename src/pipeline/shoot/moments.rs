@@ -1,4 +1,4 @@
-//! The photograph as it comes about: what the film holds after each share of the exposure.
+//! The photograph as it develops: the film after each share of the exposure.
 //!
 //! Light adds up, so a moment's film is that of the moment before and the light in between; it is
 //! developed as the whole would be, without the noise of the sensor, with the room's light of the
@@ -12,8 +12,8 @@ use noctograph_picture::light::{Lamp, LightTrace};
 use noctograph_picture::photo::{Noise, Photo, PhotoOptions, develop};
 
 impl Shot {
-    /// Develops what the film holds at `n` moments, the last of them at the end of the exposure, at
-    /// a width in pixels. `each` receives the time of flight and the photo, in order.
+    /// Develops the film at `n` moments, the last one at the end of the exposure, at a width in
+    /// pixels. `each` receives the time of flight and the photo, in order.
     ///
     /// # Errors
     ///
@@ -128,7 +128,7 @@ mod tests {
             assert!(lost.max().unwrap() <= 1, "light stays");
         }
         let pairs = moments[5].1.rgb8.iter().zip(&shot.photo.rgb8);
-        let off = pairs.map(|(moment, photo)| moment.abs_diff(*photo)).max().unwrap();
-        assert!(off <= 2, "the last moment is the photo: {off} levels off");
+        let difference = pairs.map(|(moment, photo)| moment.abs_diff(*photo)).max().unwrap();
+        assert!(difference <= 2, "the last moment is the photo: {difference} levels off");
     }
 }

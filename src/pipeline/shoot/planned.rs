@@ -117,9 +117,9 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     })
 }
 
-/// Flies a plan undisturbed: [`SimOptions::rehearsal_by_filter`], or [`SimOptions::rehearsal`] for
-/// other drones, and where the stations do not see the whole flight, so that chance decides what
-/// the filter makes of it.
+/// Flies a plan undisturbed: by [`SimOptions::rehearsal_by_filter`], or by
+/// [`SimOptions::rehearsal`] for other drones and where the stations do not see the whole flight,
+/// since the filter's estimate is then left to chance.
 ///
 /// # Errors
 ///
@@ -267,28 +267,27 @@ mod tests {
         }
     }
 
-    /// What the firmware's filter makes of the drone's drag is the same in every flight.
+    /// The filter's error by the drone's drag is the same in every flight.
     #[test]
     fn a_rehearsal_by_the_drones_own_filter_leads_its_bias_away() {
-        let rmse_m = |rehearsed: EstimatorKind| {
-            let mut scene = Scene::preset(Preset::default());
-            "NO".clone_into(&mut scene.word);
-            scene.observer.kind = rehearsed;
-            let strokes = scene.strokes().unwrap();
-            let plan = plan(&scene, &strokes).unwrap().swap_remove(0).plan;
-            scene.observer.kind = EstimatorKind::Ekf;
-            let sim = scene.sim().rehearsal_by_filter().unwrap();
-            let flight = fly(&plan, &Drone::new(&sim, 7), &mut |_| {}).unwrap();
-            track(&flight, Part::Letters).unwrap().rmse_m.x
-        };
         let [by_truth_m, by_filter_m] =
-            [EstimatorKind::EkfImproved, EstimatorKind::Ekf].map(rmse_m);
+            [EstimatorKind::EkfImproved, EstimatorKind::Ekf].map(|rehearsed| {
+                let mut scene = Scene::preset(Preset::default());
+                "NO".clone_into(&mut scene.word);
+                scene.observer.kind = rehearsed;
+                let strokes = scene.strokes().unwrap();
+                let plan = plan(&scene, &strokes).unwrap().swap_remove(0).plan;
+                scene.observer.kind = EstimatorKind::Ekf;
+                let sim = scene.sim().rehearsal_by_filter().unwrap();
+                let flight = fly(&plan, &Drone::new(&sim, 7), &mut |_| {}).unwrap();
+                track(&flight, Part::Letters).unwrap().rmse_m.x
+            });
         println!("x: {by_truth_m} m rehearsed at the truth, {by_filter_m} m by the filter");
         assert!(by_filter_m < 0.6 * by_truth_m, "{by_truth_m} m, {by_filter_m} m");
     }
 
-    /// In still air: what is left is the drone's settling, and what the sensors' errors change
-    /// meanwhile.
+    /// In still air: the remaining error is the drone's settling and the change of the sensors'
+    /// errors.
     #[test]
     fn curves_close_within_a_centimeter() {
         for word in ["pool", "Quartz", "2027"] {
@@ -302,10 +301,10 @@ mod tests {
                 flight.samples[row].position_m
             };
             let ends = ends(&shoot.scene, &shoot.plans[0].plan, &flight).unwrap();
-            let is_loop = |pair: &&[StrokeEnd]| {
+            fn is_loop(pair: &&[StrokeEnd]) -> bool {
                 let lasts_s = pair[1].time_s - pair[0].time_s;
                 lasts_s > 2.0 && (pair[0].at_m - pair[1].at_m).norm() < 0.03
-            };
+            }
             let gaps_m = ends.chunks(2).filter(is_loop).map(|pair| {
                 // Its end draws on over its beginning.
                 let late = (0..200).map(|k| at_m(pair[1].time_s - 0.005 * f64::from(k)));
@@ -362,11 +361,11 @@ mod tests {
     fn a_known_mean_error_is_taken_off() {
         for kind in [ControllerKind::Lqr, ControllerKind::LqrFeedforward] {
             let mut tipped = scene(PlanOptions::even(), kind);
-            let fly_tipped = |scene: &Scene| {
+            fn fly_tipped(scene: &Scene) -> Flight {
                 let plan = plan(scene, &noor()).unwrap().swap_remove(0).plan;
                 let sim = SimOptions { sensors: SensorOptions::ideal(), ..scene.sim() };
                 fly(&plan, &Drone::new(&sim, 0), &mut |_| {}).unwrap()
-            };
+            }
             let before = fly_tipped(&tipped);
             let mean_m = track(&before, Part::Letters).unwrap().mean_error_m;
             assert!(mean_m.x < -0.05, "the center of mass is off: {mean_m}");

@@ -1,8 +1,8 @@
-//! Problems of a picture: what keeps a word from being read whatever its letters are, and warnings.
+//! Problems of a picture: those that make any word unreadable, and warnings.
 //!
-//! The former are looked for in this order: a shutter that misses the word, lamps that are dark or
-//! face away, a picture without or with nothing but light. Then come the flights' own warnings,
-//! gaps of logs, strokes that a font lacks, and what lies outside the picture.
+//! The former in this order: a shutter that misses the word, lamps that are dark or face away, a
+//! black or a white picture. Then the flights' own warnings, gaps of logs, strokes that a font
+//! lacks, and strokes outside the picture.
 
 use nalgebra::Vector3;
 
@@ -48,7 +48,7 @@ pub enum Problem {
     Underexposed(String),
     /// A warning of a simulated flight, with its drone where there are several.
     Flight(Option<DroneIndex>, Warning),
-    /// Gaps of a log that lamps shine across, or at which trails break.
+    /// Gaps of a log bridged by lit lamps, or breaking the trails.
     Gaps {
         /// When they are, s.
         spans_s: Vec<[f64; 2]>,
@@ -62,13 +62,13 @@ pub enum Problem {
         /// The letters, each once.
         letters: String,
     },
-    /// What of a drawing's file is not followed.
+    /// Unsupported parts of a drawing's file.
     Drawing(String),
     /// A part of the word or of the light is outside the picture.
     Outside {
         /// Which.
         what: &'static str,
-        /// How far, on which sides.
+        /// Distances on each side.
         sides: String,
     },
     /// The stages before the photo refuse.
@@ -89,10 +89,10 @@ impl Problem {
         )
     }
 
-    /// What was found, and what to change.
+    /// Finding and advice.
     #[must_use]
     pub fn parts(&self) -> (String, SceneAdvice) {
-        let (found, advice) = match self {
+        let (actual, advice) = match self {
             Self::ShutterCloses { at_s, early_s } => (
                 format!(
                     "the shutter closes at {at_s:.1} s, {early_s:.1} s before the word is done"
@@ -146,8 +146,8 @@ impl Problem {
                     }
                 };
                 let (n, spans) = (spans_s.len(), in_words(spans_s));
-                let found = format!("gaps of the log: {n} {what} ({spans})");
-                (found, "log fewer variables, or on the \u{b5}SD card")
+                let actual = format!("gaps of the log: {n} {what} ({spans})");
+                (actual, "log fewer variables, or on the \u{b5}SD card")
             }
             Self::LostStrokes { font, letters } => (
                 format!("the center lines of {font} lack a stroke of {letters}: they may misread"),
@@ -164,16 +164,16 @@ impl Problem {
                 (error.clone(), "see `preview`; {camera.framing=word} frames the word")
             }
         };
-        (found, SceneAdvice(advice))
+        (actual, SceneAdvice(advice))
     }
 
     /// One sentence about it, with the advice that is about it alone; `typed` writes a change.
     pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
-        let (found, advice) = self.parts();
+        let (actual, advice) = self.parts();
         match self {
-            Self::Outside { .. } => format!("{found} ({})", advice.sentence(typed)),
-            _ if self.is_obstacle() => format!("{found}: {}", advice.sentence(typed)),
-            _ => found,
+            Self::Outside { .. } => format!("{actual} ({})", advice.sentence(typed)),
+            _ if self.is_obstacle() => format!("{actual}: {}", advice.sentence(typed)),
+            _ => actual,
         }
     }
 }
@@ -201,29 +201,29 @@ const CONTRAST: u8 = 10;
 /// Share of the pixels that counts as the brightest: a thin trail's.
 const BRIGHTEST: f64 = 0.000_2;
 
-/// Level from which a pixel counts as white, and the share of such pixels that hides every trail.
+/// Level of a white pixel, and the share of white pixels that hides every trail.
 const WHITE: (u8, f64) = (245, 0.5);
 
-/// Time by which a shutter may miss the ends of a word.
+/// Tolerance of the shutter at the ends of a word.
 const SLACK_S: f64 = 0.1;
 
-/// The lamps that write: those that follow a channel of the flights; all, of light without any.
+/// The lamps that write: those with a channel of the flights, or all if the flights have no
+/// channels.
 pub fn writing<'a>(
     flights: &[Flight],
     trace: &'a LightTrace,
     options: &LightOptions,
 ) -> Vec<&'a Lamp> {
     let fixtures = options.fixtures();
-    let has = |wanted: &str| {
-        let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
-        channels.any(|channel| channel == wanted || channel.starts_with(&format!("{wanted}.")))
-    };
     let follows = |lamp: &&Lamp| {
         let name = &lamp.emitter.name;
-        fixtures
-            .iter()
-            .filter(|fixture| fixture.name == *name)
-            .any(|fixture| fixture.drive.channel().is_some_and(has))
+        fixtures.iter().filter(|fixture| fixture.name == *name).any(|fixture| {
+            fixture.drive.channel().is_some_and(|wanted| {
+                let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
+                channels
+                    .any(|channel| channel == wanted || channel.starts_with(&format!("{wanted}.")))
+            })
+        })
     };
     if flights.iter().all(|flight| flight.lights.is_empty()) {
         return trace.lamps.iter().collect();
@@ -265,7 +265,7 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera) -> Option<Problem> {
     }
 }
 
-/// A photo that shows no trail: nothing is exposed, or everything.
+/// A photo without a visible trail: all black or all white.
 pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
     let mut histogram = [0_usize; 256];
     for pixel in photo.rgb8.chunks_exact(3) {

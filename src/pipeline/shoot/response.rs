@@ -31,7 +31,7 @@ const LEFT_FRAC: f64 = 0.05;
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
     let after = |step_m: f64| {
-        let at = |time_s: f64, off_m: f64| Setpoint {
+        let step = |time_s: f64, off_m: f64| Setpoint {
             time_s,
             position_m: Vector3::new(off_m, off_m, HEIGHT_M + off_m),
             velocity_m_s: Vector3::zeros(),
@@ -39,7 +39,7 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
             letter: None,
         };
         let end_s = BEFORE_S + AFTER_S;
-        let setpoints = vec![at(0.0, 0.0), at(BEFORE_S, step_m), at(end_s, step_m)];
+        let setpoints = vec![step(0.0, 0.0), step(BEFORE_S, step_m), step(end_s, step_m)];
         fly(&Plan { setpoints, ..Plan::default() }, &Drone::new(&options, 0), &mut |_| {})
     };
     let (still, stepped) = rayon::join(|| after(0.0), || after(STEP_M));

@@ -20,7 +20,7 @@ use noctograph_score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
 /// A photograph with every product on the way to it.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// What it is of: scene, strokes and plans, without recordings.
+    /// Subject: scene, strokes and plans, without recordings.
     pub shoot: Shoot,
     /// Flights, one for each drone; none for light that was recorded alone.
     pub flights: Vec<Flight>,
@@ -28,7 +28,7 @@ pub struct Shot {
     pub trace: LightTrace,
     /// The camera.
     pub camera: Camera,
-    /// What the light meter set; `None`: the scene's own exposure.
+    /// The light meter's settings; `None` for the scene's own exposure.
     pub metered: Option<Metered>,
     /// The film ([`Shoot::keeps_film`]).
     pub film: Option<Film>,
@@ -43,10 +43,10 @@ pub struct Shot {
     /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that
     /// the reader does not know.
     pub verdict: Option<Verdict>,
-    /// Where the reader saw what, where faults were looked for ([`Judging::Explained`]).
+    /// The reader's marks in the picture, if faults were searched ([`Judging::Explained`]).
     pub marks: Option<Marks>,
-    /// What is wrong with flights and picture; first what keeps the word from being read whatever
-    /// its letters are: the shutter, the exposure, lamps that face away.
+    /// Problems of flights and picture, those that make any word unreadable first: shutter,
+    /// exposure, lamps that face away.
     pub problems: Vec<Problem>,
     /// Those of [`Self::digests`], once they were asked for.
     digests: OnceLock<Vec<String>>,
@@ -123,14 +123,13 @@ impl Shoot {
             Some(reader) => self.read(reader, &photo, &camera, &flights, &tracked).map(Some),
         };
         let known = OnceLock::new();
-        let encode = || match self.format {
+        let (verdict, file) = rayon::join(read, || match self.format {
             None => Ok(None),
             Some(format) => {
                 let shown = self.shown(&flights, known.get_or_init(|| digests(&flights)));
                 encode(format, scene, &photo, film.as_ref(), &camera, shown).map(Some)
             }
-        };
-        let (verdict, file) = rayon::join(read, encode);
+        });
         let (read, file) = (verdict?, file?);
         let (mut verdict, marks) =
             read.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
@@ -208,6 +207,7 @@ pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     known_of(flights, &tracking(flights), plan)
 }
 
+/// Facts for the reader's advice: speed, contour error, lag and gaps of the flights.
 fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions) -> Known {
     let mean = |value: fn(&Tracking) -> f64| {
         let n = tracked.iter().flatten().count();

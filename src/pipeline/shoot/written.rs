@@ -1,7 +1,7 @@
 //! The size of letters that plans write.
 //!
 //! In: a scene, its strokes, and plans. Out: the scene and its strokes in the plans' size and
-//! place, from which camera and checks take theirs.
+//! place, for camera and checks.
 
 use crate::scene::Scene;
 use noctograph_core::error::Result;
@@ -9,8 +9,8 @@ use noctograph_core::geometry::bounds;
 use noctograph_letters::{LetterOptions, Strokes};
 use noctograph_plan::Plan;
 
-/// Least change of size by which plans write another size than the scene, and how well both sides
-/// of the word have to agree on it.
+/// Least change of size to rescale the scene's word to the plans, and the tolerance between width
+/// and height.
 const OTHER_SIZE: f64 = 0.02;
 const SAME_SHAPE: f64 = 0.05;
 

@@ -27,21 +27,21 @@ mod starts;
 
 /// Most strokes whose order is the optimum.
 const EXACT_STROKES: usize = 10;
-/// Most ways of all strokes together for which transits are planned to know their duration.
+/// Greatest number of ways of all strokes for which exact transits are planned.
 const MEASURED_WAYS: usize = 24;
 /// Most strokes of a drawing: its order is sought among all pairs.
 const MAX_STROKES: usize = 10_000;
 
-/// What a step to another letter costs where letters are read one after the other, s: more than any
-/// way within a word. Only an order from one end to the other has one step for each letter.
+/// Cost of a step to another letter in reading order, s: more than any way within a word, so that
+/// an order from one end to the other, with one step a letter, is the cheapest.
 const LETTER_S: f64 = 1000.0;
 /// How much longer the order of reading may take, as a share of the shortest flight.
 const LONGER: f64 = 0.1;
-/// Transits from which the time of many strokes is taken, and the share of it that they are sure to
-/// take.
+/// Number of transits sampled to estimate the time of many strokes, and the guaranteed share of the
+/// estimate.
 const MEASURED_TRANSITS: usize = 500;
 const MEASURED_SHARE: f64 = 0.85;
-/// Advice for what takes too long.
+/// Advice for drawings that take too long.
 pub(super) const SHORTER: &str = "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw \
                                   fewer strokes, or smaller";
 
@@ -203,9 +203,9 @@ impl Tour<'_> {
 
     fn transit_s(&self, way_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
         if self.measured {
-            let at =
+            let state_at =
                 |position_m, velocity_m_s| State { position_m, velocity_m_s, ..State::default() };
-            let (from, to) = (at(Vector2::zeros(), from), at(way_m, to));
+            let (from, to) = (state_at(Vector2::zeros(), from), state_at(way_m, to));
             let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
@@ -258,13 +258,13 @@ impl Tour<'_> {
         }
         let whole = |last: usize| best[all * n + last].0 + self.between_s(Some(legs[last]), None);
         let last = (0..n).min_by(|a, b| whole(*a).total_cmp(&whole(*b)));
-        let (mut set, mut at) = (all, last.unwrap_or(usize::MAX));
+        let (mut set, mut index) = (all, last.unwrap_or(usize::MAX));
         let mut order = Vec::new();
-        while at != usize::MAX {
-            order.push(legs[at]);
-            let before = best[set * n + at].1;
-            set &= !(1 << legs[at].0);
-            at = before;
+        while index != usize::MAX {
+            order.push(legs[index]);
+            let before = best[set * n + index].1;
+            set &= !(1 << legs[index].0);
+            index = before;
         }
         order.reverse();
         order
@@ -354,7 +354,7 @@ mod tests {
         }
     }
 
-    /// Ten words, three of which have more strokes than are tried in all orders.
+    /// Ten words, three of them with too many strokes for an exact order.
     #[test]
     fn words_are_written_as_they_are_read_where_it_costs_a_tenth_at_most() {
         let mut n_read = 0;
@@ -388,8 +388,8 @@ mod tests {
             let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
             let mut best = f64::INFINITY;
             brute(&tour, &mut Vec::new(), &mut best);
-            let found = tour.total_s(&tour.exact());
-            assert!((found - best).abs() < 1e-9, "seed {seed}: {found} instead of {best}");
+            let actual = tour.total_s(&tour.exact());
+            assert!((actual - best).abs() < 1e-9, "seed {seed}: {actual} instead of {best}");
         }
     }
 
@@ -402,8 +402,8 @@ mod tests {
             let best = tour.total_s(&tour.exact());
             let mut legs = tour.nearest();
             tour.improve(&mut legs);
-            let found = tour.total_s(&tour.best_ways(&legs));
-            assert!(found < 1.1 * best && found >= best - 1e-9, "{found} against {best}");
+            let actual = tour.total_s(&tour.best_ways(&legs));
+            assert!(actual < 1.1 * best && actual >= best - 1e-9, "{actual} against {best}");
             let mut seen: Vec<usize> = legs.iter().map(|leg| leg.0).collect();
             seen.sort_unstable();
             assert_eq!(seen, (0..9).collect::<Vec<_>>());
@@ -434,12 +434,14 @@ mod tests {
     fn the_grid_finds_the_same_nearest_strokes_as_asking_all() {
         let style = EvenStyle::default();
         let square = |n: i32, step: f64| {
-            let at = |i: i32| Vector2::new(f64::from(i % n) * step, 0.5 + f64::from(i / n) * step);
-            let dash = |i| PenStroke::even(0, vec![at(i), at(i) + Vector2::new(0.002, 0.0)]);
+            let point =
+                |i: i32| Vector2::new(f64::from(i % n) * step, 0.5 + f64::from(i / n) * step);
+            let dash = |i| PenStroke::even(0, vec![point(i), point(i) + Vector2::new(0.002, 0.0)]);
             (0..n * n).map(|i| dash(i).ways(0.2)).collect::<Vec<_>>()
         };
         let row = (0..40).map(f64::from).map(|x| Vector2::new(x, 1.0));
-        let row = row.map(|at| PenStroke::even(0, vec![at, at + Vector2::new(0.5, 0.0)]).ways(0.2));
+        let row = row
+            .map(|point| PenStroke::even(0, vec![point, point + Vector2::new(0.5, 0.0)]).ways(0.2));
         // Dashes on a square grid are near in many equal ways.
         for ways in [drawing(300, 1), drawing(61, 2), square(12, 0.05), row.collect()] {
             let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
@@ -453,18 +455,18 @@ mod tests {
         let ways = drawing(2000, 7);
         let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
         let drawn: Vec<Leg> = (0..2000).map(|stroke| (stroke, 0)).collect();
-        let found = shortest_legs(&ways, &style, &[]);
-        let (found_s, drawn_s) = (tour.total_s(&found), tour.total_s(&drawn));
+        let actual = shortest_legs(&ways, &style, &[]);
+        let (found_s, drawn_s) = (tour.total_s(&actual), tour.total_s(&drawn));
         assert!(found_s < 0.45 * drawn_s, "{found_s} s of {drawn_s} s");
     }
 
     #[test]
     fn many_strokes_are_refused_by_a_part_of_their_transits_and_dots_count() {
         let style = EvenStyle::default();
-        let row = |n: u32, apart_m: f64| -> Vec<PenStroke> {
-            let at = |k: u32| Vector2::new(apart_m * f64::from(k), 1.0);
-            (0..n).map(|k| PenStroke::even(0, vec![at(k)])).collect()
-        };
+        fn row(n: u32, apart_m: f64) -> Vec<PenStroke> {
+            let point = |k: u32| Vector2::new(apart_m * f64::from(k), 1.0);
+            (0..n).map(|k| PenStroke::even(0, vec![point(k)])).collect()
+        }
         check_duration(&row(3000, 0.01), 0.2, &style).unwrap();
         let error = check_duration(&row(3000, 1.0), 0.2, &style).unwrap_err().to_string();
         assert!(error.contains("3000 strokes take some"), "{error}");

@@ -18,8 +18,8 @@ const MAX_RUN: usize = 3;
 impl Tour<'_> {
     /// From the floor always to the stroke that is nearest in time.
     ///
-    /// Where two are as near, the one that comes first among those left: they begin in the order of
-    /// the drawing, and the last one takes the place of each that is drawn.
+    /// Of two equally near strokes the first of the remaining list: it begins in the order of the
+    /// drawing, and `swap_remove` moves the last one.
     pub(super) fn nearest(&self) -> Vec<Leg> {
         let mut left: Vec<usize> = (0..self.ways.len()).collect();
         let mut place = left.clone();
@@ -48,10 +48,10 @@ impl Tour<'_> {
                     }
                 }
             }
-            let (_, at, way) = best;
-            let stroke = left.swap_remove(at);
-            if let Some(moved) = left.get(at) {
-                place[*moved] = at;
+            let (_, index, way) = best;
+            let stroke = left.swap_remove(index);
+            if let Some(moved) = left.get(index) {
+                place[*moved] = index;
             }
             starts.remove(stroke, &self.ways[stroke]);
             order.push((stroke, way));
@@ -69,7 +69,7 @@ impl Tour<'_> {
             pairs.fold(f64::INFINITY, f64::min)
         };
         let mut others: Vec<(f64, usize)> = Vec::with_capacity(ends.len());
-        let nearest = |stroke: usize| {
+        let neighbors = (0..ends.len()).map(|stroke| {
             others.clear();
             let all = (0..ends.len()).filter(|other| *other != stroke);
             others.extend(all.map(|other| (apart(stroke, other), other)));
@@ -78,8 +78,8 @@ impl Tour<'_> {
                 others.truncate(NEIGHBORS);
             }
             others.iter().map(|(_, other)| *other).collect()
-        };
-        (0..ends.len()).map(nearest).collect()
+        });
+        neighbors.collect()
     }
 
     /// 2-opt and Or-opt until neither saves time.

@@ -30,16 +30,15 @@ pub(super) fn best_shift_s(
 ) -> f64 {
     let cost = |samples: &mut dyn Iterator<Item = &FlightSample>, shift_s: f64| {
         let mut walk = design.walk();
-        let error = |s: &FlightSample| (s.position_m - walk.at_m(s.time_s - shift_s)).xz();
-        spread_m2(samples.map(error))
+        spread_m2(samples.map(|s| (s.position_m - walk.at_m(s.time_s - shift_s)).xz()))
     };
     let stride = samples.len().div_ceil(COARSE_SAMPLES).max(1);
     let coarse = |shift_s: f64| cost(&mut samples.iter().step_by(stride), shift_s);
     minimize(range_s, coarse, |shift_s| cost(&mut samples.iter(), shift_s))
 }
 
-/// Mean square of errors about their mean, and a little of the mean's: what a shift in time
-/// explains and one in space does not.
+/// Variance of errors plus a small share of their squared mean, so that a shift in time is
+/// preferred to an offset in space.
 pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())
@@ -59,7 +58,7 @@ pub fn minimize(
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
     let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));
-    let costs = grid.map(|at| (at, coarse(at)));
+    let costs = grid.map(|shift_s| (shift_s, coarse(shift_s)));
     let nearest = |a: f64, b: f64| a.abs().total_cmp(&b.abs());
     let best = costs.min_by(|a, b| a.1.total_cmp(&b.1).then(nearest(a.0, b.0)));
     let (best, _) = best.expect("a grid has a point");

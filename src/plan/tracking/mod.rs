@@ -5,9 +5,9 @@
 //! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of
 //! the design in time that brings it closest to the flight in the word's plane (x-z), but for a
 //! constant offset. The error after that shift, and the distance to the path, are visible in a
-//! photograph. That distance (contour error) is measured to the part of the path around the
-//! shifted time, half a second either way, so that another stroke that crosses there does not
-//! reduce it, and so that a flight ahead of its design is judged as one behind it.
+//! photograph. This contour error is measured to the part of the path within half a
+//! second of the shifted time: a crossing stroke does not reduce it, and a flight ahead of its
+//! design is judged as one behind it.
 //!
 //! All samples have equal weight: a log whose rate varies is resampled when it is imported.
 //!
@@ -146,7 +146,6 @@ impl Tracking {
 /// [`Error::Input`] where the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     let (samples, design) = designed(flight, part)?;
-    let logged = |quantity| !flight.unlogged.contains(&quantity);
     let (lag_s, rmse_after_lag_m) = after_lag(&samples, &design);
     let errors = || samples.iter().map(|sample| sample.position_m - sample.design_m);
     Ok(Tracking {
@@ -158,10 +157,11 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
         lag_s,
         rmse_after_lag_m,
         contour: contour(&samples, &design, lag_s),
-        observer_rmse_m: logged(Quantity::Estimate)
+        observer_rmse_m: flight
+            .has(Quantity::Estimate)
             .then(|| rms(samples.iter().map(|sample| sample.estimate_m - sample.position_m))),
         drift: drift(&samples),
-        attitude: logged(Quantity::Attitude).then(|| attitude_spread(&samples)),
+        attitude: flight.has(Quantity::Attitude).then(|| attitude_spread(&samples)),
     })
 }
 
@@ -192,6 +192,7 @@ pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, Desig
     Ok((samples, design))
 }
 
+/// Distance of samples from the design's path within the lag.
 fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
     let mut walk = design.walk();
     let mut distances_m: Vec<f64> = samples
@@ -214,6 +215,7 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
     }
 }
 
+/// Extremes in depth, and the share inside the corridor.
 fn drift(samples: &[FlightSample]) -> Drift {
     let y_m = || samples.iter().map(|sample| sample.position_m.y);
     Drift {
@@ -235,12 +237,12 @@ fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     }
 }
 
-/// Root mean square of each component; zero of nothing.
+/// Root mean square of each component; zero without values.
 pub fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
 }
 
-/// Mean; zero of nothing.
+/// Mean; zero without values.
 pub fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
     sum / n.max(1) as f64

@@ -32,12 +32,12 @@ impl Part {
     ///
     /// [`Error::Input`] where there are none, or no position in them.
     pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
-        if flight.unlogged.contains(&Quantity::Position) {
+        if !flight.has(Quantity::Position) {
             let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
         let all = flight.samples.iter().copied();
-        let (samples, found, hint): (Vec<FlightSample>, _, _) = match self {
+        let (samples, actual, hint): (Vec<FlightSample>, _, _) = match self {
             Self::All => (all.collect(), "no sample", "name a file that holds a flight"),
             Self::Letters => {
                 let letters = all.filter(|sample| sample.letter.is_some()).collect();
@@ -53,7 +53,7 @@ impl Part {
             }
         };
         if samples.is_empty() {
-            return Err(Error::input("flight", found, "at least one", hint));
+            return Err(Error::input("flight", actual, "at least one", hint));
         }
         Ok(samples)
     }

@@ -36,15 +36,15 @@ impl Legs {
     fn square_m2(&self, point_m: Vector2<f64>, legs: Range<usize>) -> f64 {
         let columns = self.0.each_ref().map(|column| column[legs.clone()].as_chunks::<LANES>());
         let mut least = [f64::INFINITY; LANES];
-        for at in 0..columns[0].0.len() {
-            let columns = columns.map(|column| &column.0[at]);
+        for row in 0..columns[0].0.len() {
+            let columns = columns.map(|column| &column.0[row]);
             for lane in 0..LANES {
                 let square = square_m2(point_m, columns.map(|column| column[lane]));
                 least[lane] = if square < least[lane] { square } else { least[lane] };
             }
         }
         let rest = 0..columns[0].1.len();
-        let rest = rest.map(|at| square_m2(point_m, columns.map(|column| column.1[at])));
+        let rest = rest.map(|row| square_m2(point_m, columns.map(|column| column.1[row])));
         rest.chain(least).fold(f64::INFINITY, f64::min)
     }
 }
@@ -77,11 +77,11 @@ impl DesignPath {
     pub fn new(flight: &Flight) -> Option<Self> {
         let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
         let corners = flight.samples.iter().map(|sample| (sample.time_s, sample.design_m));
-        designed.then(|| Self::of(corners))
+        designed.then(|| Self::through(corners))
     }
 
     /// The path through at least one point, in the order of their times.
-    pub fn of(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
+    pub fn through(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
         let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
         let corners = without_even_corners(corners);
         let mut path = Self { corners, legs: Legs::default() };
@@ -200,10 +200,12 @@ mod tests {
     #[test]
     fn a_straight_stroke_is_one_leg_and_a_step_is_another() {
         // Right for a second, a step up, then a wait.
-        let design = |t: f64| match t {
-            t if t <= 1.0 => Vector3::new(0.2 * t, 0.0, 0.5),
-            _ => Vector3::new(0.2, 0.0, 0.6),
-        };
+        fn design(t: f64) -> Vector3<f64> {
+            match t {
+                t if t <= 1.0 => Vector3::new(0.2 * t, 0.0, 0.5),
+                _ => Vector3::new(0.2, 0.0, 0.6),
+            }
+        }
         let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();
         let times_s: Vec<f64> = path.corners.iter().map(|corner| corner.time_s).collect();
         assert_eq!(times_s, [0.0, 1.0, 1.01, 2.0]);

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use super::constructed::{flight, square, still};
 use super::*;
 
-fn near(found: f64, wanted: f64, within: f64, what: &str) {
-    assert!((found - wanted).abs() <= within, "{what}: {found} instead of {wanted}");
+fn near(actual: f64, wanted: f64, within: f64, what: &str) {
+    assert!((actual - wanted).abs() <= within, "{what}: {actual} instead of {wanted}");
 }
 
 #[test]
@@ -48,8 +48,8 @@ fn a_constant_offset_is_no_lag() {
     near((tracking.rmse_m - aside.abs()).norm(), 0.0, 1e-12, "RMSE");
     near((tracking.mean_error_m - aside).norm(), 0.0, 1e-12, "mean");
     let ContourError { mean_m, rms_m, p95_m, max_m } = tracking.contour;
-    for found in [mean_m, rms_m, p95_m, max_m] {
-        near(found, 0.02, 1e-9, "contour");
+    for actual in [mean_m, rms_m, p95_m, max_m] {
+        near(actual, 0.02, 1e-9, "contour");
     }
 }
 
@@ -67,12 +67,12 @@ fn a_lag_is_found_beside_the_path_of_a_word_that_ends_elsewhere() {
 
 #[test]
 fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
-    let round = |radius_m: f64| {
+    fn round(radius_m: f64) -> impl Fn(f64) -> Vector3<f64> {
         move |t: f64| {
             let (sin, cos) = libm::sincos(TAU * t / 8.0);
             Vector3::new(radius_m * cos, 0.0, 1.0 + radius_m * sin)
         }
-    };
+    }
     let flown = flight(0.004, 16.0, |t| round(0.31)(t - 0.3), round(0.3));
     // From 1 s on, when the design that the drone trails has begun.
     let late =
@@ -89,15 +89,17 @@ fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
 fn a_crossing_stroke_does_not_reduce_the_contour_error() {
     // Right along z = 0.5, later back along z = 0.55: a drone 0.05 m too high on its way right lies
     // on the later stroke, and one 0.05 m too low on its way back on the earlier one.
-    let design = |t: f64| match t {
-        t if t < 3.0 => Vector3::new(0.2 * t, 0.0, 0.5),
-        t if t < 4.0 => Vector3::new(0.6, 0.0, 0.5 + 0.05 * (t - 3.0)),
-        t => Vector3::new(0.6 - 0.2 * (t - 4.0), 0.0, 0.55),
-    };
-    let wrong = |t: f64| {
+    fn design(t: f64) -> Vector3<f64> {
+        match t {
+            t if t < 3.0 => Vector3::new(0.2 * t, 0.0, 0.5),
+            t if t < 4.0 => Vector3::new(0.6, 0.0, 0.5 + 0.05 * (t - 3.0)),
+            t => Vector3::new(0.6 - 0.2 * (t - 4.0), 0.0, 0.55),
+        }
+    }
+    fn wrong(t: f64) -> Vector3<f64> {
         let up_m = if t < 3.5 { 0.05 } else { -0.05 };
         design(t) + Vector3::z() * up_m
-    };
+    }
     let mut flown = flight(0.01, 7.0, wrong, design);
     for sample in &mut flown.samples {
         let straight = sample.time_s < 2.0 || sample.time_s > 5.0;
@@ -122,8 +124,8 @@ fn p95_bounds_19_of_20_samples() {
 #[test]
 fn drift_observer_error_and_attitude_are_measured() {
     let design = |_| Vector3::z();
-    let sway = |t: f64| Vector3::new(0.0, if t < 1.0 { -0.1 } else { 0.3 }, 1.0);
-    let mut flown = flight(0.01, 1.99, sway, design);
+    let mut flown =
+        flight(0.01, 1.99, |t| Vector3::new(0.0, if t < 1.0 { -0.1 } else { 0.3 }, 1.0), design);
     for (k, sample) in flown.samples.iter_mut().enumerate() {
         sample.estimate_m.x += 0.004;
         sample.attitude.pitch_rad = if k % 2 == 0 { 0.1 } else { -0.3 };

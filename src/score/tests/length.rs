@@ -21,7 +21,7 @@ const PAIRS: [(&str, &[&str]); 10] = [
 fn a_letter_too_many_or_too_few_is_seen_wherever_it_is() {
     let mut sure = 0;
     for (shown, others) in PAIRS {
-        let shot = Shot::of(&simplex(shown));
+        let shot = Shot::new(&simplex(shown));
         let own = shot.verdict(&simplex(shown));
         assert!(own.legible, "{own:?}");
         for other in others {
@@ -39,7 +39,7 @@ fn a_letter_too_many_or_too_few_is_seen_wherever_it_is() {
 fn a_lit_wall_is_no_letter() {
     for (word, wall) in [("HELLO", 0.2), ("HELLO", 0.4), ("Sofia", 0.2)] {
         let strokes = simplex(word);
-        let shot = Shot { wall, ..Shot::of(&strokes) };
+        let shot = Shot { wall, ..Shot::new(&strokes) };
         let verdict = shot.verdict(&strokes);
         assert!(verdict.legible && verdict.read == word, "{wall}: {verdict:?}");
         let blind = read(&shot.photo()).text;
@@ -49,7 +49,7 @@ fn a_lit_wall_is_no_letter() {
 
 #[test]
 fn a_whole_word_too_many_is_seen() {
-    let both = Shot::of(&simplex("HELLO WORLD"));
+    let both = Shot::new(&simplex("HELLO WORLD"));
     for other in ["HELLO", "WORLD"] {
         let verdict = both.verdict(&simplex(other));
         assert!(!verdict.legible && verdict.is_contradicted(), "{other}: {verdict:?}");
@@ -60,7 +60,7 @@ fn a_whole_word_too_many_is_seen() {
 fn equal_shapes_in_another_case_are_no_rivals() {
     for word in ["Mia", "min", "ill", "Zoë"] {
         let strokes = simplex(word);
-        let verdict = Shot::of(&strokes).verdict(&strokes);
+        let verdict = Shot::new(&strokes).verdict(&strokes);
         assert!(verdict.readability > 0.6 && verdict.read == word, "{word}: {verdict:?}");
         let rival = &verdict.rival.as_ref().unwrap().word;
         assert!(!rival.eq_ignore_ascii_case(word), "{word}: rival {rival}");
@@ -70,7 +70,7 @@ fn equal_shapes_in_another_case_are_no_rivals() {
 #[test]
 fn two_lines_agree_with_their_light_as_one_does() {
     let strokes = simplex("HELLO\nWORLD");
-    let verdict = Shot::of(&strokes).explained(&strokes, &Known::default());
+    let verdict = Shot::new(&strokes).explained(&strokes, &Known::default());
     assert!(verdict.faithfulness.unwrap() > 0.97, "{verdict:?}");
     assert_eq!(verdict.read, "HELLO\nWORLD");
 }
@@ -78,9 +78,9 @@ fn two_lines_agree_with_their_light_as_one_does() {
 #[test]
 fn told_the_word_it_is_as_likely_as_read_blindly() {
     let noor = word("NOOR");
-    let photo = Shot::of(&noor).photo();
+    let photo = Shot::new(&noor).photo();
     // A camera that looks beside the word.
-    let aside = Shot::of(&noor).shifted(0.5, 0.2);
+    let aside = Shot::new(&noor).shifted(0.5, 0.2);
     let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
     let verdict = reader.score(&photo, &(&aside.camera).into()).unwrap();
     assert_eq!(read(&photo).text, "NOOR");
@@ -90,6 +90,6 @@ fn told_the_word_it_is_as_likely_as_read_blindly() {
 #[test]
 fn gaps_between_words_are_spaces() {
     for text in ["GO ON", "WE CAN DO"] {
-        assert_eq!(read(&Shot::of(&simplex(text)).photo()).text, text);
+        assert_eq!(read(&Shot::new(&simplex(text)).photo()).text, text);
     }
 }

@@ -44,7 +44,7 @@ fn is_read(verdict: &Verdict) -> bool {
 fn clean_words_are_legible() {
     let words = ["HELLO", "quiz", "JUMP"].map(simplex);
     for strokes in words.into_iter().chain([word("NOOR")]) {
-        let verdict = Shot::of(&strokes).verdict(&strokes);
+        let verdict = Shot::new(&strokes).verdict(&strokes);
         assert!(verdict.legible && verdict.read == strokes.word, "{verdict:?}");
     }
 }
@@ -52,7 +52,7 @@ fn clean_words_are_legible() {
 #[test]
 fn every_letter_of_a_clean_word_is_right() {
     for strokes in [simplex("FLOCK"), simplex("Wavy"), word("GHOST"), fixed("BOX")] {
-        let verdict = Shot::of(&strokes).verdict(&strokes);
+        let verdict = Shot::new(&strokes).verdict(&strokes);
         assert!(is_read(&verdict), "{verdict:?}");
     }
 }
@@ -60,7 +60,7 @@ fn every_letter_of_a_clean_word_is_right() {
 #[test]
 fn accents_count_as_their_letters_and_punctuation_is_not_judged() {
     let strokes = simplex("Zoë!");
-    let verdict = Shot::of(&strokes).verdict(&strokes);
+    let verdict = Shot::new(&strokes).verdict(&strokes);
     assert!(is_read(&verdict) && verdict.read == "Zoë!", "{verdict:?}");
     assert_eq!((verdict.letters[3].p, verdict.letters[3].best), (None, Some('!')));
     assert!(verdict.letters[2].p > Some(0.5), "{verdict:?}");
@@ -72,20 +72,20 @@ fn accents_count_as_their_letters_and_punctuation_is_not_judged() {
 fn latin_letters_of_other_languages_are_read() {
     for name in ["Łucja", "Søren", "Þór", "Kjær", "Cœur", "Ægir"] {
         let strokes = simplex(name);
-        let verdict = Shot::of(&strokes).verdict(&strokes);
+        let verdict = Shot::new(&strokes).verdict(&strokes);
         assert!(is_read(&verdict) && verdict.read == name, "{name}: {verdict:?}");
         assert_eq!(verdict.letters.len(), name.chars().count(), "{name}");
     }
     // What the drawing does not show is read as before.
     let strokes = simplex("Kjær");
-    let verdict = Shot::of(&simplex("Kjar")).verdict(&strokes);
+    let verdict = Shot::new(&simplex("Kjar")).verdict(&strokes);
     assert!(!verdict.legible && !is_read(&verdict), "{verdict:?}");
 }
 
 #[test]
 fn the_teams_faults_leave_every_letter_right() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor);
+    let shot = Shot::new(&noor);
     let faults = [
         ("7 cm to the left", shot.clone().shifted(-0.07, 0.0)),
         ("trailing by 6 cm", shot.clone().trailing(0.06)),
@@ -108,7 +108,7 @@ fn the_teams_faults_leave_every_letter_right() {
 #[test]
 fn great_faults_do_not_pass() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor);
+    let shot = Shot::new(&noor);
     let faults = [
         ("wandering by 8 cm", shot.clone().wandering(0.08)),
         ("trailing by 40 cm", shot.clone().trailing(0.40)),
@@ -127,17 +127,17 @@ fn great_faults_do_not_pass() {
 #[test]
 fn what_is_no_word_is_not_legible() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor);
+    let shot = Shot::new(&noor);
     let blank = shot.showing(Vec::new()).verdict(&noor);
     assert_eq!((blank.legible, blank.reason), (false, Some(Reason::NoLight)), "{blank:?}");
     assert_eq!((&blank.read[..], blank.letters[0].best), ("????", None), "nothing is read");
     for text in ["TREE", "MOON", "NEAR", "NOON", "ROON"] {
-        let other = shot.showing(Shot::of(&word(text)).moves).verdict(&noor);
+        let other = shot.showing(Shot::new(&word(text)).moves).verdict(&noor);
         assert!(!other.legible && other.readability < 0.5, "{text}: {other:?}");
     }
     for text in ["NOOR", "O", "A", "M"] {
         let strokes = word(text);
-        let filled = Shot::of(&strokes).showing(box_of_light(&strokes)).verdict(&strokes);
+        let filled = Shot::new(&strokes).showing(box_of_light(&strokes)).verdict(&strokes);
         assert!(!filled.legible && filled.readability <= 0.3, "{filled:?}");
     }
 }
@@ -146,7 +146,7 @@ fn what_is_no_word_is_not_legible() {
 fn scribbles_are_not_legible() {
     for text in ["NOOR", "HI", "O", "A", "M"] {
         let strokes = word(text);
-        let shot = Shot::of(&strokes);
+        let shot = Shot::new(&strokes);
         for n_lines in [8, 60] {
             for seed in 1..=2 {
                 let verdict = shot.showing(scribble(&strokes, seed, n_lines)).verdict(&strokes);
@@ -164,7 +164,7 @@ fn one_wrong_letter_is_not_legible() {
         let words: Vec<Strokes> =
             group.chars().map(|letter| fixed(&format!("N{letter}E"))).collect();
         for shown in &words {
-            let shot = Shot { camera: camera(shown, 240, 0.0), ..Shot::of(shown) };
+            let shot = Shot { camera: camera(shown, 240, 0.0), ..Shot::new(shown) };
             let (photo, view) = (shot.photo(), (&shot.camera).into());
             for meant in words.iter().filter(|meant| meant.word != shown.word) {
                 let reader = Reader::new(meant, &ScoreOptions::default()).unwrap();
@@ -178,7 +178,7 @@ fn one_wrong_letter_is_not_legible() {
 #[test]
 fn a_wrong_letter_is_named() {
     for (meant, shown) in [("FED", "EED"), ("COO", "COQ"), ("VET", "YET"), ("IN", "TN")] {
-        let verdict = Shot::of(&word(shown)).verdict(&word(meant));
+        let verdict = Shot::new(&word(shown)).verdict(&word(meant));
         assert_eq!(verdict.read, shown, "{verdict:?}");
     }
 }
@@ -187,14 +187,14 @@ fn a_wrong_letter_is_named() {
 fn a_stem_alone_is_no_l() {
     let stem = [Move { from_m: [-0.15, 1.0], to_m: [-0.15, 0.5], lit: true, pace: 1.0 }];
     let l = fixed("L");
-    let verdict = Shot::of(&l).showing(stem.to_vec()).verdict(&l);
+    let verdict = Shot::new(&l).showing(stem.to_vec()).verdict(&l);
     assert!(!verdict.legible && verdict.letters[0].best != Some('L'), "{verdict:?}");
 }
 
 #[test]
 fn a_reason_agrees_with_its_number() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor);
+    let shot = Shot::new(&noor);
     let strict = ScoreOptions { legible_probability: 1.0 };
     let verdict = score(&shot.photo(), &noor, &shot.camera, &strict).unwrap();
     assert_eq!((verdict.legible, verdict.reason), (false, Some(Reason::Unsure)), "{verdict:?}");
@@ -207,10 +207,10 @@ fn a_reason_agrees_with_its_number() {
 #[test]
 fn a_missing_letter_is_a_gap() {
     let near = word("NEAR");
-    let mut moves = Shot::of(&near).moves;
+    let mut moves = Shot::new(&near).moves;
     let a = &near.glyphs[2].moves;
     moves.retain(|step| !a.contains(step));
-    let verdict = Shot::of(&near).showing(moves).verdict(&near);
+    let verdict = Shot::new(&near).showing(moves).verdict(&near);
     // Nothing is seen there, so the spelling leaves it open.
     assert_eq!((&verdict.read[..], verdict.letters[2].best), ("NE?R", None), "{verdict:?}");
     assert!(!verdict.legible && verdict.readability < 0.7, "{verdict:?}");
@@ -237,14 +237,14 @@ fn digits_of_another_font_are_read() {
         Glyph { character, cell: glyph.cell, moves: moves.collect() }
     });
     let strokes = Strokes { word: "7420".into(), glyphs: glyphs.collect(), ..cells.clone() };
-    let verdict = Shot::of(&strokes).verdict(&strokes);
+    let verdict = Shot::new(&strokes).verdict(&strokes);
     assert!(verdict.legible && verdict.read == "7420", "{verdict:?}");
 }
 
 #[test]
 fn the_place_is_found_and_its_limits_hold() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor);
+    let shot = Shot::new(&noor);
     let placed = |shot: Shot| shot.verdict(&noor);
     let verdict = placed(shot.clone().shifted(-0.22, 0.11));
     let placement = verdict.placement.unwrap();
@@ -258,13 +258,13 @@ fn the_place_is_found_and_its_limits_hold() {
     assert!((verdict.placement.unwrap().scale - 0.9).abs() < 0.02, "{verdict:?}");
     assert!(verdict.legible, "{verdict:?}");
 
-    let turned = |angle: f64| {
+    fn turned(angle: f64) -> impl Fn([f64; 2]) -> [f64; 2] {
         let (sin, cos) = libm::sincos(angle);
         move |[x, y]: [f64; 2]| {
             let (x, y) = (x - 0.15, y - 0.75);
             [0.15 + cos * x - sin * y, 0.75 + sin * x + cos * y]
         }
-    };
+    }
     for angle in [-0.1, 0.12] {
         let verdict = placed(shot.clone().mapped(turned(angle)));
         assert!((verdict.placement.unwrap().rotation_rad - angle).abs() < 0.02, "{verdict:?}");
@@ -280,7 +280,7 @@ fn the_place_is_found_and_its_limits_hold() {
 #[test]
 fn degenerate_photos_have_a_verdict() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor);
+    let shot = Shot::new(&noor);
     let with_width = |width_px| Shot { camera: camera(&noor, width_px, 0.0), ..shot.clone() };
     let few = with_width(96).verdict(&noor);
     assert!(few.legible && few.cap_height_px.unwrap() < 20.0, "sharp, at 19 pixels: {few:?}");
@@ -302,7 +302,7 @@ fn degenerate_photos_have_a_verdict() {
 
     let mut away = shot.clone();
     away.camera.camera_from_world.fill_diagonal(-1.0);
-    let photo = Shot::of(&noor).photo();
+    let photo = Shot::new(&noor).photo();
     let verdict = score(&photo, &noor, &away.camera, &ScoreOptions::default()).unwrap();
     assert_eq!(verdict.reason, Some(Reason::NotInPhoto), "{verdict:?}");
 }
@@ -310,7 +310,7 @@ fn degenerate_photos_have_a_verdict() {
 #[test]
 fn unusable_input_is_refused_by_name() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor);
+    let shot = Shot::new(&noor);
     let refuse = |strokes: &Strokes, camera: &Camera, options: &ScoreOptions| {
         score(&shot.photo(), strokes, camera, options).unwrap_err().to_string()
     };
@@ -350,11 +350,11 @@ fn documented() -> Vec<Vec<&'static str>> {
 #[test]
 fn the_verdict_is_written_as_it_is_documented() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor).ending_early(0.25);
+    let shot = Shot::new(&noor).ending_early(0.25);
     let verdict = serde_json::to_value(shot.explained(&noor, &Known::default())).unwrap();
-    let keys = |value: &serde_json::Value| -> Vec<String> {
+    fn keys(value: &serde_json::Value) -> Vec<String> {
         value.as_object().unwrap().keys().cloned().collect()
-    };
+    }
     let [top, calibration, rival, placement, letter, cause, kinds] =
         documented().try_into().expect("seven tables");
     assert_eq!(keys(&verdict), top, "sorted by serde_json");
@@ -383,7 +383,7 @@ fn the_verdict_is_written_as_it_is_documented() {
 #[test]
 fn the_same_photo_has_the_same_verdict_on_any_number_of_threads() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor).wandering(0.03);
+    let shot = Shot::new(&noor).wandering(0.03);
     let (photo, view) = (shot.photo(), View::from(&shot.camera));
     let reader = Reader::new(&noor, &ScoreOptions::default()).unwrap();
     let explain = || {

@@ -9,7 +9,7 @@ const WORDS: [&str; 4] = ["NOOR", "JAZZ", "FLOCK", "GREEN"];
 fn words_are_recognized_blindly() {
     for text in WORDS {
         let strokes = word(text);
-        let reading = read(&Shot::of(&strokes).photo());
+        let reading = read(&Shot::new(&strokes).photo());
         assert_eq!(reading.text, text, "{reading:?}");
         let boxes = reading.letters.windows(2);
         assert!(boxes.clone().all(|pair| pair[0].box_px[2] < pair[1].box_px[0]), "{reading:?}");
@@ -18,7 +18,7 @@ fn words_are_recognized_blindly() {
 
 #[test]
 fn the_teams_faults_leave_the_word_recognizable() {
-    let shot = Shot::of(&word("NOOR"));
+    let shot = Shot::new(&word("NOOR"));
     let faults = [
         ("trailing by 6 cm", shot.clone().trailing(0.06)),
         ("last 8 cm missing", shot.clone().ending_early(0.08)),
@@ -34,20 +34,20 @@ fn the_teams_faults_leave_the_word_recognizable() {
 #[test]
 fn a_word_is_read_whichever_way_up_the_photo_is() {
     for text in ["GREEN", "WAVE", "FLOCK"] {
-        let photo = Shot::of(&word(text)).photo();
+        let photo = Shot::new(&word(text)).photo();
         for quarters in 0..4 {
             let (reading, turns) = read_any_way_up(&quarter_turned(&photo, quarters), "");
             assert_eq!((&*reading.text, turns), (text, (4 - quarters) % 4), "{quarters}");
         }
     }
-    let turned = |text| quarter_turned(&Shot::of(&word(text)).photo(), 2);
+    let turned = |text| quarter_turned(&Shot::new(&word(text)).photo(), 2);
     assert_eq!(read_any_way_up(&turned("NOOR"), "NOOR").1, 2);
     assert_eq!(read_any_way_up(&turned("MOON"), "MOON").1, 2);
 }
 
 #[test]
 fn nothing_is_read_where_nothing_is_written() {
-    let shot = Shot::of(&word("NOOR"));
+    let shot = Shot::new(&word("NOOR"));
     assert_eq!(read(&shot.showing(Vec::new()).photo()).text, "");
     for [width_px, height_px] in [[1, 1], [1, 500], [7, 3]] {
         for level in [0, 255] {
@@ -62,7 +62,7 @@ fn nothing_is_read_where_nothing_is_written() {
 fn a_word_is_found_by_its_ink_where_no_camera_is_known() {
     for text in ["NOOR", "JAZZ", "BOX"] {
         let strokes = word(text);
-        let photo = Shot::of(&strokes).photo();
+        let photo = Shot::new(&strokes).photo();
         let view = locate(&photo, &read(&photo), &strokes).unwrap().unwrap();
         let verdict = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
         let verdict = verdict.score(&photo, &view).unwrap();
@@ -73,7 +73,7 @@ fn a_word_is_found_by_its_ink_where_no_camera_is_known() {
 #[test]
 fn a_photo_taken_at_an_angle_is_turned_square_on() {
     let strokes = word("NOOR");
-    let shot = Shot { camera: camera(&strokes, 640, 0.7), ..Shot::of(&strokes) };
+    let shot = Shot { camera: camera(&strokes, 640, 0.7), ..Shot::new(&strokes) };
     let view = View::from(&shot.camera);
     let flat = view.square_on(&shot.photo(), [-0.9, 0.2, 1.2, 1.3], 300.0);
     assert_eq!([flat.width_px, flat.height_px], [630, 330]);
@@ -83,7 +83,7 @@ fn a_photo_taken_at_an_angle_is_turned_square_on() {
 #[test]
 fn two_lines_small_letters_and_accents_are_read_blindly() {
     for (shown, text) in [("HELLO\nWORLD", "HELLO\nWORLD"), ("lemon", "lemon"), ("René", "Rene")] {
-        assert_eq!(read(&Shot::of(&simplex(shown)).photo()).text, text);
+        assert_eq!(read(&Shot::new(&simplex(shown)).photo()).text, text);
     }
 }
 
@@ -95,19 +95,19 @@ fn shapes_are_no_writing() {
     let middle = [0.5 * (left + right), 0.5 * (bottom + top)];
     let radius_m = 0.5 * (top - bottom);
     let ring = |n: u32, turns: f64, radius: &dyn Fn(f64) -> [f64; 2]| -> Vec<Move> {
-        let at = |k: u32| {
+        let sample = |k: u32| {
             let part = f64::from(k) / f64::from(n);
             let [across, up] = radius(part);
             let angle_rad = turns * core::f64::consts::TAU * part;
             let (sin, cos) = (libm::sin(angle_rad), libm::cos(angle_rad));
             [middle[0] + radius_m * across * sin, middle[1] + radius_m * up * cos]
         };
-        let moves = (0..n).map(|k| (at(k), at(k + 1)));
+        let moves = (0..n).map(|k| (sample(k), sample(k + 1)));
         moves.map(|(from_m, to_m)| Move { from_m, to_m, lit: true, pace: 1.0 }).collect()
     };
-    let star = |part: f64| {
+    fn star(part: f64) -> [f64; 2] {
         if ((10.0 * part).round() as u32).is_multiple_of(2) { [1.0; 2] } else { [0.4; 2] }
-    };
+    }
     let shapes = [
         ring(10, 1.0, &star),
         ring(7, 3.0, &|_| [1.0; 2]),
@@ -119,11 +119,11 @@ fn shapes_are_no_writing() {
         let mut strokes = noor.clone();
         strokes.glyphs.truncate(1);
         strokes.glyphs[0].moves = moves;
-        let shot = Shot { camera: camera(&noor, 480, 0.0), ..Shot::of(&strokes) };
+        let shot = Shot { camera: camera(&noor, 480, 0.0), ..Shot::new(&strokes) };
         let reading = read(&shot.photo()).of_writing();
         !reading.text.is_empty()
     };
     let n = shapes.into_iter().map(is_writing).filter(|is| *is).count();
     assert_eq!(n, 0, "of 5 stars");
-    assert!(!read(&Shot::of(&noor).photo()).of_writing().text.is_empty());
+    assert!(!read(&Shot::new(&noor).photo()).of_writing().text.is_empty());
 }

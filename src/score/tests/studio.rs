@@ -97,7 +97,7 @@ fn sq(value: f32) -> f32 {
 
 impl Shot {
     /// A word as intended.
-    pub(super) fn of(strokes: &Strokes) -> Self {
+    pub(super) fn new(strokes: &Strokes) -> Self {
         Self {
             moves: strokes.glyphs.iter().flat_map(|glyph| glyph.moves.clone()).collect(),
             camera: camera(strokes, 480, 0.0),
@@ -130,7 +130,7 @@ impl Shot {
     /// reached, jumps are flown.
     pub(super) fn trailing(mut self, lag_m: f64) -> Self {
         let piece_m = 0.005;
-        let mut at = self.moves[0].from_m;
+        let mut pen_m = self.moves[0].from_m;
         let mut flown = Vec::new();
         for step in &self.moves {
             let [dx, dy] = [0, 1].map(|axis| step.to_m[axis] - step.from_m[axis]);
@@ -138,9 +138,10 @@ impl Shot {
             for piece in 1..=n_pieces {
                 let part = f64::from(piece) / f64::from(n_pieces);
                 let goal = [step.from_m[0] + part * dx, step.from_m[1] + part * dy];
-                let to_m = [0, 1].map(|axis| at[axis] + piece_m / lag_m * (goal[axis] - at[axis]));
-                flown.push(Move { from_m: at, to_m, lit: step.lit, pace: 1.0 });
-                at = to_m;
+                let to_m =
+                    [0, 1].map(|axis| pen_m[axis] + piece_m / lag_m * (goal[axis] - pen_m[axis]));
+                flown.push(Move { from_m: pen_m, to_m, lit: step.lit, pace: 1.0 });
+                pen_m = to_m;
             }
         }
         self.moves = flown;
@@ -169,11 +170,12 @@ impl Shot {
     pub(super) fn wandering(self, sigma_m: f64) -> Self {
         let mut flown = self.trailing(0.01);
         let keep = libm::exp(-0.005 / 0.14_f64);
-        let (mut dice, mut off) = (Dice(7), [0.0; 2]);
+        let (mut dice, mut offset_m) = (Dice(7), [0.0; 2]);
         for step in &mut flown.moves {
-            step.from_m = [0, 1].map(|axis| step.from_m[axis] + off[axis]);
-            off = off.map(|o| keep * o + sigma_m * libm::sqrt(1.0 - keep * keep) * dice.gauss());
-            step.to_m = [0, 1].map(|axis| step.to_m[axis] + off[axis]);
+            step.from_m = [0, 1].map(|axis| step.from_m[axis] + offset_m[axis]);
+            offset_m =
+                offset_m.map(|o| keep * o + sigma_m * libm::sqrt(1.0 - keep * keep) * dice.gauss());
+            step.to_m = [0, 1].map(|axis| step.to_m[axis] + offset_m[axis]);
         }
         flown
     }

@@ -12,7 +12,7 @@ fn explained(shot: &Shot, strokes: &Strokes) -> Verdict {
 #[test]
 fn a_clean_word_has_nothing_to_explain() {
     let noor = word("NOOR");
-    let verdict = explained(&Shot::of(&noor), &noor);
+    let verdict = explained(&Shot::new(&noor), &noor);
     assert!(verdict.causes.is_empty() && verdict.advice.is_empty(), "{verdict:#?}");
     for letter in &verdict.letters {
         assert!(letter.recall > Some(0.99) && letter.precision > Some(0.99), "{letter:?}");
@@ -23,7 +23,7 @@ fn a_clean_word_has_nothing_to_explain() {
 #[test]
 fn the_explained_verdict_is_the_quick_one() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor).trailing(0.08).ending_early(0.1);
+    let shot = Shot::new(&noor).trailing(0.08).ending_early(0.1);
     let (quick, why) = (shot.verdict(&noor), explained(&shot, &noor));
     assert_eq!((quick.read, quick.readability), (why.read, why.readability));
 }
@@ -31,7 +31,7 @@ fn the_explained_verdict_is_the_quick_one() {
 #[test]
 fn an_early_end_is_measured_and_its_mending_gains() {
     let noor = word("NOOR");
-    let verdict = explained(&Shot::of(&noor).ending_early(0.25), &noor);
+    let verdict = explained(&Shot::new(&noor).ending_early(0.25), &noor);
     let first_o = verdict
         .causes
         .iter()
@@ -53,7 +53,7 @@ fn an_early_end_is_measured_and_its_mending_gains() {
 #[test]
 fn light_between_strokes_is_a_transit_with_its_lamp_delay() {
     let strokes = word("NET");
-    let mut shot = Shot::of(&strokes);
+    let mut shot = Shot::new(&strokes);
     let e = &strokes.glyphs[1].moves;
     shot.moves.iter_mut().filter(|step| e.contains(step)).for_each(|step| step.lit = true);
     let verdict = explained(&shot, &strokes);
@@ -71,7 +71,7 @@ fn light_between_strokes_is_a_transit_with_its_lamp_delay() {
 #[test]
 fn a_shifted_letter_and_a_tail_are_named() {
     let noor = word("NOOR");
-    let mut shot = Shot::of(&noor);
+    let mut shot = Shot::new(&noor);
     let second_o = &noor.glyphs[2].moves;
     for step in shot.moves.iter_mut().filter(|step| second_o.contains(step)) {
         for point in [&mut step.from_m, &mut step.to_m] {
@@ -91,10 +91,10 @@ fn a_letter_drawn_as_another_one_is_a_flaw_of_design() {
     for (character, flawed) in [('T', None), ('H', Some((Some(1), Some('T'))))] {
         let mut strokes = write("NTE", &options).unwrap();
         strokes.glyphs[1].character = character;
-        let verdict = explained(&Shot::of(&strokes), &strokes);
+        let verdict = explained(&Shot::new(&strokes), &strokes);
         let design = verdict.causes.iter().find(|cause| cause.kind == CauseKind::Design);
-        let found = design.map(|cause| (cause.letter, cause.reads_as));
-        assert_eq!(found, flawed, "{character}: {:#?}", verdict.causes);
+        let actual = design.map(|cause| (cause.letter, cause.reads_as));
+        assert_eq!(actual, flawed, "{character}: {:#?}", verdict.causes);
     }
 }
 
@@ -104,11 +104,11 @@ fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
     for (font, flawed) in [("ae483", Some((Some(1), Some('T')))), ("simplex", None)] {
         let options = LetterOptions { font: font.into(), ..Default::default() };
         let [nje, shown] = ["NJE", "NTE"].map(|text| write(text, &options).unwrap());
-        let verdict = explained(&Shot::of(&shown), &nje);
+        let verdict = explained(&Shot::new(&shown), &nje);
         assert_eq!(verdict.letters[1].best, Some('T'), "{font}");
         let design = verdict.causes.iter().find(|cause| cause.kind == CauseKind::Design);
-        let found = design.map(|cause| (cause.letter, cause.reads_as));
-        assert_eq!(found, flawed, "{font}: {:#?}", verdict.causes);
+        let actual = design.map(|cause| (cause.letter, cause.reads_as));
+        assert_eq!(actual, flawed, "{font}: {:#?}", verdict.causes);
     }
 }
 
@@ -117,7 +117,7 @@ fn a_letter_read_as_one_that_its_drawing_resembles_is_a_flaw_of_design() {
 #[test]
 fn light_that_the_log_lost_is_not_blamed_on_the_lamp() {
     let noor = word("NOOR");
-    let shot = Shot::of(&noor).ending_early(0.25);
+    let shot = Shot::new(&noor).ending_early(0.25);
     let explained = |gaps: Vec<LogGap>| {
         shot.explained(&noor, &Known { lag_s: Some(0.5), gaps, ..Known::default() })
     };
@@ -137,10 +137,10 @@ fn light_that_the_log_lost_is_not_blamed_on_the_lamp() {
     let lost = explained(vec![gap(0.0)]);
     let [leg] = &of_r(&lost)[..] else { panic!("the same part is missing") };
     assert_eq!((leg.kind, leg.log_gap_s), (CauseKind::LogGap, Some([37.61, 38.15])));
-    let text = |verdict: &Verdict, kind: CauseKind| {
+    fn text(verdict: &Verdict, kind: CauseKind) -> Option<(String, Option<f64>)> {
         let advice = verdict.advice.iter().find(|advice| advice.kind == kind);
         advice.map(|advice| (advice.text.clone(), advice.gain))
-    };
+    }
     let (said, gain) = text(&lost, CauseKind::LogGap).unwrap();
     assert!(said.contains("R (4)") && said.contains("37.61 to 38.15 s"), "{said}");
     assert!(gain > Some(0.0));
@@ -166,15 +166,15 @@ fn gaps_of_a_log_are_read_back_and_foreign_text_is_refused() {
 #[test]
 fn a_corner_that_the_log_lost_is_not_one_that_was_cut() {
     let noor = word("NOOR");
-    let mut shot = Shot::of(&noor);
+    let mut shot = Shot::new(&noor);
     let o: Vec<Move> = noor.glyphs[1].moves.iter().copied().filter(|step| step.lit).collect();
     let (before, after) = (o[1], o[2]);
     let corner_m = before.to_m;
     assert_eq!(corner_m, after.from_m, "a corner of the square letter");
-    let short = |from: [f64; 2], to: [f64; 2]| {
+    fn short(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
         let share = 1.0 - 0.07 / libm::hypot(to[0] - from[0], to[1] - from[1]);
         [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]))
-    };
+    }
     for step in &mut shot.moves {
         if *step == before {
             step.to_m = short(before.from_m, before.to_m);

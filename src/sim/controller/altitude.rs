@@ -119,7 +119,7 @@ impl Controller for AltitudeHold {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::at;
+    use crate::vehicle::at_rest;
 
     #[test]
     fn gains_are_those_of_the_double_integrator() {
@@ -135,8 +135,8 @@ mod tests {
         let place_m = Vector3::new(0.0, 0.0, 1.5);
         let reference = Reference::holding(place_m);
         let share = |controller: &mut AltitudeHold| {
-            controller.rest(&at(place_m, 0.0));
-            let motors = controller.command(&at(place_m, 0.0), &reference).motors;
+            controller.rest(&at_rest(place_m, 0.0));
+            let motors = controller.command(&at_rest(place_m, 0.0), &reference).motors;
             motors.mean() / options.vehicle.motor_max
         };
         let hover = options.vehicle.hover_throttle();
@@ -148,7 +148,8 @@ mod tests {
     fn a_position_that_jumps_by_meters_tilts_no_more_than_half_a_meter_does() {
         let design_m = Vector3::new(1.0, 2.0, 1.5);
         for (x_m, seen_m) in [(0.3, 0.3), (-8.0, -0.5)] {
-            let [there, seen] = [x_m, seen_m].map(|x_m| at(design_m + Vector3::x() * x_m, 0.0));
+            let [there, seen] =
+                [x_m, seen_m].map(|x_m| at_rest(design_m + Vector3::x() * x_m, 0.0));
             assert_eq!(within_reach(&there, &design_m), seen);
         }
     }

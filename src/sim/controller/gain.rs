@@ -77,8 +77,8 @@ pub(crate) fn with_integrals(
 pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
     let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
-    let has_rotors = |k: &Vec<Vec<f64>>| matches!(k[0].len(), 16 | 19);
-    let is_modeled = k.as_ref().map_or(*motor_lag == MotorLag::Modeled, has_rotors);
+    let is_modeled =
+        k.as_ref().map_or(*motor_lag == MotorLag::Modeled, |k| matches!(k[0].len(), 16 | 19));
     (lag_s > 0.0 && is_modeled).then_some(lag_s)
 }
 

@@ -7,7 +7,7 @@ use super::gain::{Gain, modeled_lag_s, with_integrals};
 use super::{Command, Controller, Reference};
 use crate::control::linearize;
 use crate::options::SimOptions;
-use crate::vehicle::{Mixer, State, Vehicle, Wrench, at, position};
+use crate::vehicle::{Mixer, State, Vehicle, Wrench, at_rest, position};
 use noctograph_core::error::Result;
 
 /// Bound of the integral of the position error, m s per axis. The reference flight's center of mass
@@ -77,7 +77,7 @@ impl Lqr {
             let (state, thrust_m_s2) = reference.trim();
             (state, Wrench::new(0.0, 0.0, 0.0, self.mass_kg * thrust_m_s2))
         } else {
-            (at(reference.held_m, 0.0), self.hover)
+            (at_rest(reference.held_m, 0.0), self.hover)
         };
         let (error, rotors) = (estimate - state, self.rotors - trim);
         let wrench = trim - self.k * error - self.k_integral * self.sum - self.k_rotor * rotors;
@@ -146,7 +146,7 @@ mod tests {
             acceleration_m_s2: Vector3::new(0.0, 0.0, 1.19),
         };
         let held = regulator(ControllerKind::Lqr);
-        assert_eq!(held.wrench(&at(reference.held_m, 0.0), &reference).0, held.hover);
+        assert_eq!(held.wrench(&at_rest(reference.held_m, 0.0), &reference).0, held.hover);
         let design = regulator(ControllerKind::LqrFeedforward);
         let wrench = design.wrench(&reference.trim().0, &reference).0;
         let want = Wrench::new(0.0, 0.0, 0.0, 0.0351 * 11.0);
@@ -169,12 +169,12 @@ mod tests {
 
     #[test]
     fn weights_without_a_gain_are_named() {
-        let refused = |kind, change: fn(&mut SimOptions)| {
+        fn refused(kind: ControllerKind, change: fn(&mut SimOptions)) -> String {
             let mut options = SimOptions::default();
             options.controller.kind = kind;
             change(&mut options);
             Lqr::new(&options).unwrap_err().to_string()
-        };
+        }
         let without = refused(ControllerKind::Lqr, |o| o.controller.lqr.q = [0.0; 12]);
         assert!(without.starts_with("controller.lqr.q"), "{without}");
         let without =

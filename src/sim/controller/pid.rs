@@ -88,6 +88,7 @@ impl Pid {
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
+    /// One step of the PID: output for an error, with the derivative of the measurement.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
         let [kp, ki, kd] = self.gains;
         let slope = (measured - self.measured) / self.dt_s;
@@ -255,7 +256,7 @@ fn angles(state: &State) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::at;
+    use crate::vehicle::at_rest;
     use noctograph_core::crazyflie::Release;
 
     fn asked(estimate: &State, held_m: Vector3<f64>) -> (PidCascade, Vector4<f64>) {
@@ -268,7 +269,7 @@ mod tests {
     #[test]
     fn a_drone_in_place_is_given_the_firmwares_base_thrust() {
         let place = Vector3::new(0.3, 0.1, 0.8);
-        assert_eq!(asked(&at(place, 0.0), place).1, Vector4::repeat(36_000.0));
+        assert_eq!(asked(&at_rest(place, 0.0), place).1, Vector4::repeat(36_000.0));
         let brushless = PidCascade::new(&SimOptions::cf_brushless());
         assert_eq!(brushless.thrust_base, 30_000.0, "platform_defaults_cf21bl.h");
         assert_eq!(brushless.rate[1].gains, [200.0, 400.0, 2.5], "platform_defaults_cf21bl.h");
@@ -283,7 +284,7 @@ mod tests {
         let (cascade, motors) = asked(&State::zeros(), Vector3::new(0.0, 0.1, 0.0));
         assert!((cascade.wanted[0] + 5.002).abs() < 1e-12, "roll {}", cascade.wanted[0]);
         assert!(motors[0] > motors[3] && motors[1] > motors[2], "the right lifts: {motors}");
-        let turned = at(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
+        let turned = at_rest(Vector3::zeros(), std::f64::consts::FRAC_PI_2);
         let (cascade, _) = asked(&turned, Vector3::new(0.0, 0.1, 0.0));
         assert!((cascade.wanted[1] - 5.002).abs() < 1e-12, "ahead of a drone that looks along y");
     }
@@ -305,7 +306,7 @@ mod tests {
                 pitch_rad: sin(0.05, 5.3) * grows,
                 roll_rad: sin(0.06, 4.7) * grows,
             };
-            let mut state = at(held_m + off_m, attitude.yaw_rad);
+            let mut state = at_rest(held_m + off_m, attitude.yaw_rad);
             (state[4], state[5]) = (attitude.pitch_rad, attitude.roll_rad);
             let in_body = attitude.world_from_body().tr_mul(&moving);
             state.fixed_rows_mut::<3>(6).copy_from(&in_body);
@@ -340,9 +341,9 @@ mod tests {
             let mut options = SimOptions::cf21();
             options.vehicle.firmware = release;
             let mut cascade = PidCascade::new(&options);
-            cascade.rest(&at(place, 0.0));
-            (0..50).for_each(|_| cascade.outer(&at(place, 0.0), place + Vector3::z() * 0.1));
-            cascade.change_mode(&at(place, 0.0));
+            cascade.rest(&at_rest(place, 0.0));
+            (0..50).for_each(|_| cascade.outer(&at_rest(place, 0.0), place + Vector3::z() * 0.1));
+            cascade.change_mode(&at_rest(place, 0.0));
             assert_eq!(cascade.velocity[2].integral != 0.0, keeps, "{release:?}");
         }
     }

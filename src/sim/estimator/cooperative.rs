@@ -82,6 +82,8 @@ struct Peer {
 }
 
 impl Cooperative {
+    /// The filter of one drone of a fleet at the start: all drones level and at rest at their
+    /// places.
     pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
         let own_m = fleet.members[fleet.place].start_m;
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
@@ -282,6 +284,7 @@ impl Cooperative {
         }
     }
 
+    /// The drone's next message to the fleet, by the kind of sharing.
     pub(crate) fn message(&mut self) -> Option<Message> {
         if self.share == Share::Nothing {
             return None;
@@ -303,6 +306,7 @@ impl Cooperative {
         })
     }
 
+    /// Takes in another drone's message.
     pub(crate) fn receive(&mut self, message: &Message) {
         let Some(k) = self.peers.iter().position(|peer| peer.place == message.from) else { return };
         let last_s = self.peers[k].motions.back().map_or(0.0, |last| last.time_s);

@@ -186,7 +186,7 @@ fn outliers_are_rejected() {
 /// deck does not hear from there.
 #[test]
 fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
-    let worst_m = |glass: bool, seed| {
+    fn worst_m(glass: bool, seed: u64) -> f64 {
         let mut sensors = white(Positioning::Sweeps);
         let planes = vec![[[0.0, 1.2, 0.0], [0.0, -1.0, 0.0]]];
         sensors.lighthouse.people_m = vec![[-1.2, -1.0, 0.25]];
@@ -200,7 +200,7 @@ fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
             worst_m = worst_m.max(left_m.norm());
         });
         worst_m
-    };
+    }
     for seed in 0..4 {
         let (pane_m, mirror_m) = (worst_m(true, seed), worst_m(false, seed));
         assert!(pane_m < 0.03 && mirror_m > 0.3, "seed {seed}: {pane_m} m, {mirror_m} m");

@@ -31,7 +31,8 @@ impl TdoaFilter {
         self.since_ms += 1e3 * time_s;
     }
 
-    /// Whether a difference is taken in.
+    /// The firmware's outlier filter: whether a measured difference of distances is used. Good and
+    /// bad measurements move an integrator, which closes and opens the gate.
     pub(super) fn takes(&mut self, error_m: f64, sigma_m: f64) -> bool {
         let passed_ms = std::mem::take(&mut self.since_ms).min(LONGEST_MS);
         let good = error_m.abs() < GOOD_SIGMAS * sigma_m;

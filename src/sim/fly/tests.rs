@@ -18,13 +18,13 @@ pub(crate) fn flown(plan: &Plan, options: &SimOptions, seed: u64) -> Result<Flig
 
 /// Setpoints `(time, x, z)` with a light on all of them.
 fn plan(points: &[(f64, f64, f64)]) -> Plan {
-    let setpoint = |&(time_s, x, z): &(f64, f64, f64)| Setpoint {
+    let setpoints = points.iter().map(|&(time_s, x, z)| Setpoint {
         time_s,
         position_m: Vector3::new(x, 0.0, z),
         letter: Some(0),
         ..Setpoint::default()
-    };
-    let setpoints: Vec<_> = points.iter().map(setpoint).collect();
+    });
+    let setpoints: Vec<_> = setpoints.collect();
     let lights = [("headlights".to_owned(), vec![0.5; setpoints.len()])].into();
     Plan { setpoints, lights, ..Plan::default() }
 }
@@ -142,15 +142,14 @@ fn each_index_has_its_own_noise_and_the_first_is_the_default() {
         options.observer.kind = kind;
         options.air.gusts = Gusts::room();
         // Errors of the estimate, less their mean.
-        let errors_m = |index| {
+        let of_all = [0, 1, 2].map(|index| {
             let drone = Drone { index, ..Drone::new(&options, 3) };
             let flight = fly(&hover, &drone, &mut |_| {}).unwrap();
-            let error_m = |s: &FlightSample| s.estimate_m - s.position_m;
-            let errors_m: Vec<Vector3<f64>> = flight.samples.iter().map(error_m).collect();
+            let errors_m: Vec<Vector3<f64>> =
+                flight.samples.iter().map(|s| s.estimate_m - s.position_m).collect();
             let mean_m = errors_m.iter().sum::<Vector3<f64>>() / errors_m.len() as f64;
             (flight, errors_m.iter().map(|e| e - mean_m).collect::<Vec<_>>())
-        };
-        let of_all = [0, 1, 2].map(errors_m);
+        });
         assert_eq!(of_all[0].0, flown(&hover, &options, 3).unwrap(), "index 0 is the default");
         let product = |i: usize, j: usize| -> f64 {
             of_all[i].1.iter().zip(&of_all[j].1).map(|(a, b)| a.dot(b)).sum()
@@ -204,10 +203,10 @@ fn a_drone_at_the_edge_of_a_wake_is_turned_and_one_outside_flies_as_if_alone() {
     still.air.downwash = Downwash::None;
     assert!(hovering(0.5, 0.3, &blowing) == hovering(0.5, 0.3, &still), "0.3 m beside");
     // The rotors on the wake's side lift less: the drone leans toward the wake.
-    let moved_m = |options| {
+    fn moved_m(options: &SimOptions) -> f64 {
         let flight = hovering(0.3, 0.08, options).remove(1);
         flight.samples.iter().find(|s| s.time_s > 0.3).unwrap().position_m.x - 0.08
-    };
+    }
     let pulled_m = moved_m(&blowing) - moved_m(&still);
     assert!(pulled_m < -0.002, "{pulled_m} m");
 }

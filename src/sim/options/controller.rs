@@ -7,7 +7,7 @@ settings! {
     /// The controller. The weights of one that does not fly are kept, for the design of gains and
     /// for a change of the kind.
     pub struct ControllerOptions {
-        /// The controller that flies.
+        /// Kind of controller.
         kind: ControllerKind = ControllerKind::Lqr;
         /// Linear-quadratic regulators.
         lqr: LqrOptions = LqrOptions::default(),
@@ -55,8 +55,8 @@ settings! {
     /// Default: the team's weights, from Bryson's rule and then by hand; integrals that remove a
     /// standing error in about two seconds.
     pub struct LqrOptions {
-        /// Gain K in `u = u_ref − K (x̂ − x_ref)`, such as SciPy or a notebook gives, in place of
-        /// one designed by the weights.
+        /// Gain K in `u = u_ref − K (x̂ − x_ref)`, for example from SciPy, in place of the one
+        /// designed from the weights.
         ///
         /// Rows: torque x y z (N m) and thrust (N). Columns: the twelve states in the order of `q`,
         /// and for lqr-integral the integrals of the position error x y z (m s). Where the motors
@@ -64,11 +64,11 @@ settings! {
         /// of the modeled rotors.
         k: Option<Vec<Vec<f64>>> = None, in -1e6..=1e6;
         /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
-        /// and body rate x y z (s²/rad²). More holds tighter and moves the motors more.
+        /// and body rate x y z (s²/rad²). Larger weights hold tighter and move the motors more.
         q: [f64; 12] =
             [120.0, 80.0, 75.0, 40.0, 0.01, 0.01, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0], in 0.0..=1e12,
             unless "controller.lqr.k";
-        /// Weights of torque x y z (1/(N m)²) and thrust (1/N²). More spares the motors.
+        /// Weights of torque x y z (1/(N m)²) and thrust (1/N²). Larger weights spare the motors.
         r: [f64; 4] = [5_045_605.0, 5_045_605.0, 38_586_096.0, 566.0], in 1e-6..=1e12,
             unless "controller.lqr.k";
         /// Weights of the integral of the position error x y z (1/(m s)²), for lqr-integral.
@@ -128,7 +128,7 @@ settings! {
         pitch_rate: [f64; 3] = [250.0, 500.0, 2.5], in 0.0..=1e5;
         /// Yaw rate.
         yaw_rate: [f64; 3] = [120.0, 16.7, 0.0], in 0.0..=1e5;
-        /// Command with which the drone is thought to hover, of 65535 (`PID_VEL_THRUST_BASE`).
+        /// Assumed hover command, of 65535 (`PID_VEL_THRUST_BASE`).
         ///
         /// The loops' integrals make up for the rest, which is why a heavy drone leaves the floor
         /// late.

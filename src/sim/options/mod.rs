@@ -183,9 +183,8 @@ impl SimOptions {
         options
     }
 
-    /// The same with the firmware's filter on ideal sweeps of its stations: what it makes of the
-    /// drone's drag is the same in every flight. `None` where another estimator flies, or on other
-    /// sensors.
+    /// The rehearsal with the firmware's filter on ideal sweeps of its stations, since the filter's
+    /// error by drag is the same in every flight. `None` for other estimators and sensors.
     #[must_use]
     pub fn rehearsal_by_filter(&self) -> Option<Self> {
         let positioning = self.sensors.positioning;

@@ -7,7 +7,7 @@ use noctograph_core::settings::settings;
 settings! {
     /// The estimator. The weights of one that does not fly are kept, for the design of gains.
     pub struct ObserverOptions {
-        /// The estimator that flies.
+        /// Kind of estimator.
         kind: EstimatorKind = EstimatorKind::Luenberger;
         /// Luenberger observer.
         luenberger: LuenbergerOptions = LuenbergerOptions::default(),
@@ -15,7 +15,7 @@ settings! {
         /// Extended Kalman filter.
         ekf: EkfOptions = EkfOptions::default(),
             for "observer.kind" = "ekf" | "ekf-improved" | "altitude" | "cooperative";
-        /// What the firmware's Kalman filter does otherwise than a textbook's.
+        /// Differences between the firmware's Kalman filter and a textbook's.
         firmware: FirmwareOptions = FirmwareOptions::default(), for "observer.kind" = "ekf";
         /// Altitude filter.
         altitude: AltitudeOptions = AltitudeOptions::default(), for "observer.kind" = "altitude";
@@ -45,7 +45,7 @@ settings! {
 
     /// The filter of a fleet.
     pub struct CooperativeOptions {
-        /// What the drones tell each other.
+        /// Data that the drones exchange.
         share: Share = Share::Measurements;
         /// Standard deviation of the place where a drone starts, per axis.
         start_sigma_m: f64 = 0.02, in 1e-4..=10.0;
@@ -57,7 +57,7 @@ settings! {
     pub enum Share {
         /// Their motion, ranges and heights: every drone estimates all drones from them.
         "measurements" => Measurements,
-        /// Their estimates. What two drones have in common is then counted twice: worse, for
+        /// Their estimates. Information common to two drones is counted twice: worse, for
         /// comparison.
         "estimates" => Estimates,
         /// Nothing: every drone has its own anchors alone.
@@ -73,7 +73,7 @@ settings! {
         /// More follows the measurement faster and passes more of its noise.
         q: [f64; 3] = [111_111.0, 62_500.0, 250_000.0], in 1e-6..=1e12;
         /// Trust in the model of position x y z, pitch, roll and body velocity x y z: 1/σ² of each
-        /// derivative. More follows the gyroscope and the accelerometer.
+        /// derivative. Larger values follow the gyroscope and the accelerometer.
         r: [f64; 8] = [1479.3, 1479.3, 918.3, 94.3, 24.3, 45.0, 75.6, 28.6], in 1e-6..=1e12;
     }
 
@@ -104,8 +104,8 @@ settings! {
         /// That of the time-of-flight ranger follows its distance, as in the firmware.
         barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0,
             for "sensors.heights" = "barometer", unless "observer.kind" = "altitude";
-        /// Gate: standard deviations of its innovation beyond which a position, a range or a height
-        /// is rejected; the firmware has none.
+        /// Outlier gate: a position, range or height is rejected if its innovation exceeds this
+        /// many standard deviations; the firmware has no gate.
         ///
         /// χ² with one degree of freedom. If it is too low, measurements that disagree by several
         /// times the σ above, as those of real rooms do, are ignored.
@@ -134,7 +134,7 @@ settings! {
         /// Noise density of the vertical acceleration beside the gusts, (m/s²)/√Hz: gusts within a
         /// step, lag of the motors.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.04243, in 0.0001..=100.0;
-        /// Hover throttle that is believed before the flight; left out, that of the vehicle.
+        /// Assumed hover throttle at the start; by default the vehicle's.
         hover_throttle: Option<f64> = None, in 0.01..=0.99;
         fixed {
             /// Random walk of α¹.
@@ -155,8 +155,8 @@ settings! {
         }
     }
 
-    /// What the firmware's Kalman filter does otherwise than a textbook's: each can be changed, to
-    /// see what it costs.
+    /// Differences between the firmware's Kalman filter and a textbook's: each can be changed, to
+    /// see its cost.
     ///
     /// Default: release 2026.08 (`kalman_core.c`, `estimator_kalman.c`, `mm_sweep_angles.c`,
     /// `mm_tof.c`, `lighthouse_core.c`, `lighthouse_throttle.c`, `outlierFilterTdoa.c`).
@@ -165,13 +165,14 @@ settings! {
         horizontal_force: HorizontalForce = HorizontalForce::Zero;
         /// Predictions per second, each on the mean of the inertial readings since the last.
         prediction_hz: f64 = 100.0, in 1.0..=2000.0;
-        /// What the angles of sweeps say about the attitude.
+        /// Attitude information taken from sweep angles.
         sweep_attitude: SweepAttitude = SweepAttitude::YawError,
             for "sensors.positioning" = "sweeps";
-        /// Whether both sweeps of a rotation are used at the second one, and none where one is
-        /// missing; else each when it arrives.
+        /// Whether a rotation's two sweeps are used together at the second one, and dropped if one
+        /// is missing; otherwise each is used when it arrives.
         paired_sweeps: bool = true, for "sensors.positioning" = "sweeps";
-        /// Rotations per second that are used of all second-generation stations together; 0: all.
+        /// Greatest number of rotations used per second, over all second-generation stations; 0:
+        /// all.
         rotations_hz: f64 = 50.0, in 0.0..=1e4, for "sensors.positioning" = "sweeps";
         /// Least variance of each state: of position (m²), velocity (m²/s²) and attitude (rad²).
         least_variance: f64 = 1e-6, in 0.0..=1.0;
@@ -179,14 +180,14 @@ settings! {
 
     /// Specific force across the body's z axis in flight, as the firmware's filter has it.
     pub enum HorizontalForce {
-        /// None: a drone without drag feels none. One with drag is taken to be tilted and to move
-        /// otherwise than it does.
+        /// None, as on a drone without drag; with drag, the estimates of tilt and velocity are
+        /// wrong.
         "zero" => Zero,
         /// What the accelerometer reads.
         "measured" => Measured,
     }
 
-    /// What the angles of sweeps say about the attitude.
+    /// Attitude information taken from sweep angles.
     pub enum SweepAttitude {
         /// The yaw, by the diagonals of the deck's sensors as one station sees them.
         "yaw-error" => YawError,

@@ -115,7 +115,7 @@ impl Lighthouse {
     ) -> &[Sweep] {
         self.sweeps.clear();
         if time_s - self.bent_s >= BEND_S {
-            (self.bend_m, self.bent_s) = (self.bend.at(position_m), time_s);
+            (self.bend_m, self.bent_s) = (self.bend.value_at(position_m), time_s);
         }
         let turn = self.turn;
         let bent_m = turn * position_m * self.scale + self.bend_m;

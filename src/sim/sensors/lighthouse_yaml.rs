@@ -121,13 +121,13 @@ fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> R
         return Ok(());
     }
     let error = Error::input(key, &value.value, wanted.join(" or "), HINT);
-    Err(error.at(file, value.referenced.line()))
+    Err(error.in_file(file, value.referenced.line()))
 }
 
 /// A station of its geometry.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
     let refused = |line: u64, key: &str, value: String, wanted: &str| {
-        Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).at(file, line))
+        Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).in_file(file, line))
     };
     let position_m = geometry.origin.value;
     if !position_m.iter().all(|x| x.abs() <= 1e4) {

@@ -118,21 +118,21 @@ settings! {
         stations: Vec<Station> = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]]
             .map(|place| Station::looking(Generation::V2, place, [0.15, 0.0, 0.75]))
             .into();
-        /// Mirrors, which reflect all: a point of each, and the direction that it faces. Besides
-        /// its sweeps the deck then hears those of each station's image.
+        /// Perfect mirrors: a point and the normal of each. The deck also receives the sweeps of
+        /// each station's mirror image.
         ///
         /// They reach `sweeps` and `crossing-beams`, as do people and silent stations.
         mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
-        /// Panes of glass: a point of each, and the direction that it faces. They reflect 8 %
-        /// straight on and more the flatter the light falls in; the deck hears an image up to 6 m
-        /// times the root of that.
+        /// Panes of glass: a point and the normal of each. They reflect 8 % at normal incidence and
+        /// more at grazing incidence; the deck receives a reflection up to 6 m times the root of
+        /// the reflectance.
         panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
         /// People who stand in the light, 1.8 m high: x, y and radius of each.
         people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
-        /// Silences: number of the station, from 0, and the times from and to, s.
+        /// Outages: number of the station, from 0, and the outage's begin and end, s.
         silent: Vec<[f64; 3]> = Vec::new(), in 0.0..=1e5,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
         fixed {
@@ -191,7 +191,8 @@ settings! {
         rate_hz: f64 = 180.0, in 1.0..=2000.0;
         /// White noise of a range, σ.
         noise_m: f64 = 0.06, in 0.0..=10.0;
-        /// Error of a link (an anchor, or a pair of them) that changes with the drone's place, σ.
+        /// Bias of a link (an anchor, or a pair of anchors), which varies with the drone's place,
+        /// σ.
         bias_m: f64 = 0.2, in 0.0..=10.0;
         /// Share of ranges that are outliers.
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
@@ -210,7 +211,7 @@ settings! {
         rate_hz: f64 = 20.0, in 0.1..=500.0;
         /// Share of messages that are lost, for each receiver on its own.
         loss_frac: f64 = 0.0, in 0.0..=1.0;
-        /// Time that a message takes.
+        /// Latency of a message.
         delay_s: f64 = 0.02, in 0.0..=10.0;
     }
 

@@ -37,13 +37,13 @@ impl PositionSensor {
 
     /// Position that a drone at rest is believed to be at, once the jitter has averaged out.
     pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
-        self.frame * position_m + self.distortion.at(&position_m)
+        self.frame * position_m + self.distortion.value_at(&position_m)
     }
 
     /// The position as measured at a tick.
     pub(super) fn read(&mut self, position_m: Vector3<f64>, tick: u32) -> Vector3<f64> {
         if tick.is_multiple_of(self.ticks_per_fix) {
-            self.distortion_m = self.distortion.at(&position_m);
+            self.distortion_m = self.distortion.value_at(&position_m);
         }
         self.frame * position_m + self.distortion_m + self.jitter.next_three() * self.jitter_m
     }

@@ -19,6 +19,7 @@ pub(super) fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str)
         let text = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));
         let text: String = text.unwrap_or_default().trim().chars().take(MOST_SHOWN).collect();
         let quoted = format!("`{text}`: {}", error.without_snippet());
-        Error::input("", quoted, "the form that Bitcraze's programs write", hint).at(file, line)
+        Error::input("", quoted, "the form that Bitcraze's programs write", hint)
+            .in_file(file, line)
     })
 }

@@ -179,6 +179,7 @@ impl Inertia {
         end
     }
 
+    /// Derivative of the body's state under a load and wind.
     #[inline(always)]
     fn slope(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];

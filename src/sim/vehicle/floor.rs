@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn steps_in_one_place_or_inside_out_are_refused() {
-        let refused = |change: fn(&mut FloorStep)| {
+        fn refused(change: fn(&mut FloorStep)) -> Option<String> {
             let mut floor = table();
             let mut second = floor.steps[0].clone();
             change(&mut second);
@@ -124,7 +124,7 @@ mod tests {
             let checked =
                 Described::check(&floor, "floor", None).and_then(|()| floor.check_steps());
             checked.err().map(|error| error.to_string())
-        };
+        }
         let overlapping = refused(|step| step.x_m = [1.9, 3.0]).unwrap();
         assert!(overlapping.starts_with("floor.steps[1]: found x 1.9 to 3 m"), "{overlapping}");
         assert_eq!(refused(|step| step.x_m = [2.0, 3.0]), None, "side by side");

@@ -266,10 +266,10 @@ mod tests {
         let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
         let (t_w, t_u) = (3.048 / 3.0, 3.048 / libm::pow(0.18523, 1.2) / 3.0);
         assert_density(&spectrum[0], |w| 4.0 * sigma_u * sigma_u * t_u / (1.0 + t_u * t_u * w * w));
-        let across = |sigma: f64, t: f64, w: f64| {
+        fn across(sigma: f64, t: f64, w: f64) -> f64 {
             let s = t * t * w * w;
             2.0 * sigma * sigma * t * (1.0 + 3.0 * s) / ((1.0 + s) * (1.0 + s))
-        };
+        }
         assert_density(&spectrum[1], |w| across(sigma_u, t_u, w));
         assert_density(&spectrum[2], |w| across(sigma_w, t_w, w));
     }

@@ -91,7 +91,7 @@ pub(crate) fn state(
 }
 
 /// A level drone at rest.
-pub fn at(position_m: Vector3<f64>, yaw_rad: f64) -> State {
+pub fn at_rest(position_m: Vector3<f64>, yaw_rad: f64) -> State {
     let (still, level) = (Vector3::zeros(), Attitude::default());
     state(&position_m, Attitude { yaw_rad, ..level }, &still, &still)
 }
@@ -141,7 +141,7 @@ mod tests {
     }
 
     fn tumbling() -> State {
-        let mut state = at(Vector3::new(0.1, -0.2, 50.0), 0.4);
+        let mut state = at_rest(Vector3::new(0.1, -0.2, 50.0), 0.4);
         for (i, value) in [0.2, -0.3, 1.0, -2.0, 0.5, 1.5, -1.0, 2.0].into_iter().enumerate() {
             state[4 + i] = value;
         }

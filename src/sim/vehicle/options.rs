@@ -134,9 +134,10 @@ settings! {
 
     /// Compensation of a falling battery voltage by the firmware.
     pub enum Compensation {
-        /// A command is a thrust: the duty cycle rises as the voltage falls, until one is full.
-        /// Then all four are lowered alike: thrust gives way to attitude. The controller `pid` may
-        /// thus command more than `vehicle.motor_max`, which a full battery gives.
+        /// A command is a thrust: the duty cycle rises as the voltage falls. Where one motor's is
+        /// full, all four are lowered by the same amount: attitude has priority over thrust. The
+        /// controller `pid` may thus command more than `vehicle.motor_max`, which a full battery
+        /// gives.
         ///
         /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
         /// `powerDistributionCap`, `power_distribution_quadrotor.c`.
@@ -151,7 +152,7 @@ settings! {
         wind_m_s: [f64; 3] = [0.0; 3], in -50.0..=50.0;
         /// Gusts on top of the wind; they push the drone through its drag.
         gusts: Gusts = Gusts::None;
-        /// What a drone below another one loses of its thrust.
+        /// Thrust loss of a drone below another one.
         downwash: Downwash = Downwash::Jet, unless "plan.drones" = "1";
     }
 

@@ -77,7 +77,7 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
 /// How late B is, found like `--align flown` and the lag of a flight: the shift of A that comes
 /// closest to B but for a constant offset. Then, at each sample, how far A moves in that time.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
-    let a = DesignPath::of(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
+    let a = DesignPath::through(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
     let shifted = |late_s: f64| {
         let mut walk = a.walk();
         pairs.iter().map(move |[a, _]| walk.at_m(a.time_s - late_s))

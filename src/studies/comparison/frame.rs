@@ -63,7 +63,7 @@ pub(super) fn place(
     offset_s: f64,
     clock: &dyn Fn(&Flight) -> Result<f64>,
 ) -> Result<(f64, Option<FrameAlignment>)> {
-    if [a, b].iter().all(|flight| !flight.unlogged.contains(&Quantity::Design)) {
+    if [a, b].iter().all(|flight| flight.has(Quantity::Design)) {
         return Ok((offset_s, None));
     }
     let alignment = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, FrameAlignment)>> {

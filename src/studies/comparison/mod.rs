@@ -136,7 +136,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
         let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
         apart.map(|angle| libm::remainder(angle, std::f64::consts::TAU))
     });
-    let logged = [a, b].iter().all(|flight| !flight.unlogged.contains(&Quantity::Attitude));
+    let logged = [a, b].iter().all(|flight| flight.has(Quantity::Attitude));
     Ok(Comparison {
         part: options.part,
         offset_s,

@@ -88,7 +88,7 @@ fn attitude_is_compared_the_short_way_round() {
 #[test]
 fn flights_of_different_words_are_refused() {
     // A sweep of 1 m to the right, and the same word a quarter of a meter higher.
-    let sweep = |z: f64| {
+    fn sweep(z: f64) -> Flight {
         let sample = |i: i32| {
             let at_m = Vector3::new(f64::from(i) * 0.01, 0.0, z);
             FlightSample {
@@ -100,7 +100,7 @@ fn flights_of_different_words_are_refused() {
             }
         };
         Flight { samples: (0..100).map(sample).collect(), ..Flight::default() }
-    };
+    }
     let options = ComparisonOptions { part: Part::Letters, ..ComparisonOptions::default() };
     assert!(compare(&sweep(0.5), &sweep(0.52), &options).is_ok(), "2 cm");
     let error = compare(&sweep(0.5), &sweep(0.75), &options).unwrap_err().to_string();
@@ -111,10 +111,10 @@ fn flights_of_different_words_are_refused() {
 
 #[test]
 fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
-    let refused = |a: &Flight, b: &Flight, alignment| {
+    fn refused(a: &Flight, b: &Flight, alignment: Alignment) -> String {
         let options = ComparisonOptions { alignment, ..Default::default() };
         compare(a, b, &options).unwrap_err().to_string()
-    };
+    }
     let (a, empty) = (aside(0.0, 0.01), Flight::default());
     let undesigned = flight(0.01, 12.0, square, still);
     assert!(refused(&a, &empty, Alignment::Design).contains("flight B: found no design"));

@@ -215,6 +215,7 @@ fn square(value: f64) -> f64 {
 }
 
 impl HoldFigures {
+    /// Limits that the scenario's figures miss.
     fn misses(&self) -> Vec<String> {
         let Some(bounds) = self.bounds else { return Vec::new() };
         let Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps } = bounds;

@@ -85,6 +85,7 @@ struct Truth<'a> {
 }
 
 impl<'a> Truth<'a> {
+    /// The scalar model at the set altitude, with gain, offset and bias drawn by the seed.
     fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
         let mut drawn = Noise::new(seed, 0, DRONE);
         let hover = options.vehicle.hover_throttle();
@@ -107,7 +108,7 @@ impl<'a> Truth<'a> {
         self.full_gain * self.scenario.lift_frac(time_s)
     }
 
-    /// In the order of [`AltitudeState`].
+    /// True values of the altitude filter's states, in the order of [`AltitudeState`].
     fn states(&self, time_s: f64) -> [f64; 6] {
         let drift_m_s = self.options.sensors.barometer.drift_m_s + self.scenario.drift_m_s();
         let barometer_m = self.barometer_m + drift_m_s * time_s;
@@ -125,6 +126,7 @@ impl<'a> Truth<'a> {
         }
     }
 
+    /// Advances the vertical motion by one tick.
     fn step(&mut self, throttle: f64, time_s: f64) {
         let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
         let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);

@@ -75,8 +75,8 @@ fn lit_m(bounds: &[Bound]) -> Range<f64> {
     if lit_m.start > lit_m.end { 0.0..1.0 } else { lit_m }
 }
 
-fn label(canvas: &mut Canvas, at: [f64; 2], text: &str) {
-    canvas.text(text, at, Anchor::Start, CAP_PX, [0; 3]);
+fn label(canvas: &mut Canvas, place_px: [f64; 2], text: &str) {
+    canvas.text(text, place_px, Anchor::Start, CAP_PX, [0; 3]);
 }
 
 /// A drone's way from the front: lit strokes in the color of their bound, the rest thin.
@@ -96,15 +96,15 @@ fn draw_strokes(
         }
         shown_s = *time_s;
         let place_m = plan.design_m(*time_s);
-        let at = front.px([place_m.x, place_m.z]);
+        let place_px = front.px([place_m.x, place_m.z]);
         if let Some(from) = before {
             let pen = match letter {
                 Some(_) => Pen::new(color(*sigma_m), 6.0),
                 None => Pen::new([221; 3], 1.0),
             };
-            canvas.line([from, at], pen);
+            canvas.line([from, place_px], pen);
         }
-        before = Some(at);
+        before = Some(place_px);
     }
 }
 

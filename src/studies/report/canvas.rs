@@ -56,10 +56,10 @@ pub(super) trait Surface {
 
     fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen);
 
-    fn dot(&mut self, at: [f64; 2], radius_px: f64, color: Rgb);
+    fn dot(&mut self, place_px: [f64; 2], radius_px: f64, color: Rgb);
 
     /// Writes a text whose capitals have a height, from its lower left corner on.
-    fn write(&mut self, text: &str, at: [f64; 2], cap_px: f64, color: Rgb);
+    fn write(&mut self, text: &str, place_px: [f64; 2], cap_px: f64, color: Rgb);
 
     /// The rim of a disk.
     fn ring(&mut self, [x, y]: [f64; 2], radius_px: f64, pen: Pen) {
@@ -190,8 +190,8 @@ impl Surface for Canvas {
         );
     }
 
-    fn write(&mut self, text: &str, at: [f64; 2], cap_px: f64, color: Rgb) {
-        self.text(text, at, Anchor::Start, cap_px, color);
+    fn write(&mut self, text: &str, place_px: [f64; 2], cap_px: f64, color: Rgb) {
+        self.text(text, place_px, Anchor::Start, cap_px, color);
     }
 }
 
@@ -259,16 +259,16 @@ impl Surface for Pixels {
         self.pixels.stroke_path(&path, &paint(pen.color), &stroke, Transform::identity(), None);
     }
 
-    fn dot(&mut self, at: [f64; 2], radius_px: f64, color: Rgb) {
-        let [x, y] = at.map(narrow);
+    fn dot(&mut self, place_px: [f64; 2], radius_px: f64, color: Rgb) {
+        let [x, y] = place_px.map(narrow);
         let Some(path) = PathBuilder::from_circle(x, y, narrow(radius_px)) else { return };
         let (rule, transform) = (FillRule::Winding, Transform::identity());
         self.pixels.fill_path(&path, &paint(color), rule, transform, None);
     }
 
-    fn write(&mut self, text: &str, at: [f64; 2], cap_px: f64, color: Rgb) {
+    fn write(&mut self, text: &str, place_px: [f64; 2], cap_px: f64, color: Rgb) {
         let pen = Pen::new(color, (STROKE_SHARE * cap_px).max(1.0));
-        for line in self.letters(text, at, cap_px).0 {
+        for line in self.letters(text, place_px, cap_px).0 {
             self.line(line, pen);
         }
     }
@@ -311,9 +311,10 @@ mod tests {
         let mut pixels = Pixels::new(&Photo { width_px, height_px, rgb8, scene_toml: None });
         draw(&mut pixels);
         let picture = pixels.photo();
-        let at = |x: usize, y: usize| &picture.rgb8[3 * (100 * y + x)..][..3];
-        assert_eq!([at(50, 20), at(80, 20)], [[0, 0, 255], [0, 255, 0]]);
-        let black: Vec<usize> = (0..100).filter(|x| (36..51).any(|y| at(*x, y)[0] < 128)).collect();
+        let pixel = |x: usize, y: usize| &picture.rgb8[3 * (100 * y + x)..][..3];
+        assert_eq!([pixel(50, 20), pixel(80, 20)], [[0, 0, 255], [0, 255, 0]]);
+        let black: Vec<usize> =
+            (0..100).filter(|x| (36..51).any(|y| pixel(*x, y)[0] < 128)).collect();
         let ends = [black[0], black[black.len() - 1]];
         assert!((49..54).contains(&ends[0]) && (65..100).contains(&ends[1]), "{ends:?}");
         let mut canvas = Canvas::white([100.0, 60.0]);

@@ -22,10 +22,10 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
          hold against; gusts: those that turn a drone as its air did. -: the log does not show it.",
     );
-    let curves = |of: Of| -> Vec<Curve> {
-        let curve = |((_, logs), color): (&(&str, &[EveningLog]), _)| {
+    let curves = |figure: Of| -> Vec<Curve> {
+        let curves = drones.iter().zip(COLORS).map(|((_, logs), color)| {
             let value = |(index, log): (usize, &EveningLog)| {
-                Some((index as f64 + 1.0, log.figures.as_ref().and_then(of)?))
+                Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
             };
             let sound = logs.iter().filter(|log| log.flaws.is_empty());
             let points: Vec<(f64, f64)> = sound.enumerate().filter_map(value).collect();
@@ -33,12 +33,12 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
             let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
             let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
             Curve { pen: Pen::new(color, 2.0), pieces }
-        };
-        drones.iter().zip(COLORS).map(curve).collect()
+        });
+        curves.collect()
     };
     let most = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
-    let panel = |(y_name, least, of): (&'static str, f64, Of)| {
-        let curves = curves(of);
+    let panel = |(y_name, least, figure): (&'static str, f64, Of)| {
+        let curves = curves(figure);
         let values = curves.iter().flat_map(Curve::points).map(|(_, value)| value);
         let x = 0.5..most as f64 + 0.5;
         Panel::new([x, around(values, least)], HEIGHT_PX, y_name, curves)

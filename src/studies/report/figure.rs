@@ -91,7 +91,7 @@ impl Panel {
 /// A word at a place, on its upper right.
 #[derive(Clone, Debug)]
 pub(super) struct Mark {
-    pub(super) at: (f64, f64),
+    pub(super) place: (f64, f64),
     pub(super) text: String,
 }
 
@@ -119,8 +119,8 @@ impl Figure {
             let high_px = first_px + f64::from(row) * LEGEND_ROW_PX;
             let right_px = left_px + LEGEND_LINE_PX;
             canvas.line([[left_px, high_px], [right_px, high_px]], *pen);
-            let at = [right_px + 8.0, high_px + MIDDLE_SHARE * NAME_EM_PX];
-            text(&mut canvas, name, at, Anchor::Start, NAME_EM_PX);
+            let place_px = [right_px + 8.0, high_px + MIDDLE_SHARE * NAME_EM_PX];
+            text(&mut canvas, name, place_px, Anchor::Start, NAME_EM_PX);
         }
         for panel in &self.panels {
             panel.draw(&mut canvas, top_px);
@@ -137,8 +137,8 @@ impl Figure {
         // A long word is written smaller, so that it is not cut off.
         let narrow_px = 1.6 * PANEL_WIDTH_PX / title.chars().count().max(1) as f64;
         let em_px = narrow_px.clamp(1.6, TITLE_EM_PX);
-        let at = [SIDES_PX[0], 24.0 + MIDDLE_SHARE * em_px];
-        text(canvas, &title, at, Anchor::Start, em_px);
+        let place_px = [SIDES_PX[0], 24.0 + MIDDLE_SHARE * em_px];
+        text(canvas, &title, place_px, Anchor::Start, em_px);
     }
 
     /// Where the entries of the legend begin, with their rows; and the number of rows.
@@ -149,9 +149,9 @@ impl Figure {
             if left_px + wide_px > SIDES_PX[0] + PANEL_WIDTH_PX + 24.0 && left_px > SIDES_PX[0] {
                 (left_px, row) = (SIDES_PX[0], row + 1);
             }
-            let at = (left_px, row);
+            let place_px = (left_px, row);
             left_px += wide_px;
-            at
+            place_px
         };
         (self.legend.iter().map(place).collect(), row + 1)
     }
@@ -168,9 +168,9 @@ impl Panel {
             }
         }
         for (mark, [right_px, down_px]) in self.marks.iter().zip(self.places()) {
-            let [x, y] = place(self.px(mark.at));
-            let at = [x + right_px, y + down_px + MIDDLE_SHARE * MARK_EM_PX];
-            text(canvas, &mark.text, at, Anchor::Start, MARK_EM_PX);
+            let [x, y] = place(self.px(mark.place));
+            let place_px = [x + right_px, y + down_px + MIDDLE_SHARE * MARK_EM_PX];
+            text(canvas, &mark.text, place_px, Anchor::Start, MARK_EM_PX);
         }
     }
 
@@ -199,16 +199,16 @@ impl Panel {
         canvas.line([[left, top_px], [left, bottom], [right, bottom]], ink);
         for (x, x_px) in x_places {
             canvas.line([[x_px, bottom], [x_px, bottom + TICK_PX]], ink);
-            let at = [x_px, bottom + LABEL_PX + ASCENT_SHARE * NUMBER_EM_PX];
-            text(canvas, &number(x), at, Anchor::Middle, NUMBER_EM_PX);
+            let place_px = [x_px, bottom + LABEL_PX + ASCENT_SHARE * NUMBER_EM_PX];
+            text(canvas, &number(x), place_px, Anchor::Middle, NUMBER_EM_PX);
         }
         for (y, y_px) in y_places {
             canvas.line([[left - TICK_PX, y_px], [left, y_px]], ink);
-            let at = [left - LABEL_PX, y_px + MIDDLE_SHARE * NUMBER_EM_PX];
-            text(canvas, &number(y), at, Anchor::End, NUMBER_EM_PX);
+            let place_px = [left - LABEL_PX, y_px + MIDDLE_SHARE * NUMBER_EM_PX];
+            text(canvas, &number(y), place_px, Anchor::End, NUMBER_EM_PX);
         }
-        let at = [EDGE_PX + ASCENT_SHARE * NAME_EM_PX, middle];
-        text(canvas, self.y_name, at, Anchor::Upward, NAME_EM_PX);
+        let place_px = [EDGE_PX + ASCENT_SHARE * NAME_EM_PX, middle];
+        text(canvas, self.y_name, place_px, Anchor::Upward, NAME_EM_PX);
     }
 
     /// Where the words of the marks begin, right of and below their places: each at the nearest of
@@ -216,8 +216,8 @@ impl Panel {
     fn places(&self) -> Vec<[f64; 2]> {
         let drawn = self.drawn_px();
         let mut taken: Vec<[f64; 4]> = Vec::new();
-        let place = |mark: &Mark| {
-            let [x_px, y_px] = self.px(mark.at);
+        let places = self.marks.iter().map(|mark| {
+            let [x_px, y_px] = self.px(mark.place);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
             let rows = (1..=6).map(|row| f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX);
             let around = rows.flat_map(|row| {
@@ -246,8 +246,8 @@ impl Panel {
             let label = *free.iter().find(is_clear).or(free.first()).copied().unwrap_or(&around[0]);
             taken.push(corners(label));
             label
-        };
-        self.marks.iter().map(place).collect()
+        });
+        places.collect()
     }
 
     /// Points of all curves from the panel's upper left corner, a few pixels apart.
@@ -284,8 +284,8 @@ fn thinned(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     kept
 }
 
-fn text(canvas: &mut Canvas, text: &str, at: [f64; 2], anchor: Anchor, em_px: f64) {
-    canvas.text(text, at, anchor, CAP_SHARE * em_px, INK);
+fn text(canvas: &mut Canvas, text: &str, place_px: [f64; 2], anchor: Anchor, em_px: f64) {
+    canvas.text(text, place_px, anchor, CAP_SHARE * em_px, INK);
 }
 
 /// From the least to the largest value.
@@ -348,11 +348,11 @@ mod tests {
     fn words_at_places_neither_collide_nor_leave_the_panel() {
         let corner = (0..6).map(|k| (9.99 + 0.001 * f64::from(k), 9.99));
         let middle = (0..12).map(|k| (5.0 + 0.05 * f64::from(k), 5.0));
-        let marks = corner.chain(middle).map(|at| Mark { at, text: "12.3 s".to_owned() });
+        let marks = corner.chain(middle).map(|place| Mark { place, text: "12.3 s".to_owned() });
         let marks: Vec<Mark> = marks.collect();
         let panel = Panel { marks: marks.clone(), ..square(Vec::new()) };
         let corners = |(mark, [right, down]): (&Mark, [f64; 2])| {
-            let [x, y] = panel.px(mark.at);
+            let [x, y] = panel.px(mark.place);
             let (left, middle) = (x + right, y + down);
             [left, middle - 6.0, left + 6.0 * 7.2, middle + 6.0]
         };
@@ -367,32 +367,31 @@ mod tests {
 
     #[test]
     fn words_stand_in_the_drawing_where_they_were_placed_beside_curves_and_not_on_them() {
-        let mark = |text: &str| Mark { at: (5.0, 5.0), text: text.to_owned() };
+        let mark = |text: &str| Mark { place: (5.0, 5.0), text: text.to_owned() };
         let pen = Pen::new(BLUE, 2.0);
         let bar = Curve { pen, pieces: vec![vec![(5.0, 5.0), (9.0, 5.0)]] };
         let panel = Panel { marks: vec![mark("one"), mark("two")], ..square(vec![bar]) };
         let figure =
             Figure { title: "t".into(), legend: Vec::new(), x_name: "x", panels: vec![panel] };
         let svg = figure.svg();
-        let y_of = |text: &str| -> f64 {
+        let [one, two] = ["one", "two"].map(|text: &str| -> f64 {
             let before = svg.split(&format!(">{text}</text>")).next().unwrap();
             let y = before.rsplit(" y=\"").next().unwrap().split('"').next().unwrap();
             y.parse::<f64>().unwrap()
-        };
-        let [one, two] = ["one", "two"].map(y_of);
+        });
         let bar_px = HEAD_PX + 200.0;
         assert!(one < bar_px - 5.0 && two > bar_px + 5.0, "{one} and {two} beside {bar_px}");
     }
 
     #[test]
     fn a_long_title_is_written_smaller_and_not_cut_off() {
-        let size_px = |n: usize| {
+        fn size_px(n: usize) -> f64 {
             let title = "N".repeat(n);
             let figure = Figure { title, legend: Vec::new(), x_name: "x", panels: Vec::new() };
             let svg = figure.svg();
             let size = svg.split("font-size=\"").nth(1).unwrap().split('"').next().unwrap();
             size.parse::<f64>().unwrap()
-        };
+        }
         assert_eq!(size_px(10), size_px(60), "as large as ever");
         assert!(size_px(200) * 200.0 * 0.6 < PANEL_WIDTH_PX, "{} px", size_px(200));
     }

@@ -101,19 +101,19 @@ const FULL: f64 = 65_535.0;
 /// The load of drones over time: the command of the strongest motor and, of drones with a battery,
 /// its voltage. SVG.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
-    let power = |flight: &Flight, at: usize| {
-        let samples = flight.samples[at..].iter().take(LOAD_SAMPLES);
+    fn power(flight: &Flight, row: usize) -> Option<f64> {
+        let samples = flight.samples[row..].iter().take(LOAD_SAMPLES);
         let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
         Some(100.0 * most / FULL)
-    };
-    let volts = |flight: &Flight, at: usize| flight.extra.get(BATTERY_V)?.get(at).copied();
+    }
+    let volts = |flight: &Flight, row: usize| flight.extra.get(BATTERY_V)?.get(row).copied();
     let curves = |value: &dyn Fn(&Flight, usize) -> Option<f64>| -> Vec<Curve> {
-        let curve = |(index, flight): (usize, &Flight)| {
+        let curves = flights.iter().enumerate().map(|(index, flight)| {
             let samples = flight.samples.iter().enumerate().step_by(LOAD_SAMPLES);
-            let points = samples.filter_map(|(at, s)| Some((s.time_s, value(flight, at)?)));
+            let points = samples.filter_map(|(row, s)| Some((s.time_s, value(flight, row)?)));
             Curve::whole(pen(index), points)
-        };
-        flights.iter().enumerate().map(curve).collect()
+        });
+        curves.collect()
     };
     let (power, volts) = (curves(&power), curves(&volts));
     let time_s = range(power.iter().flat_map(Curve::points).map(|(time_s, _)| time_s));
@@ -178,10 +178,10 @@ impl View {
     /// What both axes cover, with a margin and these heights, so that a meter is as long on either.
     fn ranges(&self, heights_m: impl IntoIterator<Item = f64>) -> [Range<f64>; 2] {
         let points = || self.curves.iter().flat_map(Curve::points);
-        let with_margin = |range: Range<f64>| {
+        fn with_margin(range: Range<f64>) -> Range<f64> {
             let margin = (0.04 * (range.end - range.start)).max(0.02);
             range.start - margin..range.end + margin
-        };
+        }
         let x = with_margin(range(points().map(|(x, _)| x)));
         let y = with_margin(range(points().map(|(_, y)| y).chain(heights_m)));
         let per_m = PANEL_WIDTH_PX / (x.end - x.start);

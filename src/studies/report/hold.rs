@@ -74,18 +74,17 @@ pub fn hold_figure(flight: &Hold, title: &str) -> String {
     .svg()
 }
 
-/// Innovations of a sensor that were taken in, in standard deviations; interrupted where one was
-/// not.
+/// Curve of a sensor's accepted innovations, in standard deviations, interrupted at rejected ones.
 fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
-    let sigmas = |reading: &HeightReading| {
+    fn sigmas(reading: &HeightReading) -> f64 {
         let sigmas = reading.innovation.value / reading.innovation.variance.sqrt();
         sigmas.clamp(-EDGE_SIGMAS, EDGE_SIGMAS)
-    };
-    let point = |sample: &HoldSample| {
+    }
+    let points = flight.samples.iter().map(|sample| {
         let reading = sample.readings.iter().find(|reading| reading.sensor == sensor)?;
         reading.taken.then(|| (sample.time_s, sigmas(reading)))
-    };
-    let points: Vec<Option<(f64, f64)>> = flight.samples.iter().map(point).collect();
+    });
+    let points: Vec<Option<(f64, f64)>> = points.collect();
     let taken = points.split(Option::is_none).filter(|piece| piece.len() > 1);
     Curve { pen, pieces: taken.map(|piece| piece.iter().copied().flatten().collect()).collect() }
 }
@@ -94,9 +93,9 @@ fn innovation(flight: &Hold, sensor: AltitudeSensor, pen: Pen) -> Curve {
 fn thrown_away(flight: &Hold) -> Curve {
     let all = flight.samples.iter().flat_map(|s| s.readings.iter().map(move |r| (s.time_s, r)));
     let thrown = all.filter(|(_, reading)| !reading.taken);
-    let stroke = |(time_s, reading): (f64, &HeightReading)| {
+    fn stroke((time_s, reading): (f64, &HeightReading)) -> Vec<(f64, f64)> {
         let side = EDGE_SIGMAS.copysign(reading.innovation.value);
         vec![(time_s, 0.7 * side), (time_s, side)]
-    };
+    }
     Curve { pen: THROWN, pieces: thrown.map(stroke).collect() }
 }

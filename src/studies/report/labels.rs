@@ -56,8 +56,8 @@ mod tests {
         let label = Label { text: "lamp".into(), text_px: [20.0, 30.0], named_px: [150.0, 80.0] };
         let drawn = labeled(&photo, &[label]);
         let inked = |xs: std::ops::Range<usize>, ys: std::ops::Range<usize>| {
-            let at = |(x, y): (usize, usize)| drawn.rgb8[3 * (200 * y + x)] > 100;
-            xs.flat_map(|x| ys.clone().map(move |y| (x, y))).filter(|at_px| at(*at_px)).count()
+            let is_lit = |(x, y): (usize, usize)| drawn.rgb8[3 * (200 * y + x)] > 100;
+            xs.flat_map(|x| ys.clone().map(move |y| (x, y))).filter(|at_px| is_lit(*at_px)).count()
         };
         assert!(inked(20..60, 15..32) > 60, "the text");
         assert!(inked(145..156, 75..86) > 15, "the ring");

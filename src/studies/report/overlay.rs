@@ -100,10 +100,13 @@ mod tests {
         let missing_mm = verdict.letters[0].missing_mm.unwrap();
         assert!((200.0..300.0).contains(&missing_mm), "the foot: {verdict:?}");
         let drawn = overlay_photo(&photo, &marks, &verdict);
-        let is_missing = |index: &usize| drawn.rgb8[3 * index..][..3] == MISSING;
-        let missing: Vec<usize> = (0..200 * 200).filter(is_missing).collect();
+        let missing: Vec<usize> =
+            (0..200 * 200).filter(|index| drawn.rgb8[3 * index..][..3] == MISSING).collect();
         // The stem is lit from column 68 to 73; the line has round ends.
-        assert!(!missing.is_empty() && missing.iter().all(|at| at % 200 > 72), "right of the stem");
+        assert!(
+            !missing.is_empty() && missing.iter().all(|pixel| pixel % 200 > 72),
+            "right of the stem"
+        );
         let svg = overlay_svg(&photo, &marks, &verdict);
         assert!(svg.contains("id=\"missing\"") && svg.contains(">L "), "{}", svg.len());
     }

@@ -55,10 +55,10 @@ impl Page {
 
     /// A table of any width; nothing where it is empty.
     pub fn rows(self, names: &[String], rows: &[Vec<String>]) -> Self {
-        let row = |cell: &str, cells: &[String]| {
+        fn row(cell: &str, cells: &[String]) -> String {
             let cells = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text)));
             format!("<tr>{}</tr>\n", cells.collect::<String>())
-        };
+        }
         if rows.is_empty() {
             return self;
         }
@@ -75,12 +75,12 @@ impl Page {
 
     /// Drawings (SVG), side by side where there is room.
     pub fn drawings<T: AsRef<str>>(self, drawings: &[T]) -> Self {
-        let figure = |svg: &T| {
+        let figures = drawings.iter().map(|svg| {
             // An XML declaration has no place inside a page.
             let svg = svg.as_ref();
-            format!("<figure>{}</figure>\n", svg.find("<svg").map_or("", |at| &svg[at..]))
-        };
-        let drawings: String = drawings.iter().map(figure).collect();
+            format!("<figure>{}</figure>\n", svg.find("<svg").map_or("", |begin| &svg[begin..]))
+        });
+        let drawings: String = figures.collect();
         self.with(&format!("<div class=\"drawings\">\n{drawings}</div>\n"))
     }
 
@@ -99,12 +99,12 @@ impl Page {
 
     /// Photos (JPEG) in a row, with their captions, which play as a film where scripts run.
     pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
-        let frame = |(jpeg, caption): &(Vec<u8>, String)| {
+        let frames = pictures.iter().map(|(jpeg, caption)| {
             let caption = escaped(caption);
             let image = image("jpeg", jpeg, &caption);
             format!("<figure>{image}<figcaption>{caption}</figcaption></figure>\n")
-        };
-        let frames: String = pictures.iter().map(frame).collect();
+        });
+        let frames: String = frames.collect();
         self.with(&format!("<div class=\"film\">\n{frames}</div>\n"))
     }
 

@@ -68,10 +68,10 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     };
     let (width_px, height_px) = (side(photo.width_px), side(photo.height_px));
     let linear = srgb::linear_from_level();
-    let range = |i: u32, n: u32, all: u32| {
+    fn range(i: u32, n: u32, all: u32) -> std::ops::Range<usize> {
         let place = |i: u32| i as usize * all as usize / n as usize;
         place(i)..place(i + 1).max(place(i) + 1)
-    };
+    }
     let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
     for y in 0..height_px {
         let rows = range(y, height_px, photo.height_px);
@@ -126,11 +126,11 @@ pub fn placed(
             }
             let [(left, right, u), (top, bottom, v)] = [between(x, w), between(y, h)];
             rgb8.extend([0, 1, 2].map(|c| {
-                let at = |x: usize, y: usize| {
+                let value = |x: usize, y: usize| {
                     linear[usize::from(small.rgb8[3 * (y * small.width_px as usize + x) + c])]
                 };
-                let above = at(left, top) + u * (at(right, top) - at(left, top));
-                let below = at(left, bottom) + u * (at(right, bottom) - at(left, bottom));
+                let above = value(left, top) + u * (value(right, top) - value(left, top));
+                let below = value(left, bottom) + u * (value(right, bottom) - value(left, bottom));
                 encoded(above + v * (below - above))
             }));
         }
@@ -197,10 +197,10 @@ mod tests {
     fn a_similarity_is_found_from_pairs_of_points() {
         let known = Similarity { scale: 1.5, rotation_rad: 0.2, shift_px: [30.0, -7.0] };
         let points = [[0.0, 0.0], [100.0, 5.0], [40.0, 80.0]];
-        let found = Similarity::between(&points.map(|point| [point, known.apply(point)]));
-        for (there, back) in points.map(|point| (point, known.inverse().apply(found.apply(point))))
+        let actual = Similarity::between(&points.map(|point| [point, known.apply(point)]));
+        for (there, back) in points.map(|point| (point, known.inverse().apply(actual.apply(point))))
         {
-            assert!((there[0] - back[0]).hypot(there[1] - back[1]) < 1e-9, "{found:?}");
+            assert!((there[0] - back[0]).hypot(there[1] - back[1]) < 1e-9, "{actual:?}");
         }
     }
 

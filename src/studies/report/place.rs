@@ -35,6 +35,7 @@ pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2
 /// Something in the room: its name, its color, and its places. Two places are the corners of a box.
 type Thing = (String, Rgb, Vec<[f64; 3]>);
 
+/// Lists the room's contents for the site plan: flight, camera, stations, audience.
 fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let mut things = Vec::new();
     if let Some([w, d, h]) = placement.map(|placement| placement.room_m) {
@@ -56,9 +57,9 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
     let [x, y, z] = rounded(shot.camera.position_m.into());
     let name = format!("camera ({x:.2}, {y:.2}), lens {z:.2} m high");
     things.push((name, CAMERA, vec![[x, y, z]]));
-    let audience = |name: &str, [left, from]: [f64; 2], [right, to]: [f64; 2]| {
+    fn audience(name: &str, [left, from]: [f64; 2], [right, to]: [f64; 2]) -> Thing {
         (name.to_owned(), GRAY, vec![[left, from, 0.0], [right, to, 1.7]])
-    };
+    }
     match placement {
         None => {
             let behind = y - AUDIENCE_M;
@@ -68,10 +69,10 @@ fn things(shot: &Shot, placement: Option<&ShotPlan>) -> Vec<Thing> {
             let wall = [-0.5 * w, -0.5 * d];
             things.extend(audience_y_m.map(|y_m| audience("audience", wall, [0.5 * w, y_m])));
             let mut tripods: Vec<([f64; 3], usize)> = Vec::new();
-            for at in cameras[1..].iter().filter_map(|camera| camera.tripod_m.map(rounded)) {
-                match tripods.iter_mut().find(|(place, _)| *place == at) {
+            for tripod in cameras[1..].iter().filter_map(|camera| camera.tripod_m.map(rounded)) {
+                match tripods.iter_mut().find(|(place, _)| *place == tripod) {
                     Some((_, n)) => *n += 1,
-                    None => tripods.push((at, 1)),
+                    None => tripods.push((tripod, 1)),
                 }
             }
             for ([x, y, z], n) in tripods {
@@ -93,6 +94,7 @@ fn rounded(place_m: [f64; 3]) -> [f64; 3] {
     place_m.map(|m| (100.0 * m).round() / 100.0 + 0.0)
 }
 
+/// Draws the site plan from one side.
 fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> String {
     let flat = |place: &[f64; 3]| axes.map(|axis| place[axis]);
     let places = things.iter().flat_map(|(.., places_m)| places_m.iter().map(flat));
@@ -112,18 +114,18 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
     let mut canvas = Canvas::white([size_px[0].max(420.0), size_px[1] + legend_px]);
     canvas.text(format!("Shot plan {from}"), [MARGIN_PX, 26.0], Anchor::Start, 11.0, BLACK);
     for axis in 0..2 {
-        let mut at = (low[axis] / grid_m).ceil() * grid_m + 0.0; // never -0
-        while at <= high[axis] {
+        let mut line_m = (low[axis] / grid_m).ceil() * grid_m + 0.0; // never -0
+        while line_m <= high[axis] {
             let mut ends = [low, high];
-            ends.iter_mut().for_each(|end| end[axis] = at);
+            ends.iter_mut().for_each(|end| end[axis] = line_m);
             let [[x, y], end] = ends.map(|end| window.px(end));
-            canvas.line([[x, y], end], Pen { color: GRAY, width_px: 0.5, dashed: at != 0.0 });
+            canvas.line([[x, y], end], Pen { color: GRAY, width_px: 0.5, dashed: line_m != 0.0 });
             let (place, anchor) = match axis {
                 0 => ([x, y + 16.0], Anchor::Middle),
                 _ => ([x - 6.0, y + 4.0], Anchor::End),
             };
-            canvas.text(at.to_string(), place, anchor, CAP_PX, BLACK);
-            at += grid_m;
+            canvas.text(line_m.to_string(), place, anchor, CAP_PX, BLACK);
+            line_m += grid_m;
         }
     }
     let [x, y] = window.px([high[0], low[1]]);
@@ -136,7 +138,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
                 let sides = [a[0].min(b[0]), a[1].min(b[1]), a[0].max(b[0]), a[1].max(b[1])];
                 canvas.frame(sides, Pen::new(*color, 3.0));
             }
-            dots => dots.iter().for_each(|at| canvas.dot(*at, 6.0, *color)),
+            dots => dots.iter().for_each(|dot| canvas.dot(*dot, 6.0, *color)),
         }
         let y = size_px[1] + 18.0 * index as f64;
         canvas.dot([MARGIN_PX + 5.0, y - 4.0], 5.0, *color);

@@ -56,8 +56,10 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
     let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
     let marks = plans.iter().enumerate().flat_map(|(i, plan)| marks(plan, i, plans.len()));
     let shown = if numbers.len() <= MOST_TIMES { numbers } else { &[] };
-    let number =
-        |(number, [x, y]): &(usize, [f64; 2])| Mark { at: (*x, *y), text: format!("no. {number}") };
+    let number = |(number, [x, y]): &(usize, [f64; 2])| Mark {
+        place: (*x, *y),
+        text: format!("no. {number}"),
+    };
     let marks = marks.chain(shown.iter().map(number)).collect();
     View { curves, marks, legend }.svg_from_front(&format!("{word}, planned: {longest_s:.1} s"))
 }
@@ -81,6 +83,7 @@ struct Line {
     along_m: f64,
 }
 
+/// Lit strokes and dark transits of a plan as lines.
 fn lines(plan: &Plan) -> Vec<Line> {
     let lit = plan.lit();
     let mut lines: Vec<Line> = Vec::new();
@@ -90,10 +93,10 @@ fn lines(plan: &Plan) -> Vec<Line> {
         let length_m = libm::hypot(to.0 - from.0, to.1 - from.1);
         let speed_m_s = length_m / (pair[1].time_s - pair[0].time_s);
         let n = if lit { 1.0 } else { (length_m / DASH_M * 2.0).ceil() };
-        let at = |part: f64| (from.0 + (to.0 - from.0) * part, from.1 + (to.1 - from.1) * part);
+        let point = |part: f64| (from.0 + (to.0 - from.0) * part, from.1 + (to.1 - from.1) * part);
         let mut part = 0.0;
         while part < n && length_m > 1e-9 {
-            let (from, to) = (at(part / n), at((part + 1.0) / n));
+            let (from, to) = (point(part / n), point((part + 1.0) / n));
             let along_m = along_m + length_m * part / n;
             lines.push(Line { from, to, lit, speed_m_s, along_m });
             part += 1.0;
@@ -128,7 +131,7 @@ fn pieces<'a>(lines: impl Iterator<Item = &'a Line>) -> Vec<Vec<(f64, f64)>> {
 /// When each stroke begins, and where the drone starts and lands.
 fn marks(plan: &Plan, index: usize, n_plans: usize) -> Vec<Mark> {
     let lit = plan.lit();
-    let mark = |row: usize, text: String| Mark { at: place(plan, row), text };
+    let mark = |row: usize, text: String| Mark { place: place(plan, row), text };
     let whose = if n_plans > 1 { format!("{}: ", index + 1) } else { String::new() };
     let begins = (0..lit.len()).filter(|row| lit[*row] > 0.0 && (*row == 0 || lit[row - 1] == 0.0));
     let times = begins.map(|row| mark(row, format!("{:.1} s", plan.setpoints[row].time_s)));

@@ -2,7 +2,7 @@
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
-use crate::{Measures, Prepared, Ranking, Record, Study};
+use crate::{Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::Photo;
 
@@ -37,12 +37,12 @@ pub fn study_sheet(
     records: &[Record],
 ) -> Result<Photo> {
     let trials: Vec<_> = study.trials().collect();
-    let row = |measures: &Measures| {
+    let rows = ranking.measures.iter().map(|measures| {
         let p = measures.legibility.value;
         let title = format!("{}: read with probability {p:.3}", measures.contender);
         let mut photos = Vec::new();
-        for (name, at) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
-            let (trial, Record { word, outcome, .. }) = (trials[at], &records[at]);
+        for (name, index) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
+            let (trial, Record { word, outcome, .. }) = (trials[index], &records[index]);
             if outcome.flown.is_some() {
                 let ready = &ready[trial.contender * study.words.len() + trial.word];
                 let (read, p) = (&outcome.read, outcome.probability);
@@ -51,8 +51,8 @@ pub fn study_sheet(
             }
         }
         Ok((title, photos))
-    };
-    let rows: Vec<_> = ranking.measures.iter().map(row).collect::<Result<_>>()?;
+    });
+    let rows: Vec<_> = rows.collect::<Result<_>>()?;
     Ok(contact_sheet(rows.iter().map(|(title, photos)| (title.as_str(), photos.as_slice()))))
 }
 
@@ -118,12 +118,12 @@ fn write(sheet: &mut Photo, text: &str, [left, top]: [usize; 2]) {
         outline.draw(|x, y, cover| {
             #[expect(clippy::cast_possible_truncation, reason = "pixels of a sheet")]
             let (x, y) = (corner.x as usize + x as usize, corner.y as usize + y as usize);
-            let at = 3 * (y * width + x);
-            if x < width && at + 3 <= sheet.rgb8.len() {
+            let index = 3 * (y * width + x);
+            if x < width && index + 3 <= sheet.rgb8.len() {
                 // Thin strokes cover half a pixel: they are drawn twice as strong.
                 let ink = (2.0 * cover).min(1.0) * f32::from(INK - GROUND);
                 #[expect(clippy::cast_possible_truncation, reason = "between two levels")]
-                sheet.rgb8[at..at + 3].fill((f32::from(GROUND) + ink) as u8);
+                sheet.rgb8[index..index + 3].fill((f32::from(GROUND) + ink) as u8);
             }
         });
     }
@@ -147,10 +147,13 @@ mod tests {
         let (team, tuned) = (row(100), row(200));
         let sheet = contact_sheet([("team", &team[..]), ("tuned", &tuned[..])].into_iter());
         assert_eq!((sheet.width_px, sheet.height_px), (12 + 312 + 212, 12 + 2 * (20 + 64 + 12)));
-        let at = |x: usize, y: usize| sheet.rgb8[3 * (y * 536 + x)];
-        assert_eq!([at(12, 44), at(311, 63), at(312, 50), at(324, 44)], [100, 100, GROUND, 100]);
-        assert_eq!(at(12, 44 + 96), 200, "the second row");
-        let title = (12..30).flat_map(|y| (12..100).map(move |x| at(x, y)));
+        let level = |x: usize, y: usize| sheet.rgb8[3 * (y * 536 + x)];
+        assert_eq!(
+            [level(12, 44), level(311, 63), level(312, 50), level(324, 44)],
+            [100, 100, GROUND, 100]
+        );
+        assert_eq!(level(12, 44 + 96), 200, "the second row");
+        let title = (12..30).flat_map(|y| (12..100).map(move |x| level(x, y)));
         assert!(title.filter(|level| *level > 200).count() > 20, "something is written");
     }
 }

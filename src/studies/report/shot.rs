@@ -9,7 +9,7 @@ use super::place::shot_plan;
 use super::plans::plan_view;
 use noctograph_core::camera::INFINITY_M;
 use noctograph_core::error::Result;
-use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_core::flight::{Flight, Quantity};
 use noctograph_picture::expose::Film;
 use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
@@ -76,11 +76,11 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         page = page.section("Safety sheet").table(
             ["", "check", "found"],
             notes.findings.iter().map(|checked| {
-                let [mark, check, mut found, wanted, change] = checked.cells(notes.typed);
+                let [mark, check, mut finding, wanted, change] = checked.cells(notes.typed);
                 if !wanted.is_empty() {
-                    found += &format!("; wanted: {wanted}; change: {change}");
+                    finding += &format!("; wanted: {wanted}; change: {change}");
                 }
-                [mark, check, found]
+                [mark, check, finding]
             }),
         );
     }
@@ -98,7 +98,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         page.text(&(base + if changes.is_empty() { ": none." } else { ":" })).table(head, changes);
     let digests =
         [("film", shot.film.as_ref().map(Film::sha256)), ("flight", shot.flight_sha256())];
-    let digests = digests.into_iter().filter_map(|(of, sha256)| Some([of.to_owned(), sha256?]));
+    let digests = digests.into_iter().filter_map(|(name, sha256)| Some([name.to_owned(), sha256?]));
     Ok(page.table(["digest", "SHA-256"], digests))
 }
 
@@ -134,7 +134,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
         return page;
     }
     let mut drawings = vec![front_view(&traces), top_view(&traces), error_over_time(&traces)];
-    if shot.flights.iter().all(|flight| !flight.unlogged.contains(&Quantity::Motors)) {
+    if shot.flights.iter().all(|flight| flight.has(Quantity::Motors)) {
         drawings.push(load_over_time(&shot.flights));
     }
     drawings.extend_from_slice(notes.drawings);
@@ -147,13 +147,13 @@ fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
-        let own = |lamp: &Lamp| lamp.drone.is_none_or(|of| of.0 == drone);
-        let place = |sample: &FlightSample| {
+        let own = |lamp: &Lamp| lamp.drone.is_none_or(|index| index.0 == drone);
+        let places = flight.samples.iter().step_by(step).map(|sample| {
             #[expect(clippy::cast_possible_truncation, reason = "a room in millimeters")]
             let place_mm = <[f64; 3]>::from(sample.position_m).map(|m| (1000.0 * m).round() as i32);
             (place_mm, lamps.iter().any(|lamp| own(lamp) && is_lit(lamp, sample.time_s)))
-        };
-        flight.samples.iter().step_by(step).map(place).collect()
+        });
+        places.collect()
     };
     shot.flights.iter().enumerate().map(of_drone).collect()
 }

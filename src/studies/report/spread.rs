@@ -56,7 +56,16 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
     let time_s = all.time_s[first]..all.time_s[last].max(all.time_s[first] + 0.1);
-    let curves = |axis: usize| {
+    let legend = vec![
+        ("each its own room and drone".to_owned(), ALL),
+        ("one drone in one room".to_owned(), WITHIN),
+    ];
+    let title = if all.holds_frac() < BAND_FRAC {
+        format!("Band of all {} flights, relative to the design", all.n_flights)
+    } else {
+        format!("Band of {:.0} % of the flights, relative to the design", 100.0 * BAND_FRAC)
+    };
+    let panels = error_panels(&time_s, 0.02, |axis| {
         let edges = |band: &Band, pen: Pen| {
             let edge = |end: usize| {
                 let off_m = |(ends_m, design_m): (&[Vector3<f64>; 3], &Vector3<f64>)| {
@@ -69,16 +78,6 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
             Curve { pen, pieces: [0, 2].map(edge).to_vec() }
         };
         vec![edges(all, ALL), edges(within, WITHIN)]
-    };
-    let legend = vec![
-        ("each its own room and drone".to_owned(), ALL),
-        ("one drone in one room".to_owned(), WITHIN),
-    ];
-    let title = if all.holds_frac() < BAND_FRAC {
-        format!("Band of all {} flights, relative to the design", all.n_flights)
-    } else {
-        format!("Band of {:.0} % of the flights, relative to the design", 100.0 * BAND_FRAC)
-    };
-    let panels = error_panels(&time_s, 0.02, curves);
+    });
     Figure { title, legend, x_name: "time (s)", panels }.svg()
 }

@@ -61,7 +61,7 @@ pub fn pareto(
     .svg()
 }
 
-/// What holds all values, with a margin.
+/// Range of an axis around all values, with a margin.
 pub(super) fn around(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let Range { start, end } = range(values);
     if start > end {

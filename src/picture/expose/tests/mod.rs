@@ -256,15 +256,15 @@ fn films_are_within_2e_5_of_the_peak_unmerged_and_1e_3_merged() {
 
 #[test]
 fn the_exposure_of_a_trail_is_independent_of_the_shutter_time_and_follows_the_laws() {
-    let trail = |v: f64, d: f64| {
+    fn trail(v: f64, d: f64) -> Lamp {
         lamp((0..=400).map(|i| (f64::from(i) / 100.0, [(f64::from(i) / 100.0 - 2.0) * v, d, 0.0])))
-    };
+    }
     // Light across the trail's middle, in lx s m on the sensor.
-    let across = |v: f64, d: f64, camera: &Camera| {
+    fn across(v: f64, d: f64, camera: &Camera) -> f64 {
         let exposed = film(&[trail(v, d)], camera, 0.0, None);
         let column = (0..400).map(|y| exposed.exposure_lx_s(0, y * 640 + 320));
         column.sum::<f64>() * camera.pixel_pitch_m()
-    };
+    }
     let usual = Camera { blur_m: 70e-6, shutter_close_s: 4.0, ..camera(640, 400) };
     let reference = across(0.2, 3.0, &usual);
     let close = |what: &str, value: f64, factor: f64| {
@@ -417,12 +417,12 @@ fn lamps_out_of_sight_leave_no_light_and_no_panic() {
 
 #[test]
 fn broken_samples_are_refused_by_lamp_and_time() {
-    let refused = |spoil: fn(&mut Lamp)| {
+    fn refused(spoil: fn(&mut Lamp)) -> String {
         let mut lamp = figure(10);
         spoil(&mut lamp);
         let trace = LightTrace { lamps: vec![lamp] };
         project(&trace, &camera(64, 48), &ExposeOptions::default()).expect_err("broken").to_string()
-    };
+    }
     let text = refused(|lamp| lamp.samples[5].position_m.z = f64::NAN);
     assert!(text.contains("`headlight` at 0.02 s: position"), "{text}");
     let text = refused(|lamp| lamp.samples[4].level = f64::INFINITY);

@@ -163,8 +163,8 @@ fn constants_of_the_shader_equal_those_of_the_cpu() {
 #[test]
 fn a_record_lies_in_memory_as_the_shader_reads_it() {
     let (module, layouter) = module();
-    let named = |(_, ty): &(_, &naga::Type)| ty.name.as_deref() == Some("Record");
-    let (handle, ty) = module.types.iter().find(named).expect("Record");
+    let (handle, ty) =
+        module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some("Record")).expect("Record");
     let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("no struct") };
     assert_eq!(*span as usize, size_of::<Part>(), "size");
     assert_eq!(layouter[handle].size as usize, size_of::<Part>(), "stride");
