@@ -278,6 +278,7 @@ impl Face for Typeface {
         Box::new(all.filter(|c| !c.is_whitespace() && self.has(*c)))
     }
 
+    /// The shape of a letter; that of a space is only an advance.
     fn shape(&self, character: char) -> Option<Arc<Shape>> {
         let glyph = self.glyph(character)?;
         if character.is_whitespace() {

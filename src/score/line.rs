@@ -116,6 +116,7 @@ impl Search {
 }
 
 impl Line {
+    /// The line of writing in a mask of inked pixels: its rows, columns and stroke width.
     fn from_mask(
         step: usize,
         light: &[Arc<Raster>; 2],

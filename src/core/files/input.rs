@@ -153,6 +153,7 @@ struct Bounded {
 }
 
 impl Read for Bounded {
+    /// Reads up to the limit; more bytes are an error.
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let n = self.file.read(buffer)?;
         if self.file.limit() == 0 && n > 0 {

@@ -90,7 +90,8 @@ impl Straight {
 }
 
 impl Pose {
-    /// How far it is moved and turned from another pose, as lengths.
+    /// Differences of place and attitude from another pose; those of the attitude as lengths at an
+    /// arm.
     fn lengths_from(&self, other: &Self) -> [f64; 12] {
         std::array::from_fn(|i| match i.checked_sub(3) {
             None => self.position_m[i] - other.position_m[i],

@@ -183,7 +183,8 @@ impl Tour<'_> {
         &self.ways[leg.0][leg.1]
     }
 
-    /// Between two strokes; from or to the floor where there is none.
+    /// Time of the transit between two strokes, or from or to the floor, with the cost of a step to
+    /// another letter.
     fn between_s(&self, from: Option<Leg>, to: Option<Leg>) -> f64 {
         // The same both ways: written from the last letter to the first it costs as much.
         let letter = |leg: Option<Leg>| self.letters.get(leg?.0).copied();

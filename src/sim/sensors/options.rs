@@ -316,7 +316,7 @@ impl Described for Station {
 }
 
 impl Positioning {
-    /// Whether it is by ultra-wideband ranges.
+    /// Whether the positioning uses ultra-wideband ranges.
     #[must_use]
     pub fn is_by_ranges(self) -> bool {
         match self {
@@ -333,7 +333,7 @@ impl Positioning {
         }
     }
 
-    /// Whether it gives positions, rather than angles or distances.
+    /// Whether the positioning measures positions, rather than angles or distances.
     pub(crate) fn gives_positions(self) -> bool {
         match self {
             Self::Position | Self::CrossingBeams | Self::Gnss => true,
