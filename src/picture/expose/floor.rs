@@ -102,8 +102,13 @@ impl Glow {
         let lights = squares.iter().flat_map(|square| square.corners_lx_s.as_flattened());
         let peak_lx_s = lights.copied().fold(0.0, f64::max);
         let unevenness = narrow(options.unevenness);
-        let texture = |square| if unevenness > 0.0 { floor.texture(square) } else { None };
-        let on_floor = squares.par_iter().map(texture).collect();
+        let on_floor = squares.par_iter().map(|square| {
+            let lights = square.corners_lx_s.as_flattened().iter();
+            let peak_lx_s = lights.copied().fold(0.0, f64::max);
+            let is_seen = peak_lx_s * options.unevenness > floor.even_lx_s;
+            if is_seen { floor.texture(square) } else { None }
+        });
+        let on_floor = on_floor.collect();
         (!squares.is_empty()).then_some(Self { squares, on_floor, unevenness, peak_lx_s })
     }
 

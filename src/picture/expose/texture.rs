@@ -18,11 +18,11 @@ const OCTAVES: [usize; 6] = [2, 4, 8, 16, 32, 64];
 static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let mut tile = vec![0.0; SIDE * SIDE];
     for cell in OCTAVES {
-        let nodes = SIDE / cell;
-        let node = |x: usize, y: usize| {
-            let index = ((cell * nodes + y % nodes) * nodes + x % nodes) as u64;
-            (split_mix(index) >> 40) as f32 / 8_388_608.0 - 1.0
-        };
+        let across = SIDE / cell;
+        let nodes: Vec<f32> = (0..across * across)
+            .map(|i| (split_mix((cell * SIDE * SIDE + i) as u64) >> 40) as f32 / 8_388_608.0 - 1.0)
+            .collect();
+        let node = |x: usize, y: usize| nodes[y % across * across + x % across];
         for (i, value) in tile.iter_mut().enumerate() {
             *value += bilinear(node, [i % SIDE, i / SIDE].map(|point| point as f32 / cell as f32));
         }
