@@ -17,6 +17,7 @@ use rayon::prelude::*;
 
 use super::record::DITHER;
 use super::sources::{Rgb, Tree, exposures_lx_s, reflected, trees};
+use super::texture;
 use super::{ExposeOptions, Film, Room};
 use crate::light::LightTrace;
 use crate::narrow;
@@ -33,6 +34,10 @@ const EVEN: [f64; 2] = [0.02, 1e-4];
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
     squares: Vec<Square>,
+    /// Places of the squares' corners on the floor's texture; `None` on a wall and on edges.
+    on_floor: Vec<Option<[[f32; 2]; 4]>>,
+    /// Standard deviation of the floor's albedo, relative.
+    unevenness: f32,
     /// Exposure of the brightest corner.
     pub(super) peak_lx_s: f64,
 }
@@ -96,7 +101,15 @@ impl Glow {
         let squares: Vec<Square> = squares.collect();
         let lights = squares.iter().flat_map(|square| square.corners_lx_s.as_flattened());
         let peak_lx_s = lights.copied().fold(0.0, f64::max);
-        (!squares.is_empty()).then_some(Self { squares, peak_lx_s })
+        let unevenness = narrow(options.unevenness);
+        let on_floor = squares.par_iter().map(|square| {
+            let lights = square.corners_lx_s.as_flattened().iter();
+            let peak_lx_s = lights.copied().fold(0.0, f64::max);
+            let is_seen = peak_lx_s * options.unevenness > floor.even_lx_s;
+            if is_seen { floor.texture(square) } else { None }
+        });
+        let on_floor = on_floor.collect();
+        (!squares.is_empty()).then_some(Self { squares, on_floor, unevenness, peak_lx_s })
     }
 
     /// The first row that it lights.
@@ -109,41 +122,56 @@ impl Glow {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let size_px = [film.width_px, film.height_px];
         let pixels = film.counts.len() / 3;
-        let planes = film.counts.par_chunks_exact_mut(pixels).enumerate();
-        planes.for_each(|(channel, plane)| {
-            noctograph_core::dispatch(|| {
-                for square in &self.squares {
-                    let light = square.corners_lx_s.map(|light| narrow(light[channel] * per_lx_s));
-                    square.add_to(light, plane, size_px);
-                }
-            });
+        let mut planes = film.counts.chunks_exact_mut(pixels);
+        let mut planes = [(); 3].map(|()| planes.next().expect("three channels"));
+        noctograph_core::dispatch(|| {
+            for (square, on_floor) in self.squares.iter().zip(&self.on_floor) {
+                let light =
+                    square.corners_lx_s.map(|rgb| rgb.map(|light| narrow(light * per_lx_s)));
+                let uneven = on_floor.map(|corners| (corners, self.unevenness));
+                square.add_to(light, uneven, &mut planes, size_px);
+            }
         });
     }
 }
 
 impl Square {
-    /// Adds its light, given in counts at the corners, to a plane.
+    /// Adds its light, given in counts at the corners, to the planes of the film.
     #[inline(always)]
-    fn add_to(&self, [nw, ne, sw, se]: [f32; 4], plane: &mut [u32], [width, height]: [u32; 2]) {
+    fn add_to(
+        &self,
+        corners: [[f32; 3]; 4],
+        uneven: Option<([[f32; 2]; 4], f32)>,
+        planes: &mut [&mut [u32]; 3],
+        [width, height]: [u32; 2],
+    ) {
         let [x, y] = self.corner_px;
         let step = 1.0 / self.side_px as f32;
-        let across = self.side_px.min(width.saturating_sub(x));
+        let across = self.side_px.min(width.saturating_sub(x)) as usize;
         if across == 0 {
             return;
         }
+        let mut albedo = [1.0; SIDE_PX as usize];
         for row in y..(y + self.side_px).min(height) {
             let down = ((row - y) as f32 + 0.5) * step;
-            let (left, right) = (nw + (sw - nw) * down, ne + (se - ne) * down);
-            let slope = (right - left) * step;
+            if let Some((places, unevenness)) = uneven {
+                let places = along(places, down, step);
+                for (albedo, place) in albedo[..across].iter_mut().zip(places) {
+                    *albedo = (1.0 + unevenness * texture::deviation(place)).max(0.0);
+                }
+            }
             let first = row as usize * width as usize + x as usize;
             let dither = DITHER[0].wrapping_mul(x).wrapping_add(DITHER[1].wrapping_mul(row));
-            for (i, count) in (0..across.cast_signed()).zip(&mut plane[first..]) {
-                let light = left + slope * (i as f32 + 0.5);
-                let dither = dither.wrapping_add(DITHER[0].wrapping_mul(i.cast_unsigned()));
-                let part = (dither >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0);
-                #[expect(clippy::cast_possible_truncation, reason = "below 2^31")]
-                let counts = (light + part) as i32;
-                *count = count.wrapping_add(counts.cast_unsigned());
+            for (channel, plane) in planes.iter_mut().enumerate() {
+                let lights = along(corners.map(|rgb| [rgb[channel]]), down, step);
+                let counts = plane[first..][..across].iter_mut().zip(&albedo);
+                for (i, ((count, albedo), [light])) in (0..).zip(counts.zip(lights)) {
+                    let dither = dither.wrapping_add(DITHER[0].wrapping_mul(i));
+                    let part = (dither >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0);
+                    #[expect(clippy::cast_possible_truncation, reason = "below 2^31")]
+                    let counts = (light * albedo + part) as i32;
+                    *count = count.wrapping_add(counts.cast_unsigned());
+                }
             }
         }
     }
@@ -155,6 +183,22 @@ impl Square {
         height_px < side
             && pairs.all(|(place, corner)| (place - f64::from(corner) - 0.5 * side).abs() < side)
     }
+}
+
+/// Values in the middles of the pixels of a square's row, bilinear between its corners.
+#[inline(always)]
+fn along<const N: usize>(
+    [nw, ne, sw, se]: [[f32; N]; 4],
+    down: f32,
+    step: f32,
+) -> impl Iterator<Item = [f32; N]> {
+    let left: [f32; N] = std::array::from_fn(|n| nw[n] + (sw[n] - nw[n]) * down);
+    let right: [f32; N] = std::array::from_fn(|n| ne[n] + (se[n] - ne[n]) * down);
+    let slope: [f32; N] = std::array::from_fn(|n| (right[n] - left[n]) * step);
+    (0_u8..).map(move |i| {
+        let middle = f32::from(i) + 0.5;
+        std::array::from_fn(|n| left[n] + slope[n] * middle)
+    })
 }
 
 impl<'a> Floor<'a> {
@@ -202,11 +246,27 @@ impl<'a> Floor<'a> {
         let (points_m, toward) = (met.map(|met| met.1), met.map(|met| met.2));
         let surface = &self.room.surfaces[on];
         // The floor does not light itself.
-        let is_floor = surface.normal == Vector3::z();
-        let lights = if is_floor { &self.trees[..self.n_lamps] } else { &self.trees };
+        let lights = if surface.is_floor() { &self.trees[..self.n_lamps] } else { &self.trees };
         let lit: [Rgb; N] =
             noctograph_core::dispatch(|| exposures_lx_s(lights, points_m, surface, toward));
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
+    }
+
+    /// Places of a square's corners on the texture of the floor; `None` where one is elsewhere.
+    fn texture(&self, square: &Square) -> Option<[[f32; 2]; 4]> {
+        let ([x, y], side) = (square.corner_px, square.side_px);
+        let mut places = [[0.0; 2]; 4];
+        for (place, [x, y]) in
+            places.iter_mut().zip([[x, y], [x + side, y], [x, y + side], [x + side, y + side]])
+        {
+            let ray = self.camera.world_from_image(f64::from(x), f64::from(y))?;
+            let (on, point_m) = self.room.met(ray)?;
+            *place = self.room.on_texture(on, point_m);
+            if !self.room.surfaces[on].is_floor() {
+                return None;
+            }
+        }
+        Some(places)
     }
 
     /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in
@@ -262,6 +322,7 @@ mod tests {
         floor_roughness: None,
         room_m: None,
         wall_albedo: 0.4,
+        unevenness: 0.0,
     };
 
     #[test]
@@ -284,6 +345,30 @@ mod tests {
             let actual = film.exposure_lx_s(1, index);
             assert!((actual / wanted - 1.0).abs() < 0.03, "{actual} at {x}, {y}, wanted {wanted}");
         }
+    }
+
+    /// The uneven floor against the even one, pixel by pixel: as uneven as asked, and as bright.
+    #[test]
+    fn an_uneven_floor_reflects_as_much_as_an_even_one() {
+        let (trace, camera) = (hanging([0.1, 2.2, 0.4]), looking_down());
+        let lit = |unevenness| {
+            let options = ExposeOptions { unevenness, ..MATTE };
+            let mut film = Film {
+                width_px: 320,
+                height_px: 200,
+                counts: vec![0; 3 * 320 * 200],
+                scale_log2: -24,
+            };
+            Glow::new(&trace, &camera, &options).unwrap().add_to(&mut film);
+            film.counts.into_iter().map(f64::from)
+        };
+        let ratios =
+            Vec::from_iter(lit(0.1).zip(lit(0.0)).map(|(uneven, even)| uneven / even - 1.0));
+        let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
+        let variance =
+            ratios.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / ratios.len() as f64;
+        assert!(mean.abs() < 0.02, "{mean}");
+        assert!((0.07..0.13).contains(&variance.sqrt()), "{}", variance.sqrt());
     }
 
     #[test]

@@ -10,9 +10,13 @@ use nalgebra::Vector3;
 
 use super::ExposeOptions;
 use super::project::NEAREST_M;
+use super::texture;
 
 /// Share of light that a polished surface of refractive index 1.5 reflects straight on.
 const STRAIGHT_ON: f64 = 0.04;
+
+/// Most light of a gap right beside it, relative to a wall at the depth of the room.
+const MOST_LIT: f64 = 30.0;
 
 /// A plane of the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,6 +39,8 @@ pub(crate) struct Room {
     pub(super) surfaces: Vec<Surface>,
     /// Width, depth and height, where there are walls.
     size_m: Option<[f64; 3]>,
+    /// Standard deviation of the albedo, relative.
+    unevenness: f64,
 }
 
 impl Room {
@@ -54,7 +60,7 @@ impl Room {
             ]);
         }
         surfaces.retain(|surface| surface.height_m(camera_m) >= NEAREST_M);
-        Self { camera_m, surfaces, size_m: options.room_m }
+        Self { camera_m, surfaces, size_m: options.room_m, unevenness: options.unevenness }
     }
 
     /// The surface that a ray from the camera meets, its number, and the point.
@@ -67,13 +73,37 @@ impl Room {
         Some((i, self.camera_m + ray * far_m))
     }
 
+    /// Place of a point of a surface on the texture.
+    pub(super) fn on_texture(&self, on: usize, point_m: Vector3<f64>) -> [f32; 2] {
+        let normal = self.surfaces[on].normal;
+        texture::on_tile(match (normal.x != 0.0, normal.y != 0.0) {
+            (true, _) => [point_m.y, point_m.z],
+            (_, true) => [point_m.x, point_m.z],
+            _ => [point_m.x, point_m.y],
+        })
+    }
+
+    /// Albedo of a point of a surface relative to the surface's; walls are half as uneven as the
+    /// floor.
+    pub(crate) fn uneven(&self, on: usize, point_m: Vector3<f64>) -> f64 {
+        let deviation = f64::from(texture::deviation(self.on_texture(on, point_m)));
+        let share = if self.surfaces[on].is_floor() { 1.0 } else { 0.5 };
+        (1.0 + share * self.unevenness * deviation).max(0.0)
+    }
+
     /// Luminance of a point of a surface in the light of the room relative to that of a wall far
     /// from the floor; 1 without walls.
     ///
     /// The light is diffuse by reflection between walls and ceiling. A darker floor takes its share
     /// from a surface at right angles to it: that of a plane of width h which begins at the
-    /// distance d, `(1 - d / √(d² + h²)) / 2`.
-    pub(crate) fn ambient(&self, on: usize, point_m: Vector3<f64>) -> f64 {
+    /// distance d, `(1 - d / √(d² + h²)) / 2`. Half of it comes from a gap at `from_m` where there
+    /// is one, by the cosine and the inverse square relative to the depth of the room.
+    pub(crate) fn ambient(
+        &self,
+        on: usize,
+        point_m: Vector3<f64>,
+        from_m: Option<Vector3<f64>>,
+    ) -> f64 {
         let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
         let surface = &self.surfaces[on];
         let albedos = self.surfaces.iter().map(|surface| surface.albedo);
@@ -85,7 +115,15 @@ impl Room {
             let h = size_m.dot(&surface.normal.abs());
             0.5 * (1.0 - d / (d * d + h * h).sqrt()) * (1.0 - other.albedo / brightest).max(0.0)
         });
-        (1.0 - hidden.sum::<f64>()) * surface.albedo / brightest
+        let even = 1.0 - hidden.sum::<f64>();
+        let light = from_m.map_or(even, |from_m| {
+            let toward_m = from_m - point_m;
+            let d_sq = toward_m.norm_squared() + NEAREST_M;
+            let lit =
+                depth_m * depth_m * surface.normal.dot(&toward_m).max(0.0) / (d_sq * d_sq.sqrt());
+            0.5 * (even + lit.min(MOST_LIT))
+        });
+        light * surface.albedo / brightest
     }
 }
 
@@ -93,6 +131,10 @@ impl Surface {
     /// A matte one.
     pub(super) fn matte(normal: Vector3<f64>, at_m: f64, albedo: f64) -> Self {
         Self { normal, at_m, albedo, roughness: None }
+    }
+
+    pub(super) fn is_floor(&self) -> bool {
+        self.normal == Vector3::z()
     }
 
     /// Distance of a point from it, into the room.
@@ -128,6 +170,7 @@ mod tests {
         floor_roughness: Some(0.3),
         room_m: Some([4.0, 6.0, 2.5]),
         wall_albedo: 0.5,
+        unevenness: 0.0,
     };
 
     #[test]
@@ -145,16 +188,32 @@ mod tests {
         }
         let bare = Room::new(&ExposeOptions { room_m: None, ..ROOM }, camera_m);
         assert_eq!(bare.met(Vector3::y()), None);
-        assert_eq!(bare.ambient(0, Vector3::zeros()), 1.0);
+        assert_eq!(bare.ambient(0, Vector3::zeros(), None), 1.0);
     }
 
     #[test]
     fn walls_darken_toward_a_dark_floor_which_is_as_dark_as_it_is() {
         let room = Room::new(&ROOM, Vector3::new(0.0, -2.0, 1.0));
-        let wall = |z: f64| room.ambient(1, Vector3::new(0.0, 3.0, z));
+        let wall = |z: f64| room.ambient(1, Vector3::new(0.0, 3.0, z), None);
         assert!(wall(0.01) < 0.95 * wall(1.2) && wall(0.01) > 0.7, "{} {}", wall(0.01), wall(1.2));
-        let floor = room.ambient(0, Vector3::new(0.0, 0.0, 0.0));
+        let floor = room.ambient(0, Vector3::zeros(), None);
         assert!((floor - 0.2 / 0.5).abs() < 1e-12, "{floor}");
+    }
+
+    #[test]
+    fn a_gap_lights_what_is_near_and_faces_it() {
+        let room = Room::new(&ROOM, Vector3::new(0.0, -2.0, 1.5));
+        let lit = |x| {
+            let (on, point_m) = room.met(Vector3::new(x, 5.0, 0.5)).unwrap();
+            let gap_m = Some(Vector3::new(-1.9, 0.0, 2.0));
+            2.0 * room.ambient(on, point_m, gap_m) - room.ambient(on, point_m, None)
+        };
+        // 1 at the room's depth, by cos / d²: beside the gap, and at the wall's other end.
+        for (x, x_sq) in [(-1.9, 0.0), (1.9, 3.8 * 3.8)] {
+            let d_sq: f64 = x_sq + 9.0;
+            let wanted = 36.0 * 3.0 / (d_sq * d_sq.sqrt());
+            assert!((lit(x) / wanted - 1.0).abs() < 0.03, "{} at {x}, {wanted}", lit(x));
+        }
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use nalgebra::Vector3;
+
 use super::Photo;
 use super::options::PhotoOptions;
 use crate::expose::{ExposeOptions, Room};
@@ -23,6 +25,8 @@ pub(super) struct Backdrop {
     picture: Option<Picture>,
     /// Floor and walls, where there are walls.
     surfaces: Option<(Camera, Room)>,
+    /// Where half of the room's light falls in.
+    from_m: Option<Vector3<f64>>,
 }
 
 /// Distance of the columns between which the light of a surface is linear.
@@ -64,6 +68,7 @@ impl Backdrop {
             vignetting_px2: narrow(camera.vignetting) / corner_sq_px2,
             picture,
             surfaces,
+            from_m: options.ambient_from_m.map(Vector3::from),
         })
     }
 
@@ -103,7 +108,10 @@ impl Backdrop {
         let Some((camera, room)) = &self.surfaces else { return Vec::new() };
         let seen =
             |x: f64, y: f64| match camera.world_from_image(x, y).and_then(|ray| room.met(ray)) {
-                Some((on, point_m)) => (Some(on), narrow(room.ambient(on, point_m))),
+                Some((on, point_m)) => (
+                    Some(on),
+                    narrow(room.ambient(on, point_m, self.from_m) * room.uneven(on, point_m)),
+                ),
                 None => (None, 0.0),
             };
         let mut row = Vec::with_capacity(width + STEP_PX);

@@ -46,14 +46,14 @@ struct Noisy {
     dark: f32,
     read_variance: f32,
     prnu_squared: f32,
-    /// Mean number of hot photosites in a row, and mean electrons of one.
+    /// Mean number of hot pixels in a row, and mean electrons of one.
     hot_in_row: f64,
     hot: f64,
 }
 
-/// Mean dark current of a hot photosite; it is distributed exponentially.
+/// Mean dark current of a hot pixel; it is distributed exponentially.
 pub(super) const HOT_PIXEL_E_S: f64 = 100.0;
-/// Which photosites are hot: the same in all pictures of the camera.
+/// Which pixels are hot: the same in all pictures of the camera.
 const HOT_PIXEL_SEED: u64 = 0;
 
 /// Pixels whose electrons are drawn at once.
@@ -64,7 +64,7 @@ const LANES: usize = 16;
 pub(super) struct Scratch {
     bits: Vec<u32>,
     reading: Vec<u32>,
-    hot: Vec<(usize, usize, f32)>,
+    hot: Vec<(usize, f32)>,
 }
 
 impl Sensor {
@@ -156,7 +156,7 @@ impl Noisy {
             dark: narrow(dark),
             read_variance: narrow(noise.read_noise_e * noise.read_noise_e),
             prnu_squared: narrow(noise.prnu_frac * noise.prnu_frac),
-            hot_in_row: noise.hot_pixel_frac * 3.0 * f64::from(camera.width_px),
+            hot_in_row: noise.hot_pixel_frac * f64::from(camera.width_px),
             hot: HOT_PIXEL_E_S * exposure_s,
         }
     }
@@ -167,7 +167,7 @@ impl Noisy {
         let width = rows[0].len();
         bits.resize(width, 0);
         reading.resize(width, 0);
-        self.hot_photosites(y, width, hot);
+        self.hot_pixels(y, width, hot);
         for (channel, row) in rows.iter_mut().enumerate() {
             let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
             let mut few = 0;
@@ -175,8 +175,8 @@ impl Noisy {
                 *light = *light * at_white + dark;
                 few |= u32::from(*light < POISSON_BELOW);
             }
-            for &(_, x, electrons) in hot.iter().filter(|(hot, ..)| *hot == channel) {
-                row[x] += electrons;
+            for &(x, electrons) in &*hot {
+                row[x] += electrons * self.at_white[channel] / self.at_white[1].max(1.0);
             }
             Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
             if few > 0 {
@@ -232,17 +232,17 @@ impl Noisy {
         mean + variance.sqrt() * self.normal.numbers([bits])[0]
     }
 
-    /// The hot photosites of a row: channel, column, electrons.
-    fn hot_photosites(&self, y: usize, width: usize, out: &mut Vec<(usize, usize, f32)>) {
+    /// The hot pixels of a row: column, electrons.
+    fn hot_pixels(&self, y: usize, width: usize, out: &mut Vec<(usize, f32)>) {
         out.clear();
         let stream = Stream::new(HOT_PIXEL_SEED, y, 0, Source::Hot);
         let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
         let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {
-            let place = u64::from(stream.bits(1 + 2 * index)) * (3 * width as u64);
-            let place = usize::try_from(place >> 32).expect("a photosite of a row");
+            let place = u64::from(stream.bits(1 + 2 * index)) * width as u64;
+            let column = usize::try_from(place >> 32).expect("a column of the row");
             let electrons = narrow(-self.hot * libm::log(uniform(stream.bits(2 + 2 * index))));
-            out.push((place % 3, place / 3, electrons));
+            out.push((column, electrons));
         }
     }
 }

@@ -221,7 +221,7 @@ impl Scene {
     }
 
     /// For an audience: a word is written as it is read, from the left, by a camera that maps its
-    /// hot photosites out.
+    /// hot pixels out, over an even floor.
     pub fn for_audience(&mut self) {
         if let Style::Even(style) = &mut self.plan.style
             && style.order == Order::Shortest
@@ -233,6 +233,7 @@ impl Scene {
         if let Noise::Emva1288(noise) = &mut self.photo.noise {
             noise.hot_pixel_frac = 0.0;
         }
+        self.expose.unevenness = 0.0;
     }
 
     /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene

@@ -1,0 +1,86 @@
+//! Texture: how unevenly floor and walls reflect, from worn spots to stains.
+//!
+//! Fractal noise (Perlin, "An image synthesizer", 1985): octaves from 4 cm to 1.28 m, of the same
+//! variance each, from one tile that repeats. Not modeled: boards, tiles and seams.
+
+use std::sync::LazyLock;
+
+use crate::narrow;
+use noctograph_core::random::split_mix;
+
+/// Points of the tile along a side, and the distance between them.
+const SIDE: usize = 256;
+const STEP_M: f64 = 0.02;
+/// Distances between the nodes of the octaves, in points.
+const OCTAVES: [usize; 6] = [2, 4, 8, 16, 32, 64];
+
+/// Deviations from the mean, of variance 1.
+static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
+    let mut tile = vec![0.0; SIDE * SIDE];
+    for cell in OCTAVES {
+        let across = SIDE / cell;
+        let nodes: Vec<f32> = (0..across * across)
+            .map(|i| (split_mix((cell * SIDE * SIDE + i) as u64) >> 40) as f32 / 8_388_608.0 - 1.0)
+            .collect();
+        let node = |x: usize, y: usize| nodes[y % across * across + x % across];
+        for (i, value) in tile.iter_mut().enumerate() {
+            *value += bilinear(node, [i % SIDE, i / SIDE].map(|point| point as f32 / cell as f32));
+        }
+    }
+    let variance = tile.iter().map(|value| value * value).sum::<f32>() / tile.len() as f32;
+    tile.iter_mut().for_each(|value| *value /= variance.sqrt());
+    tile
+});
+
+/// A place on a surface in meters as a place on the tile, which repeats.
+pub(super) fn on_tile(place_m: [f64; 2]) -> [f32; 2] {
+    // Tiles away from the corner, so that no coordinate of a room is negative.
+    let far = f64::from(1 << 17);
+    place_m.map(|place_m| narrow((place_m / STEP_M).clamp(-far, far) + far))
+}
+
+/// The deviation at a place on the tile, bilinear.
+#[inline(always)]
+pub(super) fn deviation(place: [f32; 2]) -> f32 {
+    let tile = &*TILE;
+    bilinear(|x, y| tile[(y % SIDE) * SIDE + x % SIDE], place)
+}
+
+/// Value at a place between four nodes.
+#[inline(always)]
+fn bilinear(node: impl Fn(usize, usize) -> f32, [x, y]: [f32; 2]) -> f32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^24")]
+    let (column, row) = (x as usize, y as usize);
+    let (across, down) = (x - column as f32, y - row as f32);
+    let [above, below] = [row, row + 1].map(|row| {
+        let left = node(column, row);
+        left + (node(column + 1, row) - left) * across
+    });
+    above + (below - above) * down
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tile_has_variance_1_in_all_sizes_and_repeats_without_a_seam() {
+        let at = |x_m: f64, y_m: f64| deviation(on_tile([x_m, y_m]));
+        let period_m = SIDE as f64 * STEP_M;
+        for [x, y] in [[0.013, 0.4], [-2.1, 1.7], [2.56, -0.3]] {
+            assert!((at(x, y) - at(x + period_m, y - period_m)).abs() < 0.02, "{x} {y}");
+            assert!((at(x, y) - at(x + 1e-3, y)).abs() < 0.2, "{x} {y}");
+        }
+        // Means over squares of 0.32 m keep what is coarser: two of six octaves.
+        let mean = |i: usize, j: usize| {
+            let points = (0..256)
+                .map(|k| at((i * 16 + k % 16) as f64 * 0.02, (j * 16 + k / 16) as f64 * 0.02));
+            points.sum::<f32>() / 256.0
+        };
+        let means: Vec<f32> = (0..256).map(|k| mean(k % 16, k / 16)).collect();
+        let variance = means.iter().map(|mean| mean * mean).sum::<f32>() / 256.0;
+        assert!((0.25..0.6).contains(&variance), "{variance}");
+        let whole = TILE.iter().map(|value| value * value).sum::<f32>() / TILE.len() as f32;
+        assert!((whole - 1.0).abs() < 1e-3, "{whole}");
+    }
+}
