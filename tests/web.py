@@ -4,10 +4,12 @@ The browser's photographs, verdicts, flights and plans against those of the comm
 the page with its link, its files and its element, and without a network."""
 
 import base64
+import csv
 import functools
 import http.server
 import io
 import json
+import math
 import re
 import subprocess
 import sys
@@ -28,6 +30,10 @@ HAND = json.dumps({"strokes": [[[0, 80, 0], [5, 10, 0.4], [60, 85, 1.1], [62, 12
 CASES = [*(({"word": word}, {}) for word in WORDS), *(({"word": "NOOR"}, {"preset": preset}) for preset in PRESETS),
          ({"drawing": {"kind": "svg", "text": HOUSE}}, {}), ({"drawing": {"kind": "json", "text": HAND}}, {"letters.pace": "even"}),
          ({"word": "HELLO", "room": "4x3x2.5"}, {}), ({"word": "HI", "room": "6x4x3"}, {"letters.cap_height_m": "0.8", "controller.kind": "geometric"})]
+# Variables of cfclient's log by the columns of a flight: their units, their sign.
+DEGREES = math.degrees(1)
+LOGGED = {**{f"stateEstimate.{axis}": (f"{axis}_m", 1) for axis in "xyz"}, **{f"ctrltarget.{axis}": (f"{axis}_design_m", 1) for axis in "xyz"},
+          **{f"stateEstimate.{turn}": (f"{turn}_rad", sign * DEGREES) for turn, sign in [("roll", 1), ("pitch", -1), ("yaw", 1)]}}
 # Of the verdict, which `preview --json` prints with more.
 VERDICT = ["read", "legible", "readability", "reason", "rival", "letters", "faithfulness", "causes", "advice", "flight_sha256"]
 
@@ -89,7 +95,7 @@ def the_same_bytes(page):
     print(f"{'':26}{'photo':18}{'plan':18}{'flight':18}read      (browser, command line)")
     for subject, settings in CASES:
         name = " ".join([subject.get("word") or f"drawing.{subject['drawing']['kind']}", *settings.values(), subject.get("room", "")])
-        request = json.dumps({**subject, "settings": settings, "visitor": "test", "aspect": 16 / 9})
+        request = json.dumps({**subject, "settings": settings, "files": True, "visitor": "test", "aspect": 16 / 9})
         here = page.evaluate("async request => (await import('./maker.js')).make('photos', request)", request)
         assert "error" not in here, (name, here)
         told, files, folder = by_command_line(subject, settings)
@@ -162,7 +168,7 @@ def a_broken_link_opens_the_page(browser, host):
 def an_old_browser_is_told_so(browser, host):
     """One that cannot run the module."""
     context = browser.new_context(locale="fr-FR", service_workers="block")
-    context.route("**/noctograph.wasm", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
+    context.route("**/noctograph.wasm*", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
     page = context.new_page()
     page.goto(host.url)
     until(page, "document.querySelector('#verdict').textContent.includes('trop ancien')")
@@ -206,6 +212,45 @@ def drawings_and_pictures_are_photographed(browser, host):
     assert not trouble, trouble
 
 
+def a_log_gives_its_photograph(browser, host):
+    """That of `expose`, byte by byte: cfclient's log of a flight, which knows neither word nor lights."""
+    with tempfile.TemporaryDirectory() as folder:
+        def run(*arguments):
+            return subprocess.run([PROGRAM, *arguments], cwd=folder, capture_output=True, text=True)
+        run("preview", "NOOR", "--scene", "team", "--size=480x270", "--backend=cpu", "-o", "flown")
+        lines = [["Timestamp", *LOGGED]]
+        for row in csv.DictReader((Path(folder) / "flown/flight.csv").read_text().splitlines()):
+            lines.append([round(5000 + 1000 * float(row["time_s"])), *(f"{factor * float(row[name]):.5f}" for name, factor in LOGGED.values())])
+        log = "\n".join(",".join(map(str, line)) for line in lines)
+        (Path(folder) / "log").write_text(log)
+        photos = {}
+        for name, flags in {"NOOR": ["--word", "NOOR"], "": ["--lit"]}.items():
+            made = run("expose", "log", *flags, "--size=1920x1080", "--backend=cpu", "--json")
+            photos[name] = json.loads(made.stdout), (Path(folder) / "photo.png").read_bytes()
+    page, trouble = opened(browser, host.url)
+    ready(page)
+    for word, (told, photo) in photos.items():
+        request = json.dumps({"word": word, "log": base64.b64encode(log.encode()).decode(), "files": True, "visitor": "test", "aspect": 16 / 9})
+        here = page.evaluate("async request => (await import('./maker.js')).make('photos', request)", request)
+        assert here.get("flight_sha256") == told["flight_sha256"], (here, told)
+        assert base64.b64decode(here["files"]["photo.png"]) == photo, f"another photograph of the log with the word {word!r}"
+        assert any("not in the log" in said["text"] for said in here["warnings"]), here["warnings"]
+    # As one opens it.
+    drop(page, f"() => {{ const data = new DataTransfer(); data.items.add(new File([{json.dumps(log)}], 'log00')); return data; }}")
+    until(page, "document.querySelector('#verdict').textContent.includes('This is how it looked.')", "the photograph of a log")
+    assert write(page, "NOOR").startswith("Reads as NOOR."), page.inner_text("#verdict")
+    until(page, "document.querySelector('main').dataset.large", "the large photograph")
+    page.click("#more")
+    until(page, "document.querySelectorAll('#drawer .files button').length === 2")
+    page.keyboard.press("Escape")
+    # Another word was not flown: the reader of the log says so.
+    page.fill("#word", "HELLO")
+    until(page, "document.querySelector('#verdict').textContent.includes('a flight that writes this word')", "the log's refusal")
+    drop(page, "() => { const data = new DataTransfer(); data.items.add(new File(['what, is, this'], 'notes.txt')); return data; }")
+    until(page, "document.querySelector('#verdict').textContent.includes('wanted')", "the refusal of what is no log")
+    assert not trouble, trouble
+
+
 def an_element_stands_in_any_page(browser, host):
     page, trouble = opened(browser, host.url + "example.html")
     captions = "[...document.querySelectorAll('noctograph-photo')].map(it => it.shadowRoot.querySelector('figcaption').textContent)"
@@ -222,7 +267,7 @@ def an_element_stands_in_any_page(browser, host):
 
 def a_visitor_of_the_exhibit_makes_own_photographs(browser):
     """As one on another machine: by its address in the network."""
-    server = Server(PROGRAM, "--network", "--scene", "pid", "--module", str(FOLDER / "noctograph.wasm"))
+    server = Server(PROGRAM, "--network", "--scene", "pid", "--module", str(FOLDER / "noctograph.wasm.gz"))
     try:
         context = browser.new_context(locale="en-US", viewport=PHONE)
         page, asked = context.new_page(), []
@@ -251,7 +296,7 @@ def a_visitor_of_the_exhibit_makes_own_photographs(browser):
         context.close()
         # A browser that cannot run the module gets the server's photograph, and is told so.
         context = browser.new_context(locale="en-US", viewport=PHONE)
-        context.route("**/noctograph.wasm", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
+        context.route("**/noctograph.wasm*", lambda route: route.fulfill(body=b"\0asm\1\0\0\0\x0a\xff", content_type="application/wasm"))
         page = context.new_page()
         page.goto(server.network)
         ready(page)
@@ -291,10 +336,11 @@ if __name__ == "__main__":
         page = files_are_saved(browser, host)
         a_broken_link_opens_the_page(browser, host)
         drawings_and_pictures_are_photographed(browser, host)
+        a_log_gives_its_photograph(browser, host)
         an_element_stands_in_any_page(browser, host)
         a_visitor_of_the_exhibit_makes_own_photographs(browser)
         no_network_is_needed(browser)
         the_same_bytes(page)
         browser.close()
     host.end()
-    print("the page without a server in Chromium: link, files, drawing, picture, element, exhibit, no network, the same bytes")
+    print("the page without a server in Chromium: link, files, drawing, picture, log, element, exhibit, no network, the same bytes")

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
 use super::output::is_csv;
-use super::relit::{light_all_along, relit_where_dark};
 use super::{Args, Error, Result, message, named, names, warn};
 use crate::flight::Flight;
 use crate::logs::{
@@ -474,6 +473,19 @@ impl FlightFlags {
         }
         Shoot::with_recordings(scene, recordings)
     }
+}
+
+/// Gives a log without lights those of the scene's word, and says on whose letters it was flown.
+pub(super) fn relit_where_dark(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
+    if let Some(preset) = crate::shoot::relit_where_dark(flight, scene)? {
+        let (path, name) = (path.display(), preset.name());
+        let note = format!(
+            "{path}: its setpoints are on the letters of {name}, which are used; `--scene {name}` has \
+             that drone and its lamps, too"
+        );
+        message("note: ", &note);
+    }
+    Ok(())
 }
 
 /// Warns where a drawing has no strokes for some of the drones.

@@ -58,7 +58,6 @@ mod printer;
 mod progress;
 mod rank;
 mod read;
-mod relit;
 mod report;
 mod scene;
 mod score;

@@ -3,8 +3,8 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use super::flags::relit_where_dark;
 use super::read::read_upright;
-use super::relit::relit_where_dark;
 use super::{
     Args, CameraFlags, Corners, Error, FlightFlags, Output, Report, Result, SceneFlags, is_svg,
     message, set_word, shell_word, show,

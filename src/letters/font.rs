@@ -47,6 +47,11 @@ impl Font {
         let face: Arc<dyn Face + Send + Sync> = match check_name("letters.font", name)? {
             Kind::Ours(text) => Arc::new(StrokeFont::parse(text, name)?),
             Kind::Strokes => Arc::new(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
+            // Shaping would be a third of a page's module, and no typeface comes into a page.
+            Kind::Outlines if cfg!(target_family = "wasm") => {
+                let (wanted, hint) = ("a font of the program", "take a picture by the program");
+                return Err(Error::input("letters.font", name, wanted, hint));
+            }
             Kind::Outlines => Arc::new(Typeface::read(TYPEFACE.read(path)?, trace, name)?),
         };
         Ok(Self { name: name.to_owned(), face })

@@ -15,6 +15,7 @@ use hyper::http::request::Parts;
 
 use super::address::{Address, is_secret};
 use super::http::{HttpError, HttpResult, MAX_BODY};
+use noctograph_web::request::Asker;
 
 /// What is let in.
 #[derive(Debug)]
@@ -53,6 +54,11 @@ impl Request {
     /// Whether it comes from this machine, and not from a screen that stands in the hall.
     pub(crate) fn is_home(&self) -> bool {
         self.peer.is_loopback() && self.base != Base::Kiosk
+    }
+
+    /// The page that asks.
+    pub(crate) fn asker(&self) -> Asker {
+        if self.base == Base::Kiosk { Asker::Kiosk } else { Asker::Served }
     }
 }
 

@@ -95,17 +95,16 @@ impl Server {
                 Ok(self.send(body, &request).await.unwrap_or_else(http::refused))
             }
             (Base::Visitors | Base::Kiosk, Some(body), [name @ ("live" | "photos" | "script")]) => {
-                match PhotoRequest::parse(body, request.base == Base::Kiosk) {
+                match PhotoRequest::parse(body, request.asker()) {
                     Ok(photo) => self.photo(photo, name, &request).await,
                     Err(message) if message == Key::NotHere.into() => Ok(http::refused(message)),
                     Err(message) => Ok(http::json(&message.json())),
                 }
             }
-            (Base::Visitors | Base::Kiosk, None, ["noctograph.wasm"]) => {
+            (Base::Visitors | Base::Kiosk, None, ["noctograph.wasm.gz"]) => {
                 let Module { gzip, mark } = self.module.as_ref().ok_or(Key::Closed)?;
                 let known = request.known_mark.as_deref();
-                let reply = http::marked("application/wasm", gzip.clone(), mark, known);
-                Ok(with_field(reply, "Content-Encoding", "gzip"))
+                Ok(http::marked("application/gzip", gzip.clone(), mark, known))
             }
             (Base::Operator, None, ["export.json"]) => Ok(http::json(&self.export(None).await?.0)),
             (Base::Operator, None, ["export.zip"]) => Ok(archive(&self.export(None).await?.1)),
@@ -229,7 +228,7 @@ impl Server {
     async fn photo(&self, photo: PhotoRequest, name: &str, request: &Request) -> KeyResult<Reply> {
         let product = match name {
             "live" => Product::Live,
-            "photos" => Product::Large { advice: photo.advice },
+            "photos" => Product::Large { advice: photo.advice, files: photo.files },
             // Who flies sits at this machine, and not at a screen of the hall.
             _ if request.is_home() => Product::Script,
             _ => return Err(Key::NotHere),
@@ -255,7 +254,7 @@ impl Server {
             return Err(Key::PageOld.into());
         }
         let wish = posted.member::<Value>("wish")?.to_string().into_bytes();
-        let photo = PhotoRequest::parse(&wish, request.base == Base::Kiosk)?;
+        let photo = PhotoRequest::parse(&wish, request.asker())?;
         // The same wish of the same visitor is sent once, however often it arrives.
         let id = sha256(&wish)[..32].to_owned();
         let known = self.entries.admit(&id, request.peer)?;
@@ -276,7 +275,7 @@ impl Server {
         sender: IpAddr,
     ) -> Result<(String, u32, bool), Message> {
         let PhotoRequest { visitor, subject, .. } = photo;
-        let product = Product::Large { advice: false };
+        let product = Product::Large { advice: false, files: true };
         let made = self.visitors.make(Job { product, subject: subject.clone() }).await?;
         let answer = parsed(&made)?;
         if answer["error"].is_object() {

@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::PreparedScene;
 use super::messages::Message;
-use super::replay::{boxes, replay};
-use super::request::{Product, Subject};
+use super::replay::{boxes, end_s, replay};
+use super::request::{LOG, Product, Subject};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{bounds, simplify};
 use noctograph_core::strokes::{Source, SourceStroke, Strokes};
@@ -17,7 +17,7 @@ use noctograph_export::zip::zip;
 use noctograph_export::{Form, Format as ExportFormat, Mode};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::{Photo, jpeg};
-use noctograph_pipeline::preflight::{CheckedExport, ExportOptions};
+use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile};
 use noctograph_pipeline::scene::{Change, Scene};
 use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Watch};
 
@@ -57,17 +57,26 @@ impl std::fmt::Debug for Studio<'_> {
 /// An answer, or why there is none.
 type Made = std::result::Result<Value, Message>;
 
+/// A subject that is ready to be photographed.
+struct Ready {
+    shoot: Shoot,
+    profile: Profile,
+    /// See [`source`].
+    source: Value,
+    /// What one should know of a log.
+    notes: Vec<Message>,
+}
+
 impl Studio<'_> {
     /// Makes a product of a subject: an object whose `error` says why there is none.
     #[must_use]
     pub fn make(&self, product: Product, subject: &Subject) -> Value {
         let made = match product {
             Product::Live => self.live(subject),
-            Product::Large { advice } => self.large(subject, advice),
+            Product::Large { advice, files } => self.large(subject, advice, files),
             Product::Script => self.script(subject),
         };
-        let made =
-            made.unwrap_or_else(|error| Err(Message::of_error(&error, subject.is_picture())));
+        let made = made.unwrap_or_else(|error| Err(refusal(&error, subject)));
         made.unwrap_or_else(|message| message.json())
     }
 
@@ -94,34 +103,52 @@ impl Studio<'_> {
         Shoot { judging, format, backend, keeps_film: false, ..shoot }.take(self.watch)
     }
 
-    fn live(&self, subject: &Subject) -> Result<Made> {
-        let (prepared, strokes) = self.drawn(subject, LIVE)?;
+    /// The shoot of a subject, whose photo has about as many pixels.
+    fn ready(&self, subject: &Subject, pixels: f64) -> Result<std::result::Result<Ready, Message>> {
+        if subject.log.is_some() {
+            let PreparedScene { scene, profile } = subject.prepared(self.scene, None, pixels)?;
+            let (shoot, notes) = Shoot::of_log(scene, LOG.as_ref())?;
+            let notes = notes.iter().map(|note| Message::of_log(note)).collect();
+            return Ok(Ok(Ready { shoot, profile, source: Value::Null, notes }));
+        }
+        let (PreparedScene { scene, profile }, strokes) = self.drawn(subject, pixels)?;
         let source = source(&strokes);
-        let shoot = match Shoot::of_strokes(prepared.scene, strokes) {
-            Ok(shoot) => shoot,
+        Ok(match Shoot::of_strokes(scene, strokes) {
+            Ok(shoot) => Ok(Ready { shoot, profile, source, notes: Vec::new() }),
             // Of what is too much for a flight, the page leaves strokes out.
             Err(error) => {
-                let mut message = Message::of_error(&error, subject.is_picture());
+                let mut message = refusal(&error, subject);
                 message.values["source"] = source;
-                return Ok(Err(message));
+                Err(message)
             }
+        })
+    }
+
+    fn live(&self, subject: &Subject) -> Result<Made> {
+        let Ready { shoot, source, notes, .. } = match self.ready(subject, LIVE)? {
+            Ok(ready) => ready,
+            Err(message) => return Ok(Err(message)),
         };
         let shot = self.shot(shoot, Judging::Scored, None)?;
         let mut json = json!({
             "photo": data_url(&jpeg(&shot.photo, LIVE_QUALITY)), "verdict": shot.verdict,
             "replay": replay(&shot), "source": source,
         });
-        describe(&shot, &mut json);
+        describe(&shot, notes, &mut json);
         Ok(Ok(json))
     }
 
-    fn large(&self, subject: &Subject, advice: bool) -> Result<Made> {
-        let (prepared, strokes) = self.drawn(subject, LARGE)?;
-        let shoot = Shoot::of_strokes(prepared.scene, strokes)?;
-        let shot = self.shot(shoot, Judging::Explained, Some(Format::Png))?;
-        let findings = shot.findings(&prepared.profile)?;
+    fn large(&self, subject: &Subject, has_advice: bool, has_files: bool) -> Result<Made> {
+        let Ready { shoot, profile, notes, .. } = match self.ready(subject, LARGE)? {
+            Ok(ready) => ready,
+            Err(message) => return Ok(Err(message)),
+        };
+        let shot = self.shot(shoot, Judging::Explained, has_files.then_some(Format::Png))?;
+        // What was flown needs no check.
+        let is_planned = shot.shoot.is_planned;
+        let findings = if is_planned { shot.findings(&profile)? } else { Vec::new() };
         let stops: Vec<Message> = findings.iter().filter_map(Message::of_stop).collect();
-        let remedies = if advice { (self.advice)(&shot)? } else { Vec::new() };
+        let remedies = if has_advice { (self.advice)(&shot)? } else { Vec::new() };
         let remedies = remedies.into_iter().map(|(changes, gain)| {
             json!({ "gain": gain, "said": Message::of_changes(&changes), "set": changes })
         });
@@ -131,8 +158,10 @@ impl Studio<'_> {
         json["replay"] = replay(&shot);
         json["photo"] = data_url(&jpeg(&shot.photo, LARGE_QUALITY)).into();
         json["flight_sha256"] = shot.flight_sha256().into();
-        json["files"] = encoded(files(&shot));
-        describe(&shot, &mut json);
+        if has_files {
+            json["files"] = encoded(files(&shot));
+        }
+        describe(&shot, notes, &mut json);
         Ok(Ok(json))
     }
 
@@ -208,19 +237,26 @@ pub fn jpeg_of(answer: &Value) -> Option<Vec<u8>> {
     BASE64_STANDARD.decode(answer["photo"].as_str()?.strip_prefix(DATA_URL)?).ok()
 }
 
+/// Why there is no answer.
+fn refusal(error: &Error, subject: &Subject) -> Message {
+    match (error, &subject.log) {
+        (Error::Input { .. }, Some(_)) => Message::of_log(&format!("{error}: {}", error.hint())),
+        _ => Message::of_error(error, subject.is_picture()),
+    }
+}
+
 /// Adds what a photo of either size has: its size, the flight, problems, and the letters' places.
-fn describe(shot: &Shot, json: &mut Value) {
+fn describe(shot: &Shot, notes: Vec<Message>, json: &mut Value) {
     let Photo { width_px, height_px, .. } = shot.photo;
-    let flight_s = shot.shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
     let problems = |are: bool| -> Vec<Message> {
         let problems = shot.problems.iter().filter(|it| it.is_obstacle() == are);
         problems.filter(|it| !matches!(it, Problem::Flight(..))).map(Message::of_problem).collect()
     };
     json["width"] = width_px.into();
     json["height"] = height_px.into();
-    json["flight_s"] = flight_s.into();
+    json["flight_s"] = end_s(shot).into();
     json["obstacles"] = json!(problems(true));
-    json["warnings"] = json!(problems(false));
+    json["warnings"] = json!([notes, problems(false)].concat());
     json["boxes"] = boxes(shot);
 }
 

@@ -5,17 +5,15 @@
 
 #![allow(unsafe_code, reason = "functions are exported by their names")]
 
-use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-use noctograph_core::digest::sha256;
 use noctograph_pipeline::scene::{Preset, Scene};
 use noctograph_pipeline::shoot::Stage;
 use serde_json::{Value, json};
 
-use super::answer::{Studio, archived, files_of};
+use super::answer::{Studio, archived};
 use super::colors;
-use super::request::{MAX_WORD, PhotoRequest, Product};
+use super::request::{Asker, MAX_WORD, PhotoRequest, Product};
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
@@ -65,24 +63,24 @@ extern "C" fn about() -> usize {
 /// The photo while one types.
 #[unsafe(no_mangle)]
 extern "C" fn live() -> usize {
-    answered(Product::Live)
+    answered(|_| Product::Live)
 }
 
-/// The large photo, with the digests of its files.
+/// The large photo.
 #[unsafe(no_mangle)]
 extern "C" fn photos() -> usize {
-    answered(Product::Large { advice: false })
+    answered(|photo| Product::Large { advice: false, files: photo.files })
 }
 
 /// The scripts that fly it, in an archive.
 #[unsafe(no_mangle)]
 extern "C" fn script() -> usize {
-    answered(Product::Script)
+    answered(|_| Product::Script)
 }
 
 /// Reads the request, and answers it with its number.
-fn answered(product: Product) -> usize {
-    let photo = match PhotoRequest::parse(&input(), false) {
+fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
+    let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
         Ok(photo) => photo,
         Err(message) => return told(&message.json()),
     };
@@ -94,14 +92,10 @@ fn answered(product: Product) -> usize {
         has_audience: !base.is_empty(),
         watch: &|stage, share| progress(u32::from(stage == Stage::Exposing), share),
     };
+    let product = product(&photo);
     let mut answer = studio.make(product, &photo.subject);
-    match product {
-        Product::Live => {}
-        Product::Large { .. } => {
-            let digests = files_of(&answer).into_iter().map(|(name, file)| (name, sha256(&file)));
-            answer["digests"] = json!(digests.collect::<BTreeMap<_, _>>());
-        }
-        Product::Script => answer = archived(answer),
+    if product == Product::Script {
+        answer = archived(answer);
     }
     answer["number"] = photo.number.into();
     told(&answer)

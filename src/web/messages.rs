@@ -151,6 +151,13 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
+    /// What there is to say of a log: in English, as it names parts of the log.
+    #[must_use]
+    pub fn of_log(text: &str) -> Self {
+        let (text, hint) = (without_paths(text), String::new());
+        Self { key: "log".into(), values: json!({}), text, hint }
+    }
+
     /// A problem of the picture.
     #[must_use]
     pub fn of_problem(problem: &Problem) -> Self {

@@ -43,8 +43,13 @@ pub(crate) fn replay(shot: &Shot) -> Value {
     strokes.sort_by(|a, b| span_s(a)[0].total_cmp(&span_s(b)[0]));
     let open = [shot.camera.shutter_open_s, shot.camera.shutter_close_s];
     let strokes: Vec<Value> = strokes.iter().filter_map(|it| stroke_json(it, shot, open)).collect();
-    let end_s = shot.shoot.plans.iter().map(|it| it.plan.duration_s()).fold(0.0, f64::max);
-    json!({ "seconds": end_s, "strokes": strokes })
+    json!({ "seconds": end_s(shot), "strokes": strokes })
+}
+
+/// Seconds of the longest flight.
+pub(crate) fn end_s(shot: &Shot) -> f64 {
+    let plans = shot.shoot.plans.iter().map(|it| it.plan.duration_s());
+    plans.reduce(f64::max).unwrap_or_else(|| shot.trace.end_s())
 }
 
 /// The stretches of a lamp's path where it is lit.

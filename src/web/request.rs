@@ -21,6 +21,9 @@ const MAX_VISITOR: usize = 40;
 /// Most bytes of a setting's value: the longest lists the strokes that are left out.
 const MAX_VALUE: usize = 4096;
 
+/// Name of a log's file.
+pub(crate) const LOG: &str = "log";
+
 /// Most pixels of a picture's side.
 const MAX_SIDE: u32 = 2000;
 
@@ -40,6 +43,17 @@ const KIOSK_KEYS: &str = "camera.framing.fill_frac letters.canvas_m letters.pace
 /// Proportions of a photo that a page may ask for, width by height.
 const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 
+/// The page that asks for a photo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asker {
+    /// Without a server: the logs of flights are photographed, too.
+    Alone,
+    /// Of a server: what is asked for can be flown.
+    Served,
+    /// Of a kiosk: with no settings but those of its controls.
+    Kiosk,
+}
+
 /// A request as the page sends it.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,8 +63,11 @@ struct Posted {
     #[serde(default)]
     advice: bool,
     #[serde(default)]
+    files: bool,
+    #[serde(default)]
     word: String,
     drawing: Option<Drawing>,
+    log: Option<String>,
     room: Option<String>,
     #[serde(default)]
     settings: BTreeMap<String, String>,
@@ -66,6 +83,8 @@ pub struct PhotoRequest {
     pub number: Option<u64>,
     /// Whether changes are flown where a word does not read.
     pub advice: bool,
+    /// Whether the large photo comes with its files.
+    pub files: bool,
     /// What is written or drawn.
     pub subject: Subject,
 }
@@ -76,6 +95,9 @@ pub struct Subject {
     /// The word; that of a drawing is empty.
     pub word: String,
     drawing: Option<Drawing>,
+    /// The log of a flight, in base64; the word is the one that was flown, or empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) log: Option<String>,
     /// Width, depth and height in meters, as `--room` takes them.
     pub room: Option<String>,
     /// Keys of the scene with their values.
@@ -90,11 +112,12 @@ pub struct Subject {
 pub enum Product {
     /// The photo while one types, with its verdict.
     Live,
-    /// The large photo with its files, its verdict explained and what stops its flight; with advice
-    /// where it does not read, which takes some thirty flights.
+    /// The large photo, its verdict explained and what stops its flight.
     Large {
-        /// Whether there is advice.
+        /// Whether there is advice where it does not read, which takes some thirty flights.
         advice: bool,
+        /// Whether its files are there: photo, scene and plans.
+        files: bool,
     },
     /// The scripts that fly it, with what they need.
     Script,
@@ -138,18 +161,22 @@ impl Drawing {
 }
 
 impl PhotoRequest {
-    /// Reads and checks a request; that of a kiosk has no settings but those of its page.
+    /// Reads and checks a request.
     ///
     /// # Errors
     ///
     /// The message to its visitor.
-    pub fn parse(body: &[u8], is_kiosk: bool) -> std::result::Result<Self, Message> {
+    pub fn parse(body: &[u8], asker: Asker) -> std::result::Result<Self, Message> {
         let refused = |actual: String| Err(Message::of_old_page(&actual));
         let posted: Posted = match serde_json::from_slice(body) {
             Ok(posted) => posted,
             Err(broken) => return refused(broken.to_string()),
         };
-        let Posted { visitor, number, advice, word, drawing, room, settings, aspect } = posted;
+        let Posted { visitor, number, advice, files, word, drawing, log, room, settings, aspect } =
+            posted;
+        if log.is_some() && (asker != Asker::Alone || drawing.is_some()) {
+            return refused("the log of a flight".into());
+        }
         let n_letters = word.chars().count();
         if n_letters > MAX_WORD {
             return Err(Message::new(
@@ -159,7 +186,7 @@ impl PhotoRequest {
                 "write a shorter word",
             ));
         }
-        if word.trim().is_empty() && drawing.is_none() {
+        if word.trim().is_empty() && drawing.is_none() && log.is_none() {
             return Err(Key::WordEmpty.into());
         }
         if !is_name(&visitor) {
@@ -169,7 +196,7 @@ impl PhotoRequest {
         if let Some(key) = lacks(KEYS) {
             return refused(format!("the setting {key}"));
         }
-        if is_kiosk && (advice || room.is_some() || lacks(KIOSK_KEYS).is_some()) {
+        if asker == Asker::Kiosk && (advice || room.is_some() || lacks(KIOSK_KEYS).is_some()) {
             return Err(Key::NotHere.into());
         }
         if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
@@ -183,8 +210,8 @@ impl PhotoRequest {
         if let Some(aspect) = aspect.filter(|aspect| !ASPECTS.contains(aspect)) {
             return refused(format!("the proportions {aspect}"));
         }
-        let subject = Subject { word, drawing, room, settings, aspect };
-        Ok(Self { visitor, number, advice, subject })
+        let subject = Subject { word, drawing, log, room, settings, aspect };
+        Ok(Self { visitor, number, advice, files, subject })
     }
 }
 

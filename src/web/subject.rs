@@ -1,18 +1,31 @@
 //! A subject as a scene, where no command line reads it.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
+
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_pipeline::preflight::{
     Profile, fit_within, frame_within, hang_stations, letters_within, parse_room,
 };
+use noctograph_pipeline::scene::CarriedScene;
 
 use super::PreparedScene;
 use super::answer::Base;
-use super::request::Subject;
+use super::request::{LOG, Subject};
 
 impl Subject {
-    /// The page's scene with the settings of a visitor, for a photo of about as many pixels; `face`
-    /// is the file of another typeface.
+    /// Brings the log, if there is one; returns the scene that came with it.
+    fn carried(&self) -> Result<Option<CarriedScene>> {
+        let Some(log) = &self.log else { return Ok(None) };
+        let bytes = BASE64_STANDARD.decode(log).map_err(|broken| {
+            Error::input(LOG, broken.to_string(), "a file in base64", "reload the page")
+        })?;
+        bring(LOG, bytes)?;
+        Ok(CarriedScene::in_log(LOG.as_ref()))
+    }
+
+    /// The page's scene, or its log's, with the settings of a visitor, for a photo of about as many
+    /// pixels; `face` is the file of another typeface.
     ///
     /// # Errors
     ///
@@ -46,10 +59,15 @@ impl Subject {
         settings.extend(self.settings.clone());
         settings.extend(face.map(|face| ("letters.font".into(), face.into())));
         let settings: Vec<(&str, &str)> = settings.iter().map(|(k, v)| (&**k, &**v)).collect();
-        let mut scene = base(&settings)?;
+        let mut scene = match self.carried()? {
+            Some(carried) => carried.distrusted_scene(&settings)?,
+            None => base(&settings)?,
+        };
         [scene.camera.width_px, scene.camera.height_px] = self.size_px(pixels);
         match drawing {
             Some((name, bytes)) => bring(name, bytes)?,
+            // A log may name its own word.
+            None if self.word.is_empty() => {}
             None => scene.set_word(&self.word.replace("\\n", "\n")),
         }
         scene.check()?;

@@ -156,6 +156,13 @@ fn word(word: &str) -> Value {
     json!({ "visitor": "me", "word": word })
 }
 
+fn with(wish: &Value, more: Value) -> Value {
+    let [Value::Object(wish), Value::Object(more)] = [wish.clone(), more] else {
+        panic!("objects")
+    };
+    wish.into_iter().chain(more).collect::<serde_json::Map<_, _>>().into()
+}
+
 fn sending(visitor: &str, text: &str) -> Value {
     json!({ "wish": { "visitor": visitor, "word": text }, "language": "en" })
 }
@@ -225,7 +232,7 @@ fn only_a_page_of_this_server_is_let_in() {
         ("a path upward", get(&format!("{path}../../etc/passwd"), &own), 404),
         ("the same, encoded", get(&format!("{path}wall%2f..%2f..%2fetc"), &own), 404),
         ("a photo that is not there", get(&format!("{path}wall/1.jpg"), &own), 404),
-        ("a module that is not there", get(&format!("{path}noctograph.wasm"), &own), 404),
+        ("a module that is not there", get(&format!("{path}noctograph.wasm.gz"), &own), 404),
         ("another method", format!("PUT {path} HTTP/1.1\r\n{own}\r\n").into_bytes(), 405),
         ("the queue by a visitor", get(&format!("{path}queue.json"), &own), 404),
         ("an export by a visitor", get(&format!("{path}export.zip"), &own), 404),
@@ -334,6 +341,8 @@ fn a_visitor_gets_a_photo_and_its_files() {
 
     let (_, large) = server.post("photos", &word("OSLO"));
     assert_eq!(large["read"], "OSLO", "{large}");
+    assert!(large["files"].is_null(), "files are sent to whom saves them");
+    let (_, large) = server.post("photos", &with(&word("OSLO"), json!({ "files": true })));
     let png = file(&large, "photo.png");
     let folder = tempfile::tempdir().unwrap();
     let typed = ["preview", "OSLO", "--size", "1920x1080", "--backend", "cpu", "-o", "."];
@@ -371,6 +380,9 @@ fn a_script_that_is_not_safe_is_refused_with_its_reason() {
     assert!(stops.iter().all(|stop| reasons.contains(stop)), "the reasons, as data: {reasons:?}");
     let (status, said) = server.post("entries", &json!({ "wish": wish, "language": "en" }));
     assert_eq!((status, key(&said)), (409, "not-safe"), "nor is it sent");
+    let log = with(&word("OSLO"), json!({ "log": BASE64_STANDARD.encode("t,x,y,z") }));
+    let (_, said) = server.post("live", &log);
+    assert_eq!(key(&said), "page-old", "what was flown already is no wish: {said}");
 }
 
 /// Every lamp of the page shines alone, in color and in white.
@@ -850,9 +862,7 @@ fn a_kiosk_is_an_address() {
         json!({ "room": "4x3x2.5" }),
         json!({ "advice": true }),
     ] {
-        let mut wish = word("I");
-        wish.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
-        let (status, refused) = server.post("photos", &wish);
+        let (status, refused) = server.post("photos", &with(&word("I"), more.clone()));
         assert_eq!((status, key(&refused)), (403, "not-here"), "{more}");
     }
     let mut colored = word("I");

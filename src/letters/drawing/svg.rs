@@ -228,7 +228,8 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
             },
         },
     };
-    if encoding == UTF_8 {
+    // A page reads texts of all encodings, and hands on UTF-8: the tables stay out of its module.
+    if encoding == UTF_8 || cfg!(target_family = "wasm") {
         let text = std::str::from_utf8(bytes).map_err(|broken| broken.to_string())?;
         return Ok(text.trim_start_matches('\u{feff}').to_owned());
     }

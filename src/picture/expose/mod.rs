@@ -32,6 +32,7 @@ mod film;
 mod floor;
 #[cfg_attr(not(feature = "gpu"), path = "no_gpu.rs")]
 mod gpu;
+#[cfg(feature = "gpu")]
 mod gpu_tiles;
 mod merge;
 pub mod meter;

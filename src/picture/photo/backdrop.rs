@@ -9,7 +9,7 @@ use super::options::PhotoOptions;
 use crate::expose::{ExposeOptions, Room};
 use crate::{narrow, whole};
 use noctograph_core::camera::Camera;
-use noctograph_core::error::Result;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::srgb;
 
 /// The light of room and background, by row, relative to white.
@@ -57,6 +57,11 @@ impl Backdrop {
         let focal_px = narrow(camera.focal_length_px());
         let picture = match &options.background[..] {
             "" => None,
+            // A page has no file of a photo, and its module no decoder of one.
+            path if cfg!(target_family = "wasm") => {
+                let (wanted, hint) = ("no file", "take the picture by the program");
+                return Err(Error::input("photo.background", path, wanted, hint));
+            }
             path => Some(Picture::read(Path::new(path), camera, options.background_stops)?),
         };
         let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);

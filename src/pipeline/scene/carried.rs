@@ -33,9 +33,8 @@ impl CarriedScene {
         if !path.is_file() {
             return Ok(None);
         }
-        if let Some(toml) = scene_in(path) {
-            let file = format!("{} (scene)", path.display());
-            return Ok(Some(Self { toml, file, is_in_log: true }));
+        if let Some(carried) = Self::in_log(path) {
+            return Ok(Some(carried));
         }
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
@@ -45,6 +44,13 @@ impl CarriedScene {
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = LIMIT.read_text(&file)?;
         Ok(Some(Self { toml, file: file.display().to_string(), is_in_log: false }))
+    }
+
+    /// The scene in a log's head.
+    #[must_use]
+    pub fn in_log(path: &Path) -> Option<Self> {
+        let file = format!("{} (scene)", path.display());
+        Some(Self { toml: scene_in(path)?, file, is_in_log: true })
     }
 
     /// The one scene that came with some of several files; seeds may differ.

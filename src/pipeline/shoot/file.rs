@@ -84,7 +84,7 @@ pub(super) fn encode(
     camera: &Camera,
     shown: Shown,
 ) -> Result<Vec<u8>> {
-    let mut notes = notes(scene.seed, camera, shown);
+    let notes = notes(scene.seed, camera, shown);
     let mut out = Cursor::new(Vec::new());
     let dots_per_inch = scene.camera.dots_per_inch;
     let film = || film.expect("kept for the formats that are read out");
@@ -103,7 +103,7 @@ pub(super) fn encode(
         Format::Exr => unreachable!("a page asks for PNG"),
         #[cfg(not(target_family = "wasm"))]
         Format::Exr => {
-            notes.push(("noctograph.scene", scene.to_toml()));
+            let notes = [&*notes, &[("noctograph.scene", scene.to_toml())]].concat();
             readout()?.write_exr(&mut out, camera, &notes)
         }
     };

@@ -45,6 +45,7 @@ mod metering;
 mod moments;
 mod planned;
 mod problems;
+mod relit;
 mod response;
 mod shot;
 mod written;
@@ -54,6 +55,7 @@ pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 pub use planned::{Planned, aim, ends, plan, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
+pub use relit::{light_all_along, relit_where_dark};
 pub use response::step_responses;
 pub use shot::{Shot, flight_sha256, known};
 

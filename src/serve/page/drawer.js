@@ -4,7 +4,7 @@ import { Refused } from "./ask.js";
 import { byId, make } from "./dom.js";
 import { saveOf } from "./save.js";
 import { change, state } from "./state.js";
-import { about } from "./wish.js";
+import { about, isLog } from "./wish.js";
 import { number, sentence, t } from "./words.js";
 
 const drawer = /** @type {HTMLDialogElement} */ (byId("drawer"));
@@ -154,7 +154,7 @@ function build() {
     change({ settings: {}, lamp: "", room: "", body: "", pace: "written", seed: 0 });
     build();
   };
-  const file = make("input", { type: "file", accept: ".svg,.json,image/*", className: "sr" });
+  const file = make("input", { type: "file", accept: about.alone ? "" : ".svg,.json,image/*", className: "sr" });
   file.onchange = () => {
     drawer.close();
     dispatchEvent(new CustomEvent("open-file", { detail: file.files?.[0] }));
@@ -162,7 +162,7 @@ function build() {
   drawer.replaceChildren(
     make("header", {}, make("h2", {}, t("more")), close),
     make("div", { className: "of-shot" }, ...ofShot()),
-    part("what", make("label", { className: "button second file" }, file, t("open")), own("pace")),
+    part("what", make("label", { className: "button second file" }, file, t(about.alone ? "open-log" : "open")), own("pace")),
     part("light", own("lamp"), make("p", { className: "note" }, t("light-note"))),
     part(
       "flight-part",
@@ -297,7 +297,7 @@ function ofShot() {
       make(
         "div",
         { className: "files" },
-        ...FILES.filter(([name]) => about.home || name === "photo.png").map(([name, word]) =>
+        ...FILES.filter(([name]) => name === "photo.png" || (about.home && !(name === "flight.zip" && isLog()))).map(([name, word]) =>
           download(large, name, word),
         ),
       ),

@@ -1,29 +1,58 @@
-// A file in place of a word: a drawing as it is, a picture as a JPEG that fits into a request.
+// A file in place of a word: a drawing as it is, a picture as a JPEG that fits into a request; in a
+// page without a server also the log of a flight.
+
+import { about } from "./wish.js";
 
 const MOST_SIDE = 1200;
 const MOST_BASE64 = 180_000;
 /** Most characters of a drawing: what a request may hold, less the rest of it. */
 const MOST_TEXT = 240_000;
+/** Most bytes of a log: ten minutes of a hundred variables. */
+export const MOST_LOG = 16_000_000;
 /** Grounds for a transparent picture, and how far its ink is from the one it is lost on. */
 const GROUNDS = [255, 0, 128],
   APART = 40;
 
 /**
- * Reads a file; null if it is neither drawing nor picture.
+ * Reads a file; null if it is nothing that this page takes.
  * @param {File} file
  * @returns {Promise<Opened | null>}
  */
 export async function opened(file) {
-  const kind = file.name.split(".").pop()?.toLowerCase();
+  const { name } = file;
+  const kind = name.split(".").pop()?.toLowerCase();
   try {
     if (kind === "svg" || kind === "json") {
-      const text = await file.text();
-      return text.length > MOST_TEXT ? null : { name: file.name, kind, text };
+      const text = decoded(await file.arrayBuffer());
+      // A log of JSON has variables in place of strokes.
+      if (kind === "json" && about.alone && !text.includes('"strokes"')) return await log(file);
+      return text.length > MOST_TEXT ? null : { name, kind, text };
     }
-    return { name: file.name, kind: "jpg", ...(await jpeg(file)) };
+    const picture = await jpeg(file).catch(() => null);
+    if (picture) return { name, kind: "jpg", ...picture };
+    return about.alone && !file.type.startsWith("image/") ? await log(file) : null;
   } catch {
     return null;
   }
+}
+
+/** The text of a drawing, in the encoding that its first bytes or its XML declaration name. */
+function decoded(/** @type {ArrayBuffer} */ bytes) {
+  const [a, b] = new Uint8Array(bytes);
+  const wide = (a === 0xff && b === 0xfe) || b === 0 ? "utf-16le" : (a === 0xfe && b === 0xff) || a === 0 ? "utf-16be" : "";
+  const head = new TextDecoder("latin1").decode(bytes.slice(0, 200));
+  const declared = /^<\?xml[^>]*\bencoding\s*=\s*["']([^"']+)/.exec(head)?.[1];
+  return new TextDecoder(wide || declared || "utf-8", { fatal: true }).decode(bytes);
+}
+
+/** @param {File} file @returns {Promise<Opened | null>} */
+async function log(file) {
+  if (file.size > MOST_LOG) return null;
+  const reader = new FileReader();
+  const read = new Promise((resolve, reject) => Object.assign(reader, { onload: resolve, onerror: reject }));
+  reader.readAsDataURL(file);
+  await read;
+  return { name: file.name, kind: "log", text: `${reader.result}`.split(",")[1] };
 }
 
 /** @param {File} file @returns {Promise<Pick<Opened, "text" | "size">>} */

@@ -9,7 +9,7 @@ import { emptySketch, seen, shape } from "./sketch.js";
 import * as stage from "./stage.js";
 import { change, forget, state, watch } from "./state.js";
 import { obstacle, ofError, ofLength, ofShot, say } from "./verdict.js";
-import { about, FILL, isDrawing, isEmpty, learn, title, wish } from "./wish.js";
+import { about, FILL, isDrawing, isEmpty, isLog, learn, title, wish } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, putWords, sentence, speak, t } from "./words.js";
 
 /** After which typing rests, and a sharper photograph is worth its work. */
@@ -148,7 +148,7 @@ async function enlarged(advice) {
   if (!large || large.error) return large;
   if (mine !== current() || !known.shot) return null;
   known.stops = large.stops;
-  known.large = Object.assign(large, { wish: { ...wished, visitor: state.visitor } });
+  known.large = Object.assign(large, { files: {}, wish: { ...wished, visitor: state.visitor } });
   putDesk();
   if (drawer) drawer.putShot(known);
   const keeps = strip.share < 1;
@@ -170,7 +170,7 @@ async function enlarged(advice) {
   return large;
 }
 
-const alt = () => (title() === null ? t("alt-drawing") : t("alt", { title: title() ?? "" }));
+const alt = () => (state.word.trim() ? t("alt", { title: state.word.trim() }) : t("alt-drawing"));
 
 function nothing() {
   stage.clear();
@@ -235,9 +235,11 @@ function putDesk() {
   say(byId("left"), spokenOnPad());
   byId("opened").hidden = !state.opened;
   byId("opened-name").textContent = state.opened?.name ?? "";
-  byId("field").hidden = byId("lights").hidden = state.opened !== null;
+  byId("lights").hidden = state.opened !== null;
+  byId("field").hidden = state.opened !== null && !isLog();
+  word.placeholder = t(isLog() ? "place-log" : "place");
   byId("choose").hidden =
-    !state.opened || (known.error !== null && !known.source && !isChoosing());
+    !state.opened || isLog() || (known.error !== null && !known.source && !isChoosing());
   byId("choose").setAttribute("aria-pressed", `${isChoosing()}`);
   if (isChoosing()) picture?.putPicture(known.source);
 }
@@ -353,7 +355,7 @@ word.oninput = () => {
   if (known.cut) word.value = typed.slice(0, most).join("");
   change({
     word: word.value,
-    opened: null,
+    opened: isLog() ? state.opened : null,
     sketch: emptySketch(),
     painted: state.painted.slice(0, typed.length),
   });
@@ -436,15 +438,18 @@ byId("more").onclick = async () => {
 
 async function openFile(/** @type {File | undefined} */ file) {
   if (!file || about.kiosk) return;
-  const { opened } = await import("./files.js");
+  const { MOST_LOG, opened } = await import("./files.js");
   const found = await opened(file);
   history.replaceState(null, "", ".");
-  if (found) change({ mode: "word", word: "", sketch: emptySketch(), painted: [], opened: found });
+  // A log is of the word that stands there.
+  const kept = found?.kind === "log" ? state.word : "";
+  if (found) change({ mode: "word", word: kept, sketch: emptySketch(), painted: [], opened: found });
   else {
     change({ mode: "word", word: "", sketch: emptySketch(), opened: null });
     begin();
     asked = "null";
-    failed({ key: "no-picture", values: { name: file.name }, text: "" });
+    const key = about.alone && file.size > MOST_LOG ? "too-large" : "no-picture";
+    failed({ key, values: { name: file.name }, text: "" });
   }
 }
 addEventListener("open-file", (event) => openFile(/** @type {CustomEvent} */ (event).detail));

@@ -14,10 +14,11 @@ export async function save(route, name) {
   put(await response.blob(), name);
 }
 
-/** Saves a file of a large photograph; its scripts are made now. @param {Large} large @param {string} name */
+/** Saves a file of a large photograph, which is made now. @param {Large} large @param {string} name */
 export async function saveOf(large, name) {
-  if (name === "flight.zip" && !large.files[name]) {
-    const made = await post("script", large.wish);
+  if (!large.files[name]) {
+    const made =
+      name === "flight.zip" ? await post("script", large.wish) : await post("photos", { ...large.wish, files: true });
     if (made.error) throw new Refused(made.error);
     Object.assign(large.files, made.files);
   }

@@ -68,7 +68,7 @@ interface Remedy {
 interface Large extends Partial<Verdict> {
   number: number;
   photo: string;
-  /** In base64, by their names. */
+  /** Those that were saved, in base64, by their names. */
   files: Record<string, string>;
   /** What it was made of. */
   wish: object;
@@ -144,7 +144,8 @@ interface Stroke {
 /** A file that was opened in place of a word. */
 interface Opened {
   name: string;
-  kind: "svg" | "json" | "jpg";
+  kind: "svg" | "json" | "jpg" | "log";
+  /** A picture and a log in base64. */
   text: string;
   /** Width and height of a picture. */
   size?: [number, number];

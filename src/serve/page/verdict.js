@@ -1,7 +1,7 @@
 // The verdict, as a sentence or two.
 
 import { make } from "./dom.js";
-import { about } from "./wish.js";
+import { about, isLog } from "./wish.js";
 import { hasWord, sentence, t } from "./words.js";
 
 /** @typedef {{ first: string, then?: string }} Spoken */
@@ -18,13 +18,13 @@ export function ofShot(shot) {
   const dark = obstacle(shot);
   if (dark) return { first: sentence("obstacles", dark) };
   const { verdict } = shot;
-  if (!verdict) return { first: t("unjudged"), then: flight };
+  if (!verdict) return { first: t(isLog() ? "unjudged-log" : "unjudged"), then: flight };
   const read = verdict.read.replace(/\s+/g, " ").trim();
   if (verdict.legible) return { first: t("reads", { read }), then: flight };
   const wrong = verdict.letters.find(({ expected, best }) => best !== expected);
   // Without a server nothing is sent.
   const sends = wrong ? t("way-letter", { letter: wrong.expected }) : t("way");
-  const way = about.alone ? t("way-alone") : sends;
+  const way = isLog() ? "" : about.alone ? t("way-alone") : sends;
   if (!wrong && verdict.reason) {
     return {
       first: t("unsure"),

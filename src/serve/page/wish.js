@@ -24,6 +24,8 @@ function colors() {
   return letters().map((_, i) => colorOf(i));
 }
 
+/** Whether the log of a flight is photographed, whose word may be known. */
+export const isLog = () => state.opened?.kind === "log";
 export const isDrawing = () => !state.opened && !state.word.trim() && seen(state.sketch).length > 0;
 export const isEmpty = () =>
   state.opened ? isNothing(state.opened) : !state.word.trim() && !seen(state.sketch).length;
@@ -56,8 +58,9 @@ function canvas(/** @type {number} */ aspect) {
   return [high * aspect, high].map((side) => Math.round(1000 * side) / 1000);
 }
 
-/** @returns {{ word: string } | { drawing: { kind: string, text: string } }} */
+/** @returns {{ word: string, log?: string } | { drawing: { kind: string, text: string } }} */
 function subject() {
+  if (state.opened && isLog()) return { word: state.word.trim(), log: state.opened.text };
   if (state.opened) return { drawing: { kind: state.opened.kind, text: state.opened.text } };
   if (!isDrawing()) return { word: state.word.trim() };
   // White is the lamp's own color, which is written as black.
@@ -86,7 +89,7 @@ function settings(aspect) {
   const set = { ...state.settings };
   const writes = lamp();
   if (state.seed) set.seed = `${state.seed}`;
-  if (state.opened) {
+  if (state.opened && !isLog()) {
     const high = Number(set["letters.cap_height_m"] ?? 0.5);
     set["letters.canvas_m"] = JSON.stringify([6 * high, 2 * high]);
     Object.assign(set, chosen(state.opened));

@@ -21,7 +21,7 @@ async function answered(kind, { body, signal }) {
   try {
     return Response.json(await make(kind, text, { signal: signal ?? undefined, tell: tellStage }));
   } catch (error) {
-    if (signal?.aborted || `${error}`.includes("CompileError") || kind === "about") throw error;
+    if (signal?.aborted || /CompileError|DecompressionStream/.test(`${error}`) || kind === "about") throw error;
     return Response.json({ error: { key: "broken", text: `${error}` } });
   } finally {
     tellStage(0);

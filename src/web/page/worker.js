@@ -5,13 +5,15 @@ let tell = () => {};
 const page = { progress: (/** @type {number} */ stage, /** @type {number} */ share) => tell(stage, share) };
 
 const ready = (async () => {
-  const response = await fetch(new URL("noctograph.wasm", import.meta.url));
-  if (!response.ok) throw new Error(`noctograph.wasm: ${response.status}`);
-  // A host that does not know the type of the module is no obstacle.
-  const streams = response.headers.get("Content-Type") === "application/wasm";
-  const { instance } = streams
-    ? await WebAssembly.instantiateStreaming(response, { page })
-    : await WebAssembly.instantiate(await response.arrayBuffer(), { page });
+  const response = await fetch(new URL("noctograph.wasm.gz", import.meta.url));
+  if (!response.ok) throw new Error(`noctograph.wasm.gz: ${response.status}`);
+  let bytes = await response.arrayBuffer();
+  // Compressed, since not every host compresses what it sends; some say so, and it is unpacked.
+  if (new Uint8Array(bytes)[0] === 0x1f) {
+    const unpacked = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    bytes = await new Response(unpacked).arrayBuffer();
+  }
+  const { instance } = await WebAssembly.instantiate(bytes, { page });
   return /** @type {any} */ (instance.exports);
 })();
 
