@@ -6,10 +6,7 @@ pub const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Units in lower case, and their size in SI units.
 const UNITS: [(&str, f64); 9] = [
     ("m meter meters metres m_s m_s2 m_s_2 s sec secs second seconds rad radians rad_s", 1.0),
-    (
-        "mm millimeter millimeters mm_s ms msec millis millisecond milliseconds mrad mrad_s",
-        1e-3,
-    ),
+    ("mm millimeter millimeters mm_s ms msec millis millisecond milliseconds mrad mrad_s", 1e-3),
     ("cm centimeter centimeters cm_s", 1e-2),
     ("us usec micros microsecond microseconds", 1e-6),
     ("ns nsec nanos nanosec nanosecond nanoseconds", 1e-9),
