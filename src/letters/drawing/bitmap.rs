@@ -112,9 +112,9 @@ pub(super) fn read(
         ));
     }
     if field.faint > FAINT {
-        warnings.push(
-            "marks that are much fainter than the rest are not drawn, such as the paper's rulings: \
-             draw over those that are meant".into());
+        let text = "marks that are much fainter than the rest are not drawn, such as the paper's \
+                    rulings: draw over those that are meant";
+        warnings.push(text.to_owned());
     }
     if field.inner_edges() > field.width.max(field.height) {
         warnings.push("areas of several colors that touch are drawn as one: leave a gap".into());

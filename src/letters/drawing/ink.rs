@@ -44,11 +44,13 @@ const LEAST: [f64; 2] = [0.07, 0.10];
 const CLEAN: f64 = 0.001;
 const GRAINS: f64 = 6.0;
 const FAINT: f64 = 0.4;
-/// Tones between paper and strong ink, by the contrast of that, and how much they change over four
-/// pixels: those of a photograph, and those of a glow, a glare or a soft shadow on even paper; and
-/// the share of a picture in the latter from which its paper is no longer even.
-const PHOTO: [[f64; 2]; 2] = [[0.2, 0.8], [0.0, 0.12]];
-const GLOW: [[f64; 2]; 2] = [[0.1, 0.4], [0.01, 0.12]];
+type Tones = (std::ops::Range<f64>, std::ops::Range<f64>, usize);
+/// Tones between paper and strong ink, by the contrast of that, and how much they change over so
+/// many pixels to both sides: those of a photograph, and those of a glow, a glare or a soft shadow
+/// on even paper, which are more than the noise of a JPEG; and the share of a picture in the latter
+/// from which its paper is no longer even.
+const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
+const GLOW: Tones = (0.1..0.4, 0.02..0.08, 6);
 const SOFT: f64 = 0.01;
 
 /// Share of the ink that is weaker than strong ink.
@@ -292,12 +294,12 @@ fn grain(contrast: &[f64], width: usize) -> f64 {
 }
 
 /// Share of pixels in tones between paper and strong ink that change slowly.
-fn tones(contrast: &[f64], width: usize, strong: f64, [between, slow]: [[f64; 2]; 2]) -> f64 {
-    let shades = (2 * width..contrast.len() - 2 * width).filter(|pixel| {
+fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> f64 {
+    let shades = (step * width..contrast.len().saturating_sub(step * width)).filter(|pixel| {
         let [across, down] =
-            [2, 2 * width].map(|step| contrast[pixel + step] - contrast[pixel - step]);
-        (between[0]..between[1]).contains(&(contrast[*pixel] / strong))
-            && (slow[0]..slow[1]).contains(&(libm::hypot(across, down) / strong))
+            [step, step * width].map(|step| contrast[pixel + step] - contrast[pixel - step]);
+        between.contains(&(contrast[*pixel] / strong))
+            && slow.contains(&(libm::hypot(across, down) / strong))
     });
     shades.count() as f64 / contrast.len() as f64
 }

@@ -166,7 +166,7 @@ fn foreign(kind: &str, file: &str) -> Error {
     let (content, hint) = match kind {
         "heic" | "heif" | "avif" | "tif" | "tiff" | "jp2" | "psd" | "ico" | "pgm" | "xcf" => (
             "a photo of a kind that is not read",
-            "save it as PNG or JPEG: on an iPhone, Settings > Camera > Formats > Most Compatible",
+            "save it as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most Compatible",
         ),
         "pdf" | "ai" | "eps" => {
             ("a document", "save the page as SVG, for example with Inkscape, or as PNG")
