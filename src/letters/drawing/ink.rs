@@ -296,10 +296,9 @@ fn grain(contrast: &[f64], width: usize) -> f64 {
 /// Share of pixels in tones between paper and strong ink that change slowly.
 fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> f64 {
     let shades = (step * width..contrast.len().saturating_sub(step * width)).filter(|pixel| {
-        let [x, y] =
-            [step, step * width].map(|step| contrast[pixel + step] - contrast[pixel - step]);
+        let slope = |step: usize| contrast[pixel + step] - contrast[pixel - step];
         between.contains(&(contrast[*pixel] / strong))
-            && slow.contains(&(libm::hypot(x, y) / strong))
+            && slow.contains(&(libm::hypot(slope(step), slope(step * width)) / strong))
     });
     shades.count() as f64 / contrast.len() as f64
 }
