@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::{Args, CameraFlags, Corners, Report, Result, json, message};
 use crate::camera::Framing;
 use crate::photo::{self, Photo};
-use crate::score::{Reading, View, quarter_turned, read_any_way_up};
+use crate::score::{Reading, View, has_bright_rim, quarter_turned, read_any_way_up};
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {
@@ -38,6 +38,10 @@ const LAYOUT: &str = "\
 /// A photo and its reading, turned until its writing, or the word that it should show, is the right
 /// way up.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
+    if has_bright_rim(&photo) {
+        let text = "the photo's rim is bright: cut its border off, or invert dark writing";
+        message("note: ", text);
+    }
     let (reading, quarters) = read_any_way_up(&photo, word);
     if quarters == 0 {
         return (photo, reading);

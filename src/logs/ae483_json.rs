@@ -68,6 +68,10 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
             reader.folder(top, "")?;
         }
         Node::List(list) if reader.rows("", &list)? => {}
+        Node::List(List { odd: Some((_, odd)), .. }) if odd == "a list" => {
+            let hint = "write it as CSV, with a header such as t,x,y,z";
+            return Err(Error::input(file, "lists without names", "objects with names", hint));
+        }
         _ => {
             let wanted = "an object of variables, each with time and data, or a list of rows, each \
                           an object with a time";
@@ -170,7 +174,9 @@ fn listed(text: &[u8]) -> Option<Vec<u8>> {
             let data = data.replace('\'', "\"");
             Some(format!("{{\"timestamp\": {stamp}, \"data\": {{{data}}}"))
         }
-        _ => (line.starts_with('{') && line.ends_with('}')).then(|| line.to_owned()),
+        // Printed dictionaries of Python have other quotation marks.
+        _ if line.starts_with("{'") => Some(line.replace('\'', "\"")),
+        _ => (line.starts_with(['{', '[']) && line.ends_with(['}', ']'])).then(|| line.to_owned()),
     });
     let rows = rows.collect::<Option<Vec<String>>>().filter(|rows| is_printed || rows.len() > 1)?;
     Some(format!("[{}]", rows.join(",")).into_bytes())

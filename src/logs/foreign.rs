@@ -4,6 +4,7 @@ use noctograph_core::error::{Error, Result};
 
 const BY_CAPTURE: &str =
     "export the rigid body as CSV in the motion capture's program, with a header t,x,y,z";
+const BY_PLOTJUGGLER: &str = "open it in PlotJuggler, export the pose as CSV, and import that";
 const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of \
                              pymavlink), and import that";
 
@@ -12,25 +13,13 @@ const FORMATS: [(&[u8], &str, &str); 21] = [
     (
         b"ULog\x01\x12\x35",
         "a ULog file of PX4",
-        "convert it with `ulog2csv FILE` (of pyulog), and import its vehicle_local_position CSV",
+        "import its vehicle_local_position, of `ulog2csv FILE`",
     ),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
     (b"FMT, 128,", "a DataFlash log of ArduPilot, as text", BY_MAVLOGDUMP),
-    (
-        b"#ROSBAG V",
-        "a rosbag of ROS 1",
-        "convert it with `rostopic echo -b FILE -p /TOPIC > log.csv`, and import that",
-    ),
-    (
-        b"SQLite format 3\0",
-        "an SQLite file, as rosbags of ROS 2",
-        "open the bag in PlotJuggler and export the pose as CSV, and import that",
-    ),
-    (
-        b"\x89MCAP",
-        "an MCAP file, as rosbags of ROS 2",
-        "open it in PlotJuggler and export the pose as CSV, and import that",
-    ),
+    (b"#ROSBAG V", "a rosbag of ROS 1", "import what `rostopic echo -b FILE -p /TOPIC` prints"),
+    (b"SQLite format 3\0", "an SQLite file, as rosbags of ROS 2", BY_PLOTJUGGLER),
+    (b"\x89MCAP", "an MCAP file, as rosbags of ROS 2", BY_PLOTJUGGLER),
     (b"PAR1", "a Parquet file", "write it as CSV: pandas.read_parquet(FILE).to_csv(\"log.csv\")"),
     (b"\x89HDF", "an HDF5 file", "write its series as CSV with a header t,x,y,z"),
     (b"MATLAB 5.0", "a MATLAB file", "write it with writetable(T, \"log.csv\"), and import that"),
@@ -44,11 +33,7 @@ const FORMATS: [(&[u8], &str, &str); 21] = [
     (b"\x80", "a pickle of Python", "write it as CSV with a header t,x,y,z"),
     (b"<", "a file in XML or HTML", "write its track as CSV with a header t,x,y,z"),
     (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "save the sheet as CSV"),
-    (
-        b"\xfd\x09\x00\x00",
-        "a telemetry log of MAVLink",
-        "convert it with `mavlogdump.py --format csv FILE`",
-    ),
+    (b"\xfd\x09\0\0", "a telemetry log of MAVLink", "convert it with `mavlogdump.py --format csv`"),
     (b"%PDF", "a PDF file", "import the log itself"),
 ];
 

@@ -268,7 +268,7 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     let is_first = head.titles.first().is_some_and(|title| title == OWN[0]);
     // A flight file begins with a pose, or with the time and has the column of letters.
     if head.titles.starts_with(&OWN.map(str::to_owned)) || is_first && has_letters && !has_ranges {
-        let mut flight = Flight::from_table(&Table::below(head, &text, file)?)?;
+        let mut flight = Flight::from_table(&Table::below(head, &text, file, |_| true)?)?;
         if options.position == PositionSource::Estimate {
             use_estimate(&mut flight);
         }

@@ -74,7 +74,8 @@ pub(super) fn flight(
 fn nothing_known(recording: &Recording) -> Error {
     let names: Vec<&str> = recording.names().collect();
     let columns = if names.is_empty() {
-        "no column with a sample".into()
+        let notes = recording.warnings.iter().map(|note| format!("; {note}"));
+        format!("no column with a sample{}", notes.collect::<String>())
     } else {
         format!("columns {}", shortened(&names))
     };

@@ -158,6 +158,10 @@ impl Columns {
                 hint,
             ));
         }
+        // An index of dates, as pandas writes it.
+        if is_dated && name == "index" {
+            "t".clone_into(&mut name);
+        }
         // The first column of times may be empty, and the second filled.
         if name == "t" && (title == "t" || is_dated || values.iter().any(|value| !value.is_nan())) {
             let (time_s, note) = times(&title, values, is_dated, unit, self.time_unit);

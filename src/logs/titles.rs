@@ -9,7 +9,7 @@ const NAMES: [(&str, &str, &str); 17] = [
     (
         " ",
         "t",
-        "t time timestamp stamp date datetime datenum seconds sec zeit elapsed elapsed_time",
+        "t time timestamp time_stamp host_time sim_time stamp date datetime datenum seconds sec zeit elapsed elapsed_time",
     ),
     (
         " ",
@@ -17,7 +17,7 @@ const NAMES: [(&str, &str, &str); 17] = [
         "header_stamp time_boot secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
     ),
     ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
-    ("xyz", "*_m", "loc_* location_*"),
+    ("xyz", "*_m", "loc_* location_* *_true true_* *_gt gt_* *_actual actual_*"),
     ("z", "*_m", "height altitude alt höhe hoehe"),
     ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
     (" ", "yaw_rad", "yaw psi"),
@@ -123,6 +123,7 @@ fn path_end(title: &str) -> (String, String) {
     if let [before @ .., group, axis] = &parts[..] {
         match &*group.to_lowercase() {
             "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
+            "attitude" => return (before.join("/"), (*axis).to_owned()),
             "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
             // The stamp of a message belongs to all that is in it.
             "header" => return (String::new(), format!("header_{axis}")),

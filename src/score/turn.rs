@@ -7,6 +7,9 @@ use noctograph_core::photo::Photo;
 /// of 0.87.
 const UPRIGHT: f64 = 0.92;
 
+/// Level of white paper, in daylight.
+const BRIGHT: u8 = 190;
+
 /// Fewest letters that say which way up they are: turned, a heart or an arrow may be one or two.
 const LEAST_LETTERS: usize = 3;
 
@@ -31,6 +34,18 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     best.unwrap_or((upright, 0))
 }
 
+/// Whether a photo is bright all along its rim: it has a white border, or its writing is dark.
+#[must_use]
+pub fn has_bright_rim(photo: &Photo) -> bool {
+    let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
+    let is_rim =
+        |i: &usize| [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width));
+    let is_bright = |i: usize| photo.rgb8[3 * i..3 * i + 3].iter().all(|value| *value > BRIGHT);
+    let (bright, dark): (Vec<_>, Vec<_>) =
+        (0..width * height).filter(is_rim).partition(|i| is_bright(*i));
+    bright.len() > 9 * dark.len()
+}
+
 /// A photo that is turned clockwise by quarters.
 #[must_use]
 pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
@@ -47,6 +62,21 @@ pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_white_border_is_bright_and_the_night_is_not() {
+        let photo = |side: u8, within: u8| {
+            let rgb8 = (0..25).flat_map(|i| {
+                [if (6..19).contains(&i) && ![0, 4].contains(&(i % 5)) { within } else { side }; 3]
+            });
+            Photo { width_px: 5, height_px: 5, rgb8: rgb8.collect(), scene_toml: None }
+        };
+        assert!(has_bright_rim(&photo(255, 0)) && has_bright_rim(&photo(200, 190)));
+        assert!(!has_bright_rim(&photo(120, 255)) && !has_bright_rim(&photo(0, 0)));
+        let mut lit = photo(255, 0);
+        lit.rgb8[..6].fill(0);
+        assert!(!has_bright_rim(&lit), "a sky at three sides");
+    }
 
     #[test]
     fn four_quarters_are_the_photo_and_one_takes_the_upper_left_pixel_to_the_right() {

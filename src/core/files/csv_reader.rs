@@ -133,6 +133,8 @@ impl Separator {
         cells.len() >= least
             && whole
             && filled.first().is_some_and(|cell| starts(cell))
+            // `; 2026-03-03` is a remark.
+            && (filled.len() > 1 || !cells[0].is_empty())
             && 2 * numbers >= filled.len()
     }
 }
@@ -177,11 +179,19 @@ impl Head {
         let units = bare.get(1).copied().filter(|index| bare.len() == 2 && are_short(index));
         let mut titles = named.map_or(Vec::new(), |index| separator.titles(lines[index]));
         let units_line = units.map_or(&b""[..], |index| lines[index]);
+        // Names of groups, of pandas' columns of two levels, repeat where titles do not.
+        let in_groups =
+            titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
         for (title, unit) in titles.iter_mut().zip(separator.titles(units_line)) {
             match unit.trim_matches(['[', ']', '(', ')']) {
                 "" | "-" => {}
+                name if in_groups => *title = format!("{title}/{name}"),
                 unit => *title = format!("{title} [{unit}]"),
             }
+        }
+        // Below them stands the name of the index alone.
+        for index in before().filter(|index| in_groups && separator.count(lines[*index]) == 1) {
+            titles[0] = separator.titles(lines[index]).swap_remove(0);
         }
         let is_passed = |index: &usize| is_bare(index) && ![named, units].contains(&Some(*index));
         let notes = before().filter(is_passed).map(|index| {
@@ -459,6 +469,7 @@ mod tests {
             "# of May\n# t x y\n0.5 1 -2.25\n1.5 2 3\n",
             "% of May\nt,x,y\n\n0.5,1,-2.25\n# more\n1.5,2,3,\n",
             "Log of drone 3\n\nt;x;y\n0,5;1;-2,25\n1,5;2;3\n",
+            "; 2026-03-03\nt,x,y\n0.5,1,-2.25\n1.5,2,3\n",
         ] {
             let sheet = read(text.as_bytes()).unwrap();
             assert_eq!(titles(&sheet), ["t", "x", "y"], "{text:?}");
@@ -466,6 +477,8 @@ mod tests {
             assert_eq!(columns, [[0.5, 1.5], [1.0, 2.0], [-2.25, 3.0]], "{text:?}");
         }
         assert_eq!(titles(&read(b"t,x\ns,mm\n0,1\n").unwrap()), ["t [s]", "x [mm]"]);
+        let groups = read(b",p,p,a\n,x,y,yaw\ntime,,,\n0,1,2,3\n").unwrap();
+        assert_eq!(titles(&groups), ["time", "p/x", "p/y", "a/yaw"]);
         assert_eq!(titles(&read(b"0,1\n1,2\n").unwrap()), ["", ""], "no head");
     }
 

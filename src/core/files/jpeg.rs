@@ -15,6 +15,8 @@ pub struct JpegFrame {
     pub scans: u64,
     /// Whether all coefficients are held until the last scan.
     pub progressive: bool,
+    /// Whether the file has an end: what is missing is gray.
+    pub has_end: bool,
 }
 
 impl JpegFrame {
@@ -45,7 +47,8 @@ impl JpegFrame {
         let samples = factors.map(|[h, v]| 64 * h * v * units(0) * units(1)).sum();
         // Data of a scan have no marker of another one in them.
         let scans = bytes.windows(2).filter(|pair| *pair == [0xff, 0xda]).count() as u64;
-        Some(Self { size_px, samples, scans, progressive })
+        let has_end = header.windows(2).any(|pair| pair == [0xff, 0xd9]);
+        Some(Self { size_px, samples, scans, progressive, has_end })
     }
 
     /// Bytes that a decoder holds: the picture, three channels a pixel, and the coefficients.
@@ -69,7 +72,7 @@ mod tests {
 
     /// A file of 17 × 9 pixels with components of these sampling factors.
     fn file(marker: u8, factors: &[u8], scans: usize) -> Vec<u8> {
-        let mut bytes = b"\xff\xd8\xff\xe0\0\x04ab\xff".to_vec();
+        let mut bytes = b"\xff\xd8\xff\xe0\0\x04\xff\xd9\xff".to_vec();
         let n = u8::try_from(factors.len()).unwrap();
         bytes.extend([0xff, marker, 0, 8 + 3 * n, 8, 0, 9, 0, 17, n]);
         factors.iter().zip(0..).for_each(|(factor, id)| bytes.extend([id, *factor, 0]));
@@ -86,6 +89,9 @@ mod tests {
         assert_eq!(halved.samples, 2 * (4 + 1 + 1) * 64, "two units of six blocks");
         assert_eq!(halved.decoded_bytes(), 3 * 17 * 9 + 2 * halved.samples);
         assert_eq!((halved.scans, halved.later_scans_ns()), (5, halved.samples * 4 / 3));
+        assert!(!plain.has_end, "a thumbnail's end, before the frame, is none");
+        let whole = [&file(0xc0, &[0x11], 1)[..], b"\xff\xd9trailer"].concat();
+        assert!(JpegFrame::of(&whole).unwrap().has_end);
     }
 
     #[test]

@@ -6,13 +6,13 @@ pub const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Units in lower case, and their size in SI units.
 const UNITS: [(&str, f64); 9] = [
     ("m meter meters metres m_s m_s2 m_s_2 s sec secs second seconds rad radians rad_s", 1.0),
-    ("mm millimeters mm_s ms msec millis milliseconds mrad mrad_s", 1e-3),
-    ("cm centimeters cm_s", 1e-2),
-    ("us usec micros microseconds", 1e-6),
-    ("ns nsec nanos nanosec nanoseconds", 1e-9),
+    ("mm millimeter millimeters mm_s ms msec millis millisecond milliseconds mrad mrad_s", 1e-3),
+    ("cm centimeter centimeters cm_s", 1e-2),
+    ("us usec micros microsecond microseconds", 1e-6),
+    ("ns nsec nanos nanosec nanosecond nanoseconds", 1e-9),
     ("deg degree degrees deg_s", DEGREE),
-    ("in inch", 0.0254),
-    ("ft", 0.3048),
+    ("in inch inches", 0.0254),
+    ("ft feet foot ft_s", 0.3048),
     ("km", 1e3),
 ];
 
@@ -65,6 +65,10 @@ mod tests {
         assert_eq!(simplified("[°/s]"), "deg_s");
         let sizes = ["msec", "cm", "deg", "min"].map(|name| unit(name, false));
         assert_eq!(sizes, [Some(1e-3), Some(1e-2), Some(DEGREE), None]);
+        for (names, size) in [("ft feet foot", 0.3048), ("in inch inches", 0.0254)] {
+            assert!(names.split(' ').all(|name| unit(name, false) == Some(size)), "{names}");
+        }
+        assert_eq!(unit("millisecond", true), Some(1e-3));
         assert_eq!(unit("min", true), Some(60.0));
     }
 }

@@ -44,7 +44,8 @@ pub fn on_grid(value: f64) -> f64 {
     if size < 4.5e15 { rounded } else { value }
 }
 
-/// A table read from a file: named columns of equal length, all of finite numbers.
+/// A table read from a file: named columns of equal length, all of finite numbers
+/// where they are needed.
 #[derive(Debug)]
 pub struct Table {
     file: String,
@@ -70,25 +71,26 @@ impl Table {
     pub fn parse(bytes: &[u8], file: &str) -> Result<Self> {
         let text = Text::decode(bytes);
         let head = Head::find(&text.bytes);
-        Self::below(head, &text, file)
+        Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a head.
+    /// Reads the rows below a head; a column that nobody `needs` may hold texts.
     ///
     /// # Errors
     ///
     /// [`Error::Input`], as [`Self::read`].
-    pub fn below(head: Head, text: &Text<'_>, file: &str) -> Result<Self> {
+    pub fn below(head: Head, text: &Text<'_>, file: &str, needs: fn(&str) -> bool) -> Result<Self> {
         let budget = Budget::new(file, SMALLER_HINT);
         let number = |_, cell: &str| cell.parse().ok().filter(|v: &f64| v.abs() <= MAX_NUMBER);
         let (budget, hint, needs_line_ends) = (&budget, REWRITE_HINT, false);
         let rules = RowRules { file, budget, hint, needs_line_ends };
         let sheet = Sheet::read(text, head, rules, number)?;
         budget.bytes(size_of::<f64>() * sheet.n_rows() * sheet.columns.len())?;
-        if let Some((column, line, cell)) = sheet.first_text(|_| true) {
+        if let Some((column, line, cell)) = sheet.first_text(|column| needs(&column.title)) {
             let wanted = format!("a finite number within ±{MAX_NUMBER:e}");
             let place = format!("column {}", column.title);
-            let error = Error::input(place, format_args!("{cell:?}"), wanted, REWRITE_HINT);
+            let hint = "write numbers, and times in seconds; or let the program write it again";
+            let error = Error::input(place, format_args!("{cell:?}"), wanted, hint);
             return Err(error.in_file(file, line as u64));
         }
         Ok(Self { file: file.to_owned(), sheet })

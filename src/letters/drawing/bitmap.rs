@@ -91,17 +91,16 @@ pub(super) fn read(
     let extent = bounds(patches.iter().flatten().flatten().copied());
     let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let cap_height_px = 1.0 / size(extent)?;
-    let patches = patches.into_iter();
-    let patches = patches.map(|contours| Patch::new(contours, [larger, cap_height_px], &budget));
-    let patches: Vec<Patch<'_>> = patches.collect();
+    let patch = |contours| Patch::new(contours, [larger, cap_height_px], &budget);
+    let patches: Vec<Patch<'_>> = patches.into_iter().map(patch).collect();
     let lines: Vec<Vec<[f64; 2]>> = match options.trace {
         Trace::CenterLine => areas::lines(patches, larger),
         Trace::Outline => patches.iter().flat_map(Patch::rim).collect(),
     };
     budget.check()?;
     let lines = lines.into_iter().filter(|line| line.len() > 1);
-    let lines = lines.map(|line| (field.hue(&line), line)).map(|(color, line)| (line, color));
-    let lines: Vec<ColoredLine> = lines.collect();
+    let lines = lines.map(|line| (field.hue(&line), line));
+    let lines: Vec<ColoredLine> = lines.map(|(color, line)| (line, color)).collect();
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
@@ -118,8 +117,7 @@ pub(super) fn read(
         warnings.push(text.to_owned());
     }
     if field.inner_edges() > field.width.max(field.height) {
-        let text = "areas of several colors that touch are drawn as one: leave a gap between them";
-        warnings.push(text.to_owned());
+        warnings.push("areas of several colors that touch are drawn as one: leave a gap".into());
     }
     if let Some(corners) = corners.filter(|_| options.corners_px.is_none()) {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
@@ -165,7 +163,7 @@ fn corners(
 
 fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     let wanted = "a picture as PNG, JPEG, WebP, GIF or BMP";
-    Error::input(file, cause, wanted, "choose another file, or make it smaller")
+    Error::input(file, cause, wanted, "choose another file; or save it as PNG, or smaller")
 }
 
 /// The picture in upright position, opaque, and at most as large as needed; and the number of the
@@ -192,6 +190,9 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
             .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
         budget.bytes(n_bytes)?;
         budget.steps(n_steps)?;
+        if !frame.has_end {
+            return Err(unreadable(file, "a JPEG that is cut off"));
+        }
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(file, e))?;

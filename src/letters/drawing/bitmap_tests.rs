@@ -99,6 +99,23 @@ fn chalk(picture: &mut image::RgbImage) {
     noise(picture);
 }
 
+/// A lamp's reflection on an evenly lit board.
+fn glare(picture: &mut image::RgbImage) {
+    change(picture, |x, y, value| {
+        let square = (x - 330.0) * (x - 330.0) + (y - 70.0) * (y - 70.0);
+        0.8 * value + 55.0 * libm::exp(-square / 1800.0)
+    });
+}
+
+/// Lines of light in the dark, with their glow.
+fn neon(picture: &mut image::RgbImage) {
+    change(picture, |_, _, value| 255.0 - value);
+    let glow = image::imageops::blur(picture, 7.0);
+    for (pixel, glow) in picture.pixels_mut().zip(glow.pixels()) {
+        (0..3).for_each(|c| pixel.0[c] = pixel.0[c].saturating_add(glow.0[c]));
+    }
+}
+
 fn faint(picture: &mut image::RgbImage) {
     change(picture, |_, _, value| 150.0 + 0.4 * value);
     noise(picture);
@@ -129,6 +146,9 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         Drawn { lines: HOUSE, pen_px: 5.0, taken: dark_shadow },
         Drawn { lines: HOUSE, pen_px: 5.0, taken: squares_in_shadow },
         Drawn { lines: NOOR, pen_px: 3.0, taken: dark_shadow },
+        Drawn { lines: HOUSE, pen_px: 4.0, taken: glare },
+        Drawn { lines: CROSS, pen_px: 4.0, taken: glare },
+        Drawn { lines: CROSS, pen_px: 4.0, taken: neon },
     ];
     for (index, Drawn { lines, pen_px, taken }) in sheets.into_iter().enumerate() {
         let clean = sheet(lines, pen_px);
@@ -168,6 +188,17 @@ fn webp_bmp_and_the_first_frame_of_a_gif_are_read_as_png_is() {
     let (first, wanted) = (strokes("a.gif"), strokes("a.png"));
     assert_eq!(first.n_strokes(), wanted.n_strokes());
     assert!((first.length_m() / wanted.length_m() - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn a_jpeg_that_is_cut_off_is_refused() {
+    let mut file = std::io::Cursor::new(Vec::new());
+    sheet(HOUSE, 6.0).write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
+    let whole = file.into_inner();
+    let drawn = |bytes: &[u8]| drawn_in("a.jpg", bytes.to_vec(), &on_canvas(2.0, 1.0), Ink::Alike);
+    drawn(&whole).unwrap();
+    let refused = drawn(&whole[..whole.len() / 2]).unwrap_err().to_string();
+    assert!(refused.contains("cut off"), "{refused}");
 }
 
 #[test]

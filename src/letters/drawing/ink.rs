@@ -44,10 +44,14 @@ const LEAST: [f64; 2] = [0.07, 0.10];
 const CLEAN: f64 = 0.001;
 const GRAINS: f64 = 6.0;
 const FAINT: f64 = 0.4;
-/// Tones between paper and strong ink, by the contrast of that; and how much they may change over
-/// four pixels.
-const BETWEEN: [f64; 2] = [0.2, 0.8];
-const SLOW: f64 = 0.12;
+type Tones = (std::ops::Range<f64>, std::ops::Range<f64>, usize);
+/// Tones between paper and strong ink, by the contrast of that, and how much they change over so
+/// many pixels to both sides: those of a photograph, and those of a glow, a glare or a soft shadow
+/// on even paper, which are more than the noise of a JPEG; and the share of a picture in the latter
+/// from which its paper is no longer even.
+const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
+const GLOW: Tones = (0.1..0.4, 0.02..0.08, 6);
+const SOFT: f64 = 0.01;
 
 /// Share of the ink that is weaker than strong ink.
 const STRONG: f64 = 0.97;
@@ -84,12 +88,12 @@ pub(super) struct Field {
 impl Field {
     /// The ink of a picture; `None` where nothing stands out from its paper.
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
+        Self::on(picture, even_paper(picture).as_ref())
+    }
+
+    fn on(picture: &RgbImage, even: Option<&Even>) -> Option<Self> {
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
-        let even = even_paper(picture);
-        let inks = match &even {
-            Some(paper) => inks_on(picture, paper),
-            None => inks(picture),
-        };
+        let inks = even.map_or_else(|| inks(picture), |paper| inks_on(picture, paper));
         let mut contrast = vec![0.0; width * height];
         let mut color = vec![[1.0; CHANNELS]; width * height];
         for (row, inks) in (1..).zip(inks.chunks(width - 2)) {
@@ -103,12 +107,15 @@ impl Field {
         let least = LEAST[usize::from(!is_clean)].max(GRAINS * grain);
         let inked: Vec<f64> = contrast.iter().copied().filter(|ink| *ink > least).collect();
         let strong = quantile(inked.iter().map(|ink| 255.0 * ink), STRONG) / 255.0;
+        if is_clean && tones(&contrast, width, strong, GLOW) > SOFT {
+            return Self::on(picture, None);
+        }
         let faint = if is_clean { least } else { least.max(FAINT * strong) };
         let levels = extremes(&contrast, width, NEAR, f64::max);
         let ink = contrast.iter().zip(&levels);
         let ink = ink.map(|(ink, level)| (ink / level.max(faint / RIM)).min(1.0)).collect();
         let n_faint = levels.iter().filter(|level: &&f64| (least..faint).contains(*level)).count();
-        let shades = if is_clean { 0.0 } else { shades(&contrast, width, strong) };
+        let shades = if is_clean { 0.0 } else { tones(&contrast, width, strong, PHOTO) };
         (!inked.is_empty()).then_some(Self {
             width,
             height,
@@ -287,12 +294,11 @@ fn grain(contrast: &[f64], width: usize) -> f64 {
 }
 
 /// Share of pixels in tones between paper and strong ink that change slowly.
-fn shades(contrast: &[f64], width: usize, strong: f64) -> f64 {
-    let shades = (2 * width..contrast.len() - 2 * width).filter(|pixel| {
-        let [across, down] =
-            [2, 2 * width].map(|step| contrast[pixel + step] - contrast[pixel - step]);
-        (BETWEEN[0]..BETWEEN[1]).contains(&(contrast[*pixel] / strong))
-            && libm::hypot(across, down) < SLOW * strong
+fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> f64 {
+    let shades = (step * width..contrast.len().saturating_sub(step * width)).filter(|pixel| {
+        let slope = |step: usize| contrast[pixel + step] - contrast[pixel - step];
+        between.contains(&(contrast[*pixel] / strong))
+            && slow.contains(&(libm::hypot(slope(step), slope(step * width)) / strong))
     });
     shades.count() as f64 / contrast.len() as f64
 }

@@ -164,9 +164,9 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
 fn foreign(kind: &str, file: &str) -> Error {
     let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
     let (content, hint) = match kind {
-        "heic" | "heif" | "avif" => (
+        "heic" | "heif" | "avif" | "tif" | "tiff" | "jp2" | "psd" | "ico" | "pgm" | "xcf" => (
             "a photo of a kind that is not read",
-            "save it as JPEG: on an iPhone, Settings > Camera > Formats > Most Compatible",
+            "save it as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most Compatible",
         ),
         "pdf" | "ai" | "eps" => {
             ("a document", "save the page as SVG, for example with Inkscape, or as PNG")

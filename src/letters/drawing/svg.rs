@@ -78,8 +78,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let styles = Styles::new(&document, &budget, &mut named)?;
     size::check(root, &styles, &budget).map_err(|cause| refused(file, cause))?;
     budget.check()?;
-    let (signs, edits) = (Vec::new(), Vec::new());
-    let mut notes = Notes { styles: &styles, named: &mut named, signs, edits };
+    let mut notes = Notes { styles: &styles, named: &mut named, signs: vec![], edits: vec![] };
     notes.element(root).map_err(|cause| refused(file, cause))?;
     let (signs, edited) = (std::mem::take(&mut notes.signs), notes.edited(&text));
     let tree = parsed(&edited).map_err(|cause| refused(file, cause))?;
@@ -141,7 +140,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let drawing = Drawing { items, warnings };
     let [left, bottom, right, top] = drawing.bounds();
     if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * larger {
-        return Err(refused(file, "a drawing without extent".into()));
+        let empty = refused(file, "a drawing without extent".into());
+        return Err(super::with_reasons(empty, &drawing.warnings));
     }
     Ok(drawing)
 }

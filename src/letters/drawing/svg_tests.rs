@@ -298,6 +298,10 @@ fn lines_without_length_are_points_of_light_where_their_caps_show() {
     let alone = "<path d='M10 20h0' stroke='#000' stroke-linecap='round'/>";
     let error = read(page(alone).as_bytes()).err().unwrap().to_string();
     assert!(error.contains("without extent"), "{error}");
+    let drawn_later = "<path d='M10 20h80' stroke='#000' stroke-dasharray='80' stroke-dashoffset='80'>\
+                       <animate attributeName='stroke-dashoffset' to='0'/></path>";
+    let error = read(page(drawn_later).as_bytes()).err().unwrap();
+    assert!(error.hint().contains("an animation"), "{error}; {}", error.hint());
 }
 
 #[test]

@@ -606,6 +606,53 @@ fn stamps_in_two_columns_and_in_longer_units_are_read() {
 }
 
 #[test]
+fn heads_of_two_levels_dated_indices_and_true_positions_are_read() {
+    let seconds = |t: f64| format!("{t:.3}");
+    let clock = |t: f64| format!("2026-03-03 12:00:{t:06.3}+01:00");
+    let span = |t: f64| format!("0 days 00:00:{t:09.6}");
+    let tables: [(&str, &str, f64, &dyn Fn(f64) -> String); 5] = [
+        ("levels", ",position,position,position,attitude\n,x,y,z,yaw\ntime,,,,", 1.0, &seconds),
+        ("a dated index", ",x,y,z,yaw", 1.0, &clock),
+        ("an index of spans", ",x,y,z,yaw", 1.0, &span),
+        ("the true one", "t,x_true,y_true,z_true,x_est", 1.0, &seconds),
+        ("feet", "host_time_s,x_ft,y [feet],z (foot),yaw", 0.3048, &seconds),
+    ];
+    for (what, head, unit_m, stamp) in tables {
+        let text = rows(&format!("{head}\n"), |t, place| {
+            let [x, y, z] = place.map(|value| value / unit_m);
+            format!("{},{x},{y},{z},0.25", stamp(t))
+        });
+        let flight = read(text.as_bytes());
+        check(what, &flight);
+        let yaw_rad = flight.samples[500].attitude.yaw_rad;
+        assert_eq!(yaw_rad, if what == "the true one" { 0.0 } else { 0.25 }, "{what}");
+    }
+    let two =
+        rows(",cf1,cf1,cf1,cf2\n,x,y,z,x\nt,,,,\n", |t, [x, y, z]| format!("{t},{x},{y},{z},{x}"));
+    assert!(refused(&two).contains("cf1/x, cf1/y, cf1/z, cf2/x"), "{}", refused(&two));
+}
+
+#[test]
+fn values_without_a_column_of_their_own_are_named() {
+    let dictionaries = rows("timestamp,data\n", |t, [x, y, z]| {
+        format!("{t},\"{{'stateEstimate.x': {x}, 'stateEstimate.y': {y}, 'z': {z}}}\"")
+    });
+    assert!(refused(&dictionaries).contains("data (column 2, \"{'stateEstimate"));
+    let tuples = rows("t,position\n", |t, [x, y, z]| format!("{t},\"({x}, {y}, {z})\""));
+    assert!(refused(&tuples).contains("position (column 2, \"("), "{}", refused(&tuples));
+    let printed = rows("", |t, [x, y, z]| format!("Time: {t} s, X: {x} m, Y: {y} m, Z: {z} m"));
+    assert!(refused(&printed).contains("X: 0 m (column 2"), "{}", refused(&printed));
+    let lists = rows("", |t, [x, y, z]| format!("[{t}, {x}, {y}, {z}]"));
+    assert!(refused(&lists).contains("lists without names"), "{}", refused(&lists));
+    let lists = format!("[{}]", lists.trim_end().replace('\n', ","));
+    assert!(refused(&lists).contains("lists without names"), "{}", refused(&lists));
+    let show = r#"{"version": "1.0", "performances": [{"id": 1, "agentDescription": {}}]}"#;
+    assert!(refused(show).contains("performances"), "{}", refused(show));
+    let python = rows("", |t, [x, y, z]| format!("{{'t': {t:.2}, 'x': {x}, 'y': {y}, 'z': {z}}}"));
+    check("dictionaries of Python", &read(python.as_bytes()));
+}
+
+#[test]
 fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
     fn owned(head: &str, owner: &dyn Fn(usize) -> String, apart_s: f64) -> String {
         let mut text = format!("t,{head},x,y,z\n");

@@ -94,7 +94,7 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
             }
         }
     }
-    let table = Table::below(head, &text, file)?;
+    let table = Table::below(head, &text, file, |title| COLUMNS.contains(&title))?;
     let mut warnings = table.notes().to_vec();
     if !others.is_empty() {
         warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
@@ -310,6 +310,12 @@ mod tests {
             assert!((green - 128.0 / 255.0).abs() < 1e-6 && lamp.emitter.rgb[2] == 0.0, "{lamp:?}");
             assert_eq!(lamp.samples.last().unwrap().time_s, 0.8, "{log}");
         }
+        let named = "t,drone,x,y,z,r,g,b\n0,cf1,0,0,1,0,1,0\n1,cf1,0,0,1,0,1,0\n";
+        let (trace, said) = read(named.as_bytes(), "log").unwrap();
+        assert_eq!((trace.lamps.len(), said.join(" ").contains("drone")), (1, true), "{said:?}");
+        let clock = named.replace("\n0,", "\n11:00:00,").replace("\n1,", "\n11:00:01,");
+        let error = read(clock.as_bytes(), "log").unwrap_err();
+        assert!(error.hint().contains("times in seconds"), "{error}");
         let own = "t,x,y,z,r,g,b\n0,0,0,1,255,0,0\n1,0,0,1,255,0,0\n";
         let (trace, said) = read(own.as_bytes(), "log").unwrap();
         assert_eq!(trace.lamps[0].emitter.intensity_cd, 255.0);

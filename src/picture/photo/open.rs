@@ -63,14 +63,16 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     Ok((turned(photo, orientation), Notes::default()))
 }
 
-/// Refuses a JPEG file whose decoding takes more memory than that of any other photo.
+/// Refuses a JPEG file that is cut off, or takes more memory to decode than any other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     // The decoder refuses a file without a frame.
     let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
     // The decoder keeps a copy of the file.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
     if needed <= MOST_BYTES {
-        return Ok(());
+        let hint = "take the whole file from the camera's card";
+        let cut = || Error::input(path.display(), "a JPEG that is cut off", "a whole photo", hint);
+        return frame.has_end.then_some(()).ok_or_else(cut);
     }
     let kind = if frame.progressive { "progressive " } else { "" };
     let [width, height] = frame.size_px;
@@ -100,6 +102,15 @@ mod tests {
         let app1 = [&[0xff, 0xe1][..], &length, &exif].concat();
         bytes.splice(2..2, app1);
         bytes
+    }
+
+    #[test]
+    fn a_jpeg_that_is_cut_off_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("photo.jpg");
+        let whole = jpeg(1);
+        std::fs::write(&path, &whole[..whole.len() - 2]).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("cut off"));
     }
 
     #[test]
