@@ -28,13 +28,14 @@ from .commands import (  # noqa: E402
     Report, check, command, compare, coverage, export, gains, hold, identify, locate, meter,
 )  # fmt: skip
 from .errors import InfeasibleError, InputError  # noqa: E402
+from .model import Model  # noqa: E402
 from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
 
 if TYPE_CHECKING:
     from .learning import Env, VectorEnv, sb3_env
 
 __all__ = [
-    "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
+    "Env", "Flight", "InfeasibleError", "InputError", "Model", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
     "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log",
     "locate", "meter", "photograph", "plan", "preview", "rank", "read", "sb3_env", "score", "VectorEnv",
     "attitude_rad", "tune", "__version__",
