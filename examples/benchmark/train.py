@@ -2,7 +2,7 @@
 
 usage: python examples/benchmark/train.py [SECONDS]
 
-Each generation of 16 policies flies a word in the same four rooms, which no other generation sees. The last line is
+Each generation of 16 policies flies a word in the same three rooms, which no other generation sees. The last line is
 the mean of the search, as `policy.py` has it; a file `policy.npz` keeps the search, which the next call goes on with.
 """
 
@@ -14,7 +14,7 @@ import noctograph as nc
 import numpy as np
 from policy import N_WEIGHTS, Linear, motors_from
 
-WORD, POLICIES, ROOMS, CONTROL_HZ = "NO", 16, 4, 250
+WORD, POLICIES, ROOMS, CONTROL_HZ = "T", 16, 3, 250
 STATE = pathlib.Path("policy.npz")
 
 

@@ -71,40 +71,38 @@ class Model:
         x, followed = np.asarray(x, float), self._followed(u)
         of_all = np.broadcast_shapes(x.shape[:-1], followed.shape[:-1])
         x, followed = np.broadcast_to(x, (*of_all, self.n)), np.broadcast_to(followed, (*of_all, 4))
-        yaw, pitch, roll = np.moveaxis(x[..., 3:6], -1, 0)
-        velocity, rate = x[..., 6:9], x[..., 9:12]
+        yaw, pitch, roll, v_x, v_y, v_z, p, q, r = (x[..., i] for i in range(3, 12))
         speeds = x[..., 12:] if self.n == 16 else followed
         change = 0 * speeds
         if self.n == 16:
             rise_s, fall_s = (max(lag_s, 1e-4) for lag_s in self._lags_s)
             change = (followed - speeds) / np.where(speeds < followed, rise_s, fall_s)
-        wrench = (self._thrust_n_s2 * speeds**2) @ self._wrench.T
+        torque_x, torque_y, torque_z, thrust = ((self._thrust_n_s2 * speeds**2) @ row for row in self._wrench)
         spin, spin_up = (self._rotor_kg_m2 * (it @ self._spins) for it in (speeds, change))
+        drag_x, drag_y, drag_z = self._drag_n_s_m
+        of_rotors = self._rotor_drag_n_s2_m * speeds.sum(-1)
+        mass, (j_x, j_y, j_z), g = self.mass_kg, self.inertia_kg_m2, GRAVITY_M_S2
 
-        drag = self._drag_n_s_m + self._rotor_drag_n_s2_m * speeds.sum(-1)[..., None] * [1, 1, 0]
-        force = -drag * velocity
-        force[..., 2] += wrench[..., 3]
-        p, q, r = np.moveaxis(rate, -1, 0)
-        v_x, v_y, _ = np.moveaxis(velocity, -1, 0)
-        torque = np.stack(
-            [wrench[..., 0] + self._moment_n_s * v_y - q * spin, wrench[..., 1] - self._moment_n_s * v_x + p * spin,
-             wrench[..., 2] - spin_up], -1)  # fmt: skip
-        sin, cos = np.sin, np.cos
-        up = np.stack([-sin(pitch), sin(roll) * cos(pitch), cos(roll) * cos(pitch)], -1)
-        across = cos(roll) * velocity[..., 1] - sin(roll) * velocity[..., 2]
-        down = sin(roll) * velocity[..., 1] + cos(roll) * velocity[..., 2]
-        ahead = cos(pitch) * v_x + sin(pitch) * down
-        yaw_rate = (q * sin(roll) + r * cos(roll)) / cos(pitch)
+        sin_yaw, sin_pitch, sin_roll = np.sin(yaw), np.sin(pitch), np.sin(roll)
+        cos_yaw, cos_pitch, cos_roll = np.cos(yaw), np.cos(pitch), np.cos(roll)
+        across, down = cos_roll * v_y - sin_roll * v_z, sin_roll * v_y + cos_roll * v_z
+        ahead = cos_pitch * v_x + sin_pitch * down
+        yaw_rate = (q * sin_roll + r * cos_roll) / cos_pitch
         slopes = [
-            (cos(yaw) * ahead - sin(yaw) * across)[..., None],
-            (sin(yaw) * ahead + cos(yaw) * across)[..., None],
-            (cos(pitch) * down - sin(pitch) * v_x)[..., None],
-            np.stack([yaw_rate, q * cos(roll) - r * sin(roll), p + yaw_rate * sin(pitch)], -1),
-            force / self.mass_kg - GRAVITY_M_S2 * up - np.cross(rate, velocity),
-            (torque - np.cross(rate, self.inertia_kg_m2 * rate)) / self.inertia_kg_m2,
-            change[..., : self.n - 12],
+            cos_yaw * ahead - sin_yaw * across,
+            sin_yaw * ahead + cos_yaw * across,
+            cos_pitch * down - sin_pitch * v_x,
+            yaw_rate,
+            q * cos_roll - r * sin_roll,
+            p + yaw_rate * sin_pitch,
+            g * sin_pitch + r * v_y - q * v_z - (drag_x + of_rotors) / mass * v_x,
+            -g * sin_roll * cos_pitch + p * v_z - r * v_x - (drag_y + of_rotors) / mass * v_y,
+            thrust / mass - g * cos_roll * cos_pitch + q * v_x - p * v_y - drag_z / mass * v_z,
+            ((j_y - j_z) * q * r + torque_x + self._moment_n_s * v_y - q * spin) / j_x,
+            ((j_z - j_x) * p * r + torque_y - self._moment_n_s * v_x + p * spin) / j_y,
+            ((j_x - j_y) * p * q + torque_z - spin_up) / j_z,
         ]
-        return np.concatenate(slopes, -1)
+        return np.concatenate([np.stack(slopes, -1), change], -1)[..., : self.n]
 
     def step(self, x: ArrayLike, u: ArrayLike, dt_s: float) -> Floats:
         """States after a time in which the commands are held, by one Runge-Kutta step of order 4; up to 20 ms."""
