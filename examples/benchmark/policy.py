@@ -15,7 +15,8 @@ UPWARD, TURNING = np.array([2.0, 1.0, 0.1, 2.0, 1.0]), np.array([0.2, 0.1, 1.0])
 N_WEIGHTS = len(SIDEWAYS) + len(UPWARD) + len(TURNING)
 #: Lag of the remembered commands, and bound of the integral, m s.
 LAG_S, MOST_INTEGRAL = 0.08, 0.3
-WEIGHTS = np.zeros(N_WEIGHTS)
+#: After 38 generations of `train.py`.
+WEIGHTS = np.array([-11.924, -29.076, 0.638, -14.372, -24.895, -8.226, -2.382, -19.925, -11.796, 7.166, 1.278, -4.914, -6.197, -21.728, -0.478])
 
 
 class Linear:

@@ -33,8 +33,8 @@ class Luenberger:
 class Ekf:
     """An extended Kalman filter of position, attitude and velocity, driven by gyroscope and accelerometer."""
 
-    position_m = 0.005
-    rate_rad_s, force_m_s2 = 0.02, 0.2  # of one tick, 1 σ
+    #: 1 σ of a position, and of gyroscope and accelerometer in one tick: what they read, and what the model leaves out.
+    position_m, rate_rad_s, force_m_s2 = 0.002, 0.1, 2.0
 
     def __init__(self, state):
         self.x, self.p = state[:9].copy(), np.diag([1e-4] * 3 + [1e-3] * 6)

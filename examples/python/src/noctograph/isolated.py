@@ -157,7 +157,8 @@ def estimate(make: Any, running: list[Any], message: bytes) -> bytes:
 
 def fly(wire: socket.socket, each: list[Any], estimator: Any) -> NoReturn:
     """Answers rows of the flights that are not over with their motor commands, and readings with estimates."""
-    timed, running = each[0] is not None and _takes_time(each[0]), []
+    timed = each[0] is not None and _takes_time(each[0])
+    running: list[Any] = []
     while True:
         message = receive(wire)
         if message[:1] == b"e":
