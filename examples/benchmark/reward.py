@@ -78,4 +78,4 @@ def row(name, rewards, on_the_way, probability, landed):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 768)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 384)
