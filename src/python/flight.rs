@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use pyo3::prelude::*;
 
 use super::columns::Columns;
+use super::estimator::PyEstimator;
 use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{
@@ -324,6 +325,15 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 ///     acceleration (m/s²), in the world; ``time_s`` is that of the flight, in s, as in ``Flight.time_s``. It is
 ///     called ``rates.attitude_hz`` times a second (500 by default) while the motors are on.
 ///
+/// estimator : callable, optional
+///     In place of the scene's estimator, for one drone: ``estimator(state)``, a class or a function, is given the state
+///     at rest, shape (12,), and returns what is called at each tick (``rates.control_hz``, 500 by default) with
+///     ``(readings, tick_s)`` and returns the estimate, shape (12,), as a controller gets it. ``readings`` is a dict:
+///     at each tick ``"rate_rad_s"`` (gyroscope) and ``"specific_force_m_s2"`` (accelerometer: (0, 0, g) at rest), both
+///     (3,) in the body frame, and ``"throttle"``, the mean motor command since the last tick, 0 to 1; when it is due
+///     what ``sensors.positioning`` and ``sensors.heights`` measure: ``"position_m"`` (3,), ``"sweeps"``, a list of
+///     (station, plane, angles of the four sensors in rad), ``"ranges"``, a list of (anchor, anchor whose distance was
+///     subtracted or None, m), ``"time-of-flight"`` and ``"barometer"`` in m.
 /// covariance : bool
 ///     Whether ``Flight.extra`` has what the drone's Kalman filter thinks of its estimate: ``estimate_sigma_m``, the
 ///     standard deviation of the position over three axes, and ``estimate_nees``, its squared error over its
@@ -333,14 +343,17 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 /// -------
 /// list of Flight
 #[pyfunction]
-#[pyo3(signature = (scene, plans = None, *, controller = None, covariance = false))]
+#[pyo3(signature = (scene, plans = None, *, controller = None, estimator = None, covariance = false))]
 pub(super) fn fly(
     py: Python<'_>,
     scene: &PyScene,
     plans: Option<Vec<PyRef<'_, PyPlan>>>,
     controller: Option<Py<PyAny>>,
+    estimator: Option<Py<PyAny>>,
     covariance: bool,
 ) -> PyResult<Vec<PyFlight>> {
+    let estimator = estimator.map(PyEstimator::new);
+    let estimates = estimator.clone();
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
     let scene = scene.0.clone();
     let stop = Stop::default();
@@ -351,13 +364,19 @@ pub(super) fn fly(
             None => Shoot::new(scene)?,
             Some(plans) => Shoot::with_plans(scene, plans)?,
         };
-        let session = || match covariance {
-            true => shoot.session_with_covariance(),
-            false => shoot.session(),
+        let session = || {
+            shoot.session(|avionics| {
+                estimates.iter().for_each(|estimates| estimates.begin(avionics));
+                if covariance {
+                    avionics.log_covariance();
+                }
+            })
         };
         match (&controller, shoot.plans.len()) {
-            (None, n) if n > 1 || !covariance => shoot.fly(&|_, _| {}).map(Ok),
-            (None, _) => {
+            (None, n) if estimates.is_none() && (n > 1 || !covariance) => {
+                shoot.fly(&|_, _| {}).map(Ok)
+            }
+            (None, 1) => {
                 let mut session = session()?;
                 session.fly_by_itself()?;
                 Ok(Ok(vec![session.finish()]))
@@ -365,13 +384,18 @@ pub(super) fn fly(
             (Some(function), 1) => {
                 Ok(flown_by(function, session()?, &until)?.map(|flight| vec![flight]))
             }
-            (Some(_), n) => {
-                let hint = "fly each plan by itself";
-                Err(Error::input("controller", format!("{n} plans"), "one plan", hint))
+            (_, n) => {
+                let (what, hint) = ("controller or estimator", "fly each plan by itself");
+                Err(Error::input(what, format!("{n} plans"), "one plan", hint))
             }
         }
     };
-    let flown = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage)??;
+    let flown = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
+    // What an estimator raised is why its drone was lost.
+    if let Some(thrown) = estimator.and_then(|estimator| estimator.thrown()) {
+        return Err(thrown);
+    }
+    let flown = flown??;
     Ok(flown.into_iter().map(PyFlight::new).collect())
 }
 

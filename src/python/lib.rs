@@ -5,6 +5,7 @@
 #![expect(clippy::doc_markdown, reason = "docstrings of Python are in numpydoc's format")]
 
 mod columns;
+mod estimator;
 mod flight;
 mod plan;
 mod scene;

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
+use super::estimator::PyEstimator;
 use super::flight::for_any_controller;
 use super::scene::PyScene;
 use super::study::columns;
@@ -13,8 +14,11 @@ use super::{array, array_of, numbers, raised, run, to_python};
 use noctograph::error::{Error, Result};
 use noctograph::scene::NamedScene;
 use noctograph::shoot::Stop;
-use noctograph::sim::Session;
+use noctograph::sim::{Avionics, Session};
 use noctograph::studies::{Conditions, Outcome, Prepared};
+
+/// Commands below which another thread takes longer to wake than they take to fly, 5 µs each.
+const FEW_COMMANDS: u32 = 16;
 
 /// One of the flights, and what became of it.
 #[derive(Debug, Default)]
@@ -29,6 +33,7 @@ struct Flying {
 #[derive(Debug)]
 pub(super) struct PySessions {
     prepared: Arc<Prepared>,
+    estimator: Option<PyEstimator>,
     flying: Mutex<Vec<Flying>>,
 }
 
@@ -36,13 +41,33 @@ impl PySessions {
     fn all(&self) -> MutexGuard<'_, Vec<Flying>> {
         self.flying.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    /// Least flights of a task: those with an estimator of Python follow each other, so that one that
+    /// draws random numbers finds the same ones each time.
+    fn at_once(&self) -> usize {
+        if self.estimator.is_some() { usize::MAX } else { 1 }
+    }
+
+    /// What an estimator of Python raised.
+    fn thrown(&self) -> PyResult<()> {
+        self.estimator.as_ref().and_then(PyEstimator::thrown).map_or(Ok(()), Err)
+    }
 }
 
 #[pymethods]
 impl PySessions {
     #[new]
-    fn new(py: Python<'_>, scene: &PyScene, n: usize, conditions: &str) -> PyResult<Self> {
-        let scene = for_any_controller(scene.0.clone());
+    #[pyo3(signature = (scene, n, conditions, estimator = None, by_itself = false))]
+    fn new(
+        py: Python<'_>,
+        scene: &PyScene,
+        n: usize,
+        conditions: &str,
+        estimator: Option<Py<PyAny>>,
+        by_itself: bool,
+    ) -> PyResult<Self> {
+        let scene = scene.0.clone();
+        let scene = if by_itself { scene } else { for_any_controller(scene) };
         let conditions = conditions.to_owned();
         let prepared = run(py, &Stop::default(), move || {
             let word = scene.word.clone();
@@ -55,7 +80,8 @@ impl PySessions {
             }
         })?;
         let flying = std::iter::repeat_with(Flying::default).take(n).collect();
-        Ok(Self { prepared: Arc::new(prepared), flying: Mutex::new(flying) })
+        let (prepared, estimator) = (Arc::new(prepared), estimator.map(PyEstimator::new));
+        Ok(Self { prepared, estimator, flying: Mutex::new(flying) })
     }
 
     /// Motor commands a second.
@@ -74,25 +100,32 @@ impl PySessions {
     fn reset(&self, py: Python<'_>, seeds: Vec<Option<u64>>) -> PyResult<()> {
         let begin = |(flying, seed): (&mut Flying, Option<u64>)| {
             let Some(seed) = seed else { return Ok(()) };
-            let session = Some(self.prepared.shoot(seed).session()?);
+            let estimates = |avionics: &mut Avionics| {
+                self.estimator.iter().for_each(|estimator| estimator.begin(avionics));
+            };
+            let session = Some(self.prepared.shoot(seed).session(estimates)?);
             *flying = Flying { seed, session, lost: None };
             Ok(())
         };
-        let begun: Result<()> =
-            py.detach(|| self.all().par_iter_mut().zip(seeds).map(begin).collect());
+        let begun: Result<()> = py.detach(|| {
+            let mut flying = self.all();
+            let begun = flying.par_iter_mut().zip(seeds).with_min_len(self.at_once());
+            begun.map(begin).collect()
+        });
+        self.thrown()?;
         begun.map_err(|error| raised(py, &error))
     }
 
-    /// Holds motor commands (N, 4) for `n_commands` (N) turns of the controller; those who have
-    /// landed or are lost do not move.
+    /// Holds motor commands (N, 4), or those of the scene's controller, for `n_commands` (N) turns;
+    /// those who have landed or are lost do not move.
     fn step(
         &self,
         py: Python<'_>,
-        motors: &Bound<'_, PyAny>,
+        motors: Option<&Bound<'_, PyAny>>,
         n_commands: Vec<u32>,
     ) -> PyResult<()> {
-        let motors = numbers(motors, "motors", 4)?;
-        let n = self.all().len();
+        let (n, by_itself) = (self.all().len(), motors.is_none());
+        let motors = motors.map_or_else(|| Ok(vec![0.0; 4 * n]), |it| numbers(it, "motors", 4))?;
         if motors.len() != 4 * n {
             let (actual, wanted) = (motors.len() / 4, format!("{n} rows"));
             return Err(raised(py, &Error::input("motors", actual, wanted, "one row a flight")));
@@ -102,20 +135,27 @@ impl PySessions {
             let hint = "a motor command is a number: look for 0 / 0 and for logarithms";
             return Err(raised(py, &Error::input("motors", actual, "numbers", hint)));
         }
-        py.detach(|| {
-            let mut flying = self.all();
-            let commanded = flying.par_iter_mut().zip(motors.par_chunks_exact(4));
-            commanded.zip(n_commands).for_each(|((flying, motors), n)| {
-                let Some(session) = flying.session.as_mut().filter(|_| flying.lost.is_none())
-                else {
-                    return;
-                };
-                let motors = [motors[0], motors[1], motors[2], motors[3]];
-                let turns = (0..n).try_for_each(|_| session.command(motors));
-                flying.lost = turns.err().map(|error| error.to_string());
+        let turn = |((flying, motors), n): ((&mut Flying, &[f64]), u32)| {
+            let Some(session) = flying.session.as_mut().filter(|_| flying.lost.is_none()) else {
+                return;
+            };
+            let motors = [motors[0], motors[1], motors[2], motors[3]];
+            let turns = (0..n).try_for_each(|_| match by_itself {
+                true => session.control(),
+                false => session.command(motors),
             });
+            flying.lost = turns.err().map(|error| error.to_string());
+        };
+        py.detach(|| {
+            let (mut flying, commands) = (self.all(), n_commands.iter().sum::<u32>());
+            let commanded = flying.iter_mut().zip(motors.chunks_exact(4)).zip(n_commands);
+            if commands < FEW_COMMANDS || self.estimator.is_some() {
+                commanded.for_each(turn);
+            } else {
+                commanded.collect::<Vec<_>>().into_par_iter().for_each(turn);
+            }
         });
-        Ok(())
+        self.thrown()
     }
 
     /// Estimates (N, 12), references (N, 9), positions of truth and design (N, 3), times (N,) in s,
@@ -159,7 +199,7 @@ impl PySessions {
         let judge = move |flying: Flying| {
             until.check()?;
             match (flying.lost, flying.session) {
-                (None, Some(session)) => Ok(prepared.judge(vec![session.finish()], flying.seed)?.0),
+                (None, Some(session)) => prepared.judge(Ok(vec![session.finish()]), flying.seed),
                 (lost, _) => {
                     let how = lost.unwrap_or_else(|| "it was never flown".into());
                     Ok(Outcome::lost(prepared.word(), how))
@@ -177,8 +217,7 @@ impl PySessions {
         let ended = self.all().get_mut(index).and_then(|it| Some((it.session.take()?, it.seed)));
         let Some((session, seed)) = ended else { return Ok(py.None().into_bound(py)) };
         let prepared = Arc::clone(&self.prepared);
-        let (outcome, _) =
-            run(py, &Stop::default(), move || prepared.judge(vec![session.finish()], seed))?;
-        to_python(py, &outcome)
+        let stage = move || prepared.judge(Ok(vec![session.finish()]), seed);
+        to_python(py, &run(py, &Stop::default(), stage)?)
     }
 }

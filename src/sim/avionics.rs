@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::controller::{Command, Controller, Reference, controller};
-use super::estimator::{AltitudeFilter, Estimator, estimator};
+use super::estimator::{AltitudeFilter, Estimator, Outside, Update, estimator};
 use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoints};
 use super::radio::Link;
 use super::recorder::Snapshot;
@@ -56,7 +56,7 @@ pub struct Avionics {
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
     /// Whether the filter logs its covariance, as a fleet's always does.
-    pub(super) logs_covariance: bool,
+    logs_covariance: bool,
 }
 
 /// Kinds of setpoints that the firmware tells apart.
@@ -113,6 +113,18 @@ impl Avionics {
             saturated_writing_ticks: 0,
             logs_covariance: believed.observer.kind == EstimatorKind::Cooperative,
         })
+    }
+
+    /// Logs the standard deviation of the estimated position and its normalized squared error
+    /// (`estimate_sigma_m`, `estimate_nees`), where the drone's filter has a covariance.
+    pub fn log_covariance(&mut self) {
+        self.logs_covariance = true;
+    }
+
+    /// Replaces the estimator by one outside the program, made of the state at rest.
+    pub fn estimate_by(&mut self, make: impl FnOnce([f64; 12]) -> Update) {
+        let state = self.estimator.state();
+        self.estimator = Box::new(Outside { update: make(state.into()), state });
     }
 
     /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions

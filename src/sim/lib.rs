@@ -42,8 +42,8 @@ mod tests;
 pub use avionics::Avionics;
 pub use controller::{ThrustMap, altitude_gains};
 pub use estimator::{
-    AltitudeFilter, AltitudeSensor, AltitudeState, Bound, HeightReading, bounds, one_more_anchor,
-    writing_sigma_m,
+    AltitudeFilter, AltitudeSensor, AltitudeState, Bound, HeightReading, Update, bounds,
+    one_more_anchor, writing_sigma_m,
 };
 pub use fly::{fly, fly_fleet, fly_watched};
 pub use noctograph_control as control;

@@ -1,5 +1,6 @@
 //! A flight whose controller is outside the program.
 
+use super::avionics::Avionics;
 use super::controller::Reference;
 use super::fly::{Rig, rigs};
 use super::options::Drone;
@@ -18,7 +19,8 @@ pub struct Session {
 }
 
 impl Session {
-    /// A drone that waits for its first command.
+    /// A drone that waits for its first command; `begin` changes its avionics before the first
+    /// reading.
     ///
     /// # Errors
     ///
@@ -27,28 +29,9 @@ impl Session {
     /// # Panics
     ///
     /// As [`fly`](crate::fly).
-    pub fn new(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
-        Self::begun(plan, drone, false)
-    }
-
-    /// The same, whose flight has the standard deviation of the estimated position and its
-    /// normalized squared error (`estimate_sigma_m`, `estimate_nees`), where the drone's filter has
-    /// a covariance.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::new`].
-    ///
-    /// # Panics
-    ///
-    /// As [`Self::new`].
-    pub fn with_covariance(plan: Plan, drone: &Drone<'_>) -> Result<Self> {
-        Self::begun(plan, drone, true)
-    }
-
-    fn begun(plan: Plan, drone: &Drone<'_>, logs_covariance: bool) -> Result<Self> {
+    pub fn new(plan: Plan, drone: &Drone<'_>, begin: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
-        rig.avionics.logs_covariance |= logs_covariance;
+        begin(&mut rig.avionics);
         let mut session = Self { plan, rig, tick: 0, lands: false };
         session.run()?;
         Ok(session)
@@ -61,12 +44,24 @@ impl Session {
     /// As [`fly`](crate::fly).
     pub fn fly_by_itself(&mut self) -> Result<()> {
         while !self.lands {
-            let time_s = self.time_s();
-            self.rig.avionics.control(&self.plan, time_s);
-            self.conclude()?;
-            self.run()?;
+            self.control()?;
         }
         Ok(())
+    }
+
+    /// Commands the motors by the drone's own controller, until it waits again or has landed.
+    ///
+    /// # Errors
+    ///
+    /// As [`fly`](crate::fly).
+    pub fn control(&mut self) -> Result<()> {
+        if self.lands {
+            return Ok(());
+        }
+        let time_s = self.time_s();
+        self.rig.avionics.control(&self.plan, time_s);
+        self.conclude()?;
+        self.run()
     }
 
     /// What a command is to be chosen by, until the drone has landed: the estimated position (m,
@@ -159,7 +154,7 @@ mod tests {
         options.rates.log_hz = options.rates.control_hz;
         let (plan, drone) = (hover(PLACE_M, 2.0), Drone::new(&options, 1));
         let flight = flown(&plan, &options, 1).unwrap();
-        let mut session = Session::new(plan, &drone).unwrap();
+        let mut session = Session::new(plan, &drone, |_| {}).unwrap();
         for sample in &flight.samples {
             let (state, design) = session.waits().unwrap();
             assert_eq!(design, [0.1, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
@@ -177,7 +172,8 @@ mod tests {
     #[test]
     fn commands_are_held_within_the_range_of_the_motors() {
         let options = SimOptions::default();
-        let mut session = Session::new(hover(PLACE_M, 0.1), &Drone::new(&options, 1)).unwrap();
+        let mut session =
+            Session::new(hover(PLACE_M, 0.1), &Drone::new(&options, 1), |_| {}).unwrap();
         session.command([f64::NAN, 1e9, -1.0, 5.0]).unwrap();
         let mut n = 1;
         while session.waits().is_some() {
@@ -191,7 +187,8 @@ mod tests {
     #[test]
     fn a_lost_drone_ends_with_advice_for_its_controller() {
         let options = SimOptions::default();
-        let mut session = Session::new(hover(PLACE_M, 9.0), &Drone::new(&options, 1)).unwrap();
+        let mut session =
+            Session::new(hover(PLACE_M, 9.0), &Drone::new(&options, 1), |_| {}).unwrap();
         let lost = (0..4500).find_map(|_| session.command([6e4, 0.0, 0.0, 6e4]).err()).unwrap();
         assert!(lost.to_string().contains("turns over") && lost.hint().contains("signs"), "{lost}");
     }
@@ -202,7 +199,7 @@ mod tests {
         options.observer.kind = crate::EstimatorKind::Ekf;
         let (plan, drone) = (hover(PLACE_M, 3.0), Drone::new(&options, 1));
         let plain = flown(&plan, &options, 1).unwrap();
-        let mut session = Session::with_covariance(plan, &drone).unwrap();
+        let mut session = Session::new(plan, &drone, Avionics::log_covariance).unwrap();
         session.fly_by_itself().unwrap();
         let mut logged = session.finish();
         let sigma_m = logged.extra.remove("estimate_sigma_m").unwrap();

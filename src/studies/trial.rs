@@ -121,10 +121,7 @@ impl Prepared {
     ///
     /// Those of the stages, except that of a lost drone: that is an outcome.
     pub fn outcome(&self, seed: u64) -> Result<Outcome> {
-        match or_lost(self.fly(seed))? {
-            Ok(flights) => Ok(self.judge(flights, seed)?.0),
-            Err(how) => Ok(Outcome::lost(self.word(), how)),
-        }
+        self.judge(self.fly(seed), seed)
     }
 
     /// The flights of one seed, one for each drone.
@@ -137,17 +134,22 @@ impl Prepared {
         self.shoot(seed).fly(&|_, _| {})
     }
 
-    /// The outcome of the flights of a seed, exposed and read; returns the flights, too.
+    /// The outcome of the flights of a seed, exposed and read. One whose lamp passes before the
+    /// lens leaves no photo: it is lost.
     ///
     /// # Errors
     ///
-    /// Those of the stages.
-    pub fn judge(&self, flights: Vec<Flight>, seed: u64) -> Result<(Outcome, Vec<Flight>)> {
-        let recordings = flights.into_iter().map(Recording::Flight).collect();
-        let shot = Shoot { recordings, ..self.shoot(seed) }.take(&|_, _| {})?;
+    /// Those of the stages, except that of a lost drone.
+    pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
+        let recordings =
+            |flights: Vec<Flight>| flights.into_iter().map(Recording::Flight).collect();
+        let expose = |recordings| Shoot { recordings, ..self.shoot(seed) }.take(&|_, _| {});
+        let shot = match or_lost(flights.map(recordings).and_then(expose))? {
+            Ok(shot) => shot,
+            Err(how) => return Ok(Outcome::lost(self.word(), how)),
+        };
         let verdict = shot.verdict.expect("a word is read");
-        let flown = Flown::new(&shot.flights, &self.scene.sim())?;
-        Ok((Outcome::new(&verdict, flown), shot.flights))
+        Ok(Outcome::new(&verdict, Flown::new(&shot.flights, &self.scene.sim())?))
     }
 
     /// An outcome as a line of a store.

@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import pathlib
 import subprocess
 import sys
 import textwrap
@@ -10,6 +11,9 @@ import textwrap
 import noctograph as nc
 import pytest
 from noctograph.grade import Limits, grade, main
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
+from estimators import Luenberger  # noqa: E402
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a process cannot be limited here")
 
@@ -56,7 +60,7 @@ CHEATS = {
 FAULTY = {
     "raises.py": ("def controller(state, reference):\n    return 1 / 0\n", "failed: ZeroDivisionError: division by zero, line 2"),
     "sleeps.py": ("import time\ndef controller(state, reference):\n    time.sleep(1e6)\n", "failed: no answer within"),
-    "shape.py": ("def controller(state, reference):\n    return [0, 0, 0]\n", "failed: TypeError: four motor commands are wanted"),
+    "shape.py": ("def controller(state, reference):\n    return [0, 0, 0]\n", "failed: TypeError: motor commands are wanted, 4 of them"),
     "assigns.py": ("def controller(state, reference):\n    state[0] = 0\n" + ZERO, "failed: ValueError: assignment destination is read-only"),
     "exits.py": ("import os\ndef controller(state, reference):\n    os._exit(3)\n", "failed: its process ended: exit code 3"),
     "leaves.py": ("def controller(state, reference):\n    raise SystemExit\n", "failed: it exits"),
@@ -138,3 +142,23 @@ def test_the_command_leaves_marks_and_a_page(tmp_path, capsys):
     assert main([*arguments, "--may", "letters.font"]) == 2
     command = [sys.executable, "-m", "noctograph.grade", "--help"]
     assert b"--memory-mb" in subprocess.run(command, check=True, capture_output=True).stdout
+
+
+def test_an_estimator_is_flown_in_a_process_of_its_own(tmp_path):
+    task = nc.Scene("ae483-2022", word="I", set={"controller.kind": "lqr-feedforward"})
+    source = (pathlib.Path(__file__).parents[1] / "estimators.py").read_text()
+    faulty = "class Estimator:\n    def __init__(self, state):\n        pass\n    def __call__(self, readings, tick_s):\n        return "
+    handed_in = {
+        "observer.py": source + "\nEstimator = Luenberger\n",
+        "both.py": source + "\nEstimator = Luenberger\n" + CASCADE.format(kp=[2.0, 2.0, 12.0], kd=[2.0, 2.0, 6.0]) + "\nController = Cascade\n",
+        "short.py": faulty + "[0] * 9\n",
+        "raises.py": faulty + "1 / 0\n",
+    }
+    report = grade(task, hand_in(tmp_path / "all", handed_in), seeds=2, seed=5, limits=Limits(10, 300), progress=False)
+    free = nc.rank({"free": (task, None, Luenberger)}, seeds=2, seed=5, progress=False)
+    flights = [{**it, "contender": "free"} for it in report["flights"] if it["contender"] == "observer"]
+    assert flights == free["flights"], "bit for bit"
+    assert {it["contender"] for it in report["flights"]} == {"observer", "both"}
+    notes = {row["name"]: row["note"] for row in rows(report)}
+    assert notes["short"].startswith("failed: TypeError: states are wanted, 12 of them, not int64 of shape (9,)")
+    assert notes["raises"].startswith("failed: ZeroDivisionError: division by zero, line 5")

@@ -286,6 +286,25 @@ def test_quaternions_are_angles_in_the_order_of_a_flight(order):
     assert nc.attitude_rad(-2 * quaternion, order) == pytest.approx(angles), "of any length, the angle without a jump"
 
 
+def test_a_flight_of_gym_pybullet_drones_is_ours():
+    observations = np.zeros((3, 20))
+    observations[:, 2], observations[:, 5:7] = [1, 2, 3], [np.sin(0.1), np.cos(0.1)]
+    flight = nc.from_pybullet([0, 1, 2], observations, light=[0, 1, 0])
+    assert flight.position_m[:, 2].tolist() == [1, 2, 3] and flight.lights["headlights"].tolist() == [0, 1, 0]
+    assert flight.attitude_rad == pytest.approx(np.tile([0.2, 0, 0], (3, 1)))
+    with pytest.raises(nc.InputError, match=r"\(N, 20\)"):
+        nc.from_pybullet([0, 1, 2], observations[0])
+
+
+def test_a_lamp_before_the_lens_costs_the_flight_alone():
+    keys = {"camera.framing.kind": "fixed", "camera.framing.position_m": [0, -0.08, 0.75], "camera.framing.target_m": [0, 1, 0.75]}
+    scene = nc.Scene(word="I", set={**SMALL, **keys})
+    with pytest.raises(nc.InfeasibleError, match="from lamp"):
+        nc.photograph(scene)
+    assert nc.fly_many(scene, 2, progress=False).lost.all()
+    assert nc.fly_many(scene, 2, controller=hover_lqr(scene), vectorized=True, progress=False).lost.all()
+
+
 def test_a_column_light_is_that_of_the_headlights(tmp_path):
     time_s = np.linspace(0, 6, 301)
     line = np.stack([time_s / 6 - 0.5, 0 * time_s, 1 + 0 * time_s], axis=1)
@@ -464,7 +483,11 @@ def test_the_code_of_the_readme_runs(path, tmp_path, monkeypatch):
     if path.startswith("examples"):
         # What the examples found, not only that they ran.
         assert not names["found"].lost.any() and (names["found"].probability[0] > 0.5).any(), names["found"]
-        assert names["exported"].files and not names["mine"].lost.any(), names["mine"]
+        assert names["exported"].files and not names["still"].lost.any(), names["still"]
+        order = [it["contender"] for it in sorted(names["ranked"]["measures"], key=lambda it: -it["legibility"]["value"])]
+        assert order == ["firmware", "lqr", "rotors forgotten"], order
+        with pytest.raises(nc.InfeasibleError):
+            nc.fly(names["scene"], estimator=names["Stubborn"])
 
 
 def test_errors_say_what_is_wrong():

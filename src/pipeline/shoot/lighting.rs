@@ -208,13 +208,13 @@ fn check_place(
         let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < MIN_DISTANCE_M;
         if let Some(sample) = lamp.samples.iter().find(near) {
             let name = lamp.label();
-            let actual = format!(
-                "[{x}, {y}, {z}], {:.3} m from lamp `{name}` at {:.2} s",
+            let what = format!(
+                "the camera at [{x}, {y}, {z}] is {:.3} m from lamp `{name}` at {:.2} s, where at \
+                 least {MIN_DISTANCE_M} m from every lit lamp are wanted",
                 (1e3 * distance_m(sample)).floor() / 1e3,
                 sample.time_s
             );
-            let wanted = format!("at least {MIN_DISTANCE_M} m from every lit lamp");
-            return Err(Error::input(place, actual, wanted, hint));
+            return Err(Error::Infeasible { what, hint: hint.into() });
         }
     }
     Ok(())

@@ -34,7 +34,7 @@ use noctograph_picture::light::{LightOptions, LightTrace};
 use noctograph_plan::{Approach, Plan, wake};
 use noctograph_score::{Reader, is_judged};
 use noctograph_sim::vehicle::Downwash;
-use noctograph_sim::{Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
+use noctograph_sim::{Avionics, Drone, EstimatorKind, Session, SimOptions, fly, fly_fleet};
 
 mod exported;
 mod file;
@@ -363,7 +363,7 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// The flight of the first plan by a controller of one's own.
+    /// The flight of the first plan by a controller, or with an estimator, of one's own.
     ///
     /// # Errors
     ///
@@ -372,23 +372,9 @@ impl Shoot {
     /// # Panics
     ///
     /// If there is no plan.
-    pub fn session(&self) -> Result<Session> {
+    pub fn session(&self, begin: impl FnOnce(&mut Avionics)) -> Result<Session> {
         let believed = self.scene.sim();
-        Session::new(self.plans[0].plan.clone(), &self.drone(0, &believed))
-    }
-
-    /// The same, whose flight has the filter's covariance ([`Session::with_covariance`]).
-    ///
-    /// # Errors
-    ///
-    /// As [`Session::new`].
-    ///
-    /// # Panics
-    ///
-    /// If there is no plan.
-    pub fn session_with_covariance(&self) -> Result<Session> {
-        let believed = self.scene.sim();
-        Session::with_covariance(self.plans[0].plan.clone(), &self.drone(0, &believed))
+        Session::new(self.plans[0].plan.clone(), &self.drone(0, &believed), begin)
     }
 
     /// Flies, exposes, develops and reads.

@@ -35,6 +35,36 @@ use crate::vehicle::{RigidBody, State, state};
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
 
+/// An estimator outside the program: what it makes of the readings of a tick and its duration in s,
+/// in the order of [`STATES`](crate::design::STATES).
+pub type Update = Box<dyn FnMut(&Readings<'_>, f64) -> [f64; 12] + Send>;
+
+/// An estimator outside the program, and its last estimate.
+pub(super) struct Outside {
+    pub(super) update: Update,
+    pub(super) state: State,
+}
+
+impl std::fmt::Debug for Outside {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("Outside").field("state", &self.state).finish_non_exhaustive()
+    }
+}
+
+impl Estimator for Outside {
+    fn set_yaw(&mut self, yaw_rad: f64) {
+        self.state[3] = yaw_rad;
+    }
+
+    fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        self.state = (self.update)(readings, tick_s).into();
+    }
+
+    fn state(&self) -> State {
+        self.state
+    }
+}
+
 /// An estimator of the drone's motion.
 pub(super) trait Estimator: std::fmt::Debug + Send {
     /// Sets the initial yaw, from world x toward y, before the first update.

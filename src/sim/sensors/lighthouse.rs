@@ -40,7 +40,7 @@ const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
 
 /// One plane of light that passed over the deck.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sweep {
+pub struct Sweep {
     /// Index of the station in the list of stations.
     pub station: usize,
     /// 0 or 1.

@@ -36,7 +36,8 @@ use noctograph_core::flight::Warning;
 
 pub use self::anchors_yaml::read_anchors;
 pub use self::coverage::{Coverage, CoveredPlace, coverage};
-pub(crate) use self::lighthouse::{DECK_SENSORS_M, Sweep};
+pub(crate) use self::lighthouse::DECK_SENSORS_M;
+pub use self::lighthouse::Sweep;
 pub use self::lighthouse_yaml::{LighthouseConfig, read_lighthouse_config};
 pub use self::options::{
     BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
@@ -51,7 +52,7 @@ pub(crate) use self::uwb::{PeerRange, Turn, turns};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Readings<'a> {
+pub struct Readings<'a> {
     /// The true motion, for the estimator `truth` alone.
     pub truth: &'a RigidBody,
     /// Mean command of the motors since the last tick, as a share of the largest.
@@ -59,7 +60,7 @@ pub(crate) struct Readings<'a> {
     /// Gyroscope, body frame.
     pub rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
-    pub(crate) specific_force_m_s2: Vector3<f64>,
+    pub specific_force_m_s2: Vector3<f64>,
     /// Position in the world, where the positioning gives positions.
     pub position_m: Option<Vector3<f64>>,
     /// Lighthouse sweeps.

@@ -28,14 +28,15 @@ from .commands import (  # noqa: E402
     Report, check, command, compare, coverage, export, gains, hold, identify, locate, meter,
 )  # fmt: skip
 from .errors import InfeasibleError, InputError  # noqa: E402
+from .model import Model  # noqa: E402
 from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
 
 if TYPE_CHECKING:
     from .learning import Env, VectorEnv, sb3_env
 
 __all__ = [
-    "Env", "Flight", "InfeasibleError", "InputError", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
-    "command", "compare", "coverage", "export", "fly", "fly_many", "gains", "hold", "identify", "import_log",
+    "Env", "Flight", "InfeasibleError", "InputError", "Model", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
+    "command", "compare", "coverage", "export", "fly", "fly_many", "from_pybullet", "gains", "hold", "identify", "import_log",
     "locate", "meter", "photograph", "plan", "preview", "rank", "read", "sb3_env", "score", "VectorEnv",
     "attitude_rad", "tune", "__version__",
 ]  # fmt: skip
@@ -76,6 +77,29 @@ def attitude_rad(quaternion: ArrayLike, order: str = "xyzw") -> NDArray[np.float
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x**2 + y**2))
     return np.unwrap(np.stack([yaw, pitch, roll], axis=1), axis=0)
+
+
+def from_pybullet(time_s: ArrayLike, observations: ArrayLike, *, light: Any = None) -> Flight:
+    """The flight of a drone of gym-pybullet-drones.
+
+    Parameters
+    ----------
+    time_s : array_like (N,)
+        Rising times, s.
+    observations : array_like (N, M)
+        States of the drone (``obs[i]`` of ``CtrlAviary``): position in m, z up, then the quaternion x, y, z, w; what
+        follows is not used.
+    light : array_like or dict, optional
+        As for `Flight`.
+
+    Returns
+    -------
+    Flight
+    """
+    states = np.asarray(observations, float)
+    if states.ndim != 2 or states.shape[1] < 7:
+        raise InputError("observations", f"shape {states.shape}", "(N, 20), or (N, 7) and more", "one drone's rows")
+    return Flight(time_s, states[:, :3], light=light, attitude_rad=attitude_rad(states[:, 3:7]))
 
 
 def preview(

@@ -20,7 +20,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -65,7 +65,7 @@ class _Process:
     """A controller in a process of its own."""
 
     def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, hidden: Sequence[str]) -> None:
-        self.limits, self.waited_s = limits, 0.0
+        self.limits, self.waited_s, self.flights = limits, 0.0, 0
         self.wire, theirs = socket.socketpair()
         self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
         own = os.path.realpath(self.folder.name)
@@ -83,23 +83,39 @@ class _Process:
         try:
             for message in (source, struct.pack("<I", n), scene.to_toml().encode()):
                 self._send(message)
-            self.left = _line(self._receive("n", 0, limits.load_s))
+            answer = self._receive("n", 0, limits.load_s)
+            self.controls, self.estimates, self.left = answer[:1] == b"1", answer[1:2] == b"1", _line(answer[2:])
         except BaseException:
             self.end()
             raise
 
-    def ask(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def control(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Motor commands for the flights that are not over."""
+        return self._ask("m", rows.tobytes(), 4 * len(rows)).reshape(-1, 4)
+
+    def estimator(self, start: NDArray[np.float64]) -> Callable[[dict[str, Any], float], NDArray[np.float64]]:
+        """An estimator of one flight, as `fly` takes it."""
+        flight, self.flights = self.flights, self.flights + 1
+        self._ask("e", json.dumps({"start": start.tolist()}).encode(), 0)
+
+        def update(readings: dict[str, Any], tick_s: float) -> NDArray[np.float64]:
+            asked = {"flight": flight, "readings": readings, "tick_s": tick_s}
+            return self._ask("e", json.dumps(asked, default=np.ndarray.tolist).encode(), 12)
+
+        return update
+
+    def _ask(self, kind: str, message: bytes, n: int) -> NDArray[np.float64]:
+        """The n numbers that a message is answered with."""
         begun = time.monotonic()
-        self._send(rows.tobytes())
-        answer = self._receive("m", 32 * len(rows), self.limits.step_s)
+        self._send(kind.encode() + message)
+        answer = self._receive(kind, 8 * n, self.limits.step_s)
         self.waited_s += time.monotonic() - begun
         if self.waited_s > self.limits.total_s:
             raise Failed(f"more than {self.limits.total_s} s in all")
-        motors = np.frombuffer(answer).reshape(-1, 4) if len(answer) == 32 * len(rows) else np.array([np.nan])
-        if not np.isfinite(motors).all():
+        numbers = np.frombuffer(answer) if len(answer) == 8 * n else np.array([np.nan])
+        if not np.isfinite(numbers).all():
             raise Failed("its answer is broken")
-        return motors
+        return numbers
 
     def _send(self, message: bytes) -> None:
         self.wire.settimeout(self.limits.load_s)
@@ -157,16 +173,21 @@ class _Process:
 
 def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, hidden: Sequence[str]) -> tuple[list[str], str]:
     """Outcomes of a controller's flights as JSON, and what was not shut off."""
-    sessions = Sessions(scene, len(seeds), conditions)
-    sessions.reset(list(seeds))
     process, motors = _Process(source, scene, len(seeds), limits, hidden), np.zeros((len(seeds), 4))
-    seen = sessions.look()
     try:
+        estimator = process.estimator if process.estimates else None
+        sessions = Sessions(scene, len(seeds), conditions, estimator, not process.controls)
+        sessions.reset(list(seeds))
+        seen = sessions.look()
         while not (over := seen["landed"] | seen["lost"]).all():
+            if not process.controls:
+                sessions.step(None, [sessions.command_hz // 10] * len(seeds))
+                seen = sessions.look()
+                continue
             flying = np.flatnonzero(~over)
             rows = [flying.astype(float), seen["state"][flying], seen["reference"][flying], seen["time_s"][flying]]
             motors[over] = 0
-            motors[flying] = process.ask(np.column_stack(rows))
+            motors[flying] = process.control(np.column_stack(rows))
             sessions.step(motors, [1] * len(seeds))
             seen = sessions.look()
         return sessions.outcomes()[1], process.left

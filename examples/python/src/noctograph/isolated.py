@@ -28,6 +28,8 @@ from .studies import _takes_time  # pyright: ignore[reportPrivateUsage]
 NAME = "submission.py"
 #: Flight, estimate, reference and time of a row.
 COLUMNS = 1 + 12 + 9 + 1
+#: Readings that are arrays.
+VECTORS = ("rate_rad_s", "specific_force_m_s2", "position_m")
 #: Audit events that no controller has a reason for, but for files of its own folder and what imports do.
 NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
 IMPORTS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")
@@ -95,16 +97,20 @@ def shut_off(hidden: list[str], own: str) -> str:
     return f"not shut off here: {', '.join(failed)}" if failed else ""
 
 
-def controller_of(source: bytes) -> Any:
-    """What a submission hands in: `controller` or `Controller`, else the last class or function that can be one."""
+def handed_in(source: bytes) -> tuple[Any, Any]:
+    """What a submission hands in: `controller` or `Controller`, else the last class or function that can be one, and
+    `estimator` or `Estimator`."""
     module: dict[str, Any] = {"__name__": "submission", "__file__": NAME}
     exec(compile(source, NAME, "exec"), module)
-    own = [it for it in module.values() if getattr(it, "__module__", None) == "submission"]
+    estimator = module.get("estimator", module.get("Estimator"))
+    own = [it for it in module.values() if getattr(it, "__module__", None) == "submission" and it is not estimator]
     classes = [it for it in own if isinstance(it, type) and "__call__" in dir(it)]
     functions = [it for it in own if hasattr(it, "__code__") and it.__code__.co_argcount in (2, 3)]
-    for handed_in in (module.get("controller"), module.get("Controller"), *classes[::-1], *functions[::-1]):
-        if handed_in is not None:
-            return handed_in
+    named = module.get("controller"), module.get("Controller")
+    found = named if estimator is not None else (*named, *classes[::-1], *functions[::-1])
+    controller = next((it for it in found if it is not None), None)
+    if controller is not None or estimator is not None:
+        return controller, estimator
     raise TypeError("no class with __call__ and no function of state and reference")
 
 
@@ -123,22 +129,48 @@ def said(error: BaseException) -> str:
     return name + (text and f": {text}") + line
 
 
-def fly(wire: socket.socket, each: list[Any]) -> NoReturn:
-    """Answers rows of the flights that are not over with their motor commands."""
-    timed = _takes_time(each[0])
+def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
+    """What a submission returned, where it is what is wanted."""
+    found = np.asarray(found)
+    if found.shape != shape or found.dtype.kind not in "fiu":
+        raise TypeError(f"{what}s are wanted, {shape[0]} of them, not {found.dtype} of shape {found.shape}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"a {what} is {found[~np.isfinite(found)][0]}")
+    return found
+
+
+def estimate(make: Any, running: list[Any], message: bytes) -> bytes:
+    """The estimate of a flight by its readings, or nothing where the flight begins."""
+
+    def vector(value: Any) -> Any:
+        array = np.array(value, float)
+        array.flags.writeable = False
+        return array
+
+    asked = json.loads(message)
+    if "start" in asked:
+        running.append(make(vector(asked["start"])))
+        return b""
+    readings = {name: vector(it) if name in VECTORS else it for name, it in asked["readings"].items()}
+    return numbers(running[asked["flight"]](readings, asked["tick_s"]), (12,), "state").astype(float).tobytes()
+
+
+def fly(wire: socket.socket, each: list[Any], estimator: Any) -> NoReturn:
+    """Answers rows of the flights that are not over with their motor commands, and readings with estimates."""
+    timed = each[0] is not None and _takes_time(each[0])
+    running: list[Any] = []
     while True:
-        rows = np.frombuffer(receive(wire)).reshape(-1, COLUMNS)
+        message = receive(wire)
+        if message[:1] == b"e":
+            send(wire, b"e" + estimate(estimator, running, message[1:]))
+            continue
+        rows = np.frombuffer(message[1:]).reshape(-1, COLUMNS)
         motors = np.empty((len(rows), 4))
         for row, command in zip(rows, motors, strict=True):
             state, reference = row[1:13], row[13:22]
             controller = each[int(row[0])]
             found = controller(state, reference, row[22]) if timed else controller(state, reference)
-            found = np.asarray(found)
-            if found.shape != (4,) or found.dtype.kind not in "fiu":
-                raise TypeError(f"four motor commands are wanted, not {found.dtype} of shape {found.shape}")
-            if not np.isfinite(found).all():
-                raise ValueError(f"a motor command is {found[~np.isfinite(found)][0]}")
-            command[:] = found
+            command[:] = numbers(found, (4,), "motor command")
         send(wire, b"m" + motors.tobytes())
 
 
@@ -177,13 +209,13 @@ def main() -> NoReturn:
         limit(resource.RLIMIT_CPU, limits["total_s"])
         limit(resource.RLIMIT_AS, limits["memory_mb"] << 20)
         sys.addaudithook(audit)
-        made = controller_of(source)
+        made, estimator = handed_in(source)
         each = [made() if isinstance(made, type) else copy.deepcopy(made) for _ in range(n)]
         limit(resource.RLIMIT_FSIZE, 0)
         limit(resource.RLIMIT_NOFILE, 0)
         limit(resource.RLIMIT_NPROC, 0)
         flying = True
-        send(wire, b"n" + left.encode())
-        fly(wire, each)
+        send(wire, b"n" + bytes([48 + (made is not None), 48 + (estimator is not None)]) + left.encode())
+        fly(wire, each, estimator)
     except BaseException as error:
         fail(wire, said(error))

@@ -38,7 +38,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     Reward: the step's duration in s, times 1 - d / 0.1 m with the true distance d from the design, never below 0; at
     a landing, the flight's duration in s times the probability that its photo is read, too: what lands is worth
-    twice its duration at most.
+    twice its duration at most. Over random policies and six words, the rank correlation of an episode's reward with its
+    photo's P(read) is 0.84 (examples/benchmark/reward.py).
     A drone that turns over or flies away terminates its episode, as landing does. The info of a landing has
     ``probability`` and ``read``: what the photo's reader makes of it.
 

@@ -143,22 +143,33 @@ def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
     return commands
 
 
+def _made(controller: Controller, scene: Scene) -> Controller:
+    """A controller for a flight: a new one of a class, which is told the scene where it asks for it."""
+    if not isinstance(controller, type):
+        return controller
+    return controller(scene) if "scene" in inspect.signature(controller).parameters else controller()
+
+
 def _fly_controlled(
     scene: Scene,
     seeds: Sequence[int],
-    controller: Controller,
+    controller: Controller | None,
+    estimator: Controller | None,
     conditions: str,
     vectorized: bool,
     show: Callable[[int, int], Any] | None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Flies a scene with seeds in step, by a controller of Python: columns of one row, and JSON."""
+    """Flies a scene with seeds in step, by a controller or estimator of Python: columns of one row, and JSON."""
     n = len(seeds)
-    sessions = Sessions(scene, n, conditions)
+    sessions = Sessions(scene, n, conditions, estimator, controller is None)
     sessions.reset(list(seeds))
-    made = isinstance(controller, type)
-    each = [controller] if vectorized else [controller() if made else controller for _ in seeds]
-    if vectorized and made:
-        each = [controller()]
+    if controller is None:
+        while not ((seen := sessions.look())["landed"] | seen["lost"]).all():
+            sessions.step(None, [sessions.command_hz // 10] * n)
+            if show is not None:
+                show(int(n * min(float(seen["time_s"].max()) / sessions.duration_s, 1)), n)
+        return sessions.outcomes()
+    each = [_made(controller, scene) for _ in (seeds[:1] if vectorized else seeds)]
     timed = _takes_time(each[0])
     motors, turns = np.zeros((n, 4)), [1] * n
     seen = sessions.look()
@@ -194,6 +205,7 @@ def fly_many(
     *,
     gains: ArrayLike | None = None,
     controller: Controller | None = None,
+    estimator: Controller | None = None,
     vectorized: bool = False,
     conditions: str = "still",
     progress: Progress = True,
@@ -214,7 +226,9 @@ def fly_many(
     controller : callable or type, optional
         A controller of your own for one drone, as for `fly`: ``controller(state, reference)``, or with
         ``time_s`` behind. All flights are in step, so that one with a memory is given as its class: one is
-        made, without arguments, for each flight.
+        made for each flight, without arguments, or with the scene where its constructor has a `scene`.
+    estimator : callable, optional
+        An estimator of your own for one drone, as for `fly`, made for each flight.
     vectorized : bool
         Whether the controller takes all flights at once, arrays (N, 12), (N, 9) and (N,), and returns (N, 4):
         as fast as the simulator. Rows of flights that are over are 0.
@@ -237,7 +251,7 @@ def fly_many(
         scenes = [Scene(scene, set=setting) for setting in settings]
     seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
     with _bar(progress, "flying") as show:
-        if controller is None:
+        if controller is None and estimator is None:
             return Outcomes(**_outcomes(scenes, seeds, conditions, show))
         rows: list[dict[str, Any]] = []
         total = len(scenes) * len(seeds)
@@ -247,14 +261,14 @@ def fly_many(
                 if show is not None:
                     show(before + flown, total)
 
-            rows.append(_fly_controlled(scene, seeds, controller, conditions, vectorized, tick)[0])
+            rows.append(_fly_controlled(scene, seeds, controller, estimator, conditions, vectorized, tick)[0])
         columns = {name: [row[name] for row in rows] for name in rows[0]}
         read = [letters for row in columns.pop("read") for letters in row]
         return Outcomes(**{name: np.concatenate(all_rows) for name, all_rows in columns.items()}, read=read)
 
 
 def rank(
-    scenes: Mapping[str, Scene | tuple[Scene, Controller]],
+    scenes: Mapping[str, Scene | tuple[Scene, Controller | None] | tuple[Scene, Controller | None, Controller]],
     words: Words | None = None,
     *,
     seeds: int = 50,
@@ -269,7 +283,8 @@ def rank(
     Parameters
     ----------
     scenes : dict of str to Scene or tuple
-        The contenders by name; ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`.
+        The contenders by name; ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`, and
+        ``(scene, controller, estimator)`` with an estimator, too, where a controller of None is the scene's.
     vectorized : bool
         As for `fly_many`, of all controllers.
     words : sequence of str, or dict of str to int, optional
@@ -294,7 +309,7 @@ def rank(
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
         raise InputError("scenes", type(scenes).__name__, "contenders by name", hint)
     with _bar(progress, "ranking") as show:
-        controllers = {name: it[1] for name, it in scenes.items() if not isinstance(it, Scene)}
+        controllers = {name: (it[1], it[2] if len(it) == 3 else None) for name, it in scenes.items() if not isinstance(it, Scene)}
         named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
         counted = _words(named[0][1], words, seeds) if named else []
         flown: dict[int, str] = {}
@@ -306,7 +321,7 @@ def rank(
                     continue
                 drawn = [trials[place][2] for place in places]
                 of_word = Scene(scene, word=word)
-                outcomes = _fly_controlled(of_word, drawn, controllers[name], conditions, vectorized, None)[1]
+                outcomes = _fly_controlled(of_word, drawn, *controllers[name], conditions, vectorized, None)[1]
                 flown.update(zip(places, outcomes, strict=True))
         return _ranked(named, counted, conditions, seed, folder, flown, {}, show)
 

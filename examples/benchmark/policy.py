@@ -1,0 +1,68 @@
+"""A baseline of the benchmark: a linear policy with a memory, whose weights `train.py` found by trying.
+
+It sees what an environment of `nc.VectorEnv` shows, remembers the integral of its error and its own last commands
+through a lag, and adds a share of hover's command to each motor. Both sideways axes have the same weights.
+"""
+
+import numpy as np
+
+import noctograph as nc
+
+#: A share of hover's command for a weight of 1. Sideways: per m, m/s, m/s² of the design, rad, rad/s, m s, share.
+SIDEWAYS = np.array([0.1, 0.1, 0.02, 0.2, 0.03, 0.1, 1.0])
+#: Upward, as sideways, without an angle; about the vertical: per rad, rad/s, share.
+UPWARD, TURNING = np.array([2.0, 1.0, 0.1, 2.0, 1.0]), np.array([0.2, 0.1, 1.0])
+N_WEIGHTS = len(SIDEWAYS) + len(UPWARD) + len(TURNING)
+#: Lag of the remembered commands, and bound of the integral, m s.
+LAG_S, MOST_INTEGRAL = 0.08, 0.3
+#: After 38 generations of `train.py`.
+WEIGHTS = np.array([-11.924, -29.076, 0.638, -14.372, -24.895, -8.226, -2.382, -19.925, -11.796, 7.166, 1.278, -4.914, -6.197, -21.728, -0.478])
+
+
+class Linear:
+    """Shares of hover's command for m1 to m4, by weights (n,), or (flights, n) of many."""
+
+    def __init__(self, weights, tick_s):
+        weights = np.asarray(weights, float)
+        self.sideways, self.upward, self.turning = np.split(weights, [7, 12], axis=-1)
+        self.tick_s, self.integral, self.lagged = tick_s, np.zeros((*weights.shape[:-1], 3)), np.zeros((*weights.shape[:-1], 4))
+
+    def __call__(self, error, angles, velocity, rate, goal_m_s, goal_m_s2):
+        self.integral = np.clip(self.integral + error * self.tick_s, -MOST_INTEGRAL, MOST_INTEGRAL)
+        slower = velocity - goal_m_s
+
+        def dot(weights, scales, *columns):
+            return (weights * scales * np.stack(columns, -1)).sum(-1)
+
+        def along(axis, angle, turn, channel):
+            """A torque that tilts the thrust toward an axis of the world; a roll tilts it backward along y."""
+            sign = 1 if axis == 0 else -1
+            return dot(self.sideways, SIDEWAYS, sign * error[..., axis], sign * slower[..., axis], sign * goal_m_s2[..., axis],
+                       angles[..., angle], rate[..., turn], sign * self.integral[..., axis], self.lagged[..., channel])  # fmt: skip
+
+        thrust = dot(self.upward, UPWARD, error[..., 2], slower[..., 2], goal_m_s2[..., 2], self.integral[..., 2], self.lagged[..., 3])
+        turning = dot(self.turning, TURNING, angles[..., 0], rate[..., 2], self.lagged[..., 2])
+        channels = np.stack([along(1, 2, 0, 0), along(0, 1, 1, 1), turning, thrust], -1)
+        channels = np.clip(channels, -0.4, 0.4)
+        self.lagged = self.lagged + (channels - self.lagged) * self.tick_s / LAG_S
+        return channels
+
+
+def motors_from(scene):
+    """Shares of hover's command for m1 to m4 of shares that roll, pitch, turn and lift; and hover's command."""
+    mixer = scene.motors_from_wrench
+    return np.sign(mixer), mixer[0, 3] * 9.81 * scene.mass_kg
+
+
+class Policy:
+    """A controller of Python; `state` and `reference` may be those of many flights in step."""
+
+    def __init__(self, scene=None, weights=WEIGHTS):
+        self.mixer, self.hover = motors_from(scene or nc.Scene("task.toml"))
+        self.weights, self.linear = weights, None
+
+    def __call__(self, state, reference):
+        if self.linear is None:
+            self.linear = Linear(np.broadcast_to(self.weights, (*state.shape[:-1], N_WEIGHTS)), 0.002)
+        seen = state[..., :3] - reference[..., :3], *np.split(state[..., 3:], 3, -1), *np.split(reference[..., 3:], 2, -1)
+        return self.hover * (1 + self.linear(*seen) @ self.mixer.T)
