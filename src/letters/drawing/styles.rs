@@ -113,8 +113,7 @@ impl<'a, 'input> Styles<'a, 'input> {
                 continue;
             }
             // usvg reads the first text of a style sheet.
-            let texts = node.children().filter_map(|child| child.text());
-            if texts.count() > 1 || has_escapes(node) {
+            if node.children().filter_map(|child| child.text()).count() > 1 || has_escapes(node) {
                 named.add("a style sheet with escapes or comments of XML", "not followed", node);
             }
             let text = node.text().filter(|_| !has_escapes(node)).unwrap_or("");

@@ -111,7 +111,7 @@ impl Glow {
         let pixels = film.counts.len() / 3;
         let planes = film.counts.par_chunks_exact_mut(pixels).enumerate();
         planes.for_each(|(channel, plane)| {
-            noctograph_core::dispatch(|| {
+            noctograph_core::dispatch!(|| {
                 for square in &self.squares {
                     let light = square.corners_lx_s.map(|light| narrow(light[channel] * per_lx_s));
                     square.add_to(light, plane, size_px);
@@ -205,7 +205,7 @@ impl<'a> Floor<'a> {
         let is_floor = surface.normal == Vector3::z();
         let lights = if is_floor { &self.trees[..self.n_lamps] } else { &self.trees };
         let lit: [Rgb; N] =
-            noctograph_core::dispatch(|| exposures_lx_s(lights, points_m, surface, toward));
+            noctograph_core::dispatch!(|| exposures_lx_s(lights, points_m, surface, toward));
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 

@@ -261,10 +261,9 @@ impl Firmware {
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let columns = self.normal.covariance.as_mut_slice().as_chunks_mut().0;
         let p: &mut [[f64; 9]; 9] = columns.first_chunk_mut().expect("nine states");
-        noctograph_core::dispatch(|| {
+        noctograph_core::dispatch!(|| {
             // The columns of a symmetric matrix are its rows.
-            let once = moved(p, drift, turn);
-            let twice = moved(&from_fn(|i| from_fn(|j| once[j][i])), drift, turn);
+            let twice = moved(&moved(p, drift, turn), drift, turn);
             *p = from_fn(|i| from_fn(|j| (twice[i][j] + twice[j][i]) * 0.5));
         });
     }
@@ -338,7 +337,7 @@ struct Drift {
     velocity: [Matrix3<f64>; 2],
 }
 
-/// `Φ P`, row by row, without the products of Φ's zeros and ones.
+/// The columns of `Φ P` from the rows of P, without the products of Φ's zeros and ones.
 #[inline(always)]
 fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
     let mut all = *p;
@@ -347,12 +346,10 @@ fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64
         all[VELOCITY..TURN].fill([0.0; 9]);
     }
     let mut add = |to: usize, block: &Matrix3<f64>, from: usize| {
-        for i in 0..3 {
-            for k in 0..3 {
-                let factor = block[(i, k)];
-                let sums = all[to + i].iter_mut().zip(&p[from + k]);
-                sums.for_each(|(sum, value)| *sum += factor * value);
-            }
+        for (i, k) in (0..9).map(|n| (n / 3, n % 3)) {
+            let factor = block[(i, k)];
+            let sums = all[to + i].iter_mut().zip(&p[from + k]);
+            sums.for_each(|(sum, value)| *sum += factor * value);
         }
     };
     if let Some(Drift { position, velocity }) = drift {
@@ -362,7 +359,7 @@ fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64
         add(VELOCITY, &velocity[1], TURN);
     }
     add(TURN, turn, TURN);
-    all
+    from_fn(|j| from_fn(|i| all[i][j]))
 }
 
 /// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
