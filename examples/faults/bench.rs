@@ -6,17 +6,19 @@
 //! from the plan, and less light is dimmer lamps, since an exposure cannot be shorter than its flight.
 
 use std::num::NonZero;
+use std::sync::Mutex;
 
 use nalgebra::Vector3;
 use noctograph::camera::{Camera, CustomLens, ImagePoint, LensModel};
 use noctograph::error::Result;
+use noctograph::flight::Flight;
 use noctograph::letters::{self, Strokes};
 use noctograph::light::RingEffect;
 use noctograph::plan::{EvenStyle, LightLevel, Plan, PlanOptions};
 use noctograph::scene::{Preset, Scene};
 use noctograph::score::Reader;
-use noctograph::shoot::{Judging, Shoot, Shot};
-use noctograph::sim::ControllerKind;
+use noctograph::shoot::{Judging, Planned, Recording, Shoot, Shot};
+use noctograph::sim::{ControllerKind, SimOptions};
 use noctograph::studies::Conditions;
 
 /// Levels of a fault.
@@ -229,12 +231,13 @@ impl Setting {
             photo: actual.photo.clone(),
             ..known.clone()
         };
-        let mut shoot = Shoot { judging: Judging::Skipped, ..Shoot::new(scene)? };
+        let mut shoot = Shoot { scene, judging: Judging::Skipped, ..planned(known)? };
         let plan = &mut shoot.plans[0].plan;
         self.lose_light(plan);
         shoot.scene.camera.shutter_close_s.get_or_insert(plan.duration_s());
         shoot.actual = vec![self.conditions.draw(actual, actual.seed, 0)];
         shoot.cores = Some(NonZero::<usize>::MIN);
+        shoot.recordings = flown(known, &shoot)?.into_iter().map(Recording::Flight).collect();
         shoot.take(&|_, _| {})
     }
 
@@ -256,6 +259,35 @@ impl Setting {
             }
         }
     }
+}
+
+/// A scene with its plans, which faults of flight, lamps and camera share.
+fn planned(known: &Scene) -> Result<Shoot> {
+    static MADE: Mutex<Vec<Shoot>> = Mutex::new(Vec::new());
+    let mut made = MADE.lock().expect("no panic");
+    if let Some(shoot) = made.iter().find(|shoot| shoot.scene == *known) {
+        return Ok(shoot.clone());
+    }
+    made.push(Shoot::new(known.clone())?);
+    Ok(made[made.len() - 1].clone())
+}
+
+/// The flights of a shoot. The first ones, of clean words, are kept: faults of lamps and camera share
+/// them.
+fn flown(known: &Scene, shoot: &Shoot) -> Result<Vec<Flight>> {
+    type Flown = (Scene, Vec<Planned>, SimOptions, Vec<Flight>);
+    static CLEAN: Mutex<Vec<Flown>> = Mutex::new(Vec::new());
+    let mut clean = CLEAN.lock().expect("no panic");
+    let sim = &shoot.actual[0].sim;
+    let same = |flown: &&Flown| (&flown.0, &flown.1, &flown.2) == (known, &shoot.plans, sim);
+    if let Some((.., flights)) = clean.iter().find(same) {
+        return Ok(flights.clone());
+    }
+    let flights = shoot.fly(&|_, _| {})?;
+    if clean.len() < WORDS.len() {
+        clean.push((known.clone(), shoot.plans.clone(), sim.clone(), flights.clone()));
+    }
+    Ok(flights)
 }
 
 /// The score's answer: a line for the clean words and one for each level of the faults, with the mean

@@ -10,7 +10,6 @@ use super::{
     show, warn, watch,
 };
 use crate::shoot::{Format, Judging, Shoot};
-use noctograph_core::digest::sha256;
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {
@@ -62,7 +61,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let mut report = show::camera(&shot);
     report.add(show::backend(&shot));
     report.value("flight_sha256", shot.flight_sha256());
-    report.value("photo_sha256", sha256(bytes));
     report.value("word", &shot.shoot.scene.word);
+    report.photo = shot.file;
     Ok(report.with_files(&[path]))
 }

@@ -14,6 +14,7 @@ use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
+use noctograph_core::digest::sha256;
 // Common imports of the verbs.
 use flags::{
     DesignFlags, FLIGHTS, FlightFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting,
@@ -239,7 +240,7 @@ pub fn main() -> ExitCode {
         Ok(typed) => typed,
         Err(error) => return usage(&error),
     };
-    let done = on_threads(args.threads, || run_warned(&args.verb)).and_then(|report| {
+    let done = on_threads(args.threads, || run_warned(&args.verb, args.json)).and_then(|report| {
         let text = match args.json {
             true => escaped(&format!("{}\n", report.json), |c| format!("\\u{c:04x}")),
             false => printable(&report.text),
@@ -272,7 +273,7 @@ pub fn report_of(words: &[String]) -> Result<Report> {
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
-        Ok(args) => on_threads(args.threads, || run_warned(&args.verb)),
+        Ok(args) => on_threads(args.threads, || run_warned(&args.verb, true)),
         Err(error) if !error.use_stderr() => {
             Ok(Report::new(error.render().to_string(), Value::Null))
         }
@@ -409,9 +410,12 @@ thread_local! {
 }
 
 /// Runs a verb. The warnings that it prints are in its object, too, for programs.
-fn run_warned(verb: &Verb) -> Result<Report> {
+fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     WARNED.take();
     let mut report = run(verb)?;
+    if let Some(photo) = report.photo.take().filter(|_| for_programs) {
+        report.value("photo_sha256", sha256(&photo));
+    }
     let mut warned = WARNED.take();
     if let Some(object) = report.json.as_object_mut().filter(|_| !warned.is_empty())
         && let Some(said) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()

@@ -18,13 +18,15 @@ pub struct Report {
     pub(super) passed: bool,
     /// Whether a file was written on standard output, so that this belongs on stderr.
     pub(super) aside: bool,
+    /// The photo's file, whose digest is for programs alone.
+    pub(super) photo: Option<Vec<u8>>,
 }
 
 impl Report {
     /// A text, and a product that serializes as an object.
     pub(super) fn new(text: String, json: impl Serialize) -> Self {
         let json = serde_json::to_value(json).expect("a result is plain data");
-        Self { text, json, passed: true, aside: false }
+        Self { text, json, passed: true, aside: false, photo: None }
     }
 
     /// A product that serializes as an object, printed by a layout.

@@ -19,7 +19,6 @@ use crate::scene::Scene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
-use noctograph_core::digest::sha256;
 
 /// The page of `--report`.
 const REPORT: &str = "report.html";
@@ -103,7 +102,6 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
         .map(|it| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes }));
     let mut report = Report::new(String::new(), json);
     report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
-    report.value("photo_sha256", shot.file.as_deref().map(sha256));
     report.value("remedies", changes.collect::<Vec<_>>());
     if let Some(obstacle) = obstacles.first() {
         report.line("photo", obstacle);
@@ -139,6 +137,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let files = folder.keep()?;
     files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
     let is_read = verdict.is_none_or(|verdict| verdict.legible);
+    report.photo = shot.file;
     Ok(report.with_files(&files).passes(is_read && stops.is_none()))
 }
 

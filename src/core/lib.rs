@@ -28,3 +28,11 @@ pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     #[cfg(not(target_family = "wasm"))]
     pulp::Arch::new().dispatch(work)
 }
+
+/// [`dispatch()`] of a closure, which is otherwise a function of its own, compiled for the oldest
+/// processor.
+#[macro_export]
+#[rustfmt::skip]
+macro_rules! dispatch {
+    (|| $work:expr) => { $crate::dispatch(#[inline(always)] || $work) };
+}

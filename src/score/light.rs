@@ -195,7 +195,7 @@ impl Light {
             }
             let [(_, above), (_, below)] = &rows;
             let lights = values.as_flattened_mut().iter_mut();
-            noctograph_core::dispatch(|| {
+            noctograph_core::dispatch!(|| {
                 for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
                     // White stays white: a saturated pixel hides what sky there was.
                     let sky = above + down * (below - above);
@@ -301,7 +301,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
 /// A measure of every pixel, in the widest registers of this processor, with the same bits in all.
 pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     let mut values = vec![0.0; light.len()];
-    noctograph_core::dispatch(|| {
+    noctograph_core::dispatch!(|| {
         values.iter_mut().zip(light).for_each(|(value, light)| *value = measure(*light));
     });
     values

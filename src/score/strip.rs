@@ -207,7 +207,7 @@ fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32>
 fn take_off_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
     for light in channels {
-        let soft = noctograph_core::dispatch(|| {
+        let soft = noctograph_core::dispatch!(|| {
             let least = over_squares(light, width, reach, f32::min);
             over_squares(&least, width, reach, f32::max)
         });

@@ -112,12 +112,13 @@ fn preview_and_meter_recommend_the_same_exposure() {
         command.arg(verb).args(arguments).args(["--json", "--backend", "cpu"]);
         json(&command.args(["--size", "320x180"]).output().unwrap().stdout)
     };
+    // Words that read: advice for those that do not takes ten flights.
     for scene in [
-        &["I"][..],
-        &["I", "--set", "photo.ambient_cd_m2=0.2", "--set", "camera.lens=28mm"],
+        &["NO"][..],
+        &["NO", "--set", "photo.ambient_cd_m2=0.2", "--set", "camera.lens=28mm"],
         &["NOOR", "--scene", "ae483-2022"],
-        &["I", "--room", "4x3x2.5", "--set", "camera.body=iphone-15-pro"],
-        &["I", "--color", "red", "--set", "camera.body=pixel-8-pro"],
+        &["NO", "--room", "4x3x2.5", "--set", "camera.body=iphone-15-pro"],
+        &["NO", "--color", "red", "--set", "camera.body=pixel-8-pro"],
         &["N O", "--drones", "2", "--set", "camera.body=a6400", "--set", "camera.lens=kit-16mm"],
     ] {
         let preview = &run("preview", &[scene, &["-o", "out"]].concat())["camera"];

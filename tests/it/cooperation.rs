@@ -97,7 +97,7 @@ fn one_to_six_drones_with_three_anchors_stand_on_their_bound() {
         let n_drones = n.to_string();
         // A drone writes a letter at least.
         let settings =
-            [("word", "NOORNOOR"), ("plan.drones", n_drones.as_str()), ("sensors.uwb.heard", "[]")];
+            [("word", "NOORNO"), ("plan.drones", n_drones.as_str()), ("sensors.uwb.heard", "[]")];
         let scene = Scene::find(FIVE_LINKS, &settings).unwrap().scene;
         let options = scene.sim();
         let shoot = Shoot::new(scene).unwrap();

@@ -198,6 +198,7 @@ fn what_would_take_too_much_work_is_refused() {
         style("path{stroke-width:2;fill:none}".repeat(60_000)),
         drawing(&format!("<style>*{{font-family:{long}}}</style>{}", "<g/>".repeat(9000))),
         style(format!("{}b{{{}}}", "path,".repeat(50_000), "x:y;".repeat(50_000))),
+        drawing(&format!("<path style='{}'/>", "fill:none;".repeat(20_000))),
         format!("<!DOCTYPE svg [{entities}]>") + &drawing(&"&e29999;".repeat(300_000)),
         drawing(&format!("<g{attributes}/>")),
     ];

@@ -113,8 +113,7 @@ impl<'a, 'input> Styles<'a, 'input> {
                 continue;
             }
             // usvg reads the first text of a style sheet.
-            let texts = node.children().filter_map(|child| child.text());
-            if texts.count() > 1 || has_escapes(node) {
+            if node.children().filter_map(|child| child.text()).count() > 1 || has_escapes(node) {
                 named.add("a style sheet with escapes or comments of XML", "not followed", node);
             }
             let text = node.text().filter(|_| !has_escapes(node)).unwrap_or("");
@@ -137,6 +136,7 @@ impl<'a, 'input> Styles<'a, 'input> {
             let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
             let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
             let style = node.attribute("style").unwrap_or("");
+            budget.steps(values(style))?;
             let mut own: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
             if breaks_off(style) {
                 named.add("a style that breaks off", "not followed", node);
@@ -179,9 +179,16 @@ pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
 }
 
-/// Names the unsupported parts of a style sheet, and takes its memory off a budget: each selector
-/// of a list has the declarations of its rule.
+/// Steps to tokenize declarations: simplecss ends each value and each broken block by an error that
+/// counts lines and columns from the start of the text.
+fn values(css: &str) -> usize {
+    css.matches([':', '{']).count().saturating_mul(2 * css.len())
+}
+
+/// Names the unsupported parts of a style sheet, and takes its work and memory off a budget: each
+/// selector of a list has the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
+    budget.steps(values(sheet))?;
     for block in bare(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
         for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {

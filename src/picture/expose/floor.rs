@@ -124,7 +124,7 @@ impl Glow {
         let pixels = film.counts.len() / 3;
         let mut planes = film.counts.chunks_exact_mut(pixels);
         let mut planes = [(); 3].map(|()| planes.next().expect("three channels"));
-        noctograph_core::dispatch(|| {
+        noctograph_core::dispatch!(|| {
             for (square, on_floor) in self.squares.iter().zip(&self.on_floor) {
                 let light =
                     square.corners_lx_s.map(|rgb| rgb.map(|light| narrow(light * per_lx_s)));
@@ -248,7 +248,7 @@ impl<'a> Floor<'a> {
         // The floor does not light itself.
         let lights = if surface.is_floor() { &self.trees[..self.n_lamps] } else { &self.trees };
         let lit: [Rgb; N] =
-            noctograph_core::dispatch(|| exposures_lx_s(lights, points_m, surface, toward));
+            noctograph_core::dispatch!(|| exposures_lx_s(lights, points_m, surface, toward));
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 

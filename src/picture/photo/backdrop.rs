@@ -95,7 +95,7 @@ impl Backdrop {
                 *g += self.room[1] * share;
                 *b += self.room[2] * share;
             };
-            noctograph_core::dispatch(|| match surfaces.is_empty() {
+            noctograph_core::dispatch!(|| match surfaces.is_empty() {
                 true => pixels.for_each(|(x, pixel)| add(pixel, share(x))),
                 false => pixels
                     .zip(&surfaces)

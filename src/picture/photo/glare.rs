@@ -61,7 +61,7 @@ impl Glare {
         let cells = &mut scratch.cells;
         cells.clear();
         cells.resize(halo.width, 0);
-        noctograph_core::dispatch(|| {
+        noctograph_core::dispatch!(|| {
             for &(cell, part) in &self.rows[y] {
                 let values = &halo.values[cell * halo.width..][..halo.width];
                 for (sum, &value) in cells.iter_mut().zip(values) {
@@ -104,7 +104,7 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
         let sums = out.values.par_chunks_exact_mut(columns);
         let rows = sums.zip(film.plane(channel).par_chunks(CELL_PX * width));
         rows.with_min_len(TASK_ROWS).for_each(|(sums, rows)| {
-            noctograph_core::dispatch(|| {
+            noctograph_core::dispatch!(|| {
                 for row in rows.chunks_exact(width) {
                     let (cells, rest) = row.as_chunks::<CELL_PX>();
                     let light = |count: &u32| u64::from(scattered(*count, share));

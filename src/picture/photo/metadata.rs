@@ -25,7 +25,7 @@ pub struct Metadata {
     pub crop_factor: f64,
     /// Dots per inch of the print that the picture is for.
     pub dots_per_inch: Option<f64>,
-    /// 128 bits of the SHA-256 of the picture, in hexadecimal.
+    /// 128 bits that name the picture, in hexadecimal.
     pub unique_id: String,
 }
 
@@ -46,7 +46,7 @@ impl Metadata {
             focal_length_m: camera.focal_length_m,
             crop_factor: film_width_m(longer / shorter, 0.036 / longer_m) / longer_m,
             dots_per_inch: None,
-            unique_id: sha256(picture)[..32].to_owned(),
+            unique_id: unique_id(picture),
         }
     }
 
@@ -99,6 +99,16 @@ impl Metadata {
     }
 }
 
+/// Bytes that one checksum of [`unique_id`] covers.
+const BLOCK: usize = 4096;
+
+/// 128 bits of the SHA-256 of the CRC-32 of every block: the SHA-256 of the picture itself took a
+/// quarter of the work from a light trace to its photo.
+fn unique_id(picture: &[u8]) -> String {
+    let sums = picture.chunks(BLOCK).flat_map(|block| crc32fast::hash(block).to_le_bytes());
+    sha256(&sums.collect::<Vec<_>>())[..32].to_owned()
+}
+
 /// In millionths, or coarser where that is too long.
 fn rational(value: f64) -> Value {
     let mut denoms = [1_000_000_u32, 1000, 1].into_iter();
@@ -140,6 +150,10 @@ mod tests {
         assert!(text(Tag::Software).contains("noctograph "));
         assert!(text(Tag::ImageUniqueID).contains(&metadata.unique_id));
         assert_eq!(metadata.unique_id.len(), 32);
+        let mut pictures = [(); 3].map(|()| vec![7_u8; 2 * BLOCK + 1]);
+        (pictures[1][BLOCK - 1], pictures[2][2 * BLOCK]) = (6, 6);
+        let [id, ids @ ..] = pictures.map(|picture| Metadata::new(&camera, &picture).unique_id);
+        assert!(ids[0] != ids[1] && !ids.contains(&id), "each byte counts");
         for tag in [Tag::Make, Tag::Model, Tag::DateTime, Tag::DateTimeOriginal] {
             assert!(exif.get_field(tag, In::PRIMARY).is_none(), "{tag} is not known");
         }

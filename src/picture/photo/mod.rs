@@ -169,7 +169,7 @@ fn process<T: Copy + Default + Send>(
     rows.for_each_init(scratch, |(light, counts, scattered, reading), (y, out)| {
         for (channel, light) in light.iter_mut().enumerate() {
             lens.row(channel, y, scattered, counts);
-            noctograph_core::dispatch(|| {
+            noctograph_core::dispatch!(|| {
                 for (light, &count) in light.iter_mut().zip(&*counts) {
                     *light = count as f32 * per_count;
                 }

@@ -152,7 +152,7 @@ impl Levels8 {
 
     /// The nearest levels of the pixels of a row, exactly. Its light is clipped.
     pub(super) fn row(&self, rows: &mut [Vec<f32>; 3], out: &mut [u8]) {
-        noctograph_core::dispatch(|| {
+        noctograph_core::dispatch!(|| {
             rows.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));
         });
         let [red, green, blue] = &*rows;

@@ -123,18 +123,20 @@ impl Shoot {
             Some(reader) => self.read(reader, &photo, &camera, &flights, &tracked).map(Some),
         };
         let known = OnceLock::new();
-        let (verdict, file) = rayon::join(read, || match self.format {
+        let encode = || match self.format {
             None => Ok(None),
             Some(format) => {
                 let shown = self.shown(&flights, known.get_or_init(|| digests(&flights)));
                 encode(format, scene, &photo, film.as_ref(), &camera, shown).map(Some)
             }
-        });
-        let (read, file) = (verdict?, file?);
+        };
+        let exposed = || problems::of_photo(&photo, &camera);
+        let (read, (file, exposed)) = rayon::join(read, || rayon::join(encode, exposed));
+        let (read, file) = (read?, file?);
         let (mut verdict, marks) =
             read.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
         let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
-        if let Some(exposed) = problems::of_photo(&photo, &camera) {
+        if let Some(exposed) = exposed {
             // A reader that raises faint light to full light may find letters in noise.
             let is_dark = matches!(exposed, Problem::Underexposed(_));
             if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {

@@ -141,8 +141,8 @@ impl Walk<'_> {
             return near(from_m, to_m).sqrt();
         }
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
-        let whole = || path.legs.square_m2(point_m, first + 1..last);
-        ends_m2.min(noctograph_core::dispatch(whole)).sqrt()
+        let whole_m2 = noctograph_core::dispatch!(|| path.legs.square_m2(point_m, first + 1..last));
+        ends_m2.min(whole_m2).sqrt()
     }
 }
 

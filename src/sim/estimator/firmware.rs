@@ -17,7 +17,9 @@
 //! deck; the reset of a state beyond 100 m or 10 m/s; the start from 100 m of doubt, which is over
 //! when a drone is put down and waits.
 
-use nalgebra::{ArrayStorage, Matrix3, SMatrix, Vector3};
+use std::array::from_fn;
+
+use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
 use super::deck::{Deck, Rotation};
@@ -257,12 +259,13 @@ impl Firmware {
 
     /// `P ← Φ P Φᵀ`, symmetric; Φ leaves positions and velocities as they are where nothing drifts.
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
-        let mut p = self.normal.covariance.fixed_view::<9, 9>(0, 0).into_owned();
-        for _ in 0..2 {
-            // Columns are the rows of the transposed.
-            p = SMatrix::from_data(ArrayStorage(moved(&p.transpose().data.0, drift, turn)));
-        }
-        self.normal.covariance.copy_from(&((p + p.transpose()) * 0.5));
+        let columns = self.normal.covariance.as_mut_slice().as_chunks_mut().0;
+        let p: &mut [[f64; 9]; 9] = columns.first_chunk_mut().expect("nine states");
+        noctograph_core::dispatch!(|| {
+            // The columns of a symmetric matrix are its rows.
+            let twice = moved(&moved(p, drift, turn), drift, turn);
+            *p = from_fn(|i| from_fn(|j| (twice[i][j] + twice[j][i]) * 0.5));
+        });
     }
 
     /// Keeps every variance within its bounds.
@@ -334,7 +337,8 @@ struct Drift {
     velocity: [Matrix3<f64>; 2],
 }
 
-/// `Φ P`, row by row, without the products of Φ's zeros and ones.
+/// The columns of `Φ P` from the rows of P, without the products of Φ's zeros and ones.
+#[inline(always)]
 fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
     let mut all = *p;
     all[TURN..].fill([0.0; 9]);
@@ -342,7 +346,7 @@ fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64
         all[VELOCITY..TURN].fill([0.0; 9]);
     }
     let mut add = |to: usize, block: &Matrix3<f64>, from: usize| {
-        for (i, k) in (0..3).flat_map(|i| (0..3).map(move |k| (i, k))) {
+        for (i, k) in (0..9).map(|n| (n / 3, n % 3)) {
             let factor = block[(i, k)];
             let sums = all[to + i].iter_mut().zip(&p[from + k]);
             sums.for_each(|(sum, value)| *sum += factor * value);
@@ -355,7 +359,7 @@ fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64
         add(VELOCITY, &velocity[1], TURN);
     }
     add(TURN, turn, TURN);
-    all
+    from_fn(|j| from_fn(|i| all[i][j]))
 }
 
 /// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the
