@@ -22,7 +22,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         args.stand.apply(scene)
     })?;
     let profile = args.profile.profile(&shoot.scene);
-    let Preflight { findings: findings, placement } = preflight(&shoot, &profile)?;
+    let Preflight { findings, placement } = preflight(&shoot, &profile)?;
     let stops = findings.iter().any(|checked| checked.row.severity == Severity::Stop);
     let product = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),

@@ -45,13 +45,13 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let (options, seed) = (scene.sim(), args.seed.seed.unwrap_or(scene.seed));
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;
-    let (mut scenarios, mut figures) = (Vec::new(), Vec::new());
+    let (mut outcomes, mut figures) = (Vec::new(), Vec::new());
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
         for model in &models {
-            progress.update(scenarios.len() as f64 / n);
-            scenarios.push(hold_figures(*model, &options, scenario, seed, args.runs)?);
+            progress.update(outcomes.len() as f64 / n);
+            outcomes.push(hold_figures(*model, &options, scenario, seed, args.runs)?);
             let flight = hold(*model, &options, scenario, DURATION_S, seed)?;
             let name = format!("{}-{}", scenario.name(), model.name());
             let [csv, svg] = ["csv", "svg"].map(|kind| format!("{name}.{kind}"));
@@ -66,14 +66,14 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let product = json!({
         "filter": options.observer.altitude,
         "hover_throttle": options.believed_hover_throttle(),
-        "scenarios": scenarios,
+        "scenarios": outcomes,
     });
     folder.write("hold.json", |out| writeln!(out, "{product:#}"))?;
-    let report = Report::with_words(product, &words(&scenarios), LAYOUT);
+    let report = Report::with_words(product, &words(&outcomes), LAYOUT);
     let page = Page::new("Altitude hold", "").printed(report.text.trim_end()).drawings(&figures);
     folder.write("hold.html", |out| out.write_all(page.html().as_bytes()))?;
     let files = folder.keep()?;
-    let kept = scenarios.iter().all(|figures| figures.missed.is_empty());
+    let kept = outcomes.iter().all(|figures| figures.missed.is_empty());
     Ok(report.with_files(&files).passes(kept))
 }
 

@@ -14,8 +14,7 @@ use super::{
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::{
-    Conditions, Measures, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv,
-    ranking_csv,
+    Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv, ranking_csv,
 };
 use noctograph_core::files::Limit;
 

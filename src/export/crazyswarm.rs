@@ -64,7 +64,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         Ok(trajectory.flight(&timeline, over_s)?.to_csv().into_bytes())
     })?;
     let drones = job.plans.iter().zip(&files).enumerate().map(|(index, (plan, csv))| {
-        drone(job, index, plan, &csv.name, controller, zero_s(before_s))
+        entry(job, index, plan, &csv.name, controller, zero_s(before_s))
     });
     let drones = drones.collect::<Result<Vec<_>>>()?;
     let checks = job.checks;
@@ -101,7 +101,9 @@ fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
     Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
 }
 
-fn drone(
+/// The entry of a drone in the JSON that the flight script reads: parameters to set `before` the
+/// estimator's reset and after it, light commands, and those that turn all lamps off (`dark`).
+fn entry(
     job: &Job<'_>,
     index: usize,
     plan: &Plan,

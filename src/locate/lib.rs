@@ -66,7 +66,7 @@ impl Link {
         }
     }
 
-    /// The drones at its ends.
+    /// The drones at the ends of this link.
     pub fn drones(self) -> impl Iterator<Item = usize> {
         let (first, second) = match self {
             Self::Anchor { drone, .. } => (drone, None),

@@ -154,8 +154,9 @@ impl Start {
     }
 }
 
-/// The assignment of routes and delays that ends first, and the step of its end; `None` if the
-/// drones cannot keep apart.
+/// A route and a delay for each drone, so that all keep apart, and the step at which the last ends.
+/// Of the orders of assignment that are tried, each with the drone that ended last (or found no way)
+/// in front, the one that ends first; `None` if none was found.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
@@ -354,9 +355,9 @@ pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
     closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
 }
 
-/// The moment of least horizontal distance of two plans while they are not above each other: within
-/// [`MIN_VERTICAL_M`] in height, or [`MIN_HORIZONTAL_M`] where one stands on the floor with its
-/// motors off. `None`: they are always above each other.
+/// The moment of least horizontal distance of two plans while their heights differ by less than
+/// [`MIN_VERTICAL_M`], or by less than [`MIN_HORIZONTAL_M`] where one stands on the floor with its
+/// motors off. `None` if they are always far enough above each other.
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::new(a), Track::new(b));
     let place = |step: usize| {

@@ -28,7 +28,8 @@ const NEAR: f64 = 1.05;
 const SLOWER: f64 = 0.95;
 const MAX_SLOWER: usize = 90;
 
-/// The stroke with its speeds: as fast as its pace, the smoothing and the acceleration allow.
+/// The stroke with its speeds: as fast as its pace and the acceleration allow, and slow enough at
+/// corners that the smoothing of setpoints in time rounds them little.
 pub(super) fn profile(
     stroke: &PenStroke,
     smoothing: &Smoothing,

@@ -58,14 +58,14 @@ pub(super) fn latin(character: char) -> Option<char> {
     if let Some(near) = near_shapes(character) {
         let nearest = near.chars().next()?;
         let is_sharp_s = SHARP_S.contains(&character);
-        return Some(if is_sharp_s { nearest } else { in_case_of(nearest, character) });
+        return Some(if is_sharp_s { nearest } else { with_case_of(nearest, character) });
     }
     let capital = character.to_uppercase().next()?;
     let Some(shape) = SHAPES.split(' ').find(|shape| shape.contains(capital)) else {
         let base = has_mark(character).then(|| character.nfd().next())??;
         return base.is_ascii_alphabetic().then_some(base);
     };
-    Some(in_case_of(shape.chars().next()?, character))
+    Some(with_case_of(shape.chars().next()?, character))
 }
 
 /// The letters near the shape of a letter of [`OTHER_LETTERS`].
@@ -76,7 +76,7 @@ fn near_shapes(character: char) -> Option<&'static str> {
 
 /// The two letters of a ligature, in its case.
 pub(super) fn ligature(character: char) -> Option<[char; 2]> {
-    let mut letters = near_shapes(character)?.chars().map(|near| in_case_of(near, character));
+    let mut letters = near_shapes(character)?.chars().map(|near| with_case_of(near, character));
     Some([letters.next()?, letters.next()?])
 }
 
@@ -128,7 +128,7 @@ pub(super) fn alike(character: char) -> Classes {
 }
 
 /// A letter in the case of another one.
-pub(super) fn in_case_of(letter: char, other: char) -> char {
+pub(super) fn with_case_of(letter: char, other: char) -> char {
     if other.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
 }
 

@@ -3,7 +3,7 @@
 //! Each fault is taken out of the photo by itself and the word is read again: the difference is the
 //! cost of the fault.
 
-use super::alphabet::in_case_of;
+use super::alphabet::with_case_of;
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
 use super::faults::{Fault, Mending, lost_in, mend};
 use super::judge::Judgment;
@@ -233,7 +233,7 @@ impl Reader {
             let letter = &verdict.letters[*index];
             let rival = choice.others.first();
             let rival_is_read = rival.is_some_and(|(rival, p)| {
-                *p >= AMBIGUOUS && letter.best == Some(in_case_of(*rival, letter.expected))
+                *p >= AMBIGUOUS && letter.best == Some(with_case_of(*rival, letter.expected))
             });
             let reads_as = rival.map(|(letter, _)| *letter);
             if choice.p < STRANGE || (rival_is_read && letter.best != Some(letter.expected)) {

@@ -177,7 +177,8 @@ impl Reader {
     }
 }
 
-/// The gap of a log in which the points of a page were lost.
+/// The first gap of the flight's log that may hold most of some points of a letter, which then lack
+/// light because the log lacks rows.
 pub(super) fn lost_in<'a>(
     points: &[[f64; 2]],
     page: &LetterPage,
@@ -185,8 +186,8 @@ pub(super) fn lost_in<'a>(
     known: &'a Known,
 ) -> Option<&'a LogGap> {
     let points_m = points.iter().map(|point| placed.apply(page.plane_from_page(*point)));
-    known.gaps.iter().find(|log| {
-        let held = points_m.clone().filter(|point_m| log.may_hold(*point_m)).count();
+    known.gaps.iter().find(|gap| {
+        let held = points_m.clone().filter(|point_m| gap.may_hold(*point_m)).count();
         held as f64 >= LOST_IN_LOG * points.len() as f64
     })
 }

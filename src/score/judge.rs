@@ -4,8 +4,8 @@
 use std::ops::Range;
 
 use super::alphabet::{
-    BLANK, Classes, NO_LETTER, classes_of, in_case_of, is_untrained, ligature, names, seen_as,
-    spells,
+    BLANK, Classes, NO_LETTER, classes_of, is_untrained, ligature, names, seen_as, spells,
+    with_case_of,
 };
 use super::calibration::readability;
 use super::lattice::{Choice, Columns};
@@ -215,7 +215,7 @@ impl Expected {
             let names = if ln_odds(any) > 0.0 { &all[..] } else { &[] };
             names.iter().map(move |(letter, set)| {
                 let mut word = self.characters.clone();
-                word.insert(*end, in_case_of(*letter, word[end.saturating_sub(1)]));
+                word.insert(*end, with_case_of(*letter, word[end.saturating_sub(1)]));
                 Odds { word: word.into_iter().collect(), ln_odds: ln_odds(*set) }
             })
         });
@@ -243,13 +243,14 @@ impl Expected {
         spells(text, word) || same_length && are_same.all(|is_same| is_same)
     }
 
-    /// The likeliest other word: with one letter replaced, or as a free reading has it.
+    /// The likeliest other word: the word with one letter replaced by its rival, or a reading that
+    /// does not know the word (of digits alone where the word has only digits).
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
         let word: String = self.characters.iter().collect();
         let by_letter = choices.iter().enumerate().filter_map(|(index, choice)| {
             let &(letter, p) = choice.others.first()?;
             let mut rival = self.characters.clone();
-            rival[index] = in_case_of(letter, rival[index]);
+            rival[index] = with_case_of(letter, rival[index]);
             let ln_odds = libm::log(p / choice.p.max(1e-300));
             Some(Odds { word: rival.into_iter().collect(), ln_odds })
         });
@@ -264,7 +265,7 @@ impl Expected {
             let ln_p = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>());
             let last = self.characters.len() - 1;
             let named = text.chars().enumerate();
-            let named = named.map(|(index, c)| in_case_of(c, self.characters[index.min(last)]));
+            let named = named.map(|(index, c)| with_case_of(c, self.characters[index.min(last)]));
             Odds { word: named.collect(), ln_odds: ln_p - own }
         });
         let all = by_letter.chain(free).filter(|rival| !rival.ln_odds.is_nan());
@@ -286,7 +287,7 @@ fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Col
 /// The verdict on one letter.
 pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
     let others = choice.others.iter();
-    let rivals = others.map(|(c, p)| Rival { letter: in_case_of(*c, expected), p: *p });
+    let rivals = others.map(|(c, p)| Rival { letter: with_case_of(*c, expected), p: *p });
     let likely = rivals.clone().filter(|rival| rival.p >= LEAST_SHARE);
     let mut confusion: Vec<Rival> =
         [Rival { letter: expected, p: choice.p }].into_iter().chain(likely).collect();

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::alphabet::{BLANK, Classes, NO_LETTER, in_case_of, names};
+use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
 
@@ -49,9 +49,9 @@ impl Columns {
         }
     }
 
-    /// The same with darkness in place of light that no letter explains: trails lead to and from
-    /// every word.
-    pub(super) fn letters_alone(mut self) -> Self {
+    /// Columns whose share of light that no letter explains counts as darkness, since trails from the
+    /// take-off and to the landing pass beside every word.
+    pub(super) fn unexplained_as_dark(mut self) -> Self {
         for shares in &mut self.0 {
             shares[0] += std::mem::replace(&mut shares[N_CLASSES - 1], LEAST) - LEAST;
         }
@@ -137,7 +137,7 @@ impl Choice {
     pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
         let other = self.others.first().filter(|(_, p)| *p > self.p);
         let (letter, most) =
-            other.map_or((expected, self.p), |(letter, p)| (in_case_of(*letter, expected), *p));
+            other.map_or((expected, self.p), |(letter, p)| (with_case_of(*letter, expected), *p));
         if self.none > most { (None, self.none) } else { (Some(letter), most) }
     }
 }

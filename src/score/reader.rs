@@ -240,7 +240,7 @@ impl Reader {
         let around: Vec<Strip> = around.collect();
         let all = strips.par_iter().chain(&around);
         let mut columns: Vec<Columns> = all.map(Columns::along).collect();
-        let around = Columns::joined(columns.split_off(strips.len())).letters_alone();
+        let around = Columns::joined(columns.split_off(strips.len())).unexplained_as_dark();
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 

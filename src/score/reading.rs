@@ -9,7 +9,7 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::alphabet::{Classes, alike, class_of, in_case_of, seen_as};
+use super::alphabet::{Classes, alike, class_of, seen_as, with_case_of};
 use super::lattice::Columns;
 use super::line::{self, Line};
 use super::net;
@@ -184,7 +184,7 @@ fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let letters = likeliest(&choices, &seen).into_iter().zip(line.boxes(&middles_px));
     let letters = letters.zip(choices.iter().zip(&seen));
     let letters = letters.map(|((letter, box_px), (choice, seen))| {
-        let other = choice.others.iter().find(|(other, _)| in_case_of(*other, *seen) == letter);
+        let other = choice.others.iter().find(|(other, _)| with_case_of(*other, *seen) == letter);
         let p = if letter == *seen { choice.p } else { other.map_or(0.0, |(_, p)| *p) };
         ReadLetter { letter, p, box_px }
     });

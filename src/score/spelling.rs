@@ -7,7 +7,7 @@
 
 use std::sync::LazyLock;
 
-use super::alphabet::{class_of, in_case_of, latin};
+use super::alphabet::{class_of, latin, with_case_of};
 use super::lattice::Choice;
 
 /// Letters of the Latin alphabet, and the begin or end of a word, which is 0.
@@ -162,7 +162,7 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
         match self::symbol(*expected) {
             _ if choice.none > GAP => '?',
             Some(own) if own == *symbol => *expected,
-            _ => in_case_of(letter, *expected),
+            _ => with_case_of(letter, *expected),
         }
     });
     letters.collect()

@@ -177,11 +177,12 @@ impl Store {
     pub fn put(&self, record: &Record) -> Result<()> {
         let line = line_of(record);
         let mut log = self.log.lock().expect("no writer panics");
-        log.n_flights += 1;
-        if log.n_flights > MAX_TRIALS {
+        if log.n_flights >= MAX_TRIALS {
             return Err(too_many(self.path.display()));
         }
-        log.append(&line).map_err(|source| Error::write(&self.path, source))
+        log.append(&line).map_err(|source| Error::write(&self.path, source))?;
+        log.n_flights += 1;
+        Ok(())
     }
 
     /// Reads the flights of a file of a store, or of a shard.

@@ -91,7 +91,7 @@ mod tests {
         assert_eq!((halved.scans, halved.later_scans_ns()), (5, halved.samples * 4 / 3));
         assert!(!plain.has_end, "a thumbnail's end, before the frame, is none");
         let whole = [&file(0xc0, &[0x11], 1)[..], b"\xff\xd9trailer"].concat();
-        assert!(JpegFrame::of(&whole).unwrap().has_end);
+        assert!(JpegFrame::parse(&whole).unwrap().has_end);
     }
 
     #[test]

@@ -198,7 +198,7 @@ fn by_color(
     ink: Ink,
     file: &str,
 ) -> Result<Strokes> {
-    let numbers = lines.iter().map(|(number, (line, _))| placing.number(*number, line)).collect();
+    let numbers = lines.iter().map(|(number, (line, _))| placing.label(*number, line)).collect();
     if ink == Ink::Alike {
         let runs = lines.iter().map(|(_, (line, _))| placing.run(line)).collect();
         return Ok(Strokes { numbers, ..placing.strokes(vec![runs], StrokeOrder::Free) });
@@ -251,7 +251,7 @@ fn write(
     let (mut glyphs, mut colors, mut lasts_s) = (Vec::new(), Vec::new(), Vec::new());
     let mut numbers = Vec::new();
     for (number, trace) in &traces {
-        numbers.push(placing.number(*number, &trace.points));
+        numbers.push(placing.label(*number, &trace.points));
         let color = trace.color.filter(|_| ink == Ink::ByColor);
         if glyphs.is_empty() || color != colors.last().copied() {
             glyphs.push(Vec::new());
@@ -374,8 +374,9 @@ impl Placing {
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
-    /// The number of a line, at its middle.
-    fn number(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
+    /// A line's number, and the place for it in the picture of the plan: the middle of the segment
+    /// halfway along the line, in meters.
+    fn label(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
         let along = arc_lengths(line);
         let half = 0.5 * along[along.len() - 1];
         let next = along.partition_point(|s| *s < half).max(1).min(line.len() - 1);

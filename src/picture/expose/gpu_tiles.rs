@@ -59,8 +59,9 @@ fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// Draws the curves of a color, and sends them with the parts of its records on some tiles, chunk
-/// by chunk.
+/// For one color: computes the light profiles (curves) of each record, a segment of a trail, cuts
+/// the record into parts by tile, and sends curves and parts to the GPU in chunks. `lit` has the
+/// tiles that receive light.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,

@@ -100,6 +100,8 @@ struct Reading<'a> {
 impl pulp::NullaryFnOnce for Reading<'_> {
     type Output = ();
 
+    /// Reads the row: crosstalk of the color filters, noise, clipping, the color matrix that undoes
+    /// the crosstalk, white balance.
     #[inline(always)]
     fn call(self) {
         let Self { sensor, y, rows, scratch } = self;

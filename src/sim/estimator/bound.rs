@@ -78,7 +78,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
         let time_s = f64::from(step) * step_s;
         fleet.carry(plans, time_s, step_s);
         while let Some(k) = ranges.due(time_s) {
-            fleet.range(turns[k % turns.len()]);
+            fleet.correct_by_range(turns[k % turns.len()]);
         }
         for (sensor, clock) in &mut heights {
             if clock.due(time_s).is_some() {
@@ -145,8 +145,8 @@ impl<'a> Fleet<'a> {
         self.places_m = plans.iter().map(|plan| plan.design_m(time_s)).collect();
     }
 
-    /// Measures one link.
-    fn range(&mut self, turn: Turn) {
+    /// Corrects the covariance by one range, or difference of ranges to two anchors.
+    fn correct_by_range(&mut self, turn: Turn) {
         let variance = square(self.sensors.uwb.noise_m.max(LEAST_SIGMA_M));
         match turn {
             Turn::Anchor { drone, anchor, minus } => {

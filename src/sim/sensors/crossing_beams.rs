@@ -66,7 +66,7 @@ impl CrossingBeams {
             }
             middle += left.try_inverse()? * right;
         }
-        Some(middle / 4.0)
+        Some(middle / DECK_SENSORS_M.len() as f64)
     }
 }
 
