@@ -234,10 +234,10 @@ pub(super) fn score<'py>(
 pub(super) fn flip<'py>(
     py: Python<'py>,
     wanted: PathBuf,
-    actual: &PyShot,
+    found: &PyShot,
 ) -> PyResult<(f64, Bound<'py, PyBytes>)> {
     let wanted = photo::read(&wanted).map_err(|error| raised(py, &error))?;
-    let actual = &actual.shot.photo;
+    let actual = &found.shot.photo;
     if (wanted.width_px, wanted.height_px) != (actual.width_px, actual.height_px) {
         return Ok((1.0, PyBytes::new(py, &[])));
     }
