@@ -171,7 +171,7 @@ fn listed(text: &[u8]) -> Option<Vec<u8>> {
     let rows = lines.map(|line| match line.split_once("]: {") {
         Some((head, data)) if is_printed => {
             let stamp = head.trim_start_matches('[').split(']').next()?;
-            let data = data.to_owned();
+            let data = data.replace('\'', "\"");
             Some(format!("{{\"timestamp\": {stamp}, \"data\": {{{data}}}"))
         }
         // Printed dictionaries of Python have other quotation marks.

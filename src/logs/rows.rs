@@ -10,7 +10,7 @@ use noctograph_core::files::{Sheet, SheetColumn, simplified};
 
 /// Titles of columns that name the drone of a row, as [`simplified`].
 const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link id uav uav_id \
-                      uav_name quad quad_id robot robot_id robot_name agent agent_id vehicle vehicle_id body \
+                      uav_name quad quad_id swarm_id robot robot_id robot_name agent agent_id vehicle vehicle_id body \
                       body_id body_name rigid_body rigid_body_id rigid_body_name cf cf_id cfid \
                       cf_name crazyflie crazyflie_id name child_frame_id frame_id object object_id \
                       subject subject_name drohne address serial mac tag tag_id trackable tracker_id actor \
