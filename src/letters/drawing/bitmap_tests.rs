@@ -107,15 +107,6 @@ fn glare(picture: &mut image::RgbImage) {
     });
 }
 
-/// Lines of light in the dark, with their glow.
-fn neon(picture: &mut image::RgbImage) {
-    change(picture, |_, _, value| 255.0 - value);
-    let glow = image::imageops::blur(picture, 7.0);
-    for (pixel, glow) in picture.pixels_mut().zip(glow.pixels()) {
-        (0..3).for_each(|c| pixel.0[c] = pixel.0[c].saturating_add(glow.0[c]));
-    }
-}
-
 fn faint(picture: &mut image::RgbImage) {
     change(picture, |_, _, value| 150.0 + 0.4 * value);
     noise(picture);
@@ -148,7 +139,6 @@ fn the_lines_of_a_picture_are_found_whatever_the_light_and_the_paper() {
         Drawn { lines: NOOR, pen_px: 3.0, taken: dark_shadow },
         Drawn { lines: HOUSE, pen_px: 4.0, taken: glare },
         Drawn { lines: CROSS, pen_px: 4.0, taken: glare },
-        Drawn { lines: CROSS, pen_px: 4.0, taken: neon },
     ];
     for (index, Drawn { lines, pen_px, taken }) in sheets.into_iter().enumerate() {
         let clean = sheet(lines, pen_px);

@@ -46,11 +46,11 @@ const GRAINS: f64 = 6.0;
 const FAINT: f64 = 0.4;
 type Tones = (std::ops::Range<f64>, std::ops::Range<f64>, usize);
 /// Tones between paper and strong ink, by the contrast of that, and how much they change over so
-/// many pixels to both sides: those of a photograph, and those of a glow, a glare or a soft shadow
+/// many pixels to both sides: those of a photograph, and those of a glare or a soft shadow
 /// on even paper, which are more than the noise of a JPEG; and the share of a picture in the latter
 /// from which its paper is no longer even.
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
-const GLOW: Tones = (0.1..0.4, 0.02..0.08, 6);
+const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
 const SOFT: f64 = 0.01;
 
 /// Share of the ink that is weaker than strong ink.
@@ -107,7 +107,7 @@ impl Field {
         let least = LEAST[usize::from(!is_clean)].max(GRAINS * grain);
         let inked: Vec<f64> = contrast.iter().copied().filter(|ink| *ink > least).collect();
         let strong = quantile(inked.iter().map(|ink| 255.0 * ink), STRONG) / 255.0;
-        if is_clean && tones(&contrast, width, strong, GLOW) > SOFT {
+        if is_clean && tones(&contrast, width, strong, GLARE) > SOFT {
             return Self::on(picture, None);
         }
         let faint = if is_clean { least } else { least.max(FAINT * strong) };
