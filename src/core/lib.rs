@@ -29,10 +29,16 @@ pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     pulp::Arch::new().dispatch(work)
 }
 
-/// [`dispatch()`] of a closure, which is otherwise a function of its own, compiled for the oldest
-/// processor.
+/// [`dispatch()`] of a closure that is known to be called once.
+#[inline(always)]
+pub fn once<Output>(work: impl FnOnce() -> Output) -> Output {
+    dispatch(work)
+}
+
+/// [`dispatch()`] of a closure. Otherwise it, or the step from `FnOnce` to it, is a function of its
+/// own, compiled for the oldest processor.
 #[macro_export]
 #[rustfmt::skip]
 macro_rules! dispatch {
-    (|| $work:expr) => { $crate::dispatch(#[inline(always)] || $work) };
+    (|| $work:expr) => { $crate::once(#[inline(always)] || $work) };
 }
