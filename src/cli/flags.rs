@@ -461,7 +461,7 @@ impl FlightFlags {
             warn_of(path, &warnings);
             match &mut recording {
                 Recording::Flight(flight) if lit && flight.lights.is_empty() => {
-                    light_all_along(flight, &scene);
+                    crate::shoot::light_all_along(flight, &scene);
                 }
                 Recording::Flight(flight) => relit_where_dark(flight, &mut scene, path)?,
                 Recording::Light(_) => {}
