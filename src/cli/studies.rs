@@ -245,7 +245,9 @@ mod tests {
 
     #[test]
     fn shortened_names_stay_apart() {
-        let long = |end: &str| format!("a-scene-with-a-long-name{end}");
+        fn long(end: &str) -> String {
+            format!("a-scene-with-a-long-name{end}")
+        }
         fn lines(names: &[String]) -> Vec<String> {
             let names: Vec<&str> = names.iter().map(String::as_str).collect();
             let actual = shortened(&names, 12);

@@ -35,9 +35,9 @@ pub(super) fn read_rows(
     let texts: Vec<String> = sheet.columns.iter().filter_map(named_texts).collect();
     let is_no_quantity = |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
     if !texts.is_empty() && sheet.columns.iter().all(is_no_quantity) {
-        let found = format_args!("texts in {}", shortened(&texts));
+        let actual = format_args!("texts in {}", shortened(&texts));
         let hint = "write each variable to a column of its own, below a head t,x,y,z";
-        return Err(Error::input(file, found, "a number in each cell", hint));
+        return Err(Error::input(file, actual, "a number in each cell", hint));
     }
     if !texts.is_empty() {
         sheet.notes.push(format!("texts are not read: {}", shortened(&texts)));

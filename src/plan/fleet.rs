@@ -155,8 +155,8 @@ impl Start {
 }
 
 /// A route and a delay for each drone, so that all keep apart, and the step at which the last ends.
-/// Of the orders of assignment that are tried, each with the drone that ended last (or found no way)
-/// in front, the one that ends first; `None` if none was found.
+/// Drones are assigned in turn; each next order begins with the drone that ended last or found no
+/// way. The best of these, or `None` if no order kept all apart.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;

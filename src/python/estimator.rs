@@ -76,9 +76,9 @@ fn updated(
         measured.set_item("ranges", readings.ranges.iter().map(range).collect::<Vec<_>>())?;
     }
     let state = numbers(update.bind(py).call1((measured, tick_s))?.as_any(), "estimator", 1)?;
-    let refuse = |found: String| {
+    let refuse = |actual: String| {
         let hint = "return position, yaw pitch roll, velocity and rate of the body";
-        raised(py, &Error::input("estimator", found, "twelve states", hint))
+        raised(py, &Error::input("estimator", actual, "twelve states", hint))
     };
     if let Some(index) = state.iter().position(|value| !value.is_finite()) {
         return Err(refuse(format!("{} for state {index}", state[index])));

@@ -49,8 +49,8 @@ impl Columns {
         }
     }
 
-    /// Columns whose share of light that no letter explains counts as darkness, since trails from the
-    /// take-off and to the landing pass beside every word.
+    /// Columns in which light that no letter explains counts as darkness: trails from the take-off
+    /// and to the landing pass beside every word.
     pub(super) fn unexplained_as_dark(mut self) -> Self {
         for shares in &mut self.0 {
             shares[0] += std::mem::replace(&mut shares[N_CLASSES - 1], LEAST) - LEAST;

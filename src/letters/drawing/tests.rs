@@ -224,7 +224,9 @@ fn each_color_of_a_drawing_is_a_glyph_where_colors_matter() {
     assert_eq!(by_color.colors, [[255, 0, 0], [0, 0, 255]], "in the writer's order");
     assert_eq!(by_color.glyphs.iter().map(|glyph| begins(glyph).len()).collect::<Vec<_>>(), [2, 1]);
 
-    let line = |n: u32| format!("<path d='M0 {n} h9' stroke='#{n:06x}'/>");
+    fn line(n: u32) -> String {
+        format!("<path d='M0 {n} h9' stroke='#{n:06x}'/>")
+    }
     let lines = svg(&(0..65).map(line).collect::<String>());
     let refused = drawn_in("a.svg", lines, &LetterOptions::default(), Ink::ByColor).unwrap_err();
     assert!(refused.to_string().contains("at most 64 colors"), "{refused}");
@@ -236,7 +238,9 @@ fn a_gradient_is_the_color_of_its_middle_stop_where_any_of_it_shows() {
         let gradient = format!("<linearGradient id='g'>{stops}</linearGradient>{line}");
         drawn_in("a.svg", svg(&gradient), &on_canvas(2.0, 2.0), Ink::ByColor).unwrap()
     };
-    let stop = |color: &str, more: &str| format!("<stop stop-color='{color}' {more}/>");
+    fn stop(color: &str, more: &str) -> String {
+        format!("<stop stop-color='{color}' {more}/>")
+    }
     let three = [("red", "0"), ("lime", "50%"), ("blue", "1")]
         .map(|(color, offset)| stop(color, &format!("offset='{offset}'")))
         .concat();

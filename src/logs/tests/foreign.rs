@@ -607,9 +607,15 @@ fn stamps_in_two_columns_and_in_longer_units_are_read() {
 
 #[test]
 fn heads_of_two_levels_dated_indices_and_true_positions_are_read() {
-    let seconds = |t: f64| format!("{t:.3}");
-    let clock = |t: f64| format!("2026-03-03 12:00:{t:06.3}+01:00");
-    let span = |t: f64| format!("0 days 00:00:{t:09.6}");
+    fn seconds(t: f64) -> String {
+        format!("{t:.3}")
+    }
+    fn clock(t: f64) -> String {
+        format!("2026-03-03 12:00:{t:06.3}+01:00")
+    }
+    fn span(t: f64) -> String {
+        format!("0 days 00:00:{t:09.6}")
+    }
     let tables: [(&str, &str, f64, &dyn Fn(f64) -> String); 5] = [
         ("levels", ",position,position,position,attitude\n,x,y,z,yaw\ntime,,,,", 1.0, &seconds),
         ("a dated index", ",x,y,z,yaw", 1.0, &clock),
@@ -665,7 +671,9 @@ fn rows_of_several_drones_and_a_position_that_is_too_fast_are_refused() {
         text
     }
     let id = |which: usize| ["1", "2"][which].to_owned();
-    let uri = |which: usize| format!("radio://0/80/2M/E7E7E7E70{which}");
+    fn uri(which: usize) -> String {
+        format!("radio://0/80/2M/E7E7E7E70{which}")
+    }
     for (head, owner) in
         [("drone_id", &id as &dyn Fn(usize) -> String), ("URI", &uri), ("cf", &uri)]
     {

@@ -194,8 +194,8 @@ mod tests {
     #[test]
     fn walls_darken_toward_a_dark_floor_which_is_as_dark_as_it_is() {
         let room = Room::new(&ROOM, Vector3::new(0.0, -2.0, 1.0));
-        let wall = |z: f64| room.ambient(1, Vector3::new(0.0, 3.0, z), None);
-        assert!(wall(0.01) < 0.95 * wall(1.2) && wall(0.01) > 0.7, "{} {}", wall(0.01), wall(1.2));
+        let [low, high] = [0.01, 1.2].map(|z| room.ambient(1, Vector3::new(0.0, 3.0, z), None));
+        assert!(low < 0.95 * high && low > 0.7, "{low} {high}");
         let floor = room.ambient(0, Vector3::zeros(), None);
         assert!((floor - 0.2 / 0.5).abs() < 1e-12, "{floor}");
     }

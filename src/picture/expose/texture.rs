@@ -65,20 +65,22 @@ mod tests {
 
     #[test]
     fn the_tile_has_variance_1_in_all_sizes_and_repeats_without_a_seam() {
-        let at = |x_m: f64, y_m: f64| deviation(on_tile([x_m, y_m]));
+        fn value(x_m: f64, y_m: f64) -> f32 {
+            deviation(on_tile([x_m, y_m]))
+        }
         let period_m = SIDE as f64 * STEP_M;
         for [x, y] in [[0.013, 0.4], [-2.1, 1.7], [2.56, -0.3]] {
-            assert!((at(x, y) - at(x + period_m, y - period_m)).abs() < 0.02, "{x} {y}");
-            assert!((at(x, y) - at(x + 1e-3, y)).abs() < 0.2, "{x} {y}");
+            assert!((value(x, y) - value(x + period_m, y - period_m)).abs() < 0.02, "{x} {y}");
+            assert!((value(x, y) - value(x + 1e-3, y)).abs() < 0.2, "{x} {y}");
         }
         // Means over squares of 0.32 m keep what is coarser: two of six octaves.
         let mean = |i: usize, j: usize| {
             let points = (0..256)
-                .map(|k| at((i * 16 + k % 16) as f64 * 0.02, (j * 16 + k / 16) as f64 * 0.02));
+                .map(|k| value((i * 16 + k % 16) as f64 * 0.02, (j * 16 + k / 16) as f64 * 0.02));
             points.sum::<f32>() / 256.0
         };
-        let means: Vec<f32> = (0..256).map(|k| mean(k % 16, k / 16)).collect();
-        let variance = means.iter().map(|mean| mean * mean).sum::<f32>() / 256.0;
+        let means = (0..256).map(|k| mean(k % 16, k / 16));
+        let variance = means.map(|mean| mean * mean).sum::<f32>() / 256.0;
         assert!((0.25..0.6).contains(&variance), "{variance}");
         let whole = TILE.iter().map(|value| value * value).sum::<f32>() / TILE.len() as f32;
         assert!((whole - 1.0).abs() < 1e-3, "{whole}");

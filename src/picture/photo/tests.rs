@@ -315,7 +315,9 @@ fn hot_pixels_are_white_and_have_their_density_and_mean() {
     let film = film([1000, 1000], |_, _, _| 0);
     let rgb = read_out(&film, &camera([1000, 1000], |_| {}), &options, 4).unwrap().rgb;
     // Exponential with a mean of 100 e-/s · 10 s: exp(-0.1) of 1,000 are above 100 e-.
-    let electrons = |value: f32| f64::from(value) * 50_000.0;
+    fn electrons(value: f32) -> f64 {
+        f64::from(value) * 50_000.0
+    }
     let hot = Vec::from_iter(rgb.as_chunks::<3>().0.iter().filter(|rgb| electrons(rgb[1]) > 100.0));
     for [red, green, _] in &hot {
         let [red, green] = [*red, *green].map(electrons);

@@ -391,11 +391,10 @@ fn line_at(text: &str, byte: usize) -> u64 {
 pub(super) fn scene_of(values: Table) -> Result<Scene> {
     // To follow the path doubles the code that reads a scene: in a page, the sentence has the key.
     if cfg!(target_family = "wasm") {
-        let found = |error: toml::de::Error| error.to_string().trim().replace('\n', " ");
-        let wanted = "values of the keys' types";
-        return values
-            .try_into()
-            .map_err(|error| Error::input("scene", found(error), wanted, HINT));
+        return values.try_into().map_err(|error: toml::de::Error| {
+            let actual = error.to_string().trim().replace('\n', " ");
+            Error::input("scene", actual, "values of the keys' types", HINT)
+        });
     }
     serde_path_to_error::deserialize(Value::Table(values)).map_err(|error| {
         let steps = error.path().iter().filter_map(|step| match step {

@@ -229,7 +229,9 @@ mod tests {
     #[test]
     fn the_colors_of_a_drawing_light_the_lamps_and_leave_the_scene_as_it_was_said() {
         let file = tempfile::Builder::new().suffix(".svg").tempfile().unwrap();
-        let line = |y: i32, color: &str| format!("<path d='M0 {y}h9' stroke='{color}'/>");
+        fn line(y: i32, color: &str) -> String {
+            format!("<path d='M0 {y}h9' stroke='{color}'/>")
+        }
         let svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9' fill='none'>";
         let text = [svg, &line(2, "#f00"), &line(7, "#00f"), "</svg>"].concat();
         std::fs::write(file.path(), text).unwrap();

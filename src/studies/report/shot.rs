@@ -182,7 +182,9 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         ("focus", focus),
         ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];
-    let in_stops = |stops: f64| format!("{stops:+.1} stops over saturation");
+    fn in_stops(stops: f64) -> String {
+        format!("{stops:+.1} stops over saturation")
+    }
     let trail = shot.metered.map(|metered| ("trail", in_stops(metered.trail_stops)));
     rows.into_iter().chain(trail).map(|(name, value)| [name.to_owned(), value]).collect()
 }
