@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
 use super::output::is_csv;
-use super::{Args, Error, Result, message, named, names, warn};
+use super::{Args, Error, Result, message, named, names, shell_word, warn};
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
@@ -477,7 +477,20 @@ impl FlightFlags {
 
 /// Gives a log without lights those of the scene's word, and says on whose letters it was flown.
 pub(super) fn relit_where_dark(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
-    if let Some(preset) = crate::shoot::relit_where_dark(flight, scene)? {
+    let preset = crate::shoot::relit_where_dark(flight, scene).map_err(|error| match error {
+        Error::Input { place, found, wanted, .. } => {
+            let hint = format!(
+                "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
+                 SCENE.toml`; style even flies strokes in another order, which only a log with lights \
+                 tells",
+                shell_word(path),
+                shell_word(scene.word.as_ref()),
+            );
+            Error::Input { place, found, wanted, hint }
+        }
+        other => other,
+    })?;
+    if let Some(preset) = preset {
         let (path, name) = (path.display(), preset.name());
         let note = format!(
             "{path}: its setpoints are on the letters of {name}, which are used; `--scene {name}` has \
