@@ -714,7 +714,7 @@ fn no_path_of_the_host_is_told() {
     for mut wish in wishes.into_iter().chain([word("IL")]) {
         wish["visitor"] = "me".into();
         let (_, live) = server.post("live", &wish);
-        let (_, large) = server.post("photos", &wish);
+        let (_, large) = server.post("photos", &with(&wish, json!({ "files": true })));
         let (_, script) = server.post("script", &wish);
         let mut told = vec![live.to_string().into_bytes(), large.to_string().into_bytes()];
         told.extend(["photo.png", "scene.toml", "plan.csv"].map(|name| file(&large, name)));
@@ -803,7 +803,8 @@ fn what_is_chosen_of_a_picture_is_what_the_photo_and_its_files_have() {
         let black = live(settings.clone());
         assert_eq!(black["source"], whole["source"], "what is left out can be brought back");
         assert_eq!(black["replay"]["strokes"].as_array().unwrap().len(), 1, "{settings}");
-        let (_, large) = server.post("photos", &wish(settings.clone()));
+        let (_, large) =
+            server.post("photos", &with(&wish(settings.clone()), json!({ "files": true })));
         assert_eq!(large["replay"]["strokes"].as_array().unwrap().len(), 1, "{settings}");
         let scene = String::from_utf8(file(&large, "scene.toml")).unwrap();
         let set = if settings["letters.ink"].is_null() { "without" } else { "ink" };
