@@ -73,7 +73,9 @@ impl Studio<'_> {
     pub fn make(&self, product: Product, subject: &Subject) -> Value {
         let made = match product {
             Product::Live => self.live(subject),
-            Product::Large { advice, files } => self.large(subject, advice, files),
+            Product::Large { advice, files } => {
+                self.large(subject, advice, files.then_some(Format::Png))
+            }
             Product::Script => self.script(subject),
         };
         let made = made.unwrap_or_else(|error| Err(refusal(&error, subject)));
@@ -138,17 +140,17 @@ impl Studio<'_> {
         Ok(Ok(json))
     }
 
-    fn large(&self, subject: &Subject, has_advice: bool, has_files: bool) -> Result<Made> {
+    fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Result<Made> {
         let Ready { shoot, profile, notes, .. } = match self.ready(subject, LARGE)? {
             Ok(ready) => ready,
             Err(message) => return Ok(Err(message)),
         };
-        let shot = self.shot(shoot, Judging::Explained, has_files.then_some(Format::Png))?;
+        let shot = self.shot(shoot, Judging::Explained, format)?;
         // What was flown needs no check.
         let is_planned = shot.shoot.is_planned;
         let findings = if is_planned { shot.findings(&profile)? } else { Vec::new() };
         let stops: Vec<Message> = findings.iter().filter_map(Message::of_stop).collect();
-        let remedies = if has_advice { (self.advice)(&shot)? } else { Vec::new() };
+        let remedies = if advice { (self.advice)(&shot)? } else { Vec::new() };
         let remedies = remedies.into_iter().map(|(changes, gain)| {
             json!({ "gain": gain, "said": Message::of_changes(&changes), "set": changes })
         });
@@ -158,7 +160,7 @@ impl Studio<'_> {
         json["replay"] = replay(&shot);
         json["photo"] = data_url(&jpeg(&shot.photo, LARGE_QUALITY)).into();
         json["flight_sha256"] = shot.flight_sha256().into();
-        if has_files {
+        if format.is_some() {
             json["files"] = encoded(files(&shot));
         }
         describe(&shot, notes, &mut json);
