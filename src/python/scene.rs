@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use nalgebra::DMatrix;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyTuple};
 

@@ -185,7 +185,7 @@ fn a_jpeg_that_is_cut_off_is_refused() {
     let mut file = std::io::Cursor::new(Vec::new());
     sheet(HOUSE, 6.0).write_to(&mut file, image::ImageFormat::Jpeg).unwrap();
     let whole = file.into_inner();
-    let drawn = |bytes: &[u8]| drawn_in("a.jpg", bytes.to_vec(), &on_canvas(2.0, 1.0), Ink::Alike);
+    let drawn = |bytes: &[u8]| drawn_in("a.jpg", bytes, &on_canvas(2.0, 1.0), Ink::Alike);
     drawn(&whole).unwrap();
     let refused = drawn(&whole[..whole.len() / 2]).unwrap_err().to_string();
     assert!(refused.contains("cut off"), "{refused}");

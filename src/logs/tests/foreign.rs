@@ -616,12 +616,13 @@ fn heads_of_two_levels_dated_indices_and_true_positions_are_read() {
     fn span(t: f64) -> String {
         format!("0 days 00:00:{t:09.6}")
     }
-    let tables: [(&str, &str, f64, &dyn Fn(f64) -> String); 5] = [
-        ("levels", ",position,position,position,attitude\n,x,y,z,yaw\ntime,,,,", 1.0, &seconds),
-        ("a dated index", ",x,y,z,yaw", 1.0, &clock),
-        ("an index of spans", ",x,y,z,yaw", 1.0, &span),
-        ("the true one", "t,x_true,y_true,z_true,x_est", 1.0, &seconds),
-        ("feet", "host_time_s,x_ft,y [feet],z (foot),yaw", 0.3048, &seconds),
+    type Stamp = fn(f64) -> String;
+    let tables: [(&str, &str, f64, Stamp); 5] = [
+        ("levels", ",position,position,position,attitude\n,x,y,z,yaw\ntime,,,,", 1.0, seconds),
+        ("a dated index", ",x,y,z,yaw", 1.0, clock),
+        ("an index of spans", ",x,y,z,yaw", 1.0, span),
+        ("the true one", "t,x_true,y_true,z_true,x_est", 1.0, seconds),
+        ("feet", "host_time_s,x_ft,y [feet],z (foot),yaw", 0.3048, seconds),
     ];
     for (what, head, unit_m, stamp) in tables {
         let text = rows(&format!("{head}\n"), |t, place| {
