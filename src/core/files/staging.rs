@@ -44,7 +44,7 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] without write permission.
+/// [`Error::Io`](crate::error::Error::Io) without write permission.
 pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     remove_leftovers(folder);
     loop {

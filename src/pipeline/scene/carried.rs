@@ -57,7 +57,7 @@ impl CarriedScene {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where two came; as [`Self::of`].
+    /// [`Error::Input`] where two came; as [`Self::read`].
     pub fn of_all(files: &[PathBuf]) -> Result<Option<Self>> {
         let all = files.iter().map(|path| Self::read(path)).collect::<Result<Vec<_>>>()?;
         let all: Vec<Self> = all.into_iter().flatten().collect();

@@ -45,7 +45,7 @@ pub struct Sweep {
     pub station: usize,
     /// 0 or 1.
     pub plane: usize,
-    /// Angle at which it met each sensor of [`DECK_SENSORS_M`].
+    /// Angle at which it met each of the four sensors of the deck.
     pub angles_rad: [f64; 4],
 }
 
