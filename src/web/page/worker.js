@@ -10,8 +10,11 @@ const ready = (async () => {
   let bytes = await response.arrayBuffer();
   // Compressed, since not every host compresses what it sends; some say so, and it is unpacked.
   if (new Uint8Array(bytes)[0] === 0x1f) {
-    const unpacked = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
-    bytes = await new Response(unpacked).arrayBuffer();
+    const unpacking = new DecompressionStream("gzip");
+    const writer = unpacking.writable.getWriter();
+    // What goes wrong is told by the reader.
+    writer.write(bytes).then(() => writer.close()).catch(() => {});
+    bytes = await new Response(unpacking.readable).arrayBuffer();
   }
   const { instance } = await WebAssembly.instantiate(bytes, { page });
   return /** @type {any} */ (instance.exports);
