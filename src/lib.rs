@@ -49,6 +49,10 @@
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
+//! Two crates stand before `core` and `sim` so that each holds one subject. `features` has no code:
+//! without it the tests of any one crate would build some thirty packages anew. `control` is the
+//! mathematics of linear systems: it knows no drone, and is tested without one.
+//!
 //! Rules beside these dependencies:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed.

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::flags::relit_where_dark;
+use super::flight_flags::relit_where_dark;
 use super::show::flight_report;
 use super::{
     Args, Error, FlightFlags, Outputs, Report, Result, SceneFlags, evening, json, set_word, warn,

@@ -17,10 +17,10 @@ use crate::error::{Error, Result};
 use noctograph_core::digest::sha256;
 // Common imports of the verbs.
 use flags::{
-    DesignFlags, FLIGHTS, FlightFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting,
-    SubjectFlags, find_scene, frame, read_plans, set_word, warn_of, warn_of_fewer_drones,
-    warn_of_idle_keys,
+    DesignFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting, SubjectFlags, find_scene,
+    frame, read_plans, set_word, warn_of, warn_of_fewer_drones, warn_of_idle_keys,
 };
+use flight_flags::{FLIGHTS, FlightFlags};
 use names::{Corners, named, names, numbers};
 use outcome::{shell_word, typed_command};
 use output::{Output, OutputFolder, Outputs, is_svg};
@@ -39,6 +39,7 @@ mod export;
 mod expose;
 mod findings;
 mod flags;
+mod flight_flags;
 mod fly;
 mod gains;
 mod generate;

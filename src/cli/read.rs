@@ -39,8 +39,7 @@ const LAYOUT: &str = "\
 /// way up.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_rim(&photo) {
-        let text = "the photo's rim is bright: cut its border off, or invert dark writing";
-        message("note: ", text);
+        message("note: ", "the photo's rim is bright: cut its border off, or invert dark writing");
     }
     let (reading, quarters) = read_any_way_up(&photo, word);
     if quarters == 0 {

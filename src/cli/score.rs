@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::flags::relit_where_dark;
+use super::flight_flags::relit_where_dark;
 use super::read::read_upright;
 use super::{
     Args, CameraFlags, Corners, Error, FlightFlags, Output, Report, Result, SceneFlags, is_svg,

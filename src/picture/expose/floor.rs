@@ -33,9 +33,8 @@ const EVEN: [f64; 2] = [0.02, 1e-4];
 /// Glow on the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
-    squares: Vec<Square>,
-    /// Places of the squares' corners on the floor's texture; `None` on a wall and on edges.
-    on_floor: Vec<Option<[[f32; 2]; 4]>>,
+    /// Squares by bands of [`SIDE_PX`] rows.
+    bands: Vec<Vec<Square>>,
     /// Standard deviation of the floor's albedo, relative.
     unevenness: f32,
     /// Exposure of the brightest corner.
@@ -49,6 +48,8 @@ struct Square {
     corner_px: [u32; 2],
     side_px: u32,
     corners_lx_s: [Rgb; 4],
+    /// Places of its corners on the floor's texture; `None` on a wall, on edges and in the dark.
+    on_floor: Option<[[f32; 2]; 4]>,
 }
 
 /// Floor and walls, lit and seen by a camera.
@@ -83,7 +84,7 @@ impl Glow {
             .map(|j| (0..=columns).map(|i| corner_lx_s([i * SIDE_PX, j * SIDE_PX])).collect());
         let corners: Vec<Vec<Rgb>> = corners.collect();
         let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
-        let squares = rows.flat_map_iter(|(j, corners)| {
+        let bands = rows.map(|(j, corners)| {
             let mut squares = Vec::new();
             let middle_px = f64::from(j * SIDE_PX + SIDE_PX / 2);
             let mut feet_px = floor.feet_px.clone();
@@ -92,76 +93,75 @@ impl Glow {
             for (i, (above, below)) in (0..).zip(pairs) {
                 let corners_lx_s = [above[0], above[1], below[0], below[1]];
                 let corner_px = [i * SIDE_PX, j * SIDE_PX];
-                let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s };
+                let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s, on_floor: None };
                 let middle_lx_s = corner_lx_s(corner_px.map(|px| px + SIDE_PX / 2));
                 floor.divide(square, middle_lx_s, &feet_px, &mut squares);
             }
             squares
         });
-        let squares: Vec<Square> = squares.collect();
-        let lights = squares.iter().flat_map(|square| square.corners_lx_s.as_flattened());
-        let peak_lx_s = lights.copied().fold(0.0, f64::max);
-        let unevenness = narrow(options.unevenness);
-        let on_floor = squares.par_iter().map(|square| {
-            let lights = square.corners_lx_s.as_flattened().iter();
-            let peak_lx_s = lights.copied().fold(0.0, f64::max);
-            let is_seen = peak_lx_s * options.unevenness > floor.even_lx_s;
-            if is_seen { floor.texture(square) } else { None }
-        });
-        let on_floor = on_floor.collect();
-        (!squares.is_empty()).then_some(Self { squares, on_floor, unevenness, peak_lx_s })
+        let bands: Vec<Vec<Square>> = bands.collect();
+        let peak_lx_s = bands.iter().flatten().map(Square::peak_lx_s).reduce(f64::max)?;
+        Some(Self { bands, unevenness: narrow(options.unevenness), peak_lx_s })
     }
 
     /// The first row that it lights.
     pub(super) fn top_px(&self) -> usize {
-        self.squares.iter().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
+        self.bands.iter().flatten().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
     }
 
     /// Adds the glow to a film.
     pub(super) fn add_to(&self, film: &mut Film) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
-        let size_px = [film.width_px, film.height_px];
-        let pixels = film.counts.len() / 3;
-        let mut planes = film.counts.chunks_exact_mut(pixels);
-        let mut planes = [(); 3].map(|()| planes.next().expect("three channels"));
-        noctograph_core::dispatch!(|| {
-            for (square, on_floor) in self.squares.iter().zip(&self.on_floor) {
+        let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
+        let (red, others) = film.counts.split_at_mut(pixels);
+        let (green, blue) = others.split_at_mut(pixels);
+        let planes = [red, green, blue].map(|plane| plane.par_chunks_mut(SIDE_PX as usize * width));
+        let [red, green, blue] = planes;
+        let bands = (red, green, blue).into_par_iter().zip(&self.bands);
+        bands.for_each(|((red, green, blue), squares)| {
+            let mut planes = [red, green, blue];
+            noctograph_core::dispatch!(|| for square in squares {
                 let light =
                     square.corners_lx_s.map(|rgb| rgb.map(|light| narrow(light * per_lx_s)));
-                let uneven = on_floor.map(|corners| (corners, self.unevenness));
-                square.add_to(light, uneven, &mut planes, size_px);
-            }
+                square.add_to(light, self.unevenness, &mut planes, width);
+            });
         });
     }
 }
 
 impl Square {
-    /// Adds its light, given in counts at the corners, to the planes of the film.
+    fn peak_lx_s(&self) -> f64 {
+        self.corners_lx_s.as_flattened().iter().copied().fold(0.0, f64::max)
+    }
+
+    /// Adds its light, given in counts at the corners, to its band of the film's planes.
     #[inline(always)]
     fn add_to(
         &self,
         corners: [[f32; 3]; 4],
-        uneven: Option<([[f32; 2]; 4], f32)>,
+        unevenness: f32,
         planes: &mut [&mut [u32]; 3],
-        [width, height]: [u32; 2],
+        width: usize,
     ) {
         let [x, y] = self.corner_px;
+        let (left, top) = (x as usize, y % SIDE_PX);
         let step = 1.0 / self.side_px as f32;
-        let across = self.side_px.min(width.saturating_sub(x)) as usize;
+        let across = (self.side_px as usize).min(width.saturating_sub(left));
         if across == 0 {
             return;
         }
         let mut albedo = [1.0; SIDE_PX as usize];
-        for row in y..(y + self.side_px).min(height) {
-            let down = ((row - y) as f32 + 0.5) * step;
-            if let Some((places, unevenness)) = uneven {
+        let rows = planes[0][top as usize * width..].chunks(width).len();
+        for row in (0..self.side_px).take(rows) {
+            let down = (row as f32 + 0.5) * step;
+            if let Some(places) = self.on_floor {
                 let places = along(places, down, step);
                 for (albedo, place) in albedo[..across].iter_mut().zip(places) {
                     *albedo = (1.0 + unevenness * texture::deviation(place)).max(0.0);
                 }
             }
-            let first = row as usize * width as usize + x as usize;
-            let dither = DITHER[0].wrapping_mul(x).wrapping_add(DITHER[1].wrapping_mul(row));
+            let first = (top + row) as usize * width + left;
+            let dither = DITHER[0].wrapping_mul(x).wrapping_add(DITHER[1].wrapping_mul(y + row));
             for (channel, plane) in planes.iter_mut().enumerate() {
                 let lights = along(corners.map(|rgb| [rgb[channel]]), down, step);
                 let counts = plane[first..][..across].iter_mut().zip(&albedo);
@@ -252,8 +252,12 @@ impl<'a> Floor<'a> {
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 
-    /// Places of a square's corners on the texture of the floor; `None` where one is elsewhere.
+    /// Places of a square's corners on the texture of the floor; `None` where one is elsewhere, or
+    /// where it is too dark to show.
     fn texture(&self, square: &Square) -> Option<[[f32; 2]; 4]> {
+        if square.peak_lx_s() * self.room.unevenness <= self.even_lx_s {
+            return None;
+        }
         let ([x, y], side) = (square.corner_px, square.side_px);
         let mut places = [[0.0; 2]; 4];
         for (place, [x, y]) in
@@ -272,7 +276,7 @@ impl<'a> Floor<'a> {
     /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in
     /// its middle; `feet_px` are those that may be under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
-        let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se] } = square;
+        let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se], .. } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);
         let uneven = (0..3).any(|c| {
             let mean = 0.25 * (nw[c] + ne[c] + sw[c] + se[c]);
@@ -282,7 +286,10 @@ impl<'a> Floor<'a> {
         let feet_px = feet_px.iter().copied().filter(|foot_px| square.is_under(*foot_px));
         let feet_px: Vec<[f64; 3]> = feet_px.collect();
         if half == 0 || (!uneven && feet_px.is_empty()) {
-            squares.extend(Some(square).filter(|s| s.corners_lx_s != [[0.0; 3]; 4]));
+            if square.corners_lx_s != [[0.0; 3]; 4] {
+                let on_floor = self.texture(&square);
+                squares.push(Square { on_floor, ..square });
+            }
             return;
         }
         let quarters_px = [[x, y], [x + half, y], [x, y + half], [x + half, y + half]];
@@ -304,7 +311,7 @@ impl<'a> Floor<'a> {
             ([middle, east, south, se], m_se),
         ];
         for (corner_px, (corners_lx_s, middle)) in quarters_px.into_iter().zip(quarters) {
-            let quarter = Square { corner_px, side_px: half, corners_lx_s };
+            let quarter = Square { corner_px, side_px: half, corners_lx_s, on_floor: None };
             self.divide(quarter, middle, &feet_px, squares);
         }
     }

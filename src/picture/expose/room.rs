@@ -40,7 +40,7 @@ pub(crate) struct Room {
     /// Width, depth and height, where there are walls.
     size_m: Option<[f64; 3]>,
     /// Standard deviation of the albedo, relative.
-    unevenness: f64,
+    pub(super) unevenness: f64,
 }
 
 impl Room {

@@ -1,5 +1,5 @@
-//! Letters and lights of a real flight's log, which holds neither: those of the word that was
-//! flown, found by its setpoints.
+//! Letters and lights of a real flight's log, which holds neither, inferred from the flown word and
+//! the setpoints.
 
 use std::path::Path;
 
@@ -45,8 +45,8 @@ impl Shoot {
 /// As [`relight`].
 pub fn relit_where_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
     // Lights are inferred from setpoints.
-    let is_lit = !flight.lights.is_empty() || flight.unlogged.contains(&Quantity::Design);
-    if is_lit || !scene.has_strokes() {
+    let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);
+    if !is_unlit || !scene.has_strokes() {
         return Ok(None);
     }
     let Err(error) = relight(flight, &scene.strokes()?) else { return Ok(None) };
