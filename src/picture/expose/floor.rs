@@ -146,12 +146,13 @@ impl Square {
         let [x, y] = self.corner_px;
         let (left, top) = (x as usize, y % SIDE_PX);
         let step = 1.0 / self.side_px as f32;
+        // The last squares reach beyond the film.
         let across = (self.side_px as usize).min(width.saturating_sub(left));
         if across == 0 {
             return;
         }
+        let rows = (planes[0].len() / width).saturating_sub(top as usize);
         let mut albedo = [1.0; SIDE_PX as usize];
-        let rows = planes[0][top as usize * width..].chunks(width).len();
         for row in (0..self.side_px).take(rows) {
             let down = (row as f32 + 0.5) * step;
             if let Some(places) = self.on_floor {
@@ -248,7 +249,7 @@ impl<'a> Floor<'a> {
         // The floor does not light itself.
         let lights = if surface.is_floor() { &self.trees[..self.n_lamps] } else { &self.trees };
         let lit: [Rgb; N] =
-            noctograph_core::dispatch!(|| exposures_lx_s(lights, points_m, surface, toward));
+            noctograph_core::dispatch(|| exposures_lx_s(lights, points_m, surface, toward));
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 
