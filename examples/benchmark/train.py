@@ -1,21 +1,22 @@
 """Trains the policy of `policy.py` from zero, by CMA-ES (Hansen 2016) on the reward of `nc.VectorEnv`.
 
-usage: python examples/benchmark/train.py [SECONDS]
+usage: python examples/benchmark/train.py [GENERATIONS [SEED]]
 
 Each generation of 16 policies flies a word in the same three rooms, which no other generation sees. The last line is
-the mean of the search, as `policy.py` has it; a file `policy.npz` keeps the search, which the next call goes on with.
+the mean of the search, as `policy.py` has it; a file `policy-SEED.npz` keeps the search, which the next call goes on
+with. A generation draws its numbers from the seed and its own number alone, so that the weights are the same on any
+number of threads, cut off or not.
 """
 
 import pathlib
 import sys
-import time
 
 import noctograph as nc
 import numpy as np
 from policy import N_WEIGHTS, Linear, motors_from
 
 WORD, POLICIES, ROOMS, CONTROL_HZ = "T", 16, 3, 250
-STATE = pathlib.Path("policy.npz")
+KEPT = ("mean", "step", "cov", "path", "step_path", "generation")
 
 
 class Search:
@@ -71,26 +72,23 @@ def rewards_of(env, scene, weights, seeds):
     return rewards.reshape(POLICIES, ROOMS).mean(1), read.mean()
 
 
-def main(seconds):
-    """Searches for some seconds."""
-    begun, random = time.monotonic(), np.random.default_rng(0)
-    scene = nc.Scene("cf-brushless", word=WORD)
+def main(generations=38, seed=0):
+    """Searches up to a generation."""
+    scene, state = nc.Scene("cf-brushless", word=WORD), pathlib.Path(f"policy-{seed}.npz")
     env = nc.VectorEnv(scene, POLICIES * ROOMS, control_hz=CONTROL_HZ, conditions="room")
     search = Search(N_WEIGHTS, 0.5)
-    if STATE.exists():
-        kept = np.load(STATE)
-        search.__dict__.update({name: kept[name] for name in kept})
-        random = np.random.default_rng(int(search.generation))
-    while time.monotonic() - begun < seconds:
+    if state.exists():
+        kept = np.load(state)
+        search.__dict__.update({name: kept[name] for name in KEPT})
+    while search.generation < generations:
+        random = np.random.default_rng([seed, int(search.generation)])
         weights = search.ask(random)
         rewards, read = rewards_of(env, scene, weights, random.integers(1 << 31, size=ROOMS).tolist())
         search.tell(rewards)
-        kept = ("mean", "step", "cov", "path", "step_path", "generation")
-        np.savez(STATE, **{name: getattr(search, name) for name in kept})
-        spent_s = time.monotonic() - begun
-        print(f"{search.generation:4}  {spent_s:6.0f} s  step {search.step:.3f}  reward {rewards.mean():6.2f}, best {rewards.max():6.2f}  P(read) {read:.2f}", flush=True)
-    print(f"WEIGHTS = np.array({np.round(search.mean, 4).tolist()})")
+        np.savez(state, **{name: getattr(search, name) for name in KEPT})
+        print(f"{search.generation:4}  step {search.step:.3f}  reward {rewards.mean():6.2f}, best {rewards.max():6.2f}  P(read) {read:.2f}", flush=True)
+    print(f"WEIGHTS = np.array({np.round(search.mean, 3).tolist()})")
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 1800)
+    main(*map(int, sys.argv[1:]))

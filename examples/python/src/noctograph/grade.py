@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import secrets
 import signal
 import socket
 import struct
@@ -36,6 +37,8 @@ from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
 
 #: Seeds of a word where none are named: enough to tell two of 229 submissions apart.
 SEEDS = 20
+#: What Python itself needs of a system.
+SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
 #: Largest source of a controller, bytes.
 MOST_BYTES = 1 << 20
 
@@ -64,7 +67,7 @@ def _line(answer: bytes) -> str:
 class _Process:
     """A controller in a process of its own."""
 
-    def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, hidden: Sequence[str]) -> None:
+    def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, shown: Sequence[str]) -> None:
         self.limits, self.waited_s, self.flights = limits, 0.0, 0
         self.wire, theirs = socket.socketpair()
         self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
@@ -75,7 +78,7 @@ class _Process:
         with theirs:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", "from noctograph.isolated import main; main()", str(theirs.fileno()),
-                 json.dumps({**asdict(limits), "hidden": hidden})],
+                 json.dumps({**asdict(limits), "shown": shown})],
                 cwd=own, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                 env={"PYTHONPATH": path, "TMPDIR": own, "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads, **kept},
@@ -171,9 +174,9 @@ class _Process:
         self.folder.cleanup()
 
 
-def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, hidden: Sequence[str]) -> tuple[list[str], str]:
+def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, shown: Sequence[str]) -> tuple[list[str], str]:
     """Outcomes of a controller's flights as JSON, and what was not shut off."""
-    process, motors = _Process(source, scene, len(seeds), limits, hidden), np.zeros((len(seeds), 4))
+    process, motors = _Process(source, scene, len(seeds), limits, shown), np.zeros((len(seeds), 4))
     try:
         estimator = process.estimator if process.estimates else None
         sessions = Sessions(scene, len(seeds), conditions, estimator, not process.controls)
@@ -195,6 +198,18 @@ def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits:
         process.end()
 
 
+def _shown(hidden: Sequence[str]) -> list[str]:
+    """What a controller's process may read: Python with its packages, but no folder of them that holds what is hidden."""
+    private = [Path(it).resolve() for it in hidden]
+    packages = [it for it in sys.path if not any(path.is_relative_to(Path(it).resolve()) for path in private)]
+    paths = [*SYSTEM, sys.base_prefix, sys.prefix, *os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep), *packages]
+    found: list[str] = []
+    for path in sorted(os.path.abspath(it) for it in paths if os.path.exists(it)):
+        if not any(Path(path).is_relative_to(it) for it in found):
+            found.append(path)
+    return found
+
+
 def _submissions(given: PathLike | Sequence[PathLike]) -> dict[str, Path]:
     """Files by the names of their rows: those without their endings, where no two share one."""
     if isinstance(given, (str, os.PathLike)):
@@ -214,7 +229,7 @@ def grade(
     words: Words | None = None,
     seeds: int | None = None,
     conditions: str = "room",
-    seed: int = 0,
+    seed: int | None = None,
     workers: int | None = None,
     limits: Limits | None = None,
     progress: Any = True,
@@ -234,8 +249,8 @@ def grade(
         As for `rank`.
     seeds : int, optional
         Seeds of each word: by default 20, or as many as tell two submissions apart.
-    seed : int
-        Seed that all seeds are drawn from; one that the class does not know keeps its weather hidden.
+    seed : int, optional
+        Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has.
     workers : int, optional
         Controllers in Python that run at once; by default one for each core. The marks are the same.
     limits : Limits, optional
@@ -249,6 +264,7 @@ def grade(
         As of `rank`; ``report["unranked"]`` has what was refused and what failed, ``report.files`` the tables
         with ``marks.csv``.
     """
+    seed = secrets.randbits(48) if seed is None else seed
     task, limits = task if isinstance(task, Scene) else Scene(task), limits or Limits()
     files = _submissions(submissions)
     unranked: dict[str, str] = {}
@@ -256,11 +272,12 @@ def grade(
     sources: dict[str, bytes] = {}
     for name, file in files.items():
         try:
-            if file.suffix == ".py" and file.is_file() and os.name == "posix":
+            ending = file.suffix if file.is_file() else ""  # neither a folder nor a pipe
+            if ending == ".py" and os.name == "posix":
                 if file.stat().st_size > MOST_BYTES:
                     raise Failed(f"more than {MOST_BYTES} bytes")
                 sources[name] = file.read_bytes()
-            elif file.suffix != ".toml":
+            elif ending != ".toml":
                 raise Failed("wanted a scene (.toml) or a controller in Python (.py, on Linux and macOS)")
             scenes[name] = task if name in sources else _submission(task, may, file)
         except (InputError, InfeasibleError, Failed, OSError) as error:
@@ -271,16 +288,14 @@ def grade(
     seeds = seeds or max(SEEDS, least)
     counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
     trials = _trials([("task", task)], counted, seed)
-    print(f"{len(scenes)} submissions fly {len(trials)} times each; at least {least} tell two apart", file=sys.stderr)
-    needed = [Path(it).resolve() for it in [*sys.path, sys.prefix, tempfile.gettempdir()] if it]
-    hidden = {"/proc", os.getcwd(), *(str(file.resolve().parent) for file in files.values())}
-    hidden = sorted((it for it in hidden if not any(path.is_relative_to(it) for path in needed)), reverse=True)
+    print(f"{len(scenes)} submissions fly {len(trials)} times each, seed {seed}; at least {least} tell two apart", file=sys.stderr)
+    shown = _shown([os.getcwd(), *(str(file.parent) for file in files.values())])
 
     def of_word(job: tuple[str, int]) -> tuple[list[str], str] | Failed:
         name, index = job
         drawn = [trial[2] for trial in trials if trial[1] == index]
         try:
-            return _fly(Scene(task, word=counted[index][0]), drawn, sources[name], conditions, limits, hidden)
+            return _fly(Scene(task, word=counted[index][0]), drawn, sources[name], conditions, limits, shown)
         except Failed as failed:
             return failed
 
@@ -305,7 +320,9 @@ def grade(
         for at, outcome in enumerate(outcomes[name] if name in sources else [])
     }
     with _bar(progress, "ranking") as show:
-        return _ranked(list(scenes.items()), counted, conditions, seed, None, flown, unranked, show)
+        report = _ranked(list(scenes.items()), counted, conditions, seed, None, flown, unranked, show)
+    report["seed"] = seed
+    return report
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -316,7 +333,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("-o", "--output", metavar="DIR", default="noctograph-grade", help="folder for marks.csv, tables and report.html")
     parser.add_argument("--may", metavar="KEY", action="append", default=[], help="a key that a scene may change; repeatable")
     parser.add_argument("--words", metavar="WORD[:N],...", help="words, with their numbers of seeds, or a file with one on each line [default: the task's]")
-    parser.add_argument("--seed", metavar="N", type=int, default=0, help="seed that all seeds are drawn from: keep it to yourself")
+    parser.add_argument("--seed", metavar="N", type=int, help="seed that all seeds are drawn from [default: one that nobody can guess, which is printed]")
     parser.add_argument("--conditions", metavar="NAME|FILE", default="room", help="as of noctograph rank")
     parser.add_argument("--workers", metavar="N", type=int, help="controllers in Python that run at once")
     for name, most in asdict(Limits()).items():

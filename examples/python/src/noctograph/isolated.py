@@ -37,9 +37,10 @@ IMPORTS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")
 FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
 #: What it may write while it is loaded, in its own folder, bytes.
 WRITTEN = 4 << 20
-# Linux: unshare(2), mount(2), mount_setattr(2), prctl(2).
+# Linux: unshare(2), mount(2), mount_setattr(2), prctl(2), capset(2).
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
 NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR, DEATH_SIGNAL = 0x1000_0000, 1, 0x8000, 442, 1
+BIND, CAPABILITIES = 0x1000 | 0x4000, 0x2008_0522
 
 
 def receive(wire: socket.socket) -> bytes:
@@ -68,33 +69,47 @@ def fail(wire: socket.socket, why: str) -> NoReturn:
     os._exit(1)
 
 
-def shut_off(hidden: list[str], own: str) -> str:
-    """Takes network, files and other processes away where the system allows; what it does not."""
+def shut_off(shown: list[str], own: str) -> str:
+    """Takes network, files and other processes away where the system allows; what it does not.
+
+    What is shown, read-only, and a folder of its own are all the files there are.
+    """
     libc, uid, gid = ctypes.CDLL(None), os.getuid(), os.getgid()
     if not hasattr(libc, "unshare") or libc.unshare(NAMESPACES):
         return "network and files are not shut off here: the system has no namespaces for users"
-    failed: list[str] = []
+    mapped = True
     try:
         for name, text in (("setgroups", "deny"), ("uid_map", f"{uid} {uid} 1"), ("gid_map", f"{gid} {gid} 1")):
             with open(f"/proc/self/{name}", "w") as file:
                 file.write(text)
     except OSError:
-        failed, hidden = ["files"], []  # as where AppArmor leaves such a namespace without rights
+        mapped = False  # as where AppArmor leaves such a namespace without rights
     # The process after a fork is the first of the new namespace, and ends with this one.
     child = os.fork()
     if child:
         status = os.waitpid(child, 0)[1]
         os._exit(os.WEXITSTATUS(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status))
     libc.prctl(DEATH_SIGNAL, signal.SIGKILL)
+    size = f"size={2 * WRITTEN}".encode()
+    if not mapped or libc.mount(b"none", os.fsencode(own), b"tmpfs", 0, size):
+        return "files are not shut off here"
+    inside = own + own
+    os.makedirs(inside)
+    for path in shown:
+        if os.path.isdir(path):
+            os.makedirs(own + path, exist_ok=True)
+        else:
+            os.makedirs(os.path.dirname(own + path), exist_ok=True)
+            os.close(os.open(own + path, os.O_CREAT))
+        libc.mount(os.fsencode(path), os.fsencode(own + path), None, BIND, None)
     read_only = (ctypes.c_uint64 * 4)(READ_ONLY, 0, 0, 0)
-    failed += [folder for folder in hidden if libc.mount(b"none", os.fsencode(folder), b"tmpfs", READ_ONLY, None)]
-    if hidden and libc.syscall(MOUNT_SETATTR, -100, b"/", RECURSIVE, read_only, 32):
-        failed.append("/")
-    elif hidden:
-        libc.mount(b"none", os.fsencode(own), b"tmpfs", 0, f"size={2 * WRITTEN}".encode())
-        os.chdir(own)
-    libc.unshare(NEW_USER)  # without it the mounts could be undone
-    return f"not shut off here: {', '.join(failed)}" if failed else ""
+    failed = libc.syscall(MOUNT_SETATTR, -100, os.fsencode(own), RECURSIVE, read_only, 32)
+    libc.mount(b"none", os.fsencode(inside), b"tmpfs", 0, size)
+    libc.unshare(NEW_USER)  # without it the mounts could be undone, and without rights the root kept
+    os.chroot(own)
+    os.chdir(own)
+    libc.capset((ctypes.c_uint32 * 2)(CAPABILITIES, 0), (ctypes.c_uint32 * 6)())
+    return "files are not read-only here" if failed else ""
 
 
 def handed_in(source: bytes) -> tuple[Any, Any]:
@@ -200,7 +215,7 @@ def main() -> NoReturn:
             importlib.import_module(f"numpy.{lazy}")  # no file can be opened in flight
         random.seed(0)
         np.random.seed(0)
-        left = shut_off(limits["hidden"], own)
+        left = shut_off(limits["shown"], own)
         source, (n,) = receive(wire), struct.unpack("<I", receive(wire))
         with open("task.toml", "wb") as task:
             task.write(receive(wire))
