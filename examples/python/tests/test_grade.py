@@ -116,17 +116,18 @@ def test_what_the_system_forbids_is_out_of_reach(tmp_path):
     libc = ctypes.CDLL(None)
     libc.open.argtypes = libc.umount2.argtypes = (ctypes.c_char_p, ctypes.c_int)
     free = [libc.open(b"/tmp/noctograph-spy", 0o101) >= 0, libc.kill(os.getppid(), 0) == 0 and os.getppid() != 0,
-            libc.open(b"%s", 0) >= 0, libc.umount2(b"%s", 2) == 0]
+            libc.open(b"%s", 0) >= 0, libc.open(b"%s", 0) >= 0, libc.umount2(b"/usr", 2) == 0]
     def controller(state, reference):
         raise RuntimeError(f"free {free}")
     """
     folder = tmp_path / "all"
-    others = os.fsencode(folder / "other.toml").decode()
-    hand_in(folder, {"other.toml": HONEST["gains.toml"], "spy.py": textwrap.dedent(spy % (others, folder))})
+    others, seed = folder / "other.toml", tmp_path / "ranking.json"
+    seed.write_text("5")
+    hand_in(folder, {"other.toml": HONEST["gains.toml"], "spy.py": textwrap.dedent(spy % (others, seed))})
     note = rows(graded(folder, 1))[-1]["note"]
     if subprocess.run(["unshare", "-rn", "true"], check=False).returncode:
         pytest.skip("no namespaces for users here")
-    assert "free [False, False, False, False]" in note, note
+    assert "free [False, False, False, False, False]" in note, note
 
 
 def test_the_command_leaves_marks_and_a_page(tmp_path, capsys):
