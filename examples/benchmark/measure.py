@@ -2,7 +2,7 @@
 
 usage: python examples/benchmark/measure.py [SCENE.toml ...]
 
-Flights are kept in ./benchmark-flights: a call that is cut off goes on where it was.
+Flights are kept in ./noctograph-benchmark: a call that is cut off goes on where it was.
 """
 
 import csv
@@ -27,7 +27,7 @@ def main(files):
     contenders |= {"mpc": (task, Mpc), "policy": (task, Policy)}
     lines = (HERE / "words.txt").read_text("utf-8").splitlines()
     words = {word: int(n) for word, n in (line.split(":") for line in lines if line and line[0] != "#")}
-    report = nc.rank(contenders, words, seed=1, vectorized=True, folder="benchmark-flights", progress=False)
+    report = nc.rank(contenders, words, seed=1, vectorized=True, folder="noctograph-benchmark", progress=False)
     print("| " + " | ".join(TITLES) + " |\n" + "|---" * len(TITLES) + "|")
     for row in csv.DictReader(io.StringIO(report.files["ranking.csv"].decode())):
 
