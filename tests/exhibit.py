@@ -340,6 +340,18 @@ def the_reason_of_not_legible_is_said(hall):
     assert not trouble, trouble
 
 
+def what_is_gone_or_unreadable_is_said_in_a_sentence(hall):
+    page, _ = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+    page.route("**/live", lambda route: route.fulfill(json={**(shot := route.fetch().json()), "verdict": {**shot["verdict"], "legible": False, "read": "????", "letters": [{**letter, "best": None} for letter in shot["verdict"]["letters"]]}}))
+    said = write(page, "OTTO")
+    assert said and "?" not in said, said
+    # The code of an entry that was taken back.
+    response = page.goto(f"{hall.page.split('/k/')[0]}/e/{'0' * 32}/")
+    until(page, "document.querySelector('#title').textContent.includes('gone')", "that the photograph is gone")
+    assert response.status == 404
+
+
 def letters_have_colors_by_touch(hall):
     page, _ = opened(hall.browser, hall.page)
     ready(page)
