@@ -33,20 +33,23 @@ class Server:
         self.process.wait()
 
 
+def processes(server):
+    """The server and its workers: the fields of each in /proc, after its name."""
+    known = {process.name: fields for process in Path("/proc").glob("[0-9]*") if (fields := stat(process))}
+    own = str(server.process.pid)
+    return {name: fields for name, fields in known.items() if name == own or fields[1] == own}
+
+
 def cpu_s(server):
     """Processor time of the server and its workers."""
-    own = server.process.pid
-    fields = [text.rsplit(")", 1)[1].split() for text in map(stat, Path("/proc").glob("[0-9]*")) if text]
-    fields += [stat(Path(f"/proc/{own}")).rsplit(")", 1)[1].split()]
-    mine = [it for it in fields[:-1] if int(it[1]) == own] + fields[-1:]
-    return sum(int(it[11]) + int(it[12]) for it in mine) / os.sysconf("SC_CLK_TCK")
+    return sum(int(it[11]) + int(it[12]) for it in processes(server).values()) / os.sysconf("SC_CLK_TCK")
 
 
 def stat(process):
     try:
-        return (process / "stat").read_text()
+        return (process / "stat").read_text().rsplit(")", 1)[1].split()
     except OSError:
-        return ""
+        return None
 
 
 def opened(browser, url, **options):

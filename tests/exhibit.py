@@ -14,6 +14,7 @@ from itertools import chain
 from pathlib import Path
 
 from browser import *
+from soak import soak
 
 PROGRAM = sys.argv[1]
 AXE = Path(sys.argv[2]).read_text() if len(sys.argv) > 2 and Path(sys.argv[2]).is_file() else None
@@ -99,6 +100,28 @@ def no_keystroke_hangs(hall, sessions=12):
         until(page, f"document.querySelector('#photo').alt.includes({word!r}) && !document.querySelector('#frame').classList.contains('waits')", f"session {session}: {word}")
     page.unroute("**/live")
     assert not [line for line in trouble if "ERR_" not in line], trouble
+
+
+def a_photograph_that_takes_long_comes(hall):
+    """On a busy machine: one that takes 20 s, asked for again after 15 s, would be begun for ever."""
+    page, trouble = opened(hall.browser, "about:blank", viewport=PHONE)
+    page.clock.install()
+    page.goto(hall.page)
+    ready(page)
+    held = []
+    page.route("**/live", lambda route: held.append(route))
+    page.fill("#word", "NOOR")
+    for n_asked in [1, 2]:
+        page.clock.run_for(1000)
+        while len(held) < n_asked:
+            page.wait_for_timeout(20)
+        page.clock.run_for(16_000)
+    page.wait_for_timeout(200)
+    assert len(held) == 2, "the second time it has twice as long"
+    held[0].abort()
+    held[1].continue_()
+    assert shown(page).startswith("Reads as NOOR."), page.inner_text("#verdict")
+    assert not trouble, trouble
 
 
 def a_lost_connection_is_noticed_and_mended(hall):
@@ -315,6 +338,18 @@ def the_reason_of_not_legible_is_said(hall):
     assert not re.search(r"%|0\.5|_", said), said
     assert page.inner_text("#send") == "Send it as it is"
     assert not trouble, trouble
+
+
+def what_is_gone_or_unreadable_is_said_in_a_sentence(hall):
+    page, _ = opened(hall.browser, hall.page, viewport=PHONE)
+    ready(page)
+    page.route("**/live", lambda route: route.fulfill(json={**(shot := route.fetch().json()), "verdict": {**shot["verdict"], "legible": False, "read": "????", "letters": [{**letter, "best": None} for letter in shot["verdict"]["letters"]]}}))
+    said = write(page, "OTTO")
+    assert said and "?" not in said, said
+    # The code of an entry that was taken back.
+    response = page.goto(f"{hall.page.split('/k/')[0]}/e/{'0' * 32}/")
+    until(page, "document.querySelector('#title').textContent.includes('gone')", "that the photograph is gone")
+    assert response.status == 404
 
 
 def letters_have_colors_by_touch(hall):
@@ -568,22 +603,13 @@ def a_refusal_is_said_and_the_word_stays(hall):
 
 
 def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
-    """Write another is a new visitor; a fast queue waits for a moment, and nobody is refused. A phone with the wall's code is no kiosk."""
+    """Write another is a new visitor; a fast queue waits for a moment, and nothing grows."""
+    soak(hall.browser, PROGRAM, 8)
+
+
+def a_phone_with_the_code_of_the_wall_is_no_kiosk(hall):
     server = Server(PROGRAM, "--kiosk")
     try:
-        page, trouble = opened(hall.browser, server.page, viewport=TABLET)
-        ready(page)
-        page.mouse.click(300, 300)
-        visitors = set()
-        for word in ["ANNA", "OTTO", "NOOR", "LEA", "ZOE", "EVA", "MIA", "LEO"]:
-            write(page, word)
-            visitors.add(kept(page)["visitor"])
-            page.click("#send")
-            page.wait_for_selector("#sent h2")
-            page.get_by_text("Write another").click()
-            assert page.input_value("#word") == ""
-        assert len(visitors) == 8, visitors
-        assert not [line for line in trouble if not line.startswith("429")], trouble
         phones = json.loads(urllib.request.urlopen(f"{server.operator}address.json").read())["visitors"]
         phone, trouble = opened(hall.browser, phones, viewport=PHONE)
         ready(phone)
@@ -592,7 +618,7 @@ def a_queue_of_people_at_one_kiosk_is_not_refused(hall):
         phone.click("#send")
         phone.wait_for_selector("#sent h2")
         phone.get_by_text("Keep").first.wait_for()
-        assert not [line for line in trouble if not line.startswith("429")], trouble
+        assert not trouble, trouble
     finally:
         server.kill()
 

@@ -19,7 +19,7 @@ taken = []
 
 
 def take(page, name, size):
-    time.sleep(0.5)
+    time.sleep(1.5)  # colors that change have changed
     path = folder / f"{name}-{size['width']}.png"
     page.screenshot(path=path)
     taken.append((path, size))

@@ -121,10 +121,11 @@ fn announce(args: &ServeArgs, addresses: &Addresses) -> Result<()> {
     }
     text += &line("operator", &addresses.operator);
     text += &line("", "Ctrl-C ends it");
-    if let Some([visitors, _]) =
+    if let Some([visitors, kiosk]) =
         addresses.network.as_ref().filter(|_| std::io::stdout().is_terminal())
     {
-        text += &printed_code(visitors);
+        // For the tablets' cameras: phones scan that of the wall.
+        text += &printed_code(if args.kiosk { kiosk } else { visitors });
     }
     print_out(&text)?;
     if args.open {

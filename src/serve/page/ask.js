@@ -3,6 +3,7 @@
 
 import { keep, state } from "./state.js";
 
+/** After which an answer may be lost. Doubled with each try, so that what takes longer comes, too. */
 const LIVE_MS = 15_000;
 const LARGE_MS = 90_000;
 const LONGEST_PAUSE_MS = 10_000;
@@ -126,7 +127,8 @@ export async function ask(route, wish, tellBusy = () => {}) {
     const ends = new AbortController();
     const end = () => ends.abort();
     signal.addEventListener("abort", end);
-    const timer = setTimeout(end, route === "live" ? LIVE_MS : LARGE_MS);
+    const patience = (route === "live" ? LIVE_MS : LARGE_MS) * 2 ** Math.min(tries, 4);
+    const timer = setTimeout(end, patience);
     try {
       const answer = await post(
         route,
