@@ -197,19 +197,31 @@ def _fly_controlled(
     return sessions.outcomes()
 
 
-def _kept(folder: PathLike | None, scene: Scene, *flight: Any) -> list[str]:
+def _kept(
+    folder: PathLike | None,
+    scene: Scene,
+    seeds: Sequence[int],
+    controller: Controller | None,
+    estimator: Controller | None,
+    conditions: str,
+    vectorized: bool,
+) -> list[str]:
     """Outcomes of `_fly_controlled`: from a folder, where classes of the same files have flown the same before."""
-    own = [it for it in flight[1:3] if it is not None]
+
+    def fly() -> list[str]:
+        return _fly_controlled(scene, seeds, controller, estimator, conditions, vectorized, None)[1]
+
+    own = [it for it in (controller, estimator) if it is not None]
     files = [getattr(sys.modules.get(it.__module__), "__file__", None) for it in own if isinstance(it, type)]
     if folder is None or len(files) < len(own) or None in files:
-        return _fly_controlled(scene, *flight, None)[1]
-    names = [(it.__qualname__, Path(file).read_bytes()) for it, file in zip(own, files, strict=True)]
-    key = repr((__version__, scene.to_toml(), flight[0], names, flight[3:]))
+        return fly()
+    names = [(getattr(it, "__qualname__", ""), Path(str(file)).read_bytes()) for it, file in zip(own, files, strict=True)]
+    key = repr((__version__, scene.to_toml(), seeds, names, conditions, vectorized))
     path = Path(folder, f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.json")
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         new = path.with_suffix(".new")
-        new.write_text(json.dumps(_fly_controlled(scene, *flight, None)[1]), "utf-8")
+        new.write_text(json.dumps(fly()), "utf-8")
         new.replace(path)
     return json.loads(path.read_text("utf-8"))
 
