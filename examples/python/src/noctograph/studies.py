@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -199,29 +200,23 @@ def _fly_controlled(
 
 def _kept(
     folder: PathLike | None,
-    scene: Scene,
-    seeds: Sequence[int],
-    controller: Controller | None,
-    estimator: Controller | None,
-    conditions: str,
-    vectorized: bool,
+    own: Sequence[Controller | None],
+    key: object,
+    fly: Callable[[], tuple[dict[str, Any], list[str]]],
 ) -> list[str]:
-    """Outcomes of `_fly_controlled`: from a folder, where classes of the same files have flown the same before."""
-
-    def fly() -> list[str]:
-        return _fly_controlled(scene, seeds, controller, estimator, conditions, vectorized, None)[1]
-
-    own = [it for it in (controller, estimator) if it is not None]
-    files = [getattr(sys.modules.get(it.__module__), "__file__", None) for it in own if isinstance(it, type)]
-    if folder is None or len(files) < len(own) or None in files:
-        return fly()
-    names = [(getattr(it, "__qualname__", ""), Path(str(file)).read_bytes()) for it, file in zip(own, files, strict=True)]
-    key = repr((__version__, scene.to_toml(), seeds, names, conditions, vectorized))
-    path = Path(folder, f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.json")
+    """Outcomes of flights: from a folder, where classes of the same files have flown those of the same key before."""
+    classes = [it for it in own if isinstance(it, type)]
+    files = [getattr(sys.modules.get(it.__module__), "__file__", None) for it in classes]
+    if folder is None or len(classes) < sum(it is not None for it in own) or None in files:
+        return fly()[1]
+    names = [getattr(it, "__qualname__", None) for it in own]
+    sources = [Path(str(file)).read_bytes() for file in files]
+    name = hashlib.sha256(repr((__version__, key, names, sources)).encode()).hexdigest()[:16]
+    path = Path(folder, f"{name}.json")
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         new = path.with_suffix(".new")
-        new.write_text(json.dumps(fly()), "utf-8")
+        new.write_text(json.dumps(fly()[1]), "utf-8")
         new.replace(path)
     return json.loads(path.read_text("utf-8"))
 
@@ -356,7 +351,9 @@ def rank(
                     continue
                 drawn = [trials[place][2] for place in places]
                 of_word = Scene(scene, word=word)
-                outcomes = _kept(folder, of_word, drawn, *controllers[name], conditions, vectorized)
+                fly = partial(_fly_controlled, of_word, drawn, *controllers[name], conditions, vectorized, None)
+                key = (of_word.to_toml(), drawn, conditions, vectorized)
+                outcomes = _kept(folder, controllers[name], key, fly)
                 flown.update(zip(places, outcomes, strict=True))
         return _ranked(named, counted, conditions, seed, folder, flown, {}, show)
 
