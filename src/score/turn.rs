@@ -7,10 +7,6 @@ use noctograph_core::photo::Photo;
 /// of 0.87.
 const UPRIGHT: f64 = 0.92;
 
-/// Least lead in that share of writing that is turned, over what it reads as it is: upright, MOON
-/// of 0.91 is NOOW of 0.99 upside down.
-const LEAD: f64 = 0.1;
-
 /// Level of white paper, in daylight.
 const BRIGHT: u8 = 190;
 
@@ -31,19 +27,11 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     let turned = (1..4).map(|quarters| (read(&quarter_turned(photo, quarters)), quarters));
     let turned = turned.filter(|(reading, _)| {
         reading.letters.len() >= LEAST_LETTERS
-            && if reading.text.eq_ignore_ascii_case(word) {
-                reading.mean_share() >= UPRIGHT.max(upright.mean_share())
-            } else {
-                !is_clear && is_clearer(reading.mean_share(), upright.mean_share())
-            }
+            && reading.mean_share() >= UPRIGHT.max(upright.mean_share())
+            && (reading.text.eq_ignore_ascii_case(word) || !is_clear)
     });
     let best = turned.reduce(|a, b| if b.0.mean_share() > a.0.mean_share() { b } else { a });
     best.unwrap_or((upright, 0))
-}
-
-/// Whether writing with a mean share of its letters is turned, by that of what it reads as it is.
-fn is_clearer(turned: f64, upright: f64) -> bool {
-    turned >= UPRIGHT.max(upright + LEAD)
 }
 
 /// Whether a photo is bright all along its rim: it has a white border, or its writing is dark.
@@ -74,13 +62,6 @@ pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn writing_is_turned_where_it_is_clearer_by_far() {
-        assert!(is_clearer(0.99, 0.87), "NOOR, upside down");
-        assert!(!is_clearer(0.99, 0.91), "MOON, upright, and NOOW");
-        assert!(!is_clearer(0.9, 0.3), "nothing that reads clearly");
-    }
 
     #[test]
     fn a_white_border_is_bright_and_the_night_is_not() {
