@@ -6,15 +6,11 @@ const BY_CAPTURE: &str =
     "export the rigid body as CSV in the motion capture's program, with a header t,x,y,z";
 const BY_PLOTJUGGLER: &str = "open it in PlotJuggler, export the pose as CSV, and import that";
 const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of \
-                             pymavlink), and import that";
+                             pymavlink), name PN, PE and PD x, y and z, and import that";
 
 /// What a file begins with, what it is, and what to do.
-const FORMATS: [(&[u8], &str, &str); 21] = [
-    (
-        b"ULog\x01\x12\x35",
-        "a ULog file of PX4",
-        "import its vehicle_local_position, of `ulog2csv FILE`",
-    ),
+const FORMATS: [(&[u8], &str, &str); 25] = [
+    (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
     (b"FMT, 128,", "a DataFlash log of ArduPilot, as text", BY_MAVLOGDUMP),
     (b"#ROSBAG V", "a rosbag of ROS 1", "import what `rostopic echo -b FILE -p /TOPIC` prints"),
@@ -26,7 +22,7 @@ const FORMATS: [(&[u8], &str, &str); 21] = [
     (b"\x93NUMPY", "a NumPy file", "write it with numpy.savetxt, and a header t,x,y,z"),
     (b"PK\x03\x04", "a zip file or a spreadsheet", "unpack it, or save the sheet as CSV"),
     (b"\x1f\x8b", "a file packed with gzip", "unpack it with `gunzip FILE`"),
-    (b"c3d", "a C3D file", BY_CAPTURE),
+    (b"\x02P", "a C3D file", BY_CAPTURE),
     (b"NO_OF_FRAMES", "a TSV file of Qualisys", BY_CAPTURE),
     (b"PathFileType", "a TRC file of markers", BY_CAPTURE),
     (b"HIERARCHY", "a BVH file of a skeleton", BY_CAPTURE),
@@ -34,6 +30,10 @@ const FORMATS: [(&[u8], &str, &str); 21] = [
     (b"<", "a file in XML or HTML", "write its track as CSV with a header t,x,y,z"),
     (b"\xd0\xcf\x11\xe0", "an old spreadsheet", "save the sheet as CSV"),
     (b"\xfd\x09\0\0", "a telemetry log of MAVLink", "convert it with `mavlogdump.py --format csv`"),
+    (b"H Product:Blackbox", "a Betaflight log", "it holds no position: log that, too"),
+    (b"LabVIEW Measurement", "a LabVIEW file", "keep its table alone, with a header t,x,y,z"),
+    (b"% program", "a solution of RTKLIB", "write it in meters east, north and up as t,x,y,z"),
+    (b"$G", "sentences of NMEA", "write it in meters east, north and up as t,x,y,z"),
     (b"%PDF", "a PDF file", "import the log itself"),
 ];
 

@@ -116,6 +116,13 @@ pub(super) fn read(
                     rulings: draw over those that are meant";
         warnings.push(text.to_owned());
     }
+    if field.rulings > 0 {
+        warnings.push(format!(
+            "{} pale lines from rim to rim are not drawn, as the paper's rulings: draw over those that \
+             are meant",
+            field.rulings
+        ));
+    }
     if field.inner_edges() > field.width.max(field.height) {
         warnings.push("areas of several colors that touch are drawn as one: leave a gap".into());
     }

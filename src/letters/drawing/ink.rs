@@ -5,6 +5,11 @@
 //! dark). The paper is then a morphological closing of the picture, wider than a pen, which keeps
 //! the edges of shadows. This is done for red, green and blue, and the strongest channel counts:
 //! yellow is as strong as blue.
+//!
+//! Much fainter marks than the rest are no ink on paper that has grain, or where rims are soft, as
+//! those of a shadow or a glow. Pale lines from rim to rim of a picture from a screen are rulings.
+
+use std::ops::Range;
 
 use image::RgbImage;
 use image::imageops::{grayscale, thumbnail};
@@ -44,7 +49,7 @@ const LEAST: [f64; 2] = [0.07, 0.10];
 const CLEAN: f64 = 0.001;
 const GRAINS: f64 = 6.0;
 const FAINT: f64 = 0.4;
-type Tones = (std::ops::Range<f64>, std::ops::Range<f64>, usize);
+type Tones = (Range<f64>, Range<f64>, usize);
 /// Tones between paper and strong ink, by the contrast of that, and how much they change over so
 /// many pixels to both sides: those of a photograph, and those of a glare or a soft shadow
 /// on even paper, which are more than the noise of a JPEG; and the share of a picture in the latter
@@ -52,6 +57,18 @@ type Tones = (std::ops::Range<f64>, std::ops::Range<f64>, usize);
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
 const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
 const SOFT: f64 = 0.01;
+
+/// A rim is soft, as that of a shadow or a glow, where the least contrast around it is at least
+/// this share of the most; the share of such rims from which on a picture's faint tones are no ink.
+const SOFT_RIM: f64 = 0.2;
+const SOFT_RIMS: f64 = 0.15;
+
+/// Fewest rulings of a paper, the share of a row or column that one covers, its largest contrast by
+/// that of strong ink, and by its own the contrast from which on ink crosses it.
+const RULINGS: usize = 4;
+const ACROSS: f64 = 0.85;
+const PALE: f64 = 0.6;
+const CROSSED: f64 = 1.2;
 
 /// Share of the ink that is weaker than strong ink.
 const STRONG: f64 = 0.97;
@@ -78,6 +95,8 @@ pub(super) struct Field {
     pub(super) color: Vec<[f64; CHANNELS]>,
     /// Share of the picture in marks that are too faint for ink.
     pub(super) faint: f64,
+    /// Number of pale lines from rim to rim of a picture from a screen, which are not ink.
+    pub(super) rulings: usize,
     /// Whether the picture was drawn on a screen, not photographed or scanned.
     pub(super) is_clean: bool,
     /// Share of the picture in tones between paper and strong ink that change slowly, as in a
@@ -110,8 +129,14 @@ impl Field {
         if is_clean && tones(&contrast, width, strong, GLARE) > SOFT {
             return Self::on(picture, None);
         }
-        let faint = if is_clean { least } else { least.max(FAINT * strong) };
+        let rulings = if is_clean {
+            without_rulings(&mut contrast, width, &(least..PALE * strong))
+        } else {
+            0
+        };
         let levels = extremes(&contrast, width, NEAR, f64::max);
+        let is_sharp = is_clean && soft_rims(&contrast, &levels, width, least) < SOFT_RIMS;
+        let faint = if is_sharp { least } else { least.max(FAINT * strong) };
         let ink = contrast.iter().zip(&levels);
         let ink = ink.map(|(ink, level)| (ink / level.max(faint / RIM)).min(1.0)).collect();
         let n_faint = levels.iter().filter(|level: &&f64| (least..faint).contains(*level)).count();
@@ -123,6 +148,7 @@ impl Field {
             contrast,
             color,
             faint: n_faint as f64 / (width * height) as f64,
+            rulings,
             is_clean,
             shades,
         })
@@ -291,6 +317,48 @@ fn grain(contrast: &[f64], width: usize) -> f64 {
     let rows = contrast.chunks(width).flat_map(|row| row.iter().zip(row.iter().skip(2)));
     // In 4000ths, so that the finest grain has a level.
     1.05 * quantile(rows.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
+}
+
+/// Share of the rims at a contrast that are soft.
+fn soft_rims(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> f64 {
+    let weakest = extremes(contrast, width, NEAR, f64::min);
+    let rims = (width..contrast.len()).filter(|pixel| {
+        let before = [contrast[pixel - 1], contrast[pixel - width]];
+        before.iter().any(|before| (*before > least) != (contrast[*pixel] > least))
+    });
+    let (soft, sharp): (Vec<_>, Vec<_>) =
+        rims.partition(|pixel| weakest[*pixel] > SOFT_RIM * levels[*pixel]);
+    soft.len() as f64 / (soft.len() + sharp.len()).max(1) as f64
+}
+
+/// Takes the rulings of the paper out of a picture: pale lines from rim to rim, if there are as
+/// many as on lined paper. Returns their number.
+fn without_rulings(contrast: &mut [f64], width: usize, pale: &Range<f64>) -> usize {
+    let height = contrast.len() / width;
+    let (mut n, mut ruled) = (0, Vec::new());
+    // Rows, then columns: the steps to the next one and along it.
+    for (n_lines, to_next, n_along, step) in [(height, width, width, 1), (width, 1, height, width)]
+    {
+        let lines = (0..n_lines).map(|line| (0..n_along).map(move |k| line * to_next + k * step));
+        let levels = lines.clone().map(|pixels| {
+            let inked = pixels.map(|pixel| contrast[pixel]).filter(|ink| *ink > pale.start);
+            let is_across = inked.clone().count() as f64 > ACROSS * n_along as f64;
+            if is_across { quantile(inked.map(|ink| 255.0 * ink), 0.5) / 255.0 } else { 0.0 }
+        });
+        let levels: Vec<f64> = levels.collect();
+        let most = extremes(&levels, n_lines, NEAR, f64::max);
+        for (line, pixels) in lines.enumerate() {
+            if levels[line] > 0.0 && most[line] < pale.end {
+                n += usize::from(levels[line - 1] == 0.0);
+                ruled.extend(pixels.filter(|pixel| contrast[*pixel] < CROSSED * most[line]));
+            }
+        }
+    }
+    if n < RULINGS {
+        return 0;
+    }
+    ruled.into_iter().for_each(|pixel| contrast[pixel] = 0.0);
+    n
 }
 
 /// Share of pixels in tones between paper and strong ink that change slowly.

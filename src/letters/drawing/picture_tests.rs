@@ -347,6 +347,48 @@ fn rulings_of_the_paper_are_fainter_than_a_pen_and_named() {
     );
 }
 
+#[test]
+fn rulings_of_a_clean_scan_are_no_ink_and_three_lines_are() {
+    fn ruled(n: u8) -> Traced {
+        let mut canvas = Canvas::new([1000, 700], WHITE);
+        for y in (1..=n).map(|k| 60.0 * f32::from(k)) {
+            canvas.draw(&line(&[[-9.0, y], [1009.0, y]]), [150, 190, 230], 3.0);
+        }
+        let cup = line(&[[250.0, 200.0], [250.0, 555.0], [600.0, 555.0], [600.0, 200.0]]);
+        canvas.draw(&cup, [20; 3], 8.0);
+        canvas.traced()
+    }
+    let trace = ruled(10);
+    assert_eq!(hues(&trace), [([0; 3], 1)]);
+    assert!(trace.warnings.concat().contains("10 pale lines"), "{:?}", trace.warnings);
+    let trace = ruled(3);
+    assert!(trace.lines.len() > 3 && trace.warnings.is_empty(), "{:?}", trace.warnings);
+}
+
+#[test]
+fn a_glow_and_a_soft_shadow_are_no_ink() {
+    fn drawn(paper: [u8; 3], ink: [u8; 3], width: f32, shift: f32) -> image::RgbImage {
+        let mut canvas = Canvas::new([600, 400], paper);
+        let vee = [[150.0, 100.0], [300.0, 300.0], [450.0, 100.0]];
+        canvas.draw(&line(&vee.map(|place| place.map(|x| x + shift))), ink, width);
+        canvas.picture()
+    }
+    for (paper, ink, soft, width, shift, blur) in [
+        ([0; 3], [255, 210, 130], [240, 120, 30], 30.0, 0.0, 14.0),
+        (WHITE, [20; 3], [150; 3], 12.0, 9.0, 8.0),
+    ] {
+        let mut picture = image::imageops::blur(&drawn(paper, soft, width, shift), blur);
+        for (soft, sharp) in picture.pixels_mut().zip(drawn(paper, ink, 7.0, 0.0).pixels()) {
+            let on_light = paper == WHITE;
+            soft.0 = std::array::from_fn(|c| {
+                if on_light { soft.0[c].min(sharp.0[c]) } else { soft.0[c].max(sharp.0[c]) }
+            });
+        }
+        let trace = traced(&picture, image::ImageFormat::Png);
+        assert_eq!(trace.lines.len(), 1, "{paper:?}");
+    }
+}
+
 /// A picture as a camera takes it: less light to one side, and grain.
 fn as_taken(canvas: &Canvas, least_light: f64) -> image::RgbImage {
     let mut picture = canvas.picture();

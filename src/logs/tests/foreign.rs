@@ -314,7 +314,7 @@ fn degrees_are_told_where_radians_are_impossible() {
 
 #[test]
 fn other_files_are_refused_with_what_converts_them() {
-    let cases: [(&[u8], &str); 13] = [
+    let cases: [(&[u8], &str); 18] = [
         (b"ULog\x01\x12\x35\x01\0\0", "ulog2csv"),
         (b"\xa3\x95\x80\x80\x59FMT", "mavlogdump.py"),
         (b"FMT, 128, 89, FMT, BBnNZ, Type\n", "mavlogdump.py"),
@@ -328,6 +328,11 @@ fn other_files_are_refused_with_what_converts_them() {
         (b"HIERARCHY\nROOT Hips\n", "motion capture"),
         (b"\x80\x04\x95\x10\0", "t,x,y,z"),
         (b"<?xml version=\"1.0\"?>\n<kml/>\n", "t,x,y,z"),
+        (b"\x02\x50\x0b\x00", "motion capture"),
+        (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "no position"),
+        (b"LabVIEW Measurement\t\nWriter_Version\t2\n***End_of_Header***\t\n", "its table"),
+        (b"% program   : RTKLIB 2.4.3\n%  GPST  latitude(deg)\n", "east, north and up"),
+        (b"$GPGGA,110000.00,4722.2,N,00832.4,E,1,12,0.7,400,M,,M,,*5B\n", "east, north"),
     ];
     for (bytes, program) in cases {
         let error = parse(bytes, "log", &ImportOptions::default()).unwrap_err();
