@@ -102,10 +102,13 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// A JSON value as a CSV cell.
+/// A JSON value as a CSV cell. A spreadsheet takes a text that begins with one of `=+-@` for a
+/// formula: such a name, which a submission chooses, stands behind an apostrophe (OWASP, CSV
+/// injection).
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
+        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => format!("'{text}"),
         Value::String(text) => text.clone(),
         // As Rust prints it: without an exponent.
         Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),

@@ -9,10 +9,10 @@ use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, ScoreOptions, View, read as read_blind};
 
 /// Lengths of words, up to the longest that is written.
-const LENGTHS: [usize; 5] = [1, 4, 16, 61, 256];
+const LENGTHS: [usize; 3] = [1, 61, 256];
 
-/// Words of equal, alternating and many letters in a photo, each told itself, half of itself, twice
-/// itself and others.
+/// Words of equal, alternating and many letters in a photo, each told itself, half of itself and
+/// others.
 pub(crate) fn all() -> impl Iterator<Item = String> {
     const LETTERS: [&str; 3] = ["O", "IL", "ABCDEFGHIJKLMNOPQRSTUVWXYZ"];
     let word = |letters: &str, n: usize| letters.chars().cycle().take(n).collect::<String>();
@@ -21,7 +21,6 @@ pub(crate) fn all() -> impl Iterator<Item = String> {
             let told = [
                 word(letters, n),
                 word(letters, n.div_ceil(2)),
-                word(letters, (2 * n).min(256)),
                 word(LETTERS[(k + 1) % LETTERS.len()], n),
             ];
             told.map(|told| format!("{}\n{told}", word(letters, n)))

@@ -16,7 +16,7 @@ const HONEST: [(&str, &str); 3] = [
 const CHEATS: [(&str, &str, &str); 6] = [
     ("picture", "photo.background = \"tea.png\"", "photo.background differs from the task's"),
     ("shutter", "camera.shutter_close_s = 1.2", "camera.shutter_close_s differs from the task's"),
-    ("truth", "observer.kind = \"truth\"", "observer.kind differs from the task's: \"truth\" for"),
+    ("=truth", "observer.kind = \"truth\"", "observer.kind differs from the task's: \"truth\" for"),
     ("motors", "vehicle.motor_rise_s = 0", "vehicle.motor_rise_s differs from the task's: 0"),
     ("light", "vehicle.mass_kg = 0.02", "vehicle.mass_kg differs from the task's: 0.02 for 0.0434"),
     ("drone", "preset = \"cf21\"", "preset differs from the task's: \"cf21\" for \"cf-brushless\""),
@@ -78,6 +78,8 @@ fn cheats_are_refused_by_name_and_the_honest_keep_order_and_marks() {
             assert!(read(table).contains(name), "{name} in {table}");
         }
     }
+
+    assert!(read("class/marks.csv").contains("\n'=truth,"), "no formula of a spreadsheet");
 
     // As examples/dask_rank.py calls it: a shard does not fail for what others handed in.
     for shard in ["1/2", "2/2"] {
