@@ -27,8 +27,7 @@ pub(super) struct StudyFlags {
     /// on each line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word [default: rank 50, or 20 with --task and more for over 229 submissions;
-    /// tune 6]
+    /// Seeds of each word [default: rank 50, or 100 with --task; tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
     /// Seed that all seeds are drawn from

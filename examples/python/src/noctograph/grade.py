@@ -35,8 +35,8 @@ from .commands import PathLike, Report, command
 from .errors import InfeasibleError, InputError
 from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
 
-#: Seeds of a word where none are named: enough to tell two of 229 submissions apart.
-SEEDS = 20
+#: Seeds of a word where none are named, as of ``noctograph rank --task``.
+SEEDS = 100
 #: What Python itself needs of a system.
 SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
 #: Largest source of a controller, bytes.
@@ -227,7 +227,7 @@ def grade(
     *,
     may: Sequence[str] = (),
     words: Words | None = None,
-    seeds: int | None = None,
+    seeds: int = SEEDS,
     conditions: str = "room",
     seed: int | None = None,
     workers: int | None = None,
@@ -247,8 +247,8 @@ def grade(
         one that names a file, never the true state.
     words, conditions
         As for `rank`.
-    seeds : int, optional
-        Seeds of each word: by default 20, or as many as tell two submissions apart.
+    seeds : int
+        Seeds of each word.
     seed : int, optional
         Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has.
     workers : int, optional
@@ -285,7 +285,6 @@ def grade(
                 raise
             unranked[name] = f"refused: {error}"
     least = least_flights(len(scenes))
-    seeds = seeds or max(SEEDS, least)
     counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
     trials = _trials([("task", task)], counted, seed)
     print(f"{len(scenes)} submissions fly {len(trials)} times each, seed {seed}; at least {least} tell two apart", file=sys.stderr)
