@@ -8,12 +8,13 @@ use super::{
     Args, Error, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, findings, json,
     named, warn,
 };
-use crate::export::{Form, Format, Mode, end_heights_m, stem};
+use crate::export::{Form, Format, Length, Mode, check_memory, end_heights_m, stem};
 use crate::plan::Plan;
 use crate::preflight::{
     Checked, CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, Severity,
 };
-use crate::shoot::Shoot;
+use crate::scene::Scene;
+use crate::shoot::{Shoot, designs};
 use crate::sim::SetpointKind;
 
 #[derive(Debug, Args)]
@@ -47,7 +48,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
     // The scripts find the clock of the drone, and pace by it.
-    let shoot = args.subject.shoot(|scene| {
+    let change = |scene: &mut Scene| {
         args.profile.slow(&args.subject, scene);
         if scene.trajectory_clock() != 1.0 {
             scene.plan.trajectory_clock.get_or_insert(1.0);
@@ -56,7 +57,16 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             scene.controller.setpoints = SetpointKind::FullState;
         }
         Ok(())
-    })?;
+    };
+    // Too long a word is refused before its flights are rehearsed, which takes ten times as long.
+    let shoot =
+        args.subject.shoot_if(change, |scene, strokes| match args.to.trajectory(args.mode) {
+            Some((form, Length::OnBoard)) => {
+                scene.check()?;
+                check_memory(&designs(scene, strokes)?, form, tolerance_m)
+            }
+            _ => Ok(()),
+        })?;
     let profile = args.profile.profile(&shoot.scene);
     if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::letters::LetterFlags;
 use super::output::is_csv;
 use super::{Args, Error, Result, message, names, warn};
+use crate::letters::Strokes;
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, fit_within, frame_within, hang_stations};
 use crate::scene::{CarriedScene, NamedScene, Scene};
@@ -278,6 +279,15 @@ impl SubjectFlags {
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
+        self.shoot_if(change, |_, _| Ok(()))
+    }
+
+    /// The same of a word that passes a check before any flight is rehearsed.
+    pub(super) fn shoot_if(
+        &self,
+        change: impl FnOnce(&mut Scene) -> Result<()>,
+        check: impl FnOnce(&Scene, &Strokes) -> Result<()>,
+    ) -> Result<Shoot> {
         if let Some(plans) = self.plans() {
             let carried = self.design.scene.carried(&plans)?;
             let mut scene = self.unfitted(carried.as_ref(), carried.is_some())?;
@@ -288,7 +298,10 @@ impl SubjectFlags {
             frame(&mut scene)?;
             return Shoot::with_plans(scene, read_plans(&plans)?);
         }
-        let shoot = Shoot::new(self.ready(change)?)?;
+        let scene = self.ready(change)?;
+        let strokes = scene.strokes()?;
+        check(&scene, &strokes)?;
+        let shoot = Shoot::of_strokes(scene, strokes)?;
         warn_of_fewer_drones(&shoot);
         if self.design.scene.sets("letters.cap_height_m") {
             warn_of_smaller_letters(&shoot);

@@ -39,7 +39,7 @@ mod vviz;
 pub mod zip;
 
 pub use cflib::Mode;
-pub use on_board::{Form, Length, flown};
+pub use on_board::{Form, Length, check_memory, flown};
 use safety::Checks;
 use timeline::{earliest_s, zero_s};
 

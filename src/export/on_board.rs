@@ -76,6 +76,15 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Re
     })
 }
 
+/// Checks that the memory on board holds the trajectories of plans.
+///
+/// # Errors
+///
+/// As [`Compressed::encode`] and [`Poly4d::fit`].
+pub fn check_memory(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<()> {
+    plans.iter().try_for_each(|plan| pieces(plan, form, tolerance_m, Length::OnBoard).map(drop))
+}
+
 /// The pieces of a plan's trajectory.
 pub(super) fn pieces(
     plan: &Plan,

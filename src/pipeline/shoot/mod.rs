@@ -53,7 +53,7 @@ mod written;
 pub use file::Format;
 pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
-pub use planned::{Planned, aim, ends, plan, rehearse};
+pub use planned::{Planned, aim, designs, ends, plan, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
 pub use relit::{light_all_along, relit_where_dark};
 pub use response::step_responses;

@@ -40,8 +40,7 @@ pub struct Planned {
 /// As [`fleet`], [`step_responses`] and [`fly`].
 pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     let lamps = in_ink(&scene.light, scene, Some(strokes));
-    let trajectory_clock = Some(scene.trajectory_clock());
-    let plans = fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })?;
+    let plans = designs(scene, strokes)?;
     let follows_design = scene.controller.kind.follows_design();
     let inverted = scene.plan.reference == ReferenceKind::Inverse;
     let responses = if inverted { Some(step_responses(&scene.sim())?) } else { None };
@@ -68,6 +67,16 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     // The first drone's error is reported every time.
     let planned: Vec<Result<Planned>> = planned.collect();
     planned.into_iter().collect()
+}
+
+/// What the drones of a scene are to follow, before any flight is rehearsed.
+///
+/// # Errors
+///
+/// As [`fleet`].
+pub fn designs(scene: &Scene, strokes: &Strokes) -> Result<Vec<Plan>> {
+    let trajectory_clock = Some(scene.trajectory_clock());
+    fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })
 }
 
 /// Adds the channels of the colors of a lamp that writes letters in different colors.
