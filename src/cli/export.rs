@@ -13,8 +13,7 @@ use crate::plan::Plan;
 use crate::preflight::{
     Checked, CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, Severity,
 };
-use crate::scene::Scene;
-use crate::shoot::{Shoot, designs};
+use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
 
 #[derive(Debug, Args)]
@@ -42,31 +41,28 @@ pub(super) struct ExportArgs {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
-    let polynomials = matches!(args.to, Format::Poly4d | Format::Crazyswarm2);
-    let form = if polynomials { Form::Poly4d } else { Form::Compressed };
+    let trajectory = args.to.trajectory(args.mode);
+    let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
-    // The scripts find the clock of the drone, and pace by it.
-    let change = |scene: &mut Scene| {
-        args.profile.slow(&args.subject, scene);
-        if scene.trajectory_clock() != 1.0 {
-            scene.plan.trajectory_clock.get_or_insert(1.0);
-        }
-        if args.to == Format::Cflib && args.mode == Mode::FullState {
-            scene.controller.setpoints = SetpointKind::FullState;
-        }
-        Ok(())
-    };
-    // Too long a word is refused before its flights are rehearsed, which takes ten times as long.
-    let shoot =
-        args.subject.shoot_if(change, |scene, strokes| match args.to.trajectory(args.mode) {
-            Some((form, Length::OnBoard)) => {
-                scene.check()?;
-                check_memory(&designs(scene, strokes)?, form, tolerance_m)
+    let shoot = args.subject.shoot_if(
+        |scene| {
+            args.profile.slow(&args.subject, scene);
+            // The scripts find the clock of the drone, and pace by it.
+            if scene.trajectory_clock() != 1.0 {
+                scene.plan.trajectory_clock.get_or_insert(1.0);
             }
+            if args.to == Format::Cflib && args.mode == Mode::FullState {
+                scene.controller.setpoints = SetpointKind::FullState;
+            }
+            Ok(())
+        },
+        &|plans| match trajectory {
+            Some((form, Length::OnBoard)) => check_memory(plans, form, tolerance_m),
             _ => Ok(()),
-        })?;
+        },
+    )?;
     let profile = args.profile.profile(&shoot.scene);
     if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;

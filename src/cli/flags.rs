@@ -5,12 +5,11 @@ use std::path::{Path, PathBuf};
 use super::letters::LetterFlags;
 use super::output::is_csv;
 use super::{Args, Error, Result, message, names, warn};
-use crate::letters::Strokes;
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, fit_within, frame_within, hang_stations};
 use crate::scene::{CarriedScene, NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
-use crate::shoot::Shoot;
+use crate::shoot::{DesignCheck, Shoot};
 use noctograph_core::files::Limit;
 
 /// Plans that fly together: one has some 6 MB an hour.
@@ -279,14 +278,14 @@ impl SubjectFlags {
 
     /// The word or the plans, ready to fly; `change` has the last word on the scene.
     pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        self.shoot_if(change, |_, _| Ok(()))
+        self.shoot_if(change, &|_| Ok(()))
     }
 
-    /// The same of a word that passes a check before any flight is rehearsed.
+    /// The same of a word whose designs pass a check before a flight is rehearsed.
     pub(super) fn shoot_if(
         &self,
         change: impl FnOnce(&mut Scene) -> Result<()>,
-        check: impl FnOnce(&Scene, &Strokes) -> Result<()>,
+        check: &DesignCheck<'_>,
     ) -> Result<Shoot> {
         if let Some(plans) = self.plans() {
             let carried = self.design.scene.carried(&plans)?;
@@ -300,8 +299,7 @@ impl SubjectFlags {
         }
         let scene = self.ready(change)?;
         let strokes = scene.strokes()?;
-        check(&scene, &strokes)?;
-        let shoot = Shoot::of_strokes(scene, strokes)?;
+        let shoot = Shoot::new_if(scene, strokes, check)?;
         warn_of_fewer_drones(&shoot);
         if self.design.scene.sets("letters.cap_height_m") {
             warn_of_smaller_letters(&shoot);

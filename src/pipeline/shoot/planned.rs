@@ -39,8 +39,22 @@ pub struct Planned {
 ///
 /// As [`fleet`], [`step_responses`] and [`fly`].
 pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
+    plan_if(scene, strokes, &|_| Ok(()))
+}
+
+/// Passes or refuses designs, before a flight is rehearsed.
+pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
+
+/// [`plan`] of designs that pass a check.
+pub(super) fn plan_if(
+    scene: &Scene,
+    strokes: &Strokes,
+    check: &DesignCheck<'_>,
+) -> Result<Vec<Planned>> {
     let lamps = in_ink(&scene.light, scene, Some(strokes));
-    let plans = designs(scene, strokes)?;
+    let trajectory_clock = Some(scene.trajectory_clock());
+    let plans = fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })?;
+    check(&plans)?;
     let follows_design = scene.controller.kind.follows_design();
     let inverted = scene.plan.reference == ReferenceKind::Inverse;
     let responses = if inverted { Some(step_responses(&scene.sim())?) } else { None };
@@ -67,16 +81,6 @@ pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
     // The first drone's error is reported every time.
     let planned: Vec<Result<Planned>> = planned.collect();
     planned.into_iter().collect()
-}
-
-/// What the drones of a scene are to follow, before any flight is rehearsed.
-///
-/// # Errors
-///
-/// As [`fleet`].
-pub fn designs(scene: &Scene, strokes: &Strokes) -> Result<Vec<Plan>> {
-    let trajectory_clock = Some(scene.trajectory_clock());
-    fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })
 }
 
 /// Adds the channels of the colors of a lamp that writes letters in different colors.
