@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
-use super::gallery::{self, Entry, Gallery, Order, Photo, State, regular};
+use super::gallery::{self, Entry, ForOperator, Gallery, Order, Photo, State, regular};
 use noctograph_core::error::Result;
 use noctograph_web::messages::{Key, KeyResult};
 use noctograph_web::request::Subject;
@@ -243,14 +243,22 @@ impl Entries {
     }
 
     /// The whole queue, for the operator.
-    pub(crate) fn queue(&self) -> Value {
+    pub(crate) fn queue(&self) -> String {
+        #[derive(Serialize)]
+        struct Queue<'a> {
+            revision: u64,
+            paused: bool,
+            entries: Vec<ForOperator<'a>>,
+            flying: Option<&'a str>,
+        }
         let list = self.list();
-        let flying = list.first(|entry| entry.state == State::Flying);
-        let entries: Vec<Value> = list.entries.iter().map(|it| it.entry.for_operator()).collect();
-        json!({
-            "revision": *self.revision.borrow(), "paused": list.paused, "entries": entries,
-            "flying": flying.map(|it| &it.entry.id),
-        })
+        let queue = Queue {
+            revision: *self.revision.borrow(),
+            paused: list.paused,
+            entries: list.entries.iter().map(|it| it.entry.for_operator()).collect(),
+            flying: list.first(|it| it.state == State::Flying).map(|it| &*it.entry.id),
+        };
+        serde_json::to_string(&queue).expect("entries are plain data")
     }
 
     /// An entry as its visitor sees it.

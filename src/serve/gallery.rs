@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::{Map, Value};
 
 use super::address::secret;
 use super::timestamp::now;
@@ -79,6 +79,20 @@ pub(crate) struct Entry {
     /// `flight_s`, read, legible, reason, letters, stops, obstacles.
     #[serde(rename = "found")]
     pub(crate) figures: Value,
+}
+
+/// An entry as the operator sees it. It borrows, as a queue of hundreds is asked for often.
+#[derive(Debug, Serialize)]
+pub(crate) struct ForOperator<'a> {
+    id: &'a str,
+    number: &'a u32,
+    title: &'a Option<String>,
+    made: &'a str,
+    state: &'a State,
+    hidden: &'a bool,
+    visitor: Option<&'a str>,
+    #[serde(flatten)]
+    figures: Option<&'a Map<String, Value>>,
 }
 
 /// Order of flight and whether entries are taken, as the file has it.
@@ -183,18 +197,12 @@ impl Entry {
         })
     }
 
-    pub(crate) fn for_operator(&self) -> Value {
-        let mut json = json!({
-            "id": self.id, "number": self.number, "title": self.title, "made": self.made,
-            "state": self.state, "hidden": self.hidden,
-            // Enough to tell visitors apart.
-            "visitor": self.visitor.get(..4),
-        });
-        let own = json.as_object_mut().expect("it is an object");
-        for (name, value) in self.figures.as_object().into_iter().flatten() {
-            own.entry(name).or_insert_with(|| value.clone());
-        }
-        json
+    pub(crate) fn for_operator(&self) -> ForOperator<'_> {
+        let Self { id, number, title, made, state, hidden, .. } = self;
+        // Enough to tell visitors apart.
+        let visitor = self.visitor.get(..4);
+        let figures = self.figures.as_object();
+        ForOperator { id, number, title, made, state, hidden, visitor, figures }
     }
 
     /// The name of its folder: `0012-NOOR`.

@@ -15,7 +15,7 @@ use noctograph_web::request::Product;
 impl Server {
     pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
-            ["queue.json"] => Ok(http::json(&self.entries.queue())),
+            ["queue.json"] => Ok(http::whole("application/json", self.entries.queue())),
             ["entries", id, name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
             ["qr.svg"] => Ok(self.code()),
             ["address.json"] => {
