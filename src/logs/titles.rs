@@ -14,7 +14,7 @@ const NAMES: [(&str, &str, &str); 17] = [
     (
         " ",
         "t",
-        "header_stamp time_boot secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
+        "header_stamp time_boot timeus secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
     ),
     ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
     ("xyz", "*_m", "loc_* location_* *_true true_* *_gt gt_* *_actual actual_*"),
