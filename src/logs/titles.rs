@@ -98,7 +98,7 @@ impl Title {
             let plain = simplified(bracket);
             let unit = unit(&plain, name == "t");
             let other_unit =
-                Some(bracket.to_owned()).filter(|_| unit.is_none() && !plain.is_empty());
+                Some(bracket.to_owned()).filter(|_| unit.is_none() && !["", "utc"].contains(&&*plain));
             return Self { other_unit, ..Self::known(name, unit, body) };
         }
         let simple = simplified(&path_end(title).1);

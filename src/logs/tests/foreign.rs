@@ -65,12 +65,14 @@ fn a_column_light_is_that_of_the_headlights_unless_another_is_named_so() {
             format!("{t:.3},{x:.4},{y:.4},{z:.4},{},0", lit(t))
         })
     };
-    let lights = |titles: &str| read(table(titles).as_bytes()).lights;
-    let alone = lights("light,seq");
+    let flight = |titles: &str| read(table(titles).as_bytes());
+    let alone = flight("light,seq").lights;
     assert_eq!(alone.keys().collect::<Vec<_>>(), ["headlights"]);
     assert!(alone["headlights"].contains(&1.0) && alone["headlights"].contains(&0.0));
-    let named = lights("light,light.headlights");
-    assert!(named["headlights"].iter().all(|level| *level == 0.0), "the one that is named");
+    let named = flight("light,light.headlights");
+    let levels = &named.lights["headlights"];
+    assert!(levels.iter().all(|level| *level == 0.0), "the one that is named");
+    assert!(named.extra.contains_key("log.light"), "kept: {:?}", named.extra.keys());
 }
 
 #[test]
@@ -592,6 +594,7 @@ fn stamps_in_two_columns_and_in_longer_units_are_read() {
         ("minutes in brackets", stamped("Time [minutes]", &|t| format!("{:.7}", t / 60.0))),
         ("days in the title", stamped("time (days)", &|t| format!("{:.10}", t / 86_400.0))),
         ("msec", stamped("Time [msec]", &|t| format!("{:.0}", 1e3 * t))),
+        ("UTC", stamped("datetime(UTC)", &|t| format!("2026-01-01 {}", clock(t)))),
         ("ArduPilot", stamped("TimeUS", &|t| format!("{:.0}", 1e6 * t))),
     ];
     for (what, text) in &tables {
