@@ -97,8 +97,8 @@ impl Title {
         {
             let plain = simplified(bracket);
             let unit = unit(&plain, name == "t");
-            let other_unit =
-                Some(bracket.to_owned()).filter(|_| unit.is_none() && !["", "utc"].contains(&&*plain));
+            let other_unit = Some(bracket.to_owned())
+                .filter(|_| unit.is_none() && !["", "utc"].contains(&&*plain));
             return Self { other_unit, ..Self::known(name, unit, body) };
         }
         let simple = simplified(&path_end(title).1);
