@@ -432,6 +432,20 @@ fn a_shape_within_an_area_of_another_color_is_named_and_shades_are_not() {
 }
 
 #[test]
+fn a_picture_of_many_fine_parts_has_a_warning() {
+    for (n, is_fine) in [(7_u8, false), (8, true)] {
+        let mut canvas = Canvas::new([800, 800], WHITE);
+        for k in 0..n * n {
+            let [x, y] = [k % n, k / n].map(|k| 40.0 + 90.0 * f32::from(k));
+            canvas.draw(&line(&[[x, y], [x + 40.0, y + 20.0]]), [0; 3], 8.0);
+        }
+        let trace = canvas.traced();
+        assert_eq!(trace.lines.len(), usize::from(n * n));
+        assert_eq!(trace.warnings.concat().contains("QR code"), is_fine, "{:?}", trace.warnings);
+    }
+}
+
+#[test]
 fn what_is_left_out_at_the_rim_is_said_and_is_no_ruling() {
     let mut canvas = Canvas::new([800, 500], WHITE);
     canvas.fill(&polygon([[0.0, 60.0], [90.0, 60.0], [90.0, 440.0], [0.0, 440.0]]), [0; 3]);
