@@ -81,8 +81,7 @@ fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let (there, back) = (&around[from..=to], [&around[to..], &around[..=from]].concat());
     let [length, way_back] = [there, &back].map(polyline_length_m);
     // An open line may turn back for a part of its way only.
-    let is_same = (length - way_back).abs() <= 0.01 * length;
-    if is_same { there.to_vec() } else { line }
+    if (length - way_back).abs() <= 0.01 * length { there.to_vec() } else { line }
 }
 
 #[cfg(test)]

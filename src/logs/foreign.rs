@@ -9,7 +9,7 @@ const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --forma
                              pymavlink), name PN, PE and PD x, y and z, and import that";
 
 /// What a file begins with, what it is, and what to do.
-const FORMATS: [(&[u8], &str, &str); 25] = [
+const FORMATS: [(&[u8], &str, &str); 26] = [
     (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
     (b"FMT, 128,", "a DataFlash log of ArduPilot, as text", BY_MAVLOGDUMP),
@@ -35,6 +35,7 @@ const FORMATS: [(&[u8], &str, &str); 25] = [
     (b"% program", "a solution of RTKLIB", "write it in meters east, north and up as t,x,y,z"),
     (b"$G", "sentences of NMEA", "write it in meters east, north and up as t,x,y,z"),
     (b"%PDF", "a PDF file", "import the log itself"),
+    (b"{\\rtf", "a text with layout", "save it as plain text, with a header t,x,y,z"),
 ];
 
 /// Refuses a file of another program, with what turns it into a table.

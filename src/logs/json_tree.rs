@@ -226,7 +226,8 @@ impl List {
                     self.cells.entry(name).or_default().push((row, *number));
                 }
                 Node::Text(text) => self.text(&name, text, budget)?,
-                Node::Missing | Node::List(_) => {}
+                Node::List(_) => self.text(&name, "a list", budget)?,
+                Node::Missing => {}
             }
         }
         Ok(())

@@ -109,8 +109,7 @@ pub(super) fn join_stamps(
         return Ok(());
     }
     let hint = "add the times of day, or seconds as a column t";
-    let place = format!("column {title}");
-    Err(Error::input(place, "days alone", "times", hint).in_file(file, None))
+    Err(Error::input(format!("column {title}"), "days alone", "times", hint).in_file(file, None))
 }
 
 /// For a column with fractions of seconds: the title of the whole seconds, and the fraction's unit.

@@ -14,7 +14,7 @@ const NAMES: [(&str, &str, &str); 17] = [
     (
         " ",
         "t",
-        "header_stamp time_boot secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
+        "header_stamp time_boot timeus secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
     ),
     ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
     ("xyz", "*_m", "loc_* location_* *_true true_* *_gt gt_* *_actual actual_*"),
@@ -97,8 +97,8 @@ impl Title {
         {
             let plain = simplified(bracket);
             let unit = unit(&plain, name == "t");
-            let other_unit =
-                Some(bracket.to_owned()).filter(|_| unit.is_none() && !plain.is_empty());
+            let other_unit = Some(bracket.to_owned())
+                .filter(|_| unit.is_none() && !["", "utc"].contains(&&*plain));
             return Self { other_unit, ..Self::known(name, unit, body) };
         }
         let simple = simplified(&path_end(title).1);

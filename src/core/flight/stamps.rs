@@ -9,6 +9,9 @@ pub const SLOWEST_PERIOD_S: f64 = 2.55;
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
+/// Shorter than any flight whose log is worth reading; stamps at 1 Hz are fewer than that in ms.
+const SHORTEST_FLIGHT_S: f64 = 0.5;
+
 /// Numbers of today's days, as spreadsheets, MATLAB and Julian days count them.
 const DAY_NUMBERS: [std::ops::Range<f64>; 3] = [3e4..8e4, 7e5..8e5, 2.4e6..2.5e6];
 
@@ -27,12 +30,13 @@ pub struct FoundUnit {
 /// ms to 2.55 s: a larger step is in ms, from a thousand on in µs, from a million on in ns; a
 /// smaller one in the first of minutes, hours and days that gives a usual step, or in days where
 /// the stamps are today's dates. Steps of 1 in whole numbers are ms, except with several rows a
-/// stamp. Any other step stays in seconds.
+/// stamp, or where the whole would be shorter than a flight. Any other step stays in seconds.
 pub fn unit_of(stamps: &[f64]) -> FoundUnit {
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
     let whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
     let is_rising = stamps.windows(2).all(|pair| pair[1] > pair[0]);
+    let is_long = stamps.last().is_some_and(|last| last - stamps[0] > 1e3 * SHORTEST_FLIGHT_S);
     let unit_s = match step {
         step if step > 1e9 * SLOWEST_PERIOD_S => 1.0,
         step if step >= 1e6 => 1e-9,
@@ -45,13 +49,13 @@ pub fn unit_of(stamps: &[f64]) -> FoundUnit {
             let units = [60.0, 3600.0, 86_400.0].into_iter().skip(if is_day { 2 } else { 0 });
             { units }.find(usual).unwrap_or(1.0)
         }
-        step if whole && step > 0.0 && (step > 1.0 || is_rising) => 1e-3,
+        step if whole && step > 0.0 && (step > 1.0 || is_rising && is_long) => 1e-3,
         _ => 1.0,
     };
     // As it is shown.
     let per_unit = if step < 1e-3 { 1e10 } else { 1e6 };
     let step = (step * per_unit).round() / per_unit;
-    let in_doubt = unit_s == 1.0 && !whole && step > 0.5;
+    let in_doubt = unit_s == 1.0 && step > 0.5 && (!whole || is_rising && !is_long);
     FoundUnit { unit_s, step, in_doubt }
 }
 
@@ -60,7 +64,7 @@ mod tests {
     use super::*;
 
     fn unit_s(from: f64, step: f64) -> f64 {
-        unit_of(&(0..50).map(|i| from + f64::from(i) * step).collect::<Vec<_>>()).unit_s
+        unit_of(&(0..600).map(|i| from + f64::from(i) * step).collect::<Vec<_>>()).unit_s
     }
 
     #[test]
@@ -82,6 +86,8 @@ mod tests {
         }
         assert_eq!(unit_s(46_023.5, 1.0 / 86_400.0), 86_400.0, "no hours, 1 Hz");
         assert_eq!(unit_s(0.25, 1e-4), 1.0, "10 kHz");
+        let hertz = unit_of(&[7.0, 8.0, 9.0, 10.0]);
+        assert!(hertz.unit_s == 1.0 && hertz.in_doubt, "1 Hz: no flight of 3 ms");
         assert!(unit_of(&[0.25, 1.5, 2.75]).in_doubt, "seconds of a slow log, or ms of a fast one");
     }
 }

@@ -42,6 +42,8 @@ const SHADES: f64 = 0.04;
 /// side, or if this share of its outline lies along the rim.
 const OVER_RIM: f64 = 0.02;
 const ALONG: f64 = 0.1;
+/// Lines from which on a picture is told to be fine, as a QR code is.
+const FINE: usize = 60;
 /// Share of a picture in faint marks from which on there is a warning.
 const FAINT: f64 = 0.02;
 /// Backgrounds for a transparent picture: the first on which nearly all of its ink stands out. A
@@ -125,6 +127,9 @@ pub(super) fn read(
     }
     if field.inner_edges() > field.width.max(field.height) {
         warnings.push("areas of several colors that touch are drawn as one: leave a gap".into());
+    }
+    if lines.len() >= FINE {
+        warnings.push("its many parts run together in light: no phone reads a QR code so".into());
     }
     if let Some(corners) = corners.filter(|_| options.corners_px.is_none()) {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");

@@ -44,11 +44,12 @@ const HUE: f64 = 1.3;
 
 /// Least contrast of ink, as a share of the paper's brightness: of a picture from a screen, of one
 /// that was photographed or scanned; the largest grain of a picture from a screen; and the least
-/// contrast by the grain of the paper and by the strong ink. Rulings are weaker.
+/// contrast by the grain of the paper and by the strong ink, of a photograph and of a picture from
+/// a screen with soft rims. Rulings are weaker.
 const LEAST: [f64; 2] = [0.07, 0.10];
 const CLEAN: f64 = 0.001;
 const GRAINS: f64 = 6.0;
-const FAINT: f64 = 0.4;
+const FAINT: [f64; 2] = [0.4, 0.55];
 type Tones = (Range<f64>, Range<f64>, usize);
 /// Tones between paper and strong ink, by the contrast of that, and how much they change over so
 /// many pixels to both sides: those of a photograph, and those of a glare or a soft shadow
@@ -136,7 +137,7 @@ impl Field {
         };
         let levels = extremes(&contrast, width, NEAR, f64::max);
         let is_sharp = is_clean && soft_rims(&contrast, &levels, width, least) < SOFT_RIMS;
-        let faint = if is_sharp { least } else { least.max(FAINT * strong) };
+        let faint = if is_sharp { least } else { least.max(FAINT[usize::from(is_clean)] * strong) };
         let ink = contrast.iter().zip(&levels);
         let ink = ink.map(|(ink, level)| (ink / level.max(faint / RIM)).min(1.0)).collect();
         let n_faint = levels.iter().filter(|level: &&f64| (least..faint).contains(*level)).count();

@@ -376,6 +376,7 @@ fn a_glow_and_a_soft_shadow_are_no_ink() {
     for (paper, ink, soft, width, shift, blur) in [
         ([0; 3], [255, 210, 130], [240, 120, 30], 30.0, 0.0, 14.0),
         (WHITE, [20; 3], [150; 3], 12.0, 9.0, 8.0),
+        (WHITE, [20; 3], [135; 3], 30.0, 9.0, 8.0),
     ] {
         let mut picture = image::imageops::blur(&drawn(paper, soft, width, shift), blur);
         for (soft, sharp) in picture.pixels_mut().zip(drawn(paper, ink, 7.0, 0.0).pixels()) {
@@ -385,7 +386,7 @@ fn a_glow_and_a_soft_shadow_are_no_ink() {
             });
         }
         let trace = traced(&picture, image::ImageFormat::Png);
-        assert_eq!(trace.lines.len(), 1, "{paper:?}");
+        assert_eq!(trace.lines.len(), 1, "{soft:?} {width}");
     }
 }
 
@@ -427,6 +428,20 @@ fn a_shape_within_an_area_of_another_color_is_named_and_shades_are_not() {
         assert_eq!((trace.lines.len(), trace.warnings), (1, Vec::new()), "{soft}");
         let in_shadow = shaded.enumerate_pixels_mut().filter(|(x, ..)| *x < 300);
         in_shadow.for_each(|(.., pixel)| pixel.0 = pixel.0.map(|value| value / 2));
+    }
+}
+
+#[test]
+fn a_picture_of_many_fine_parts_has_a_warning() {
+    for (n, is_fine) in [(7_u8, false), (8, true)] {
+        let mut canvas = Canvas::new([800, 800], WHITE);
+        for k in 0..n * n {
+            let [x, y] = [k % n, k / n].map(|k| 40.0 + 90.0 * f32::from(k));
+            canvas.draw(&line(&[[x, y], [x + 40.0, y + 20.0]]), [0; 3], 8.0);
+        }
+        let trace = canvas.traced();
+        assert_eq!(trace.lines.len(), usize::from(n * n));
+        assert_eq!(trace.warnings.concat().contains("QR code"), is_fine, "{:?}", trace.warnings);
     }
 }
 

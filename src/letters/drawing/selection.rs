@@ -78,8 +78,7 @@ fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<b
 pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
     if most - least < CHROMA {
-        let levels = ["black", "gray", "white"];
-        return levels[GRAY.iter().filter(|level| most >= **level).count()];
+        return ["black", "gray", "white"][GRAY.iter().filter(|level| most >= **level).count()];
     }
     let [r, g, b] = [r, g, b].map(f64::from);
     let chroma = f64::from(most - least);
@@ -90,8 +89,7 @@ pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
     } else {
         60.0 * ((r - g) / chroma + 4.0)
     };
-    let hue = if hue < 0.0 { hue + 360.0 } else { hue };
-    HUES[HUE_ENDS.partition_point(|end| *end < hue)]
+    HUES[HUE_ENDS.partition_point(|end| *end < hue.rem_euclid(360.0))]
 }
 
 #[cfg(test)]

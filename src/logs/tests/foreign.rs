@@ -65,12 +65,14 @@ fn a_column_light_is_that_of_the_headlights_unless_another_is_named_so() {
             format!("{t:.3},{x:.4},{y:.4},{z:.4},{},0", lit(t))
         })
     };
-    let lights = |titles: &str| read(table(titles).as_bytes()).lights;
-    let alone = lights("light,seq");
+    let flight = |titles: &str| read(table(titles).as_bytes());
+    let alone = flight("light,seq").lights;
     assert_eq!(alone.keys().collect::<Vec<_>>(), ["headlights"]);
     assert!(alone["headlights"].contains(&1.0) && alone["headlights"].contains(&0.0));
-    let named = lights("light,light.headlights");
-    assert!(named["headlights"].iter().all(|level| *level == 0.0), "the one that is named");
+    let named = flight("light,light.headlights");
+    let levels = &named.lights["headlights"];
+    assert!(levels.iter().all(|level| *level == 0.0), "the one that is named");
+    assert!(named.extra.contains_key("log.light"), "kept: {:?}", named.extra.keys());
 }
 
 #[test]
@@ -314,7 +316,7 @@ fn degrees_are_told_where_radians_are_impossible() {
 
 #[test]
 fn other_files_are_refused_with_what_converts_them() {
-    let cases: [(&[u8], &str); 18] = [
+    let cases: [(&[u8], &str); 19] = [
         (b"ULog\x01\x12\x35\x01\0\0", "ulog2csv"),
         (b"\xa3\x95\x80\x80\x59FMT", "mavlogdump.py"),
         (b"FMT, 128, 89, FMT, BBnNZ, Type\n", "mavlogdump.py"),
@@ -326,6 +328,7 @@ fn other_files_are_refused_with_what_converts_them() {
         (b"NO_OF_FRAMES\t601\nNO_OF_CAMERAS\t8\n1\t2\t3\n", "motion capture"),
         (b"PathFileType\t4\t(X/Y/Z)\ttake.trc\n", "motion capture"),
         (b"HIERARCHY\nROOT Hips\n", "motion capture"),
+        (b"{\\rtf1\\ansi t,x,y,z}", "plain text"),
         (b"\x80\x04\x95\x10\0", "t,x,y,z"),
         (b"<?xml version=\"1.0\"?>\n<kml/>\n", "t,x,y,z"),
         (b"\x02\x50\x0b\x00", "motion capture"),
@@ -591,6 +594,8 @@ fn stamps_in_two_columns_and_in_longer_units_are_read() {
         ("minutes in brackets", stamped("Time [minutes]", &|t| format!("{:.7}", t / 60.0))),
         ("days in the title", stamped("time (days)", &|t| format!("{:.10}", t / 86_400.0))),
         ("msec", stamped("Time [msec]", &|t| format!("{:.0}", 1e3 * t))),
+        ("UTC", stamped("datetime(UTC)", &|t| format!("2026-01-01 {}", clock(t)))),
+        ("ArduPilot", stamped("TimeUS", &|t| format!("{:.0}", 1e6 * t))),
     ];
     for (what, text) in &tables {
         check(what, &read(text.as_bytes()));
@@ -658,6 +663,8 @@ fn values_without_a_column_of_their_own_are_named() {
     assert!(refused(&lists).contains("lists without names"), "{}", refused(&lists));
     let lists = format!("[{}]", lists.trim_end().replace('\n', ","));
     assert!(refused(&lists).contains("lists without names"), "{}", refused(&lists));
+    let nested = rows("", |t, place| format!("{{\"t\": {t}, \"pos\": {place:?}}}"));
+    assert!(refused(&nested).contains("not read: pos (\"a list\")"), "{}", refused(&nested));
     let show = r#"{"version": "1.0", "performances": [{"id": 1, "agentDescription": {}}]}"#;
     assert!(refused(show).contains("performances"), "{}", refused(show));
     let python = rows("", |t, [x, y, z]| format!("{{'t': {t:.2}, 'x': {x}, 'y': {y}, 'z': {z}}}"));

@@ -73,6 +73,13 @@ mod tests {
             assert!((value(x, y) - value(x + period_m, y - period_m)).abs() < 0.02, "{x} {y}");
             assert!((value(x, y) - value(x + 1e-3, y)).abs() < 0.2, "{x} {y}");
         }
+        fn roughness(x: f64) -> f32 {
+            let rises = (0..256).map(|k| f64::from(k) * STEP_M);
+            let rises = rises.map(|y| value(x + 0.5 * STEP_M, y) - value(x - 0.5 * STEP_M, y));
+            rises.map(|rise| rise * rise).sum()
+        }
+        let ratio = roughness(0.0) / roughness(0.5 * period_m);
+        assert!((0.7..1.4).contains(&ratio), "at the seam by the middle: {ratio}");
         // Means over squares of 0.32 m keep what is coarser: two of six octaves.
         let mean = |i: usize, j: usize| {
             let points = (0..256)

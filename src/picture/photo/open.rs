@@ -40,8 +40,7 @@ pub fn read_with_notes(path: &Path) -> Result<(Photo, Notes)> {
 fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let bytes = LIMIT.read(path)?;
     let broken = |source: &dyn std::fmt::Display| {
-        let wanted = "a PNG image or a JPEG photo";
-        Error::input(path.display(), source, wanted, "choose another file")
+        Error::input(path.display(), source, "a PNG image or a JPEG photo", "choose another file")
     };
     match image::guess_format(&bytes) {
         Ok(ImageFormat::Png) => return from_png(&bytes, path, texts),

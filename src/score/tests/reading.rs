@@ -43,6 +43,11 @@ fn a_word_is_read_whichever_way_up_the_photo_is() {
     let turned = |text| quarter_turned(&Shot::new(&word(text)).photo(), 2);
     assert_eq!(read_any_way_up(&turned("NOOR"), "NOOR").1, 2);
     assert_eq!(read_any_way_up(&turned("MOON"), "MOON").1, 2);
+    let moon = word("MOON");
+    let poor = Shot { noise: 5.0, light: 0.045, ..Shot::new(&moon) };
+    let poor = Shot { camera: camera(&moon, 420, 0.0), ..poor }.trailing(0.013).photo();
+    let (reading, turns) = read_any_way_up(&poor, "");
+    assert_eq!((&*reading.text, turns), ("MOON", 0), "upside down, NOOW has a larger share");
 }
 
 #[test]
