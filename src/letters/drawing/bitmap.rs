@@ -129,7 +129,8 @@ pub(super) fn read(
         warnings.push("areas of several colors that touch are drawn as one: leave a gap".into());
     }
     if lines.len() >= FINE {
-        warnings.push("its many parts run together in light: no phone reads a QR code so".into());
+        warnings
+            .push("light fills the gaps of so fine a picture: a QR code cannot be scanned".into());
     }
     if let Some(corners) = corners.filter(|_| options.corners_px.is_none()) {
         let corners = corners.map(|[x, y]| format!("{x:.0},{y:.0}")).join(" ");
