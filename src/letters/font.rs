@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::face::Face;
 use super::shape::Fit;
 use super::stroke_font::StrokeFont;
+#[cfg(not(target_family = "wasm"))]
 use super::typeface::Typeface;
 use super::{Cell, Glyph, Trace};
 use noctograph_core::error::{Error, Result};
@@ -23,6 +24,7 @@ const FONTS: [(&str, &str); 3] = [
 const STROKES: Limit = Limit { bytes: 4 << 20, what: "a stroke font", hint: SMALLER };
 
 /// Largest typeface that is read.
+#[cfg(not(target_family = "wasm"))]
 const TYPEFACE: Limit = Limit { bytes: 64 << 20, what: "a typeface", hint: SMALLER };
 
 const SMALLER: &str = "name a smaller font file";
@@ -42,16 +44,19 @@ impl Font {
     ///
     /// [`Error::Input`] for a name that is neither, or a file of another kind; [`Error::Io`] where
     /// it cannot be read.
+    #[cfg_attr(target_family = "wasm", expect(unused_variables, reason = "no typeface, no trace"))]
     pub fn open(name: &str, trace: Trace) -> Result<Self> {
         let path = Path::new(name);
         let face: Arc<dyn Face + Send + Sync> = match check_name("letters.font", name)? {
             Kind::Ours(text) => Arc::new(StrokeFont::parse(text, name)?),
             Kind::Strokes => Arc::new(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
             // Shaping would be a third of a page's module, and no typeface comes into a page.
-            Kind::Outlines if cfg!(target_family = "wasm") => {
+            #[cfg(target_family = "wasm")]
+            Kind::Outlines => {
                 let (wanted, hint) = ("a font of the program", "take a picture by the program");
                 return Err(Error::input("letters.font", name, wanted, hint));
             }
+            #[cfg(not(target_family = "wasm"))]
             Kind::Outlines => Arc::new(Typeface::read(TYPEFACE.read(path)?, trace, name)?),
         };
         Ok(Self { name: name.to_owned(), face })

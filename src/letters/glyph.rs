@@ -16,15 +16,12 @@ use read_fonts::model::glyph::{GlyphSource, GlyphSourceOrder};
 use read_fonts::ps::cff::{blend::BlendState, index::Index};
 use read_fonts::ps::charstring::{CharstringContext, CharstringKind, TransformSink, evaluate};
 
+use super::shaping::MAX_POINTS;
 use noctograph_core::files::Budget;
 
 /// Tables of outlines, the first that a face has.
 const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
-
-/// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
-/// grows with their square.
-pub(super) const MAX_POINTS: usize = 8_000;
 
 /// Most bytes of a glyph's charstring with its subroutines. A Chinese one takes some thousand.
 const MAX_CODE: usize = 100_000;

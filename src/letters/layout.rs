@@ -2,10 +2,9 @@
 
 use super::font::{Font, capital};
 use super::fonts::Fonts;
-use super::glyph::MAX_POINTS;
 use super::options::{Align, Fitting, LetterOptions, Trace};
 use super::shape::{Fit, Shape};
-use super::shaping::{Unset, is_shaped};
+use super::shaping::{MAX_POINTS, Unset, is_shaped};
 use super::{Cell, Glyph, StrokeOrder, Strokes};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;

@@ -8,6 +8,7 @@
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+#![cfg_attr(target_family = "wasm", allow(dead_code, reason = "no typeface comes into a page"))]
 
 mod arcs;
 mod center_line;
@@ -18,6 +19,7 @@ mod face;
 mod face_tests;
 mod font;
 mod fonts;
+#[cfg(not(target_family = "wasm"))]
 mod glyph;
 mod layout;
 mod options;
@@ -27,9 +29,11 @@ mod shaping;
 mod smooth;
 mod stored;
 mod stroke_font;
+#[cfg(not(target_family = "wasm"))]
 mod typeface;
 mod vector;
 
+#[cfg(not(target_family = "wasm"))]
 pub use typeface::has_outline;
 
 pub use drawing::LIMIT as DRAWING_LIMIT;

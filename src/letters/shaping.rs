@@ -6,9 +6,14 @@
 
 use std::ops::Range;
 
+#[cfg(not(target_family = "wasm"))]
 use harfrust::{Buffer, Direction, Font, GlyphId, ShapeOptions, ShaperFont, shape};
 use unicode_bidi::BidiInfo;
 use unicode_normalization::char::is_combining_mark;
+
+/// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
+/// grows with their square.
+pub(super) const MAX_POINTS: usize = 8_000;
 
 /// Blocks of the scripts that are shaped, of characters without width, and of the marks of emoji.
 const SHAPED: [std::ops::RangeInclusive<char>; 8] = [
@@ -34,6 +39,7 @@ pub(super) fn is_mark(character: char) -> bool {
 }
 
 /// A glyph of a face, and its place in font units from the beginning of its line.
+#[cfg(not(target_family = "wasm"))]
 pub(super) struct Placed {
     pub(super) glyph: GlyphId,
     pub(super) units: [i32; 2],
@@ -57,6 +63,7 @@ pub(super) enum Unset {
 /// # Errors
 ///
 /// [`Unset`], but for glyphs that touch.
+#[cfg(not(target_family = "wasm"))]
 pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);

@@ -160,6 +160,7 @@ impl Studio<'_> {
         json["replay"] = replay(&shot);
         json["photo"] = data_url(&jpeg(&shot.photo, LARGE_QUALITY)).into();
         json["flight_sha256"] = shot.flight_sha256().into();
+        json["controller"] = json!(shot.shoot.scene.controller);
         if format.is_some() {
             json["files"] = encoded(files(&shot));
         }

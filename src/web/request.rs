@@ -27,10 +27,11 @@ pub(crate) const LOG: &str = "log";
 /// Most pixels of a picture's side.
 const MAX_SIDE: u32 = 2000;
 
-/// Keys that can be set: those of the page's controls and those that advice sets.
+/// Keys that can be set: those of the page's controls and those that advice sets; all of a table
+/// that ends with a dot.
 const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing camera.framing.fill_frac \
     camera.iso camera.lens camera.metering camera.shutter_close_s camera.shutter_open_s \
-    controller.kind letters.canvas_m letters.cap_height_m letters.corners_px \
+    controller. letters.canvas_m letters.cap_height_m letters.corners_px \
     letters.font letters.ink letters.pace letters.spacing_m \
     letters.trace letters.without light.color_led_wrgb light.deck light.led_bitmask \
     light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
@@ -192,7 +193,7 @@ impl PhotoRequest {
         if !is_name(&visitor) {
             return refused(format!("a visitor of {} bytes", visitor.len()));
         }
-        let lacks = |keys: &str| settings.keys().find(|key| keys.split(' ').all(|it| it != *key));
+        let lacks = |keys: &str| settings.keys().find(|key| !lists(keys, key));
         if let Some(key) = lacks(KEYS) {
             return refused(format!("the setting {key}"));
         }
@@ -213,6 +214,11 @@ impl PhotoRequest {
         let subject = Subject { word, drawing, log, room, settings, aspect };
         Ok(Self { visitor, number, advice, files, subject })
     }
+}
+
+/// Whether keys have one, or its table.
+fn lists(keys: &str, key: &str) -> bool {
+    keys.split(' ').any(|it| it == key || it.ends_with('.') && key.starts_with(it))
 }
 
 /// Whether a visitor may be called so.

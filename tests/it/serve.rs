@@ -287,7 +287,8 @@ fn a_wish_reaches_no_file_and_no_flag() {
     refused(word("  "), "word-empty");
     refused(json!({ "visitor": "v".repeat(99), "word": "A" }), "visitor");
     refused(json!({ "visitor": "me", "word": "A", "output": "/tmp/x" }), "output");
-    for key in ["letters.drawing", "letters", "photo.background", "camera.width_px", "word"] {
+    let unknown = "letters.drawing letters photo.background camera.width_px word controllers.kind";
+    for key in unknown.split(' ') {
         refused(json!({ "visitor": "me", "word": "A", "settings": { key: "1" } }), key);
     }
     let font = json!({ "letters.font": "/etc/passwd" });
@@ -860,6 +861,7 @@ fn a_kiosk_is_an_address() {
     assert!(about["scene"].is_null(), "no settings");
     for more in [
         json!({ "settings": { "camera.iso": "200" } }),
+        json!({ "settings": { "controller.pid.roll": "[6.0, 3.0, 0.0]" } }),
         json!({ "room": "4x3x2.5" }),
         json!({ "advice": true }),
     ] {

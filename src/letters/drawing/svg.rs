@@ -10,6 +10,7 @@
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+#[cfg(not(target_family = "wasm"))]
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE};
 use kurbo::{Affine, BezPath, PathEl, Point, Shape};
 use usvg::tiny_skia_path::{self, PathSegment};
@@ -197,6 +198,7 @@ impl Drawing {
 }
 
 /// The encoding in the XML declaration of a file.
+#[cfg(not(target_family = "wasm"))]
 fn declared_encoding(bytes: &[u8]) -> Option<String> {
     let head: String = bytes.iter().take(200).map(|byte| char::from(*byte)).collect();
     let (_, value) = head.strip_prefix("<?xml")?.split_once("?>")?.0.split_once("encoding")?;
@@ -211,6 +213,22 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
     }
+    // A page reads texts of all encodings, and hands on UTF-8: the tables stay out of its module.
+    #[cfg(not(target_family = "wasm"))]
+    if let Some(encoding) = foreign_encoding(bytes)? {
+        let (text, _, is_broken) = encoding.decode(bytes);
+        return match is_broken {
+            true => Err(format!("bytes that are not in the encoding {}", encoding.name())),
+            false => Ok(text.into_owned()),
+        };
+    }
+    let text = std::str::from_utf8(bytes).map_err(|broken| broken.to_string())?;
+    Ok(text.trim_start_matches('\u{feff}').to_owned())
+}
+
+/// The encoding that a file's first bytes or its declaration name; `None` for UTF-8.
+#[cfg(not(target_family = "wasm"))]
+fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encoding>, String> {
     let encoding = match bytes {
         [0, 0, 0xfe, 0xff, ..] | [0xff, 0xfe, 0, 0, ..] | [0, 0, 0, b'<', ..] => {
             return Err("a drawing in UTF-32".into());
@@ -228,16 +246,7 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
             },
         },
     };
-    // A page reads texts of all encodings, and hands on UTF-8: the tables stay out of its module.
-    if encoding == UTF_8 || cfg!(target_family = "wasm") {
-        let text = std::str::from_utf8(bytes).map_err(|broken| broken.to_string())?;
-        return Ok(text.trim_start_matches('\u{feff}').to_owned());
-    }
-    let (text, _, is_broken) = encoding.decode(bytes);
-    if is_broken {
-        return Err(format!("bytes that are not in the encoding {}", encoding.name()));
-    }
-    Ok(text.into_owned())
+    Ok((encoding != UTF_8).then_some(encoding))
 }
 
 /// A walk through the tree of a drawing.

@@ -116,19 +116,30 @@ const PLAIN = {
   "photo.ambient_cd_m2": "0.008",
 };
 
-/** @typedef {{ shot: Shot | null, large: Large | null }} Known */
+/** @typedef {{ shot: Shot | null, large: Large | null, error: Said | null }} Known */
 /** @type {Known} */
-let known = { shot: null, large: null };
+let known = { shot: null, large: null, error: null };
+/** The controller that flew last, beside one whose gains are refused. @type {Record<string, any>} */
+let flown = {};
 
 /** The value of a key in the scene that the page began with. */
 const first = (/** @type {string} */ key) =>
   `${key.split(".").reduce((/** @type {any} */ table, part) => table?.[part], about.scene) ?? PLAIN[key] ?? ""}`;
 const value = (/** @type {string} */ key) => state.settings[key] ?? first(key);
 
+const isGain = (/** @type {string} */ key) => key.startsWith("controller.") && key !== "controller.kind";
+
 /** @param {Record<string, string>} set */
 function put(set) {
   const settings = { ...state.settings, ...set };
-  for (const key of Object.keys(settings)) if (settings[key] === first(key)) delete settings[key];
+  // Gains are those of one controller.
+  if ("controller.kind" in set) {
+    for (const key of Object.keys(settings)) if (isGain(key)) delete settings[key];
+    flown = {};
+    drawer.querySelector(".gains")?.replaceChildren();
+  }
+  for (const key of Object.keys(settings))
+    if (!isGain(key) && settings[key] === first(key)) delete settings[key];
   change({ settings });
 }
 
@@ -141,7 +152,10 @@ export function openDrawer(/** @type {Known} */ now) {
 /** The newest photograph: its verdict, advice and files. */
 export function putShot(/** @type {Known} */ now) {
   known = now;
-  if (drawer.open) drawer.querySelector(".of-shot")?.replaceChildren(...ofShot());
+  if (!drawer.open) return;
+  drawer.querySelector(".of-shot")?.replaceChildren(...ofShot());
+  const list = drawer.querySelector(".gains");
+  if (!list?.contains(document.activeElement)) list?.replaceChildren(...gains());
 }
 
 function build() {
@@ -166,9 +180,8 @@ function build() {
     part("light", own("lamp"), make("p", { className: "note" }, t("light-note"))),
     part(
       "flight-part",
-      ...SLIDERS.map(slider),
-      choice(CHOICES[0]),
-      choice(CHOICES[1]),
+      // What was flown cannot be flown otherwise.
+      ...(isLog() ? [] : [...SLIDERS.map(slider), choice(CHOICES[0]), choice(CHOICES[1]), ...ofGains()]),
       own("room"),
     ),
     part(
@@ -237,6 +250,29 @@ function choice([key, word, choices]) {
   return label;
 }
 
+/** The gains, which only the host of a page is told. */
+function ofGains() {
+  if (!about.scene) return [];
+  const list = make("div", { className: "gains" }, ...gains());
+  return [make("details", {}, make("summary", {}, t("gains")), list)];
+}
+
+/** The gains of the controller that flew, each number or list of numbers a field. */
+function gains() {
+  flown = known.large?.controller ?? flown;
+  const { kind = "", ...tables } = flown;
+  const table = kind.split("-")[0];
+  const all = Object.entries(tables[table] ?? {});
+  return all.filter(([, gain]) => [gain].flat().every(Number.isFinite)).map(([name, gain]) => {
+    const key = `controller.${table}.${name}`;
+    const text = state.settings[key]?.replace(/[[\]]/g, "") ?? [gain].flat().join(", ");
+    const field = make("input", { type: "text", value: text, spellcheck: false });
+    field.dataset.key = key;
+    field.onchange = () => put({ [key]: Array.isArray(gain) ? `[${field.value}]` : field.value });
+    return make("label", { className: "choice" }, make("code", {}, name), field);
+  });
+}
+
 /** @param {"lamp" | "room" | "body" | "pace"} name */
 function own(name) {
   const [, word, choices] = /** @type {typeof OWN[number]} */ (
@@ -250,9 +286,12 @@ function own(name) {
 /* ---------- What is known of the photograph ---------- */
 
 function ofShot() {
-  const { shot, large } = known;
+  const { shot, large, error } = known;
   const verdict = shot?.verdict;
   const parts = [];
+  // In the program's own words, which say what is wanted.
+  if (error?.text && about.home)
+    parts.push(make("p", { className: "stop" }, [error.text, error.hint].filter(Boolean).join(": ")));
   if (verdict) {
     parts.push(
       make(

@@ -186,6 +186,7 @@ function failed(error) {
   stage.dim(false);
   pad?.putLit([]);
   putDesk();
+  drawer?.putShot(known);
 }
 
 function putMarks() {
@@ -210,7 +211,6 @@ const isChoosing = () => state.mode === "word" && state.opened?.choosing === tru
 /** Why it cannot be sent; "" if it can. */
 function hindrance() {
   if (!known.shot || known.error) return "nothing";
-  // A link has no place for a file.
   if (about.alone) return state.opened ? "nothing" : "";
   return obstacle(known.shot) || known.stops.length ? "unsafe" : "";
 }
@@ -236,6 +236,8 @@ function putDesk() {
   byId("opened").hidden = !state.opened;
   byId("opened-name").textContent = state.opened?.name ?? "";
   byId("lights").hidden = state.opened !== null;
+  // A link has no place for a file.
+  byId("send").hidden = about.alone === true && state.opened !== null;
   byId("field").hidden = state.opened !== null && !isLog();
   word.placeholder = t(isLog() ? "place-log" : "place");
   byId("choose").hidden =

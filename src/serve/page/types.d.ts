@@ -78,6 +78,8 @@ interface Large extends Partial<Verdict> {
   warnings: Said[];
   stops: Said[];
   remedies: Remedy[];
+  /** The controller that flew, as the scene has it. */
+  controller: Record<string, any>;
 }
 
 type Wrgb = [number, number, number, number];

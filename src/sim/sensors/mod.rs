@@ -4,7 +4,6 @@
 //! streams of noise and draws a fixed number from them at each of its measurements, so that none
 //! can shift another's.
 
-mod anchors_yaml;
 mod coverage;
 mod crossing_beams;
 #[cfg(test)]
@@ -12,7 +11,6 @@ mod density;
 mod height;
 mod imu;
 mod lighthouse;
-mod lighthouse_yaml;
 mod options;
 mod peers;
 mod position;
@@ -20,6 +18,8 @@ mod room;
 mod station;
 mod streams;
 mod uwb;
+// A page has no files.
+#[cfg(not(target_family = "wasm"))]
 mod yaml;
 
 use nalgebra::Vector3;
@@ -34,11 +34,9 @@ use self::uwb::Uwb;
 use crate::vehicle::{FloorOptions, RigidBody};
 use noctograph_core::flight::Warning;
 
-pub use self::anchors_yaml::read_anchors;
 pub use self::coverage::{Coverage, CoveredPlace, coverage};
 pub(crate) use self::lighthouse::DECK_SENSORS_M;
 pub use self::lighthouse::Sweep;
-pub use self::lighthouse_yaml::{LighthouseConfig, read_lighthouse_config};
 pub use self::options::{
     BarometerOptions, Generation, GnssOptions, HeightSensor, ImuOptions, LighthouseOptions,
     PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
@@ -49,6 +47,8 @@ pub(crate) use self::station::StationPose;
 pub(crate) use self::streams::Clock;
 pub use self::uwb::Range;
 pub(crate) use self::uwb::{PeerRange, Turn, turns};
+#[cfg(not(target_family = "wasm"))]
+pub use self::yaml::{LighthouseConfig, read_anchors, read_lighthouse_config};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]

@@ -16,8 +16,8 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_saphyr::Spanned;
 
-use super::yaml::from_yaml;
-use super::{Generation, Station};
+use super::super::{Generation, Station};
+use super::from_yaml;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 

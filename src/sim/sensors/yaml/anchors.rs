@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 use serde_saphyr::Spanned;
 
-use super::yaml::from_yaml;
+use super::from_yaml;
 use noctograph_core::error::{Result, within};
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
