@@ -615,6 +615,10 @@ def test_notebooks_show_products(shot):
 
 #: What a notebook must have found, in its own names.
 RESULTS = {
+    "7-benchmark": """
+assert ranking["measures"][0]["contender"] == "firmware-pid" and ranking["measures"][3]["n_lost"] > 0
+assert "turns over" in lost_because
+""",
     "2-tune-an-lqr": """
 assert found.legible.all() and found.probability.min() > 0.8, "with the rotors in the model"
 assert nc.fly_many(small, seeds=2, controller=textbook_lqr, vectorized=True, progress=False).lost.all()
