@@ -72,6 +72,7 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     }
     // Files of the scene are on this machine alone, which makes all photos then.
     let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
+    let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {
         base: Scene::text_of(named)?,
         module: args.module.clone().filter(|_| is_whole),
@@ -86,7 +87,7 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     if args.module.is_some() && !is_whole {
         warn(["the scene has files of this machine: photos are made here, not by --module"]);
     }
-    noctograph_serve::serve(config, program, |addresses| announce(args, addresses))
+    noctograph_serve::serve(config, program, |addresses| announce(args, addresses, has_room))
 }
 
 /// This program as a worker, with the scene that the page begins with.
@@ -109,7 +110,7 @@ fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
 }
 
 /// Prints the addresses, and opens the page if asked to.
-fn announce(args: &ServeArgs, addresses: &Addresses) -> Result<()> {
+fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<()> {
     let page = if args.kiosk { &addresses.kiosk } else { &addresses.visitors };
     let mut text = line("page", page);
     if let Some([visitors, kiosk]) = &addresses.network {
@@ -118,6 +119,11 @@ fn announce(args: &ServeArgs, addresses: &Addresses) -> Result<()> {
         }
         text += &line("network", visitors);
         text += &line("", "whoever has this address may write, draw and send");
+        if !has_room {
+            let hint = "not known, so that scripts are fenced by a guess: name a scene with a room \
+                        by --scene, as `preview WORD --room WxDxH` writes it";
+            text += &line("room", hint);
+        }
     }
     text += &line("operator", &addresses.operator);
     text += &line("", "Ctrl-C ends it");

@@ -615,6 +615,27 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     }
 }
 
+#[test]
+fn a_hall_whose_room_is_not_known_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, "[expose]\nroom_m = [4.0, 6.0, 2.5]\n").unwrap();
+    for (more, is_told) in [(&[][..], true), (&["--scene", scene.to_str().unwrap()][..], false)] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_noctograph"))
+            .args(["serve", "--network"])
+            .args(more)
+            .env("TMPDIR", folder.path())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+        let said: Vec<String> = lines.take_while(|line| !line.contains("Ctrl-C")).collect();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        assert_eq!(said.iter().any(|line| line.contains("fenced by a guess")), is_told, "{said:?}");
+    }
+}
+
 /// The addresses of visitors, operator, wall and entry lead to what is theirs, and to nothing else.
 #[test]
 fn no_address_leads_to_what_is_of_another() {

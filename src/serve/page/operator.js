@@ -161,7 +161,8 @@ function putEntry() {
     box = byId("entry");
   if (!entry) {
     drawn = "";
-    return box.replaceChildren(make("p", { className: "none" }, t("queue-nothing")));
+    const hint = tab === "waiting" ? t("queue-nothing") : "";
+    return box.replaceChildren(make("p", { className: "none" }, hint));
   }
   box.setAttribute("aria-label", title(entry));
   const facts = /** @type {[string, string][]} */ ([
@@ -244,10 +245,7 @@ function step(word, face, by) {
 /** @param {Entry} entry */
 function actions(entry) {
   const gap = make("span", { className: "gap" });
-  const order = [
-    step("sooner", "↑", -1),
-    step("later", "↓", 1),
-  ];
+  const order = [step("sooner", "↑", -1), step("later", "↓", 1)];
   const watch = action("watch-short", "␣", "", () => strip.run());
   const script = action("script", "S", "", () =>
     save(`entries/${entry.id}/flight.zip`, `${entry.number}.zip`).catch(tell),
