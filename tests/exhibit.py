@@ -369,6 +369,27 @@ def letters_have_colors_by_touch(hall):
 # ---------- The replay ----------
 
 
+def a_large_photograph_stops_no_replay(hall):
+    """The replay is begun while the large photograph has come and is being decoded."""
+    page, trouble = opened(hall.browser, hall.page)
+    ready(page)
+    write(page, "OTTO")
+    page.evaluate("""() => {
+        const decode = Image.prototype.decode;
+        Image.prototype.decode = async function () {
+            await decode.call(this);
+            await new Promise(goOn => { window.goOn = goOn; });
+        };
+    }""")
+    until(page, "!!window.goOn", "the large photograph")
+    page.click("#replay button")
+    until(page, "!document.querySelector('#light').hidden", "the exposure plays")
+    page.evaluate("window.goOn()")
+    until(page, "document.querySelector('main').dataset.large", "the large photograph hangs")
+    assert page.get_attribute("#replay button", "aria-label") == "Pause"
+    assert not trouble, trouble
+
+
 def the_scrubber_exposes_the_photograph_along_the_stroke(hall):
     page, trouble = opened(hall.browser, hall.page)
     ready(page)

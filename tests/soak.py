@@ -70,10 +70,10 @@ def soak(browser, program, n_visitors, tell=lambda *_: None):
             host.wait_for_selector("[data-do=approve]")
             host.keyboard.press("a")
             until(host, f"document.querySelector('#tabs button:nth-child(2) b').textContent === '{number}'", "the operator's answer")
-            if number in (10, 100, 300, n_visitors) or number == n_visitors // 4:
+            if number in (10, 100, 300, n_visitors) or number == max(1, n_visitors // 4):
                 now = measured(browser, server, page)
                 # What is loaded when it is used first has been by then.
-                first = now if number == n_visitors // 4 else first
+                first = now if number == max(1, n_visitors // 4) else first
                 tell(number, times, now)
         # A place that is not free yet is asked for again; anything else is a refusal.
         refused = [line for line in [*trouble, *host_trouble] if not line.startswith("429")]

@@ -151,7 +151,6 @@ async function enlarged(advice) {
   known.large = Object.assign(large, { files: {}, wish: { ...wished, visitor: state.visitor } });
   putDesk();
   if (drawer) drawer.putShot(known);
-  const keeps = strip.share < 1;
   const still = () => known.large === large;
   if (
     await stage
@@ -164,7 +163,7 @@ async function enlarged(advice) {
       )
       .catch(() => false)
   ) {
-    strip.load(large.replay, large.flight_s, keeps);
+    strip.load(large.replay, large.flight_s, true);
     main.dataset.large = `${large.number}`;
   }
   return large;

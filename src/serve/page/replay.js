@@ -93,8 +93,8 @@ export function replay(box, expose) {
       put(share);
     },
     /** A new photograph: whole, unless it is one more of the same. */
-    load(/** @type {Replay} */ map, /** @type {number} */ flight_s, keeps = false) {
-      if (!keeps) stop();
+    load(/** @type {Replay} */ map, /** @type {number} */ flight_s, isSame = false) {
+      if (!isSame) stop();
       seconds = flight_s;
       const { begin, length } = span(map);
       const bars = map.strokes.map(({ at }) => {
@@ -105,10 +105,7 @@ export function replay(box, expose) {
       });
       dark.replaceChildren(...bars);
       lit.replaceChildren(...bars.map((bar) => bar.cloneNode()));
-      put(keeps ? share : 1);
-    },
-    get share() {
-      return share;
+      put(isSame ? share : 1);
     },
   };
 }
