@@ -159,6 +159,7 @@ def a_link_opens_with_what_it_says(browser, host):
     before = page.get_attribute("main", "data-shown")
     page.fill(weights, "1e6, 1e6, 4e7, 300")
     page.press(weights, "Tab")
+    assert page.locator("#drawer .stop").count() == 0, "the refusal of a gain that was put back"
     until(page, f"document.querySelector('main').dataset.shown !== {before!r}", "the photograph with other gains")
     page.keyboard.press("Escape")
     page.click("#send")
@@ -343,7 +344,7 @@ def no_network_is_needed(browser):
     page.click("#more")
     page.wait_for_selector("#drawer[open]")
     page.goto(host.url + "example.html")
-    until(page, "document.querySelector('noctograph-photo').shadowRoot?.querySelector('img').src")
+    until(page, "document.querySelector('noctograph-photo').shadowRoot?.querySelector('img')?.src")
     context.close()
 
 
