@@ -69,7 +69,7 @@ def the_word_is_seen_until_its_first_photograph(browser, url):
         page, trouble = opened(browser, url, viewport=size)
         ready(page)
         held = []
-        page.route("**/live", lambda route: held.append(route))
+        page.route("**/live", lambda route: route.continue_() if held else held.append(route))
         page.fill("#word", "Riga 2027")
         until(page, "document.querySelector('#plan').textContent === 'Riga 2027'")
         text = page.evaluate("(() => { const range = document.createRange(); range.selectNodeContents(plan); return range.getBoundingClientRect().toJSON(); })()")
@@ -79,7 +79,10 @@ def the_word_is_seen_until_its_first_photograph(browser, url):
         assert page.inner_text("#verdict") == "The photograph is being made …"
         while not held:
             page.wait_for_timeout(20)
-        held[0].continue_()
+        try:
+            held[0].continue_()
+        except Error:
+            pass  # given up on a busy machine, and asked for again
         shown(page)
         assert page.locator("#plan").is_hidden()
         assert not trouble, trouble

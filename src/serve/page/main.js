@@ -248,13 +248,11 @@ function putDesk() {
   if (isChoosing()) picture?.putPicture(known.source);
 }
 
-/** What the lamp will write, seen until the first photograph is there. */
+/** What is seen until the first photograph. */
 function putPlan() {
-  const plan = byId("plan"),
-    text = word.value.trim();
-  plan.textContent = text;
-  plan.style.setProperty("--n", `${text.length}`);
-  plan.style.setProperty("--c", screen(state.color));
+  const plan = byId("plan");
+  plan.textContent = word.value.trim();
+  plan.style.cssText = `--n: ${word.value.length}; --c: ${screen(state.color)}`;
 }
 
 /** @returns {import("./verdict.js").Spoken} */

@@ -87,7 +87,7 @@ async function put(photo) {
   newest.replaceChildren(make("div", { className: "frame" }, whole, light), caption(photo, true));
   const map = /** @type {Replay | null} */ (await get(`wall/${photo.key}.json`).catch(() => null));
   await whole.decode().catch(() => {});
-  byId("bare").hidden = true;
+  byId("bare").hidden = photos.length > 0;
   if (map?.strokes.length && newest.dataset.key === photo.key)
     loop(exposure(whole, map, light), whole, light, WRITTEN_MS, Infinity);
 }
