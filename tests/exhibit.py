@@ -519,6 +519,8 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             wall.wait_for_selector("#invite img")
             assert wall.locator("figure img").count() == 0, "nothing hangs that was not approved"
             assert wall.locator("button, a, input").count() == 0, "the wall has no button"
+            coming = []
+            wall.route("**/wall/*.jpg", lambda route: coming.append(route))
 
             host, host_trouble = opened(hall.browser, server.operator)
             host.wait_for_selector("#list button")
@@ -527,6 +529,12 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
             wall.wait_for_selector("#newest img")
             assert "ANNA" in wall.inner_text("#newest")
+            while not coming:
+                wall.wait_for_timeout(20)
+            assert wall.locator("#bare").is_visible(), "the lamp waits until the first photograph is there"
+            coming[0].continue_()
+            until(wall, "document.querySelector('#bare').hidden", "the photograph in its place")
+            wall.unroute("**/wall/*.jpg")
             until(page, "document.querySelector('#sent p').textContent.includes('will be flown')", what="the visitor is told")
             host.keyboard.press("z")
             until(host, "document.querySelector('#tabs button:nth-child(1) b').textContent === '1'", what="an answer is undone")

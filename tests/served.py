@@ -64,6 +64,48 @@ def types_reads_and_downloads(browser, url):
     assert not trouble, trouble
 
 
+def the_word_is_seen_until_its_first_photograph(browser, url):
+    for size in [DESK, PHONE]:
+        page, trouble = opened(browser, url, viewport=size)
+        ready(page)
+        held = []
+        page.route("**/live", lambda route: route.continue_() if held else held.append(route))
+        page.fill("#word", "Riga 2027")
+        until(page, "document.querySelector('#plan').textContent === 'Riga 2027'")
+        text = page.evaluate("(() => { const range = document.createRange(); range.selectNodeContents(plan); return range.getBoundingClientRect().toJSON(); })()")
+        stage = page.locator(".stage").bounding_box()
+        assert page.locator("#plan").is_visible() and 0.3 * size["width"] < text["width"] < stage["width"], (text, stage)
+        assert text["bottom"] < page.locator("#verdict").bounding_box()["y"], "the desk covers the word"
+        assert page.inner_text("#verdict") == "The photograph is being made …"
+        while not held:
+            page.wait_for_timeout(20)
+        try:
+            held[0].continue_()
+        except Error:
+            pass  # given up on a busy machine, and asked for again
+        shown(page)
+        assert page.locator("#plan").is_hidden()
+        assert not trouble, trouble
+
+
+def a_refused_gain_is_said_until_it_is_put_back(browser, url):
+    page, trouble = opened(browser, url)
+    ready(page)
+    write(page, "HI")
+    more(page)
+    page.click("#drawer summary")
+    gain = page.locator("#drawer .gains input").first
+    gain.wait_for()
+    usual = gain.input_value()
+    gain.fill("many")
+    gain.press("Tab")
+    until(page, "document.querySelector('#drawer .stop')?.textContent.includes('wanted')", "the refusal")
+    gain.fill(usual)
+    gain.press("Tab")
+    assert page.locator("#drawer .stop").count() == 0, "what is put back is not refused"
+    assert not trouble, trouble
+
+
 def a_refused_script_is_no_file(browser, url):
     """A word that is too large for its room: the button is off, and the reason stands beside it."""
     page, trouble = opened(browser, url)
@@ -264,6 +306,8 @@ with sync_playwright() as playwright:
     server, team = Server(sys.argv[1]), Server(sys.argv[1], "--scene", "team")
     try:
         types_reads_and_downloads(browser, server.page)
+        the_word_is_seen_until_its_first_photograph(browser, server.page)
+        a_refused_gain_is_said_until_it_is_put_back(browser, server.page)
         a_refused_script_is_no_file(browser, server.page)
         draws_and_drops(browser, server.page)
         chooses_what_is_drawn_of_a_picture(browser, server.page)

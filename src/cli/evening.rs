@@ -9,6 +9,7 @@ use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
 use crate::scene::Scene;
 use crate::studies::{Conditions, Evening, MeanDrone};
+use crate::vehicle::VehicleOptions;
 
 pub(super) fn run(
     folder: &Path,
@@ -27,36 +28,34 @@ pub(super) fn run(
     let toml = evening.conditions_toml(&rows);
     Conditions::parse(&toml, "conditions.toml")?;
     let file = shell_word(&output.join("conditions.toml"));
-    let mut advice: Vec<String> = mean.iter().map(advice_of).collect();
+    let mut advice = mean.map_or(Vec::new(), |mean| advice_of(&mean, &scene.vehicle));
     if !rows.is_empty() {
         advice.push(format!(
-            "then fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
+            "fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
         ));
     }
-    let product = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
-    let (n_logs, n_sound) = (evening.logs.len(), evening.sound().count());
     let flawed = evening.logs.iter().filter(|log| !log.flaws.is_empty()).map(|log| {
         let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
         json!({ "log": log.log, "flaws": flaws.join("; ") })
     });
     let names: Vec<&str> = evening.logs.iter().map(|log| log.log.as_str()).collect();
     let words = json!({
-        "folder": folder.display().to_string(), "n_logs": n_logs, "n_sound": n_sound, "advice": advice,
+        "folder": folder.display().to_string(), "n_logs": evening.logs.len(), "advice": advice,
         // So that rows keep to 80 columns.
-        "files": shortened(&names, 16),
+        "n_sound": evening.sound().count(), "files": shortened(&names, 16),
         "flawed": flawed.collect::<Vec<_>>(),
         "none": rows.is_empty().then_some("no log is sound"),
     });
+    let product = json!({ "logs": evening.logs, "conditions": rows, "mean_drone": mean });
     let report = Report::with_words(product, &words, LAYOUT);
     let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
-    let html = evening_page(&title, &evening, &report.text, &toml).html();
-    written.write("evening.html", |out| out.write_all(html.as_bytes()))?;
+    let page = evening_page(&title, &evening, &report.text, &toml);
+    written.write("evening.html", |out| out.write_all(page.html().as_bytes()))?;
     // A study needs at least one sound flight.
     if !rows.is_empty() {
         written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
     }
-    let files = written.keep()?;
-    Ok(report.with_files(&files))
+    Ok(report.with_files(&written.keep()?))
 }
 
 const LAYOUT: &str = "\
@@ -74,12 +73,17 @@ conditions  none: {none}
 *advice advice    {}
 ";
 
-/// Settings of a scene with the evening's drones.
-fn advice_of(mean: &MeanDrone) -> String {
-    let [x, y] = mean.center_of_mass_m;
-    format!(
-        "the mean of your drones, for any command: --set vehicle.k_f_n={:.3e} --set \
-         vehicle.center_of_mass_m=[{x:.2e},{y:.2e}]",
-        mean.k_f_n
-    )
+/// Settings of a scene with the evening's drones, where they stand out from it.
+fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
+    let MeanDrone { k_f_n, center_of_mass_m: [x, y], .. } = *mean;
+    let (percent, x_mm, y_mm) = (100.0 * (k_f_n / vehicle.k_f_n - 1.0), 1e3 * x, 1e3 * y);
+    let thrust = format!(
+        "your drones' thrust is {percent:+.1} % off the scene's: `--set vehicle.k_f_n={k_f_n:.3e}`"
+    );
+    let trim = format!(
+        "your drones' center of mass is at ({x_mm:+.1}, {y_mm:+.1}) mm: \
+         `--set vehicle.center_of_mass_m=[{x:.4},{y:.4}]`"
+    );
+    let is_off = [k_f_n != vehicle.k_f_n, [x, y] != vehicle.center_of_mass_m];
+    is_off.into_iter().zip([thrust, trim]).filter_map(|(is, said)| is.then_some(said)).collect()
 }

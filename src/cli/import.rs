@@ -45,8 +45,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
-    let log = std::slice::from_ref(&args.log);
-    let mut scene = args.scene.load(log, &[])?;
+    let mut scene = args.scene.load(std::slice::from_ref(&args.log), &[])?;
     let is_known = args.scene.is_given() || CarriedScene::read(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
@@ -63,18 +62,15 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let scene = Some(&scene).filter(|_| is_known);
     let flights = std::slice::from_ref(&flight);
     let files = outputs.keep(flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
-    let air_s = airborne(&flight).map(|air| {
-        let air = &flight.samples[air];
-        [air[0].time_s, air[air.len() - 1].time_s]
-    });
+    let air_s = airborne(&flight)
+        .map(|air| [air.start, air.end - 1].map(|index| flight.samples[index].time_s));
     let figures = flight_report(&flight, &flight.sha256(), None);
     let product = json!({
         "samples": flight.samples.len(), "airborne_s": air_s, "firmware": firmware,
-        "gaps_s": &flight.gaps,
         "unlogged": flight.unlogged.iter().map(|it| it.name()).collect::<Vec<_>>(),
         "extra": flight.extra.keys().collect::<Vec<_>>(),
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
-        "flight": figures.json,
+        "flight": figures.json, "gaps_s": &flight.gaps,
     });
     let mut report = Report::with_layout(product, LAYOUT);
     report.text += &figures.text;

@@ -40,6 +40,9 @@ const MOST_UNKNOWN: f64 = 0.1;
 const LEAST_GUST_M_S: f64 = 1e-6;
 /// Flights from which a spread is taken.
 const LEAST_FLIGHTS: usize = 3;
+/// Standard deviation of thrust over weight, which the flights of an evening share: of nine flights
+/// whose figures are known, none was off by more than three of it.
+const THRUST_SIGMA_FRAC: f64 = 0.0023;
 /// Logs of an evening: thirty flights of ten minutes with fifty variables at 100 Hz.
 const LOGS: Limit = Limit {
     bytes: 512 << 20,
@@ -138,7 +141,8 @@ pub struct FoundCondition {
     pub from: String,
 }
 
-/// Mean of the sound flights' figures, which a scene of these drones has.
+/// Mean of the sound flights' figures, which a scene of these drones has. A figure that is within
+/// three of its standard deviations of the scene's is the scene's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MeanDrone {
     /// Thrust of a motor per unit of its command, with the scene's mass.
@@ -207,9 +211,17 @@ impl Evening {
     pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
         self.sound().next()?;
         let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
+        let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
+        let center_of_mass_m = [0, 1].map(|axis: usize| {
+            let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
+            let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
+            let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
+            let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
+            told(trim_m, sigma_m, scene.vehicle.center_of_mass_m[axis])
+        });
         Some(MeanDrone {
-            k_f_n: scene.vehicle.k_f_n * mean(self.sound().map(|f| f.thrust_frac)),
-            center_of_mass_m: [0, 1].map(|axis: usize| mean(self.sound().map(|f| f.trim_m[axis]))),
+            k_f_n: scene.vehicle.k_f_n * told(thrust_frac, THRUST_SIGMA_FRAC, 1.0),
+            center_of_mass_m,
             lag_s: (!lags_s.is_empty()).then(|| mean(&lags_s)),
         })
     }
@@ -359,6 +371,11 @@ fn figures(
             ROOM_GUST_M_S * 0.5 * (x + y)
         }),
     })
+}
+
+/// A figure that stands out of its standard deviation about the scene's; else the scene's.
+fn told(figure: f64, sigma: f64, scene: f64) -> f64 {
+    if (figure - scene).abs() > 3.0 * sigma { figure } else { scene }
 }
 
 /// Standard deviation of values beyond their own, given beside them; 0 of fewer than two.

@@ -1,5 +1,7 @@
 //! The report, one page.
 
+use predicates::prelude::PredicateBooleanExt as _;
+
 use crate::cli::{names_in, noctograph};
 
 const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "480x270"];
@@ -85,7 +87,9 @@ fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
         ));
     }
     std::fs::write(folder.path().join("logs/cf2-1.csv"), "no log").unwrap();
-    run("import logs").stdout(predicates::str::contains("4 logs, 3 sound"));
+    run("import logs")
+        .stdout(predicates::str::contains("4 logs, 3 sound"))
+        .stdout(predicates::str::contains("vehicle.").not());
     let out = folder.path().join("noctograph-evening");
     let html = std::fs::read_to_string(out.join("evening.html")).unwrap();
     for part in
@@ -93,6 +97,16 @@ fn an_evening_of_logs_becomes_a_page_and_conditions_that_a_preview_takes() {
     {
         assert!(html.contains(part), "{part}");
     }
+    assert!(html.contains(">1</text>") && !html.contains(">1.5</text>"), "flights are whole");
+    // A drone that is not the scene's: what its flights tell is an advice, in figures of theirs.
+    std::fs::create_dir(folder.path().join("other")).unwrap();
+    run(
+        "fly plan.csv --set vehicle.center_of_mass_m=[0.003,0] --set vehicle.k_f_n=1.9e-6 -o other/cf1.csv",
+    );
+    run("import other")
+        .stdout(predicates::str::contains("at (+3.1, +0.0) mm"))
+        .stdout(predicates::str::contains("center_of_mass_m=[0.0031,0.0000]"))
+        .stdout(predicates::str::contains("thrust is +"));
     run(
         "preview O --spread 2 --conditions noctograph-evening/conditions.toml --backend cpu --size 320x180",
     );

@@ -2,7 +2,7 @@
 
 import { ask, begin, current, follow, get, onLost, post, Refused, sleep } from "./ask.js";
 import { byId, putIcons, style } from "./dom.js";
-import { putLights } from "./lights.js";
+import { putLights, screen } from "./lights.js";
 import { replay } from "./replay.js";
 import { putBrand } from "./brand.js";
 import { emptySketch, seen, shape } from "./sketch.js";
@@ -79,9 +79,11 @@ async function wanted() {
   if (text === asked) return;
   asked = text;
   clearTimeout(resting);
-  const mine = begin();
+  const mine = begin(),
+    wasWrong = known.error !== null;
   Object.assign(known, { shot: null, large: null, error: null, refused: null, stops: [], busy: false });
   known.linked = false;
+  if (wasWrong) drawer?.putShot(known);
   const { opened } = state;
   const of = opened ? JSON.stringify([opened.text, opened.corners]) : "";
   if (of !== known.of) Object.assign(known, { of, source: null });
@@ -222,6 +224,7 @@ function putDesk() {
     part.hidden = !part.dataset.in?.split(" ").includes(seenState());
   }
   if (word.value.trim() !== state.word.trim()) word.value = state.word;
+  putPlan();
   byId("replay").classList.toggle("idle", !known.shot);
   const unread = known.shot?.verdict && !known.shot.verdict.legible;
   for (const id of ["send", "send-drawing"]) {
@@ -243,6 +246,13 @@ function putDesk() {
     !state.opened || isLog() || (known.error !== null && !known.source && !isChoosing());
   byId("choose").setAttribute("aria-pressed", `${isChoosing()}`);
   if (isChoosing()) picture?.putPicture(known.source);
+}
+
+/** What is seen until the first photograph. */
+function putPlan() {
+  const plan = byId("plan");
+  plan.textContent = word.value.trim();
+  plan.style.cssText = `--n: ${word.value.length}; --c: ${screen(state.color)}`;
 }
 
 /** @returns {import("./verdict.js").Spoken} */
@@ -350,6 +360,7 @@ function another() {
 /* ---------- What is touched ---------- */
 
 word.oninput = () => {
+  if (!about) return putPlan();
   const most = about.limits.letters,
     typed = [...word.value];
   known.cut = Math.max(0, typed.length - most);
@@ -544,6 +555,8 @@ async function begun() {
   else if (location.hash === "#pad") state.mode = "pad";
   if (state.mode === "pad") await loadPad().then(openPad);
   if (isChoosing()) await openPicture();
+  // What was typed while the page was loading.
+  if (!state.word && state.mode === "word" && !state.opened) state.word = word.value;
   change({ language: state.language, color: state.color, mode: state.mode });
   if (about.kiosk)
     await Promise.all([import("./start.js"), style("start.css")]).then(([{ startKiosk }]) =>

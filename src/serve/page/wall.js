@@ -40,7 +40,7 @@ const image = (/** @type {Hung} */ { key, title }) =>
 /** Hangs the photographs: another one large each minute, the newest first, those after it small. */
 function hang() {
   clearTimeout(timer);
-  byId("bare").hidden = photos.length > 0;
+  if (!photos.length) byId("bare").hidden = false;
   byId("wall").classList.toggle("bare", !photos.length);
   const shown = photos.findIndex(({ key }) => key === newest.dataset.key);
   const wait = HANGS_MS - (Date.now() - since);
@@ -87,6 +87,7 @@ async function put(photo) {
   newest.replaceChildren(make("div", { className: "frame" }, whole, light), caption(photo, true));
   const map = /** @type {Replay | null} */ (await get(`wall/${photo.key}.json`).catch(() => null));
   await whole.decode().catch(() => {});
+  byId("bare").hidden = photos.length > 0;
   if (map?.strokes.length && newest.dataset.key === photo.key)
     loop(exposure(whole, map, light), whole, light, WRITTEN_MS, Infinity);
 }

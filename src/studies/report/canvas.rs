@@ -30,12 +30,14 @@ pub(super) struct Pen {
     pub(super) color: Rgb,
     pub(super) width_px: f64,
     pub(super) dashed: bool,
+    /// Whether what a line surrounds is filled, thinly.
+    pub(super) filled: bool,
 }
 
 impl Pen {
     /// A whole line.
     pub(super) const fn new(color: Rgb, width_px: f64) -> Self {
-        Self { color, width_px, dashed: false }
+        Self { color, width_px, dashed: false, filled: false }
     }
 }
 
@@ -175,10 +177,11 @@ impl Surface for Canvas {
             false => "",
         };
         let points = points.into_iter().map(|[x, y]| format!("{x:.1},{y:.1}"));
+        let (points, color) = (points.collect::<Vec<_>>().join(" "), hex(pen.color));
+        let fill = format!(" fill=\"{color}\" fill-opacity=\"0.15\"");
+        let fill = if pen.filled { &*fill } else { "" };
         self.0 += &format!(
-            "<polyline points=\"{}\" stroke=\"{}\" stroke-width=\"{:.1}\"{dash}/>\n",
-            points.collect::<Vec<_>>().join(" "),
-            hex(pen.color),
+            "<polyline points=\"{points}\" stroke=\"{color}\" stroke-width=\"{:.1}\"{dash}{fill}/>\n",
             pen.width_px
         );
     }

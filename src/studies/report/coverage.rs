@@ -40,7 +40,7 @@ pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     canvas.text(title, [left, 26.0], Anchor::Start, 11.0, BLACK);
     map.draw_cells(&mut canvas);
     if let Some(word_m) = word_m {
-        let pen = Pen { color: [255; 3], width_px: 2.0, dashed: true };
+        let pen = Pen { dashed: true, ..Pen::new([255; 3], 2.0) };
         canvas.frame(map.sides_px(word_m), pen);
     }
     map.draw_axes(&mut canvas, [left, above, right, bottom]);

@@ -41,7 +41,8 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         let curves = curves(figure);
         let values = curves.iter().flat_map(Curve::points).map(|(_, value)| value);
         let x = 0.5..most as f64 + 0.5;
-        Panel::new([x, around(values, least)], HEIGHT_PX, y_name, curves)
+        let panel = Panel::new([x, around(values, least)], HEIGHT_PX, y_name, curves);
+        Panel { counts: true, ..panel }
     };
     let panels: [(&str, f64, Of); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),

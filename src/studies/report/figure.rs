@@ -70,6 +70,8 @@ impl Curve {
 pub(super) struct Panel {
     pub(super) x: Range<f64>,
     pub(super) y: Range<f64>,
+    /// Whether the axis below counts: its numbers are whole.
+    pub(super) counts: bool,
     pub(super) height_px: f64,
     pub(super) y_name: &'static str,
     pub(super) curves: Vec<Curve>,
@@ -84,7 +86,7 @@ impl Panel {
         y_name: &'static str,
         curves: Vec<Curve>,
     ) -> Self {
-        Self { x, y, height_px, y_name, curves, marks: Vec::new() }
+        Self { x, y, counts: false, height_px, y_name, curves, marks: Vec::new() }
     }
 }
 
@@ -186,7 +188,8 @@ impl Panel {
         let [left, right] = [SIDES_PX[0], SIDES_PX[0] + PANEL_WIDTH_PX];
         let (bottom, middle) = (top_px + self.height_px, top_px + 0.5 * self.height_px);
         let (grid, ink) = (Pen::new(GRID, 1.0), Pen::new(INK, 1.0));
-        let x_places = ticks(&self.x, PANEL_WIDTH_PX);
+        let mut x_places = ticks(&self.x, PANEL_WIDTH_PX);
+        x_places.retain(|x| !self.counts || x.fract() == 0.0);
         let x_places = x_places.into_iter().map(|x| (x, left + self.px((x, self.y.start))[0]));
         let y_places = ticks(&self.y, self.height_px);
         let y_places = y_places.into_iter().map(|y| (y, top_px + self.px((self.x.start, y))[1]));

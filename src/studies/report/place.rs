@@ -119,7 +119,7 @@ fn view(things: &[Thing], from: &str, axes: [usize; 2], names: [&str; 2]) -> Str
             let mut ends = [low, high];
             ends.iter_mut().for_each(|end| end[axis] = line_m);
             let [[x, y], end] = ends.map(|end| window.px(end));
-            canvas.line([[x, y], end], Pen { color: GRAY, width_px: 0.5, dashed: line_m != 0.0 });
+            canvas.line([[x, y], end], Pen { dashed: line_m != 0.0, ..Pen::new(GRAY, 0.5) });
             let (place, anchor) = match axis {
                 0 => ([x, y + 16.0], Anchor::Middle),
                 _ => ([x - 6.0, y + 4.0], Anchor::End),

@@ -1,7 +1,5 @@
 //! Plots of a spread: its flights from the front, and its bands over time.
 
-use nalgebra::Vector3;
-
 use super::canvas::Pen;
 use super::figure::{BLUE, Curve, Figure, GRAY, VERMILION};
 use super::flights::{View, error_panels};
@@ -10,8 +8,8 @@ use noctograph_core::flight::{Flight, FlightSample};
 
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const FLIGHT: Pen = Pen::new(BLUE, 0.6);
-const ALL: Pen = Pen::new(BLUE, 1.75);
-const WITHIN: Pen = Pen::new(VERMILION, 1.75);
+const ALL: Pen = Pen { filled: true, ..Pen::new(BLUE, 1.75) };
+const WITHIN: Pen = Pen { filled: true, ..Pen::new(VERMILION, 1.75) };
 
 /// The lit strokes of a spread's flights from the front, over their design. SVG.
 ///
@@ -67,15 +65,14 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
     };
     let panels = error_panels(&time_s, 0.02, |axis| {
         let edges = |band: &Band, pen: Pen| {
-            let edge = |end: usize| {
-                let off_m = |(ends_m, design_m): (&[Vector3<f64>; 3], &Vector3<f64>)| {
-                    ends_m[end][axis] - design_m[axis]
-                };
-                let off_m = band.ends_m.iter().zip(&band.design_m).map(off_m);
-                let edge = band.time_s.iter().copied().zip(off_m);
-                edge.skip(first).take(last + 1 - first).collect()
+            let point = |end: usize, i: usize| {
+                (band.time_s[i], (band.ends_m[i][end] - band.design_m[i])[axis])
             };
-            Curve { pen, pieces: [0, 2].map(edge).to_vec() }
+            let last = last.min(band.time_s.len() - 1);
+            let (low, high) = ((first..=last).map(|i| point(0, i)), (first..=last).rev());
+            // Around the band, back to where it begins.
+            let around = low.chain(high.map(|i| point(2, i))).chain([point(0, first)]);
+            Curve::whole(pen, around)
         };
         vec![edges(all, ALL), edges(within, WITHIN)]
     });

@@ -7,6 +7,8 @@ const STYLE = `
   :host { display: block; max-inline-size: 60rem; }
   figure { margin: 0; }
   img { display: block; inline-size: 100%; block-size: auto; background: #0c0b09; aspect-ratio: var(--aspect); }
+  p { margin: 0; display: grid; place-items: center; overflow: hidden; container-type: inline-size; aspect-ratio: var(--aspect); background: #0c0b09; }
+  span { white-space: pre; font: min(90cqw / var(--n), 25cqw) / 1 system-ui, sans-serif; color: transparent; -webkit-text-stroke: 1px #ffcb80; }
   figcaption { margin-block-start: 0.5em; }
   a { color: inherit; }
 `;
@@ -40,17 +42,26 @@ class NoctographPhoto extends HTMLElement {
     const image = Object.assign(document.createElement("img"), { alt: "" });
     const caption = document.createElement("figcaption");
     const figure = document.createElement("figure");
-    figure.append(image, caption);
+    // What the lamp will write, until the photograph is there.
+    const plan = document.createElement("p");
+    plan.append(Object.assign(document.createElement("span"), { textContent: word }));
+    plan.ariaHidden = "true";
+    figure.append(plan, caption);
     const style = Object.assign(document.createElement("style"), { textContent: STYLE });
     this.shadowRoot?.replaceChildren(style, figure);
     this.style.setProperty("--aspect", `${aspect}`);
-    caption.textContent = "The lamp takes off …";
+    this.style.setProperty("--n", `${word.length || 1}`);
+    const tell = (/** @type {number} */ done) => {
+      caption.textContent = `The photograph is being made: ${Math.round(100 * done)} %`;
+    };
+    tell(0);
     const body = JSON.stringify({ visitor: "element", word, settings, aspect });
-    const answer = await make("live", body, { signal }).catch((error) => ({ error: { text: String(error) } }));
+    const answer = await make("live", body, { signal, tell }).catch((error) => ({ error: { text: String(error) } }));
     if (signal.aborted) return;
     if (answer.error) {
       caption.textContent = `No photograph: ${answer.error.text}`;
     } else {
+      plan.replaceWith(image);
       image.src = answer.photo;
       image.alt = `${word}, written with light in the dark`;
       const { verdict, flight_s } = answer;
