@@ -21,10 +21,8 @@ use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile};
 use noctograph_pipeline::scene::{Change, Scene};
 use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Watch};
 
-/// Pixels of the photo while one types, and of the large photo. The narrowest spot that is drawn is
-/// wider than the lens makes it below 1900 pixels of width: at 960 × 540 lines cover 1.5 times the
-/// area that they have at 3840 × 2160, at 1600 × 900 1.1 times.
-const LIVE: f64 = 1600.0 * 900.0;
+/// Pixels of the photo while one types, and of the large photo.
+const LIVE: f64 = 960.0 * 540.0;
 const LARGE: f64 = 1920.0 * 1080.0;
 const DATA_URL: &str = "data:image/jpeg;base64,";
 const LIVE_QUALITY: u8 = 85;

@@ -324,7 +324,7 @@ fn a_visitor_gets_a_photo_and_its_files() {
     let (_, live) = server.post("live", &wish);
     assert_eq!((&live["verdict"]["read"], &live["number"]), (&json!("OSLO"), &json!(7)), "{live}");
     assert!(live["photo"].as_str().unwrap().starts_with("data:image/jpeg;base64,/9j/"), "a JPEG");
-    assert_eq!([&live["width"], &live["height"]], [1600, 900]);
+    assert_eq!([&live["width"], &live["height"]], [960, 540]);
     // The lamp comes to each letter's box, one after another.
     let (strokes, boxes) = (&live["replay"]["strokes"], &live["boxes"]);
     assert_eq!(boxes.as_array().unwrap().len(), 4);
