@@ -191,7 +191,6 @@ impl Evening {
     }
 
     /// The drones with their logs.
-    #[must_use]
     pub fn drones(&self) -> Vec<(&str, &[EveningLog])> {
         let drones = self.logs.chunk_by(|a, b| a.drone == b.drone);
         drones.map(|logs| (&logs[0].drone[..], logs)).collect()
@@ -203,7 +202,6 @@ impl Evening {
     }
 
     /// The mean of the sound flights; `None` where there are none.
-    #[must_use]
     pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
         self.sound().next()?;
         let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
@@ -216,7 +214,6 @@ impl Evening {
 
     /// The widths of conditions that the sound flights show, about their own mean; what they do not
     /// show is a room's. In the order of a conditions file.
-    #[must_use]
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
@@ -252,7 +249,6 @@ impl Evening {
     }
 
     /// A conditions file (TOML) with what was found.
-    #[must_use]
     pub fn conditions_toml(&self, conditions: &[FoundCondition]) -> String {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(

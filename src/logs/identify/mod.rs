@@ -64,7 +64,6 @@ pub struct Assumed {
 
 impl Assumed {
     /// The figures of a scene's drone.
-    #[must_use]
     pub fn from_vehicle(vehicle: &VehicleOptions) -> Self {
         Self {
             mass_kg: vehicle.mass_kg,
@@ -104,13 +103,11 @@ pub struct Identified {
 
 impl Identified {
     /// The observer's Q: `1/σ²` of the three measurements, 1/m².
-    #[must_use]
     pub fn observer_q(&self) -> Option<[f64; 3]> {
         self.measurement_sigma_m.map(|sigma| sigma.map(weight))
     }
 
     /// The observer's R: `1/σ²` of the eight model errors without ψ, which nothing observes.
-    #[must_use]
     pub fn observer_r(&self) -> Option<[f64; 8]> {
         let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
         Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
@@ -118,7 +115,6 @@ impl Identified {
 }
 
 /// Weight of an error of spread σ: `1/σ²`.
-#[must_use]
 pub fn weight(sigma: f64) -> f64 {
     1.0 / (sigma * sigma)
 }

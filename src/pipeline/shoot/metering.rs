@@ -49,7 +49,6 @@ pub struct Metered {
 
 impl Metered {
     /// Help that a camera needs besides its settings, such as a filter; `None` if none.
-    #[must_use]
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
             format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
@@ -83,7 +82,6 @@ pub(super) fn metered(
 
 /// Meters the light: the settings that the scene's aims ask for, or the default ones of a scene
 /// that does not meter; `None` for darkness.
-#[must_use]
 pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,

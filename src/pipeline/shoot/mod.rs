@@ -319,7 +319,6 @@ impl Shoot {
     }
 
     /// Whether the drones hear each other, or fly through each other's wakes.
-    #[must_use]
     pub fn in_step(&self) -> bool {
         self.plans.len() > 1
             && (self.scene.observer.kind == EstimatorKind::Cooperative || !self.wakes().is_empty())
@@ -327,7 +326,6 @@ impl Shoot {
 
     /// Pairs of drones, counted from 0, with the second one planned into the wake of the first, and
     /// their closest approach.
-    #[must_use]
     pub fn wakes(&self) -> Vec<([usize; 2], Approach)> {
         if self.scene.air.downwash == Downwash::None {
             return Vec::new();
