@@ -195,11 +195,6 @@ impl File {
     fn new(name: impl Into<String>, text: String) -> Self {
         Self { name: name.into(), bytes: text.into_bytes() }
     }
-
-    #[cfg(test)]
-    fn text(self) -> String {
-        String::from_utf8(self.bytes).unwrap()
-    }
 }
 
 /// The files of a format. Several drones have a file each.

@@ -151,23 +151,6 @@ impl Outcome {
     }
 }
 
-#[cfg(test)]
-impl Outcome {
-    /// An outcome that was never flown.
-    pub(super) fn example(probability: f64) -> Self {
-        Self {
-            read: "I".into(),
-            all_read: probability > 0.5,
-            legible: probability > 0.7,
-            probability,
-            log_odds: 0.0,
-            similarity: 0.5,
-            flown: None,
-            lost: None,
-        }
-    }
-}
-
 impl Flown {
     /// Figures of the flights of one photo.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
@@ -237,6 +220,22 @@ mod tests {
     use noctograph_pipeline::scene::{Preset, Scene};
     use noctograph_pipeline::shoot::Shoot;
     use noctograph_plan::PlanOptions;
+
+    impl Outcome {
+        /// An outcome that was never flown.
+        pub(crate) fn example(probability: f64) -> Self {
+            Self {
+                read: "I".into(),
+                all_read: probability > 0.5,
+                legible: probability > 0.7,
+                probability,
+                log_odds: 0.0,
+                similarity: 0.5,
+                flown: None,
+                lost: None,
+            }
+        }
+    }
 
     fn flights(scene: Scene) -> Vec<Flight> {
         Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap()
