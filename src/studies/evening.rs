@@ -23,7 +23,7 @@ use noctograph_core::error::Result;
 use noctograph_core::files::Limit;
 use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning, airborne, saturated_s};
 use noctograph_core::settings::Described;
-use noctograph_logs::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
+use noctograph_logs::identify::{RotorLag, T_95, identify, is_frozen};
 use noctograph_logs::{GatheredLog, ImportOptions, import, logs_in};
 use noctograph_pipeline::preflight::MAX_SATURATED_S;
 use noctograph_pipeline::scene::Scene;
@@ -334,8 +334,7 @@ fn figures(
         return Err(Flaw::Frozen);
     }
     let vehicle = &scene.vehicle;
-    let identified = identify(flight, &Assumed::from_vehicle(vehicle))
-        .map_err(|error| Flaw::Silent(error.to_string()))?;
+    let identified = identify(flight, vehicle).map_err(|error| Flaw::Silent(error.to_string()))?;
     let lag = identified.lag.filter(RotorLag::is_identifiable);
     let weight_n = identified.k_f_n * identified.mean_motors.iter().sum::<f64>();
     let room = GustOptions::default().torque_sigma_n_m;
