@@ -114,7 +114,7 @@ impl Studio<'_> {
         }
         let (PreparedScene { scene, profile }, strokes) = self.drawn(subject, pixels)?;
         let source = source(&strokes);
-        Ok(match Shoot::of_strokes(scene, strokes) {
+        Ok(match Shoot::of_strokes(scene, strokes, &|_| Ok(())) {
             Ok(shoot) => Ok(Ready { shoot, profile, source, notes: Vec::new() }),
             // Of what is too much for a flight, the page leaves strokes out.
             Err(error) => {
@@ -178,7 +178,7 @@ impl Studio<'_> {
         let (mode, tolerance_m) = (Mode::default(), Form::Compressed.tolerance_m());
         let format = ExportFormat::Cflib;
         let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
-        let checked = CheckedExport::new(Shoot::of_strokes(scene, strokes)?, options)?;
+        let checked = CheckedExport::new(Shoot::of_strokes(scene, strokes, &|_| Ok(()))?, options)?;
         let stops: Vec<Message> = checked.findings.iter().filter_map(Message::of_stop).collect();
         if !stops.is_empty() {
             return Ok(Err(Message::of_stops(&json!(stops))));
