@@ -107,6 +107,14 @@ def on_pad(page):
     return lambda x, y: (box["x"] + x * box["width"], box["y"] + y * box["height"])
 
 
+def come(page, requests):
+    """Waits for the first of the requests that a route collects."""
+    end = time.monotonic() + PATIENCE_S
+    while not requests:
+        assert time.monotonic() < end, f"no request within {PATIENCE_S} s"
+        page.wait_for_timeout(20)
+
+
 def stroke(page, *points, steps=12):
     """Draws a line through points of the pad."""
     place = on_pad(page)

@@ -529,8 +529,7 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
             wall.wait_for_selector("#newest img")
             assert "ANNA" in wall.inner_text("#newest")
-            while not coming:
-                wall.wait_for_timeout(20)
+            come(wall, coming)
             assert wall.locator("#bare").is_visible(), "the lamp waits until the first photograph is there"
             coming[0].continue_()
             until(wall, "document.querySelector('#bare').hidden", "the photograph in its place")

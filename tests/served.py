@@ -77,8 +77,7 @@ def the_word_is_seen_until_its_first_photograph(browser, url):
         assert page.locator("#plan").is_visible() and 0.3 * size["width"] < text["width"] < stage["width"], (text, stage)
         assert text["bottom"] < page.locator("#verdict").bounding_box()["y"], "the desk covers the word"
         assert page.inner_text("#verdict") == "The photograph is being made …"
-        while not held:
-            page.wait_for_timeout(20)
+        come(page, held)
         try:
             held[0].continue_()
         except Error:

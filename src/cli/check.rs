@@ -17,10 +17,13 @@ pub(super) struct CheckArgs {
 }
 
 pub(super) fn run(args: &CheckArgs) -> Result<Report> {
-    let shoot = args.subject.shoot(|scene| {
-        args.profile.slow(&args.subject, scene);
-        args.stand.apply(scene)
-    })?;
+    let shoot = args.subject.shoot(
+        |scene| {
+            args.profile.slow(&args.subject, scene);
+            args.stand.apply(scene)
+        },
+        &|_| Ok(()),
+    )?;
     let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings, placement } = preflight(&shoot, &profile)?;
     let stops = findings.iter().any(|checked| checked.row.severity == Severity::Stop);

@@ -114,7 +114,8 @@ fn memory() -> Option<PathBuf> {
     Some(folder.join("noctograph").join(format!("driver-{key}")))
 }
 
-#[cfg(all(test, unix))]
+#[cfg(unix)]
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -46,7 +46,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
-    let shoot = args.subject.shoot_if(
+    let shoot = args.subject.shoot(
         |scene| {
             args.profile.slow(&args.subject, scene);
             // The scripts find the clock of the drone, and pace by it.

@@ -276,13 +276,9 @@ impl SubjectFlags {
         Some(plans).filter(|plans| are_plans && !plans.is_empty())
     }
 
-    /// The word or the plans, ready to fly; `change` has the last word on the scene.
-    pub(super) fn shoot(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Shoot> {
-        self.shoot_if(change, &|_| Ok(()))
-    }
-
-    /// The same of a word whose designs pass a check before a flight is rehearsed.
-    pub(super) fn shoot_if(
+    /// The word or the plans, ready to fly; `change` has the last word on the scene. The designs of
+    /// a word pass a check before a flight is rehearsed.
+    pub(super) fn shoot(
         &self,
         change: impl FnOnce(&mut Scene) -> Result<()>,
         check: &DesignCheck<'_>,
@@ -299,7 +295,7 @@ impl SubjectFlags {
         }
         let scene = self.ready(change)?;
         let strokes = scene.strokes()?;
-        let shoot = Shoot::new_if(scene, strokes, check)?;
+        let shoot = Shoot::of_strokes(scene, strokes, check)?;
         warn_of_fewer_drones(&shoot);
         if self.design.scene.sets("letters.cap_height_m") {
             warn_of_smaller_letters(&shoot);

@@ -95,12 +95,6 @@ impl FlightFlags {
         Ok(log)
     }
 
-    /// Reads flights or logs that belong together, and prints their warnings.
-    pub(super) fn read_all(&self, paths: &[PathBuf], scene: Option<&Scene>) -> Result<Vec<Flight>> {
-        FLIGHTS.check_all(paths)?;
-        paths.iter().map(|path| self.read(path, scene)).collect()
-    }
-
     /// Flights, logs or light traces that are photographed, one for each drone. A log without
     /// lights has those of the scene's word, or is `lit` all along.
     pub(super) fn shoot(

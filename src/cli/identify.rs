@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Args, Error, FlightFlags, Report, Result, SceneFlags, json, warn};
-use crate::identify::{Assumed, Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
+use crate::identify::{Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::vehicle::VehicleOptions;
 
 #[derive(Debug, Args)]
@@ -32,7 +32,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         .transpose()?;
     let flight = args.log.as_deref().map(|log| args.flight.read(log, Some(&scene))).transpose()?;
     let identified = flight
-        .map(|flight| identify(&flight, &Assumed::from_vehicle(vehicle)))
+        .map(|flight| identify(&flight, vehicle))
         .transpose()
         .map_err(|error| named(error, args.log.as_deref()))?;
     warn(identified.iter().flat_map(|identified| &identified.left_out));

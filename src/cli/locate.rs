@@ -110,7 +110,6 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         acceleration_m_s2_sqrt_hz: args.acceleration,
         smooth: args.observer == Observer::Smooth,
         room: args.within,
-        ..LocateOptions::default()
     };
     LOGS.check_all(&args.ranges)?;
     let (mut logs, mut samples) = (Vec::new(), Vec::new());

@@ -31,7 +31,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         crate::error::within("target_stops", stops, -30.0, 30.0)?;
     }
     let shoot = match args.flight.as_slice() {
-        [] => args.subject.shoot(|scene| args.picture.apply(scene))?,
+        [] => args.subject.shoot(|scene| args.picture.apply(scene), &|_| Ok(()))?,
         paths => {
             let mut scene = args.subject.scene_of(paths)?;
             args.picture.apply(&mut scene)?;

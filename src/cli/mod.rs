@@ -222,7 +222,6 @@ fn command() -> Command {
 /// Runs the command that was typed.
 ///
 /// On a thread with a stack of [`STACK`] bytes; on the main thread only where none can be started.
-#[must_use]
 pub fn main() -> ExitCode {
     if std::thread::current().name() == Some("main")
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)

@@ -51,7 +51,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
             Outputs::create(args.output.as_deref(), "plan", n)?
         }
     };
-    let shoot = Shoot::of_strokes(scene.clone(), strokes.clone())?;
+    let shoot = Shoot::of_strokes(scene.clone(), strokes.clone(), &|_| Ok(()))?;
     warn_of_fewer_drones(&shoot);
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };

@@ -13,9 +13,8 @@ use super::{
     json, line, named, show, table, typed_command, warn, watch, wrapped,
 };
 use crate::export::{Form, Length};
-use crate::preflight::{CAMERA_PLACE, Profile, ShotPlan};
+use crate::preflight::{CAMERA_PLACE, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
-use crate::scene::Scene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
@@ -44,22 +43,14 @@ pub(super) struct PreviewArgs {
     output: PathBuf,
 }
 
-impl PreviewArgs {
-    /// The word or the plans, ready to fly.
-    pub(super) fn shoot(&self) -> Result<Shoot> {
-        self.subject.shoot(|scene| {
-            self.profile.slow(&self.subject, scene);
-            self.picture.apply(scene)
-        })
-    }
-
-    fn profile(&self, scene: &Scene) -> Profile {
-        self.profile.profile(scene)
-    }
-}
-
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    let mut shoot = args.shoot()?;
+    let mut shoot = args.subject.shoot(
+        |scene| {
+            args.profile.slow(&args.subject, scene);
+            args.picture.apply(scene)
+        },
+        &|_| Ok(()),
+    )?;
     if let Some(form) = args.as_exported {
         warn_of_trailing(&shoot);
         shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
@@ -83,7 +74,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     write(&shot, &json, &mut folder)?;
     let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
     let remedies = remedies_for(&shot)?;
-    let profile = args.profile(&shot.shoot.scene);
+    let profile = args.profile.profile(&shot.shoot.scene);
     let findings = match args.report {
         true => shot.preflight(&profile)?.findings,
         false => shot.findings(&profile)?,

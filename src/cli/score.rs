@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use super::flight_flags::relit_where_dark;
 use super::read::read_upright;
 use super::{
-    Args, CameraFlags, Corners, Error, FlightFlags, Output, Report, Result, SceneFlags, is_svg,
-    message, set_word, shell_word, show,
+    Args, CameraFlags, Corners, Error, FLIGHTS, FlightFlags, Output, Report, Result, SceneFlags,
+    is_svg, message, set_word, shell_word, show,
 };
 use crate::flight::Flight;
 use crate::letters::Strokes;
@@ -103,8 +103,9 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         },
     };
     let mut flights = Vec::new();
-    let logs = args.flights.read_all(&args.flight, Some(&scene))?;
-    for (mut flight, path) in logs.into_iter().zip(&args.flight) {
+    FLIGHTS.check_all(&args.flight)?;
+    for path in &args.flight {
+        let mut flight = args.flights.read(path, Some(&scene))?;
         // As the photo of a log has it.
         relit_where_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);

@@ -55,14 +55,12 @@ fn jacobian<const N: usize, const M: usize>(
 }
 
 /// A matrix of static size as one of dynamic size.
-#[must_use]
 pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Matrix {
     Matrix::from_column_slice(R, C, m.as_slice())
 }
 
 /// Number of independent observable directions of `ẋ = A x`, `y = C x`: the
 /// rank of `[C; CA; CA²; …]`. The number of states means observable.
-#[must_use]
 pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }
@@ -92,7 +90,6 @@ fn rank(columns: Matrix) -> usize {
 ///
 /// Maps the left half plane onto the unit disc and squares the result until it vanishes; a pole on
 /// the border counts as not stable. `false` for a matrix that is not finite.
-#[must_use]
 pub fn is_hurwitz(a: &Matrix) -> bool {
     let scaled = a / a.norm();
     let one = Matrix::identity(a.nrows(), a.ncols());
@@ -115,7 +112,6 @@ pub fn is_hurwitz(a: &Matrix) -> bool {
 
 /// Unobservable states of `ẋ = A x`, `y = C x`: every state that is not a
 /// combination of the rows of `[C; CA; CA²; …]`, by index.
-#[must_use]
 pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let seen = rank(columns.clone());

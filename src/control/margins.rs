@@ -35,7 +35,6 @@ pub struct Margins {
 /// designed for has at least 60°, any rise and a half (Anderson, Moore, 1990, chapter 5).
 ///
 /// `None` where the closed loop is not stable to begin with.
-#[must_use]
 pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
     let of_input = |i| {
@@ -120,7 +119,6 @@ fn crossing(
 
 /// The plant `ẋ = A x + B u` whose inputs follow their commands with a lag: `τ u̇ = u_command − u`.
 /// Its states are `[x u]`, and the feedback on them is `[K 0]`.
-#[must_use]
 pub fn with_input_lag(a: &Matrix, b: &Matrix, k: &Matrix, lag_s: f64) -> [Matrix; 3] {
     let (n, m) = b.shape();
     let one = Matrix::identity(m, m);

@@ -16,7 +16,6 @@ const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 ///
 /// `None` where the QR iteration does not converge or the matrix is not finite. Good to 1e-9 of the
 /// largest for well-separated poles; an n-fold pole spreads by the n-th root of the rounding error.
-#[must_use]
 pub fn poles(a: &Matrix) -> Option<Vec<Complex<f64>>> {
     if !a.iter().all(|entry| entry.is_finite()) {
         return None;

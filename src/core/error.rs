@@ -33,7 +33,6 @@ impl Place {
     }
 
     /// The key in the innermost file, without indices and what follows them.
-    #[must_use]
     pub fn key(&self) -> &str {
         let is_file = |it: &Segment| matches!(it, Segment::File(_) | Segment::Line(_));
         match &self.0[self.0.iter().rposition(is_file).map_or(0, |file| file + 1)..] {
@@ -148,7 +147,6 @@ pub enum Error {
 
 impl Error {
     /// Advice on how to fix it.
-    #[must_use]
     pub fn hint(&self) -> &str {
         match self {
             Self::Io { hint, .. }
@@ -183,14 +181,12 @@ impl Error {
     }
 
     /// A file that cannot be read.
-    #[must_use]
     pub fn read(path: &Path, source: std::io::Error) -> Self {
         let hint = "name a file or folder that exists and is readable".into();
         Self::Io { path: path.into(), source, hint }
     }
 
     /// A file or folder that cannot be written.
-    #[must_use]
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
         let hint = match source.kind() {

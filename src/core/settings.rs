@@ -429,7 +429,6 @@ macro_rules! described {
             $vis const ALL: &[Self] = &[Self::$first, $(Self::$variant,)*];
 
             /// Its name in a scene file.
-            #[must_use]
             $vis fn name(self) -> &'static str {
                 match self {
                     Self::$first => $first_text,

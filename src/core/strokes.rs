@@ -117,7 +117,6 @@ pub struct Move {
 
 impl Strokes {
     /// SHA-256 of all moves, in hexadecimal.
-    #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
         digest.add(&self.word);
@@ -130,7 +129,6 @@ impl Strokes {
     }
 
     /// Number of its strokes: lit moves without a way in the dark between them.
-    #[must_use]
     pub fn n_strokes(&self) -> usize {
         let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
@@ -140,7 +138,6 @@ impl Strokes {
     }
 
     /// Length of its strokes.
-    #[must_use]
     pub fn length_m(&self) -> f64 {
         let lit = self.glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
         lit.map(|step| distance(step.from_m, step.to_m)).sum()
@@ -148,7 +145,6 @@ impl Strokes {
 
     /// The box that holds all cells and all ink: `[left, bottom, right, top]` in the plane of the
     /// word.
-    #[must_use]
     pub fn bounds_m(&self) -> [f64; 4] {
         let corners = self.glyphs.iter().flat_map(|glyph| {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;
@@ -160,7 +156,6 @@ impl Strokes {
     }
 
     /// The glyphs of each line, from the topmost line on: ranges of [`Self::glyphs`].
-    #[must_use]
     pub fn lines(&self) -> Vec<std::ops::Range<usize>> {
         let mut begin = 0;
         let lines =

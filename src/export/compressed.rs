@@ -112,7 +112,6 @@ impl Compressed {
     }
 
     /// The bytes that the drone stores.
-    #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let start_mm = self.pieces.first().map_or([0; 3], |piece| piece.start_mm);
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
@@ -155,7 +154,6 @@ impl Compressed {
     }
 
     /// Duration as flown, s.
-    #[must_use]
     pub fn duration_s(&self) -> f64 {
         self.polynomials().iter().map(|piece| piece.duration_s).sum()
     }

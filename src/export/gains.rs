@@ -237,7 +237,8 @@ mod tests {
 
     #[test]
     fn the_regulators_table_is_c() {
-        let text = files(&SimOptions::default()).unwrap().swap_remove(0).text();
+        let file = files(&SimOptions::default()).unwrap().swap_remove(0);
+        let text = String::from_utf8(file.bytes).unwrap();
         assert!(text.contains("static const float K[4][12] = {\n  {"), "{text}");
         assert_eq!(text.matches("},\n").count(), 4 + 8, "rows of K and L: {text}");
     }

@@ -96,7 +96,6 @@ pub struct Job<'a> {
 impl Format {
     /// The trajectory that drones fly of it: its form and the length it may have.
     /// `None`: setpoints, or no flight.
-    #[must_use]
     pub fn trajectory(self, mode: Mode) -> Option<(Form, Length)> {
         match self {
             Self::Cflib if mode != Mode::Trajectory => None,
@@ -108,7 +107,6 @@ impl Format {
     }
 
     /// Uses that its files do not serve, where that is not obvious.
-    #[must_use]
     pub fn note(self) -> Option<&'static str> {
         match self {
             Self::Skyc => Some(
@@ -126,13 +124,11 @@ impl Format {
     }
 
     /// Whether its files fly a drone.
-    #[must_use]
     pub fn flies(self) -> bool {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
     /// Whether its files are trajectories of the letters alone, which begin and end in the air.
-    #[must_use]
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)
     }
@@ -198,11 +194,6 @@ pub struct File {
 impl File {
     fn new(name: impl Into<String>, text: String) -> Self {
         Self { name: name.into(), bytes: text.into_bytes() }
-    }
-
-    #[cfg(test)]
-    fn text(self) -> String {
-        String::from_utf8(self.bytes).unwrap()
     }
 }
 
@@ -307,7 +298,6 @@ const SPELLED: [(char, &str); 14] = [
 ];
 
 /// A word as the stem of a file's name: its letters and digits in ASCII, without accents.
-#[must_use]
 pub fn stem(word: &str) -> String {
     let mut stem = String::new();
     for letter in word.nfkd() {

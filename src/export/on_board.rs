@@ -30,7 +30,6 @@ settings! {
 impl Form {
     /// Default tolerance of each form, m: polynomials of degree 7 need more memory for the same
     /// distance from the design.
-    #[must_use]
     pub fn tolerance_m(self) -> f64 {
         match self {
             Self::Compressed => 0.002,

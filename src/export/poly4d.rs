@@ -104,7 +104,6 @@ impl Poly4d {
     }
 
     /// The bytes that the drone stores.
-    #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         let numbers = self.pieces.iter().flat_map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
@@ -115,7 +114,6 @@ impl Poly4d {
     }
 
     /// The CSV of `uav_trajectories`, with as many digits as the numbers have.
-    #[must_use]
     pub fn to_csv(&self) -> String {
         let rows = self.pieces.iter().map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();

@@ -68,7 +68,6 @@ pub enum Platform {
 
 impl Platform {
     /// Names that its firmware may answer with (`platform_cf2.c`, `platform_cf21bl.c`).
-    #[must_use]
     pub fn names(self) -> &'static [&'static str] {
         match self {
             Self::Crazyflie2 => &["Crazyflie 2.1", "Crazyflie 2.0"],
@@ -78,7 +77,6 @@ impl Platform {
 
     /// Voltage under load at which the battery is low, V (`DEFAULT_BAT_LOW_VOLTAGE` in
     /// `platform_defaults_cf2.h` and `platform_defaults_cf21bl.h`).
-    #[must_use]
     pub fn low_battery_v(self) -> f64 {
         match self {
             Self::Crazyflie2 => 3.2,
@@ -93,7 +91,6 @@ impl Platform {
 /// filter settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a
 /// second, and the filter's process noise of 0.5 m/s² in a millisecond make 3.4 cm with anchors all
 /// around, and two to three times as much beside them: it would never settle within 3 cm.
-#[must_use]
 pub fn variance_m2(positioning: Positioning) -> f64 {
     match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => 1e-3,
@@ -137,7 +134,6 @@ impl Battery {
     ///
     /// Currents are computed from the flight's voltages. They give the voltages of the same flight
     /// from any other charge.
-    #[must_use]
     pub fn new(options: &BatteryOptions, flight: &Flight, low_v: f64) -> Option<Self> {
         if options.capacity_ah <= 0.0 || options.resistance_ohm <= 0.0 {
             return None;
@@ -179,7 +175,6 @@ impl Battery {
     }
 
     /// Whether the battery lasts as it is charged.
-    #[must_use]
     pub fn lasts(&self) -> bool {
         self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - 1e-9)
     }
@@ -208,7 +203,6 @@ pub struct Checks {
 /// All checks in the order in which they are made, as a table for `docs/fly.md`. Columns: the
 /// check; who makes it (`check` and `export`, a script, the firmware); its limit; the source of the
 /// limit.
-#[must_use]
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
     let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]

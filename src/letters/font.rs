@@ -63,13 +63,11 @@ impl Font {
     }
 
     /// The name by which it was opened.
-    #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
     /// Its characters, in the order of their codes.
-    #[must_use]
     pub fn characters(&self) -> String {
         self.face.characters().collect()
     }
@@ -78,14 +76,12 @@ impl Font {
     ///
     /// The letters of a box font (the team's) fill the cell. Those of any other font have its
     /// height, keep their proportions and are centered in it.
-    #[must_use]
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
         Some(self.face.shape(character)?.glyph(character, cell, self.face.fit()))
     }
 
     /// Width of the cell that [`super::write()`] gives a character, by its cap height; `None` where
     /// the font lacks it, and for a box font, whose cells may have any width.
-    #[must_use]
     pub fn aspect(&self, character: char) -> Option<f64> {
         match self.face.fit() {
             Fit::Box => None,

@@ -136,7 +136,6 @@ impl LetterOptions {
     }
 
     /// The same in another size, on the same baseline and canvas.
-    #[must_use]
     pub fn scaled(&self, scale: f64) -> Self {
         Self {
             cap_height_m: self.cap_height_m * scale,

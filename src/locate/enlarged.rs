@@ -21,7 +21,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::fit::descend;
 use super::pass::{Innovations, together};
-use super::positions::{Positions, extent_m};
+use super::positions::{GATE_SIGMAS, Positions, extent_m};
 use super::smoother::{checked, heard_s};
 use super::track::moved_m;
 use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
@@ -246,7 +246,7 @@ pub fn locate_enlarged(
             Some(positions) => positions.advance(&moved_m, variance_m2),
         }
         if handed_over.is_none() && time_s >= hand_over_s {
-            handed_over = Some(linear.positions(None, options.gate_sigmas));
+            handed_over = Some(linear.positions(None, GATE_SIGMAS));
         }
         for RangeSample { link, distance_m, .. } in step {
             match &mut handed_over {
@@ -312,7 +312,12 @@ mod tests {
             let starts_m = [0, 1].map(|d| place(d, 0.0) + shifts[d] * (5.0 / length));
             let sigma_m = 5.0 / f64::sqrt(6.0);
             let mut first = Enlarged::new(&anchors_m, &starts_m, sigma_m);
-            let mut second = (!linear).then(|| Positions::new(&anchors_m, &starts_m, sigma_m, 1e6));
+            let mut second = (!linear).then(|| {
+                let mut normal = Normal::independent(&[sigma_m; 6]);
+                let starts = starts_m.iter().flatten();
+                normal.mean.iter_mut().zip(starts).for_each(|(x, start)| *x = *start);
+                Positions::with(anchors_m.to_vec(), normal, 1e6)
+            });
             let dt_s = 0.005;
             for k in 1..=4000_u32 {
                 let now_s = f64::from(k) * dt_s;

@@ -131,7 +131,7 @@ impl Room {
 mod tests {
     use nalgebra::Vector3;
 
-    use super::{Located, RangeSample, Track};
+    use super::{LocateOptions, Located, RangeSample, Track};
     use noctograph_core::random::split_mix;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{EvenStyle, PlanOptions, Style, fleet};
@@ -145,6 +145,12 @@ mod tests {
     ];
 
     pub(super) use super::region::FIVE_LINKS;
+
+    impl Default for LocateOptions {
+        fn default() -> Self {
+            Self { range_sigma_m: 0.1, acceleration_m_s2_sqrt_hz: 1.0, smooth: true, room: None }
+        }
+    }
 
     /// The designs of two drones that write NOOR.
     pub(super) fn path() -> impl Fn(usize, f64) -> Vector3<f64> {

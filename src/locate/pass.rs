@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::positions::slope;
+use super::positions::{GATE_SIGMAS, slope};
 use super::{Link, LocateOptions, RangeSample};
 use noctograph_sim::estimate::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
 
@@ -101,7 +101,7 @@ impl<'a> Model<'a> {
 
     /// A filter at the beginning of a log.
     pub(super) fn filter(&self, start: &Normal) -> Filter {
-        let gate = Gate::new(self.options.gate_sigmas);
+        let gate = Gate::new(GATE_SIGMAS);
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
     }
 

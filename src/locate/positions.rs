@@ -5,6 +5,9 @@ use nalgebra::{Matrix3, Vector3};
 use super::Link;
 use noctograph_sim::estimate::{Gate, Measurement, Normal, Part, along, toward};
 
+/// Standard deviations of its innovation beyond which a range is rejected.
+pub(super) const GATE_SIGMAS: f64 = 4.0;
+
 /// Positions of N drones with their covariance: an extended Kalman filter on ranges.
 #[derive(Clone, Debug)]
 pub struct Positions {
@@ -15,19 +18,7 @@ pub struct Positions {
 }
 
 impl Positions {
-    /// Independent drones near these places, each axis with a standard deviation. Ranges farther
-    /// from their prediction than `gate_sigmas` are refused.
-    pub fn new(
-        anchors_m: &[Vector3<f64>],
-        starts_m: &[Vector3<f64>],
-        sigma_m: f64,
-        gate_sigmas: f64,
-    ) -> Self {
-        let mut normal = Normal::independent(&vec![sigma_m; 3 * starts_m.len()]);
-        normal.mean.iter_mut().zip(starts_m.iter().flatten()).for_each(|(x, start)| *x = *start);
-        Self::with(anchors_m.to_vec(), normal, gate_sigmas)
-    }
-
+    /// Drones of these places. Ranges farther from their prediction than `gate_sigmas` are refused.
     pub(super) fn with(anchors_m: Vec<Vector3<f64>>, normal: Normal, gate_sigmas: f64) -> Self {
         Self { anchors_m, normal, gate: Gate::new(gate_sigmas) }
     }

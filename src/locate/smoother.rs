@@ -37,24 +37,10 @@ pub struct LocateOptions {
     pub range_sigma_m: f64,
     /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother and lags in curves.
     pub acceleration_m_s2_sqrt_hz: f64,
-    /// Standard deviations of its innovation beyond which a range is rejected.
-    pub gate_sigmas: f64,
     /// Whether later ranges improve earlier positions; otherwise as in flight.
     pub smooth: bool,
     /// Where the drones are, if that is known: it decides between mirror images.
     pub room: Option<Room>,
-}
-
-impl Default for LocateOptions {
-    fn default() -> Self {
-        Self {
-            range_sigma_m: 0.1,
-            acceleration_m_s2_sqrt_hz: 1.0,
-            gate_sigmas: 4.0,
-            smooth: true,
-            room: None,
-        }
-    }
 }
 
 /// Positions of all drones over time.

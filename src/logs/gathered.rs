@@ -102,7 +102,6 @@ fn named_drone(path: &Path) -> Option<String> {
 }
 
 /// The scene (TOML) that an exported script keeps in its log.
-#[must_use]
 pub fn scene_in(log: &Path) -> Option<String> {
     let head = LIMIT.beginning(log, HEAD_BYTES).ok()?;
     let is_json = json_of(&head).starts_with(b"{");

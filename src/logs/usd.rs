@@ -39,13 +39,12 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         before.len() >= cursor.offset && crc32fast::hash(before) == u32::from_le_bytes(*crc)
     });
     let end = if whole { body.len() - 4 } else { body.len() };
-    let (length, stop) = records(&body[..end], version, &mut events, budget)?;
+    let (length, is_cut_off, damage) = records(&body[..end], version, &mut events, budget)?;
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
     let mut warnings = Vec::new();
-    if let Some(damage) = stop.damage(whole) {
+    if !whole || length < end {
         let byte = cursor.offset + length;
-        let cut_off = !whole && matches!(stop, Stop::End | Stop::Short | Stop::Zeros);
-        if !cut_off && options.damaged == Damaged::Refuse {
+        if (whole || !is_cut_off) && options.damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
             return Err(cursor.error(byte, damage, wanted));
         }
@@ -67,61 +66,45 @@ struct Event {
     block: Block,
 }
 
-/// Why the records end.
-enum Stop {
-    End,
-    Short,
-    /// Nothing but zeros remains: clusters of the card that the file was given, and the drone was
-    /// switched off before they were written.
-    Zeros,
-    /// Four bytes remain that do not begin a record: probably a CRC.
-    Crc,
-    Unknown(u16),
-}
-
 /// Steps of reading a number.
 const STEPS: usize = 5;
 
-impl Stop {
-    /// The damage of a log whose records end here; `None` of a whole one.
-    fn damage(&self, whole: bool) -> Option<String> {
-        let text = match self {
-            Self::End if whole => return None,
-            Self::End => "the log ends without a CRC, cut off between two records",
-            Self::Short => "the log is cut off within a record",
-            Self::Zeros => "zeros up to the end: the log was cut off",
-            Self::Crc => "the CRC does not match: bytes were changed after they were written",
-            Self::Unknown(id) => return Some(format!("event {id}, which is not in the header")),
-        };
-        Some(text.to_owned())
-    }
-}
-
-/// Reads records as long as there are any; returns their bytes, and why they end.
+/// Reads records as long as there are any; returns their bytes, whether the log may be cut off
+/// there, and why they end before its CRC.
 fn records(
     body: &[u8],
     version: u16,
     events: &mut BTreeMap<u16, Event>,
     budget: &Budget,
-) -> Result<(usize, Stop)> {
+) -> Result<(usize, bool, String)> {
+    const SHORT: &str = "the log is cut off within a record";
     let n_head = if version == 1 { 6 } else { 10 };
     let zeros_from = body.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let mut offset = 0;
     loop {
         let rest = &body[offset..];
         let Some((id, _)) = rest.split_first_chunk::<2>() else {
-            return Ok((offset, if rest.is_empty() { Stop::End } else { Stop::Short }));
+            let between = "the log ends without a CRC, cut off between two records";
+            return Ok((offset, true, if rest.is_empty() { between } else { SHORT }.into()));
         };
         let id = u16::from_le_bytes(*id);
         // A record of zeros alone has no stamp: the drone's counter runs since it was switched on.
+        // They are clusters of the card that the file was given, and that were never written.
         if id == 0 && rest.len() > 4 && offset >= zeros_from {
-            return Ok((offset, Stop::Zeros));
+            return Ok((offset, true, "zeros up to the end: the log was cut off".into()));
         }
         let Some(event) = events.get_mut(&id) else {
-            return Ok((offset, if rest.len() == 4 { Stop::Crc } else { Stop::Unknown(id) }));
+            // Four bytes that begin no record are probably a CRC.
+            let damage = match rest.len() {
+                4 => {
+                    "the CRC does not match: bytes were changed after they were written".to_owned()
+                }
+                _ => format!("event {id}, which is not in the header"),
+            };
+            return Ok((offset, false, damage));
         };
         if rest.len() < n_head + event.n_bytes {
-            return Ok((offset, Stop::Short));
+            return Ok((offset, true, SHORT.into()));
         }
         let n_numbers = 1 + event.decoders.len();
         budget.bytes(size_of::<f64>() * n_numbers)?;

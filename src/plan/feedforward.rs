@@ -31,7 +31,6 @@ pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a
 /// the plan's loop.
 ///
 /// Setpoints on the floor, where motors are off, are unchanged; an offset is kept.
-#[must_use]
 pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = axes(|axis| {
         let first = plan.setpoints.first().map_or(0.0, |setpoint| setpoint.position_m[axis]);
@@ -49,7 +48,6 @@ pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
 /// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
 /// iterative learning, the correction that a controller with feedforward of its own still
 /// needs.
-#[must_use]
 pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = axes(|axis| {
         inverse[axis].inputs(|time_s| {
@@ -65,7 +63,6 @@ pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Pl
 }
 
 /// Moves the positions that are sent against a mean error `flown − design` of earlier flights.
-#[must_use]
 pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
     sending(plan, |row| plan.sent_m(row) - mean_error_m)
 }

@@ -17,7 +17,6 @@ const OUTPUTS_PER_INPUT: usize = 2;
 
 impl StepResponse {
     /// The response at a time after the step; 0 before it.
-    #[must_use]
     pub fn value_at(&self, time_s: f64) -> f64 {
         let place = time_s / self.interval_s;
         let Some(last) = self.values.len().checked_sub(1).filter(|_| place >= 0.0) else {
@@ -33,7 +32,6 @@ impl StepResponse {
     }
 
     /// Time after which the response stays within 0.1 % of the step from its end.
-    #[must_use]
     pub fn settled_s(&self) -> f64 {
         let end = self.values.last().copied().unwrap_or_default();
         let unsettled = self.values.iter().rposition(|v| (v - end).abs() > SETTLED);
@@ -41,7 +39,6 @@ impl StepResponse {
     }
 
     /// Multiplications of [`Self::inverse`] for so many inputs, an interval apart.
-    #[must_use]
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
@@ -60,7 +57,6 @@ impl StepResponse {
     /// # Panics
     ///
     /// If the times do not rise.
-    #[must_use]
     pub fn inverse(&self, times_s: Vec<f64>, ridge: f64) -> Inverse<'_> {
         assert!(times_s.windows(2).all(|pair| pair[0] < pair[1]), "times rise");
         let settled_s = self.settled_s();
@@ -88,7 +84,6 @@ pub struct Inverse<'a> {
 impl Inverse<'_> {
     /// Inputs that make the loop put out `wanted`, in the sense of least squares over the whole
     /// span, after a rest at its first value.
-    #[must_use]
     pub fn inputs(&self, wanted: impl Fn(f64) -> f64) -> Vec<f64> {
         let Some(start_s) = self.times_s.first() else { return Vec::new() };
         let rest = wanted(*start_s);

@@ -103,7 +103,6 @@ settings! {
 
 /// Whether a verdict on strokes is possible: they are a word with letters or digits, and the reader
 /// knows all of these.
-#[must_use]
 pub fn is_judged(strokes: &Strokes) -> bool {
     let mut known = strokes.glyphs.iter().filter(|glyph| classes_of(glyph.character).is_some());
     let has_foreign = strokes.glyphs.iter().any(|glyph| is_foreign(glyph.character));

@@ -116,7 +116,6 @@ fn worth(lines: &[ReadLine]) -> f64 {
 }
 
 /// Reads a photo.
-#[must_use]
 pub fn read(photo: &Photo) -> Reading {
     let search = line::Search::new(photo);
     let mut lines: Vec<ReadLine> = Vec::new();

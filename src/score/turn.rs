@@ -21,7 +21,6 @@ const LEAST_LETTERS: usize = 3;
 /// number of these turns, clockwise; the letters' boxes are those in the turned photo. Turned, it
 /// reads more clearly than as it is, and as `word` where that is not empty, or else what is written
 /// does not read clearly as it is.
-#[must_use]
 pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     let upright = read(photo);
     let is_clear = upright.letters.len() >= LEAST_LETTERS && upright.mean_share() >= UPRIGHT;
@@ -41,7 +40,6 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
 }
 
 /// Whether a photo is bright all along its rim: it has a white border, or its writing is dark.
-#[must_use]
 pub fn has_bright_rim(photo: &Photo) -> bool {
     let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
     let is_rim =
@@ -53,7 +51,6 @@ pub fn has_bright_rim(photo: &Photo) -> bool {
 }
 
 /// A photo that is turned clockwise by quarters.
-#[must_use]
 pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
     let mut photo = photo.clone();
     for _ in 0..quarters % 4 {

@@ -131,7 +131,6 @@ impl Verdict {
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1: the
     /// readability, and where another word is likelier, no more than the word's own share against
     /// it. What studies rank and tune by.
-    #[must_use]
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
@@ -143,7 +142,6 @@ impl Verdict {
     }
 
     /// Whether blind recognition reads another text than the word; equal shapes are equal.
-    #[must_use]
     pub fn is_contradicted(&self) -> bool {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }

@@ -35,7 +35,6 @@ impl From<&Camera> for View {
 
 impl View {
     /// Pixels from the left and upper edge; `None` where the photo cannot show the point.
-    #[must_use]
     pub fn image_from_plane(&self, [x_m, height_m]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = match self {
             Self::Camera(camera) => {
@@ -55,7 +54,6 @@ impl View {
 
     /// A photo of the plane seen square on: `bounds_m` (`[left, bottom, right, top]`) at a
     /// resolution, each pixel the nearest one's.
-    #[must_use]
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
         #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
@@ -109,7 +107,6 @@ impl View {
     }
 
     /// Size of the photo that it was made for.
-    #[must_use]
     pub fn size_px(&self) -> [u32; 2] {
         match self {
             Self::Camera(camera) => [camera.width_px, camera.height_px],

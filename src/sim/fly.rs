@@ -88,8 +88,11 @@ pub fn fly_watched(
             if blows {
                 rig.plant.enter(wakes[..place].iter().chain(&wakes[place + 1..]));
             }
-            let ticked = rig.tick(fleet[place].0, tick, time_s, &fleet_m, watch);
-            ticked.map_err(|error| match error {
+            let plan = fleet[place].0;
+            if rig.avionics.sense(plan, time_s, &rig.plant, &fleet_m) {
+                rig.avionics.control(plan, time_s);
+            }
+            rig.conclude(plan, tick, time_s, watch).map_err(|error| match error {
                 Error::Infeasible { what, hint } if !alone => {
                     Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
                 }
@@ -158,20 +161,6 @@ impl Rig {
             ticks_per_sample,
             steps_per_tick: rates.steps_per_tick,
         })
-    }
-
-    fn tick(
-        &mut self,
-        plan: &Plan,
-        tick: u32,
-        time_s: f64,
-        fleet_m: &[Vector3<f64>],
-        watch: &mut dyn FnMut(u32, &Plant, &Avionics),
-    ) -> Result<()> {
-        if self.avionics.sense(plan, time_s, &self.plant, fleet_m) {
-            self.avionics.control(plan, time_s);
-        }
-        self.conclude(plan, tick, time_s, watch)
     }
 
     /// The rest of a tick: its sample and its motion.

@@ -101,14 +101,12 @@ settings! {
 impl Conditions {
     /// An ordinary room with any drone of the scene's make: a gram of 35 more or less; motors that
     /// differ by 3 %, which is as half the center of mass of the reference flight.
-    #[must_use]
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
 
     /// An evening among people with worn drones: an ordinary room, and the faults of radio,
     /// heading, propellers and batteries.
-    #[must_use]
     pub fn evening() -> Self {
         Self {
             radio_outage_s: 0.3,
@@ -145,7 +143,6 @@ impl Conditions {
     }
 
     /// Every flight is as its scene says; only noise differs.
-    #[must_use]
     pub fn still() -> Self {
         let keys = Self::SHAPE.settings().iter();
         let zeros: toml::Table = keys.map(|setting| (setting.key.to_owned(), 0.0.into())).collect();
@@ -185,7 +182,6 @@ impl Conditions {
     }
 
     /// The drone and the lamps of one flight: of a seed, and a drone counted from 0.
-    #[must_use]
     pub fn draw(&self, scene: &Scene, seed: u64, drone: u64) -> Actual {
         let chance = |factor: &str| Chance::new(seed, drone, factor);
         let mut center = chance("center of mass");

@@ -70,7 +70,6 @@ impl Study {
     }
 
     /// Flights in all.
-    #[must_use]
     pub fn n_trials(&self) -> usize {
         let of_words: usize = self.words.iter().map(|(_, n)| *n as usize).sum();
         of_words.saturating_mul(self.contenders.len())

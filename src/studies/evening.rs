@@ -23,7 +23,7 @@ use noctograph_core::error::Result;
 use noctograph_core::files::Limit;
 use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning, airborne, saturated_s};
 use noctograph_core::settings::Described;
-use noctograph_logs::identify::{Assumed, RotorLag, T_95, identify, is_frozen};
+use noctograph_logs::identify::{RotorLag, T_95, identify, is_frozen};
 use noctograph_logs::{GatheredLog, ImportOptions, import, logs_in};
 use noctograph_pipeline::preflight::MAX_SATURATED_S;
 use noctograph_pipeline::scene::Scene;
@@ -195,7 +195,6 @@ impl Evening {
     }
 
     /// The drones with their logs.
-    #[must_use]
     pub fn drones(&self) -> Vec<(&str, &[EveningLog])> {
         let drones = self.logs.chunk_by(|a, b| a.drone == b.drone);
         drones.map(|logs| (&logs[0].drone[..], logs)).collect()
@@ -207,7 +206,6 @@ impl Evening {
     }
 
     /// The mean of the sound flights; `None` where there are none.
-    #[must_use]
     pub fn mean_drone(&self, scene: &Scene) -> Option<MeanDrone> {
         self.sound().next()?;
         let lags_s: Vec<f64> = self.sound().filter_map(|f| f.lag_s).collect();
@@ -228,7 +226,6 @@ impl Evening {
 
     /// The widths of conditions that the sound flights show, about their own mean; what they do not
     /// show is a room's. In the order of a conditions file.
-    #[must_use]
     pub fn conditions(&self) -> Vec<FoundCondition> {
         let figures: Vec<&LogFigures> = self.sound().collect();
         let n = figures.len();
@@ -264,7 +261,6 @@ impl Evening {
     }
 
     /// A conditions file (TOML) with what was found.
-    #[must_use]
     pub fn conditions_toml(&self, conditions: &[FoundCondition]) -> String {
         let (n, drones) = (self.sound().count(), self.drones().len());
         let mut toml = format!(
@@ -350,8 +346,7 @@ fn figures(
         return Err(Flaw::Frozen);
     }
     let vehicle = &scene.vehicle;
-    let identified = identify(flight, &Assumed::from_vehicle(vehicle))
-        .map_err(|error| Flaw::Silent(error.to_string()))?;
+    let identified = identify(flight, vehicle).map_err(|error| Flaw::Silent(error.to_string()))?;
     let lag = identified.lag.filter(RotorLag::is_identifiable);
     let weight_n = identified.k_f_n * identified.mean_motors.iter().sum::<f64>();
     let room = GustOptions::default().torque_sigma_n_m;

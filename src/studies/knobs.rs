@@ -65,7 +65,6 @@ const TRUST_AND_SPEED: &str = "
 impl Knob {
     /// The usual knobs of a scene: weights by groups that share a meaning, feed-forward, trust in
     /// the measured position, speed; of these, what has an effect in it.
-    #[must_use]
     pub fn usual(scene: &Scene) -> Vec<Self> {
         let of_controller = match scene.controller.kind {
             _ if scene.controller.lqr.k.is_some() => "",

@@ -53,7 +53,6 @@ macro_rules! figures {
             pub const NAMES: [&str; 10] = [$(stringify!($name)),*];
 
             /// All figures in the order of [`Self::NAMES`].
-            #[must_use]
             pub fn values(self) -> [T; 10] {
                 [$(self.$name),*]
             }
@@ -93,7 +92,6 @@ figures! {
 impl Outcome {
     /// Objective of a search: the log-odds of the word, and the mean similarity of its letters
     /// where these are flat (ten for perfect letters, to be of the same size).
-    #[must_use]
     pub fn merit(&self) -> f64 {
         self.log_odds + MAX_LOG_ODDS * self.similarity
     }
@@ -139,7 +137,6 @@ impl Outcome {
     }
 
     /// The outcome of a lost drone: no photo, and how it was lost.
-    #[must_use]
     pub fn lost(word: &str, how: String) -> Self {
         Self {
             read: "?".repeat(word.chars().count()),
@@ -150,23 +147,6 @@ impl Outcome {
             similarity: 0.0,
             flown: None,
             lost: Some(how),
-        }
-    }
-}
-
-#[cfg(test)]
-impl Outcome {
-    /// An outcome that was never flown.
-    pub(super) fn example(probability: f64) -> Self {
-        Self {
-            read: "I".into(),
-            all_read: probability > 0.5,
-            legible: probability > 0.7,
-            probability,
-            log_odds: 0.0,
-            similarity: 0.5,
-            flown: None,
-            lost: None,
         }
     }
 }
@@ -240,6 +220,22 @@ mod tests {
     use noctograph_pipeline::scene::{Preset, Scene};
     use noctograph_pipeline::shoot::Shoot;
     use noctograph_plan::PlanOptions;
+
+    impl Outcome {
+        /// An outcome that was never flown.
+        pub(crate) fn example(probability: f64) -> Self {
+            Self {
+                read: "I".into(),
+                all_read: probability > 0.5,
+                legible: probability > 0.7,
+                probability,
+                log_odds: 0.0,
+                similarity: 0.5,
+                flown: None,
+                lost: None,
+            }
+        }
+    }
 
     fn flights(scene: Scene) -> Vec<Flight> {
         Shoot::new(scene).unwrap().fly(&|_, _| {}).unwrap()

@@ -79,7 +79,6 @@ pub struct Pair {
 /// # Panics
 ///
 /// If there is not a record for every trial.
-#[must_use]
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
     let n_each = (records.len() / study.contenders.len().max(1)).max(1);
@@ -108,7 +107,6 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
 }
 
 /// Flights of each of some contenders below which no two can be told apart, however they differ.
-#[must_use]
 pub fn least_flights(n_contenders: usize) -> u32 {
     least_for_center(level(n_contenders * n_contenders.saturating_sub(1) / 2))
 }

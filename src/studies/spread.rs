@@ -89,7 +89,6 @@ pub struct Held {
 
 impl Band {
     /// The band of flights of one plan.
-    #[must_use]
     pub fn new(flights: &[&Flight], place_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
         let mut band = Self { n_flights: flights.len(), ..Self::default() };
         let Some(first) = flights.first() else { return band };
@@ -113,14 +112,12 @@ impl Band {
     /// Share of further flights that it holds at every moment: [`BAND_FRAC`]. With fewer than
     /// [`LEAST_FLIGHTS`] flights, the share between the least and the most of n flights:
     /// `(n − 1) / (n + 1)`.
-    #[must_use]
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
     }
 
     /// Mean of half its width while letters are written; over all moments where none are known.
-    #[must_use]
     pub fn half_width_m(&self) -> Vector3<f64> {
         let any = self.writes.contains(&true);
         let writes = self.ends_m.iter().zip(&self.writes).filter(|(_, writes)| **writes || !any);
@@ -131,7 +128,6 @@ impl Band {
     }
 
     /// How another flight lies in it, over the moments with samples nearby.
-    #[must_use]
     pub fn held(&self, samples: &[FlightSample]) -> Held {
         let mut shares: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {

@@ -69,7 +69,6 @@ pub(super) fn worst_decile(values: &mut [f64]) -> f64 {
 }
 
 /// The median; 0 without values. Sorts the values.
-#[must_use]
 pub fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let n = values.len();

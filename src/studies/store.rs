@@ -141,7 +141,6 @@ impl Store {
     }
 
     /// The outcome of a flight that was stored before the store was opened, or taken over.
-    #[must_use]
     pub fn get(&self, scene: &str, seed: u64) -> Option<Outcome> {
         self.known.get(scene)?.get(&seed).cloned()
     }
@@ -159,7 +158,6 @@ impl Store {
     }
 
     /// Flights that were there when it was opened, and those that were taken over.
-    #[must_use]
     pub fn n_known(&self) -> usize {
         self.known.values().map(BTreeMap::len).sum()
     }

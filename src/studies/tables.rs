@@ -9,7 +9,6 @@ use super::{Flown, Knob, Ranking, Record, Tuned};
 type Column = (String, String);
 
 /// A row for each flight, in the order of the study.
-#[must_use]
 pub fn flights_csv(records: &[Record]) -> String {
     let verdict =
         columns("contender word seed read all_read legible probability log_odds similarity");
@@ -19,7 +18,6 @@ pub fn flights_csv(records: &[Record]) -> String {
 }
 
 /// A row for each scene, the best first; intervals of 95 %.
-#[must_use]
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
@@ -31,7 +29,6 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
 }
 
 /// A row for each submission: marks are 100 times P(read), 0 for those that are not ranked.
-#[must_use]
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let (mut row, n_lost) = (value(measures), measures.n_lost);
@@ -52,7 +49,6 @@ pub fn marks_csv(ranking: &Ranking) -> String {
 
 /// A row for each candidate, in the order of the search, with the scene's value of each key that a
 /// knob turns.
-#[must_use]
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
     let all = columns("number flights=n_flights given_up merit legibility")

@@ -69,13 +69,11 @@ impl Prepared {
     }
 
     /// The word.
-    #[must_use]
     pub fn word(&self) -> &str {
         self.shoot.strokes.as_ref().map_or("", |strokes| &strokes.word)
     }
 
     /// The plans that are sent, one for each drone.
-    #[must_use]
     pub fn plans(&self) -> Vec<Plan> {
         self.shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
     }
@@ -93,20 +91,17 @@ impl Prepared {
     }
 
     /// The scene.
-    #[must_use]
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
     /// Names everything that decides an outcome except the seed: program, reader, scene, word and
     /// conditions. 16 hexadecimal digits.
-    #[must_use]
     pub fn digest(&self) -> &str {
         &self.digest
     }
 
     /// The shoot of one seed, with drones and lamps as the conditions change them.
-    #[must_use]
     pub fn shoot(&self, seed: u64) -> Shoot {
         let mut shoot = self.shoot.clone();
         shoot.scene.seed = seed;
@@ -153,7 +148,6 @@ impl Prepared {
     }
 
     /// An outcome as a line of a store.
-    #[must_use]
     pub(super) fn record(&self, contender: &str, seed: u64, outcome: Outcome) -> Record {
         let (scene, contender) = (self.digest.clone(), contender.to_owned());
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }

@@ -78,7 +78,6 @@ impl TuneOptions {
     }
 
     /// Least budget: the scene as it was and nine more candidates, and the finals.
-    #[must_use]
     pub fn least_budget(&self) -> usize {
         self.finals() + LEAST_CANDIDATES * self.n_each()
     }
@@ -182,7 +181,6 @@ pub struct Tuned {
 
 impl Tuned {
     /// Whether a candidate won the test against the scene as it was.
-    #[must_use]
     pub fn helped(&self) -> bool {
         fn is_won(ranking: &Ranking) -> bool {
             ranking.measures[0].contender == TUNED && ranking.pairs[0].distinguishable

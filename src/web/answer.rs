@@ -69,7 +69,6 @@ struct Ready {
 
 impl Studio<'_> {
     /// Makes a product of a subject: an object whose `error` says why there is none.
-    #[must_use]
     pub fn make(&self, product: Product, subject: &Subject) -> Value {
         let made = match product {
             Product::Live => self.live(subject),
@@ -115,7 +114,7 @@ impl Studio<'_> {
         }
         let (PreparedScene { scene, profile }, strokes) = self.drawn(subject, pixels)?;
         let source = source(&strokes);
-        Ok(match Shoot::of_strokes(scene, strokes) {
+        Ok(match Shoot::of_strokes(scene, strokes, &|_| Ok(())) {
             Ok(shoot) => Ok(Ready { shoot, profile, source, notes: Vec::new() }),
             // Of what is too much for a flight, the page leaves strokes out.
             Err(error) => {
@@ -179,7 +178,7 @@ impl Studio<'_> {
         let (mode, tolerance_m) = (Mode::default(), Form::Compressed.tolerance_m());
         let format = ExportFormat::Cflib;
         let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
-        let checked = CheckedExport::new(Shoot::of_strokes(scene, strokes)?, options)?;
+        let checked = CheckedExport::new(Shoot::of_strokes(scene, strokes, &|_| Ok(()))?, options)?;
         let stops: Vec<Message> = checked.findings.iter().filter_map(Message::of_stop).collect();
         if !stops.is_empty() {
             return Ok(Err(Message::of_stops(&json!(stops))));
@@ -212,7 +211,6 @@ fn encoded(files: impl IntoIterator<Item = (String, Vec<u8>)>) -> Value {
 }
 
 /// The files of an answer.
-#[must_use]
 pub fn files_of(answer: &Value) -> Vec<(String, Vec<u8>)> {
     let file = |(name, text): (&String, &Value)| {
         Some((name.clone(), BASE64_STANDARD.decode(text.as_str()?).ok()?))
@@ -221,7 +219,6 @@ pub fn files_of(answer: &Value) -> Vec<(String, Vec<u8>)> {
 }
 
 /// The answer with scripts for a page, which saves them as one archive.
-#[must_use]
 pub fn archived(mut answer: Value) -> Value {
     if answer["files"].is_object() {
         answer["files"] = encoded([("flight.zip".to_owned(), zip(&files_of(&answer)))]);
@@ -235,7 +232,6 @@ fn data_url(jpeg: &[u8]) -> String {
 }
 
 /// The JPEG of an answer.
-#[must_use]
 pub fn jpeg_of(answer: &Value) -> Option<Vec<u8>> {
     BASE64_STANDARD.decode(answer["photo"].as_str()?.strip_prefix(DATA_URL)?).ok()
 }

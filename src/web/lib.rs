@@ -31,7 +31,6 @@ pub struct PreparedScene {
 }
 
 /// Colors that the page offers: of the screen, and the bytes of each lamp that show them.
-#[must_use]
 pub fn colors() -> Value {
     let colors = [
         ("white", [255, 255, 255]),

@@ -35,13 +35,11 @@ macro_rules! keys {
             pub const ALL: &[Self] = &[$(Self::$key,)+];
 
             /// Its name: `word-long`.
-            #[must_use]
             pub fn name(self) -> &'static str {
                 match self { $(Self::$key => $name,)+ }
             }
 
             /// Status of HTTP.
-            #[must_use]
             pub fn status(self) -> u16 {
                 match self { $(Self::$key => $status,)+ }
             }
@@ -107,13 +105,11 @@ fn listed(keys: &str, key: &str) -> String {
 
 impl Message {
     /// A refusal in words of its own.
-    #[must_use]
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
 
     /// A request that no page of this program sends.
-    #[must_use]
     pub fn of_old_page(found: &str) -> Self {
         let text = format!("{}: {found}", Key::PageOld.sentences()[0]);
         Self { text, ..Key::PageOld.into() }
@@ -129,7 +125,6 @@ impl Message {
     }
 
     /// A flight that is not safe.
-    #[must_use]
     pub fn of_stops(stops: &Value) -> Self {
         let key = Key::NotSafe;
         let texts = stops.as_array().into_iter().flatten().filter_map(|stop| stop["text"].as_str());
@@ -139,7 +134,6 @@ impl Message {
     }
 
     /// An error of a stage, which followed a picture or something else.
-    #[must_use]
     pub fn of_error(error: &Error, is_picture: bool) -> Self {
         let key = key_of(error, is_picture);
         let values = match error {
@@ -152,14 +146,12 @@ impl Message {
     }
 
     /// What there is to say of a log: in English, as it names parts of the log.
-    #[must_use]
     pub fn of_log(text: &str) -> Self {
         let (text, hint) = (without_paths(text), String::new());
         Self { key: "log".into(), values: json!({}), text, hint }
     }
 
     /// A problem of the picture.
-    #[must_use]
     pub fn of_problem(problem: &Problem) -> Self {
         let (key, values) = match problem {
             Problem::ShutterCloses { at_s, early_s } => {
@@ -186,7 +178,6 @@ impl Message {
     }
 
     /// What stops a flight; `None` of what does not.
-    #[must_use]
     pub fn of_stop(checked: &Checked) -> Option<Self> {
         let row = &checked.row;
         let values = json!({
@@ -200,7 +191,6 @@ impl Message {
     }
 
     /// A change that helps.
-    #[must_use]
     pub fn of_changes(changes: &[Change]) -> Option<Self> {
         let first = changes.first()?;
         let key = listed(ADVICE, &format!("set-{}", first.key));
@@ -215,7 +205,6 @@ impl Message {
     }
 
     /// What is answered where something was refused.
-    #[must_use]
     pub fn json(&self) -> Value {
         json!({ "error": self })
     }

@@ -222,7 +222,6 @@ fn lists(keys: &str, key: &str) -> bool {
 }
 
 /// Whether a visitor may be called so.
-#[must_use]
 pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
@@ -230,19 +229,16 @@ pub fn is_name(visitor: &str) -> bool {
 
 impl Subject {
     /// The word; `None` for a drawing.
-    #[must_use]
     pub fn title(&self) -> Option<&str> {
         self.drawing.is_none().then_some(&*self.word)
     }
 
     /// Whether it is a picture, whose lines are looked for.
-    #[must_use]
     pub fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
 
     /// The size of a photo of about as many pixels.
-    #[must_use]
     pub fn size_px(&self, pixels: f64) -> [u32; 2] {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]

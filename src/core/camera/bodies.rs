@@ -113,7 +113,6 @@ const NAMED_IN_EXIF: [BodyModel; 3] =
 impl BodyModel {
     /// The table of bodies. Focal lengths of fixed lenses are those that see the maker's angle over
     /// the sensor's diagonal (4:3).
-    #[must_use]
     pub fn figures(&self) -> BodyFigures {
         fn body(sensor_width_m: f64, width_px: f64, exif: &'static [&'static str]) -> BodyFigures {
             BodyFigures { sensor_width_m, width_px, fixed_lens: None, exif }
@@ -151,13 +150,11 @@ impl BodyModel {
     }
 
     /// The lens that comes with the body; `None` where it can be changed.
-    #[must_use]
     pub fn fixed_lens(&self) -> Option<FixedLens> {
         self.figures().fixed_lens
     }
 
     /// The body of a model name in EXIF.
-    #[must_use]
     pub fn from_exif_model(model: &str) -> Option<Self> {
         NAMED_IN_EXIF.into_iter().find(|body| body.figures().exif.contains(&model.trim()))
     }
@@ -165,7 +162,6 @@ impl BodyModel {
 
 impl LensModel {
     /// The table of lenses.
-    #[must_use]
     pub fn figures(&self) -> LensFigures {
         const NONE: [f64; 4] = [0.0; 4];
         let (focal_length_m, min_f_number, wide_open_stops, distortion) = match self {
@@ -191,7 +187,6 @@ impl LensModel {
     /// of the aperture number, within 0.45 stops for Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's
     /// Otus 28 from their widest aperture on (`lenstip.com/216.8`, `lenstip.com/504.8`,
     /// `optyczne.pl/398.8`).
-    #[must_use]
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
         let lens = self.figures();
         let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);

@@ -77,7 +77,6 @@ pub struct ImagePoint {
 
 impl Camera {
     /// The same camera with a picture of another width.
-    #[must_use]
     pub fn at_width(&self, width_px: u32) -> Self {
         let height = u64::from(self.height_px) * u64::from(width_px);
         let height = height.div_ceil(u64::from(self.width_px.max(1))).max(1);
@@ -85,20 +84,17 @@ impl Camera {
     }
 
     /// Edge of a pixel on the sensor.
-    #[must_use]
     pub fn pixel_pitch_m(&self) -> f64 {
         self.sensor_width_m / f64::from(self.width_px)
     }
 
     /// Focal length in pixels.
-    #[must_use]
     pub fn focal_length_px(&self) -> f64 {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
     /// Image of a point of the world; `None` behind the entrance pupil, and beyond the radius where
     /// the distortion folds back.
-    #[must_use]
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
         if p.z <= 0.0 {
@@ -116,7 +112,6 @@ impl Camera {
     /// Direction in the world, of length 1, of a point of the picture: the inverse of
     /// [`Self::image_from_world`], by fixed-point iteration to 1e-12; `None` where a strong
     /// distortion has no inverse.
-    #[must_use]
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
@@ -151,7 +146,6 @@ impl Camera {
 
     /// Box `[left, bottom, right, top]` of the plane of the word (y = 0) around the four corners of
     /// the picture; `None` where a corner does not show the plane within 1 km.
-    #[must_use]
     pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
         let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
@@ -165,7 +159,6 @@ impl Camera {
     }
 
     /// Share of the light that vignetting leaves at a point of the picture, 0 to 1.
-    #[must_use]
     pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let (x, y) = (x_px - width / 2.0, y_px - height / 2.0);
@@ -174,7 +167,6 @@ impl Camera {
     }
 
     /// Diameter of the circle of confusion on the sensor: `f² / N · |d - d_f| / (d d_f)`.
-    #[must_use]
     pub fn defocus_m(&self, depth_m: f64) -> f64 {
         let f = self.focal_length_m;
         self.focus_m.map_or(0.0, |focus_m| {
@@ -184,7 +176,6 @@ impl Camera {
 
     /// Luminous exposure in lx s, in the middle of the picture, of a surface of 1 cd/m²:
     /// `π τ t / (4 N²)`.
-    #[must_use]
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
         std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s
@@ -194,7 +185,6 @@ impl Camera {
     /// Luminous exposure in lx s at which the sensor saturates: `78 / ISO` (ISO 12232, saturation
     /// based) from the base sensitivity on, where the converter clips, and that of the full well,
     /// `78 / base ISO`, below it.
-    #[must_use]
     pub fn saturation_lx_s(&self) -> f64 {
         78.0 / self.iso.max(self.base_iso)
     }

@@ -154,7 +154,6 @@ impl CameraOptions {
     }
 
     /// Focal length of the lens.
-    #[must_use]
     pub fn focal_length_m(&self) -> f64 {
         self.body
             .fixed_lens()

@@ -7,7 +7,6 @@ use super::{Camera, ImagePoint};
 impl Camera {
     /// Distances of points from the edges of the picture, measured at their depth in the world,
     /// such as `12 cm on the left, 3 cm at the bottom`; `None` where all are inside.
-    #[must_use]
     pub fn outside(&self, points_m: impl IntoIterator<Item = Vector3<f64>>) -> Option<String> {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let (mut sides_m, mut is_behind) = ([0.0_f64; 4], false);

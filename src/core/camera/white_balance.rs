@@ -39,7 +39,6 @@ impl Described for WhiteBalance {
 impl WhiteBalance {
     /// Gains of red, green and blue. Those of a color temperature are at least 1, so that saturated
     /// pixels are white at every temperature.
-    #[must_use]
     pub fn gains(self) -> [f64; 3] {
         match self {
             Self::Gains(gains) => gains,

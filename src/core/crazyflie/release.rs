@@ -24,7 +24,6 @@ impl Release {
 
     /// The release that flies as a firmware of this name, such as `2025.12.1`; `None` for a build
     /// between releases or of one's own.
-    #[must_use]
     pub fn parse(firmware: &str) -> Option<Self> {
         fn digits(part: &str, n: usize) -> Option<u32> {
             let whole = part.len() == n && part.bytes().all(|byte| byte.is_ascii_digit());
@@ -41,7 +40,6 @@ impl Release {
     }
 
     /// Whether all loops of the cascade begin anew when the kind of setpoint changes.
-    #[must_use]
     pub fn resets_loops(self) -> bool {
         match self {
             Self::R2026_04 => false,
@@ -51,7 +49,6 @@ impl Release {
 
     /// Rate of the clock that stamps logs on the card and paces trajectories on board, in true
     /// seconds a second.
-    #[must_use]
     pub fn clock(self) -> f64 {
         match self {
             Self::R2026_04 | Self::R2026_08 => SLOW_CLOCK,

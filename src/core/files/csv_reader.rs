@@ -86,7 +86,6 @@ impl Separator {
     const ALL: [Self; 4] = [Self::Byte(b'\t'), Self::Byte(b';'), Self::Byte(b','), Self::Blanks];
 
     /// The most frequent in a line; a comma where there is none.
-    #[must_use]
     pub fn most_in(line: &[u8]) -> Self {
         let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
         Self::Byte([b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
@@ -146,7 +145,6 @@ fn lines(text: &[u8]) -> impl Iterator<Item = &[u8]> {
 
 impl Head {
     /// Finds the head of a table.
-    #[must_use]
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
@@ -222,13 +220,11 @@ impl Head {
     }
 
     /// A head whose titles are known.
-    #[must_use]
     pub fn named(titles: Vec<String>, separator: Separator, row: usize) -> Self {
         Self { n_columns: titles.len(), titles, separator, row, notes: Vec::new() }
     }
 
     /// Whether there is a column of this title.
-    #[must_use]
     pub fn has(&self, title: &str) -> bool {
         self.titles.iter().any(|other| other == title)
     }
@@ -323,13 +319,11 @@ impl Sheet {
     }
 
     /// Line of a row, from 1.
-    #[must_use]
     pub fn line(&self, row: usize) -> usize {
         self.lines.get(row).map_or(1, |line| *line as usize)
     }
 
     /// How many rows there are.
-    #[must_use]
     pub fn n_rows(&self) -> usize {
         self.lines.len()
     }
@@ -363,7 +357,6 @@ impl SheetColumn {
     }
 
     /// Whether all cells are text.
-    #[must_use]
     pub fn is_text(&self) -> bool {
         self.n_texts > 0 && self.n_texts == self.values.len()
     }

@@ -21,7 +21,6 @@ pub struct JpegFrame {
 
 impl JpegFrame {
     /// The first frame of a file; `None` where it has none.
-    #[must_use]
     pub fn parse(bytes: &[u8]) -> Option<Self> {
         let mut rest = bytes.strip_prefix(b"\xff\xd8")?;
         loop {
@@ -52,14 +51,12 @@ impl JpegFrame {
     }
 
     /// Bytes that a decoder holds: the picture, three channels a pixel, and the coefficients.
-    #[must_use]
     pub fn decoded_bytes(&self) -> u64 {
         let coefficients = if self.progressive { 2 * self.samples } else { 0 };
         3 * self.size_px[0] * self.size_px[1] + coefficients
     }
 
     /// Nanoseconds that a core of 2020 takes for the scans after the first.
-    #[must_use]
     pub fn later_scans_ns(&self) -> u64 {
         // 20 ns a block of 64.
         self.samples.saturating_mul(self.scans.saturating_sub(1)) / 3

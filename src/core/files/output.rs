@@ -53,7 +53,6 @@ impl Output {
     }
 
     /// Whether it is a file, and no device, pipe or standard output.
-    #[must_use]
     pub fn is_staged(&self) -> bool {
         matches!(self.sink, Sink::Staged { .. })
     }

@@ -18,7 +18,6 @@ const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}
 
 impl<'a> Text<'a> {
     /// The text of a file.
-    #[must_use]
     pub fn decode(bytes: &'a [u8]) -> Self {
         let mut notes = Vec::new();
         let decoded = match bytes {

@@ -21,7 +21,6 @@ const UNITS_OF_TIME: [(&str, f64); 3] =
     [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
 
 /// The size of a unit, of a time or of another quantity.
-#[must_use]
 pub fn unit(name: &str, is_time: bool) -> Option<f64> {
     let of_time = if is_time { &UNITS_OF_TIME[..] } else { &[] };
     let is_named = |(names, _): &&(&str, f64)| names.split(' ').any(|known| known == name);
@@ -29,7 +28,6 @@ pub fn unit(name: &str, is_time: bool) -> Option<f64> {
 }
 
 /// A title without the unit in brackets at its end, and that unit.
-#[must_use]
 pub fn bracketed(title: &str) -> (&str, Option<&str>) {
     let trimmed = title.trim();
     for [open, close] in [['[', ']'], ['(', ')'], ['{', '}'], ['<', '>']] {
@@ -42,7 +40,6 @@ pub fn bracketed(title: &str) -> (&str, Option<&str>) {
 }
 
 /// A title in lower case, with underscores.
-#[must_use]
 pub fn simplified(title: &str) -> String {
     let lower = title.to_lowercase().replace("m/s²", "m_s2").replace("^-1", "");
     let lower = lower.replace('°', "deg").replace(['µ', 'μ'], "u").replace('²', "2");

@@ -24,7 +24,6 @@ const LONGEST_BREAK_S: f64 = 0.5;
 /// 0.05 m is the limit for both. Half a second of other samples ends a stretch (a gap in the log
 /// does not), and the longest stretch is the flight: samples of the drone being carried or dragged
 /// along the floor afterwards are left out.
-#[must_use]
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
@@ -73,7 +72,6 @@ pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
 }
 
 /// Why a flight counts as one on the floor, with the number that decides; `None` where it flies.
-#[must_use]
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;

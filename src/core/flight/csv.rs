@@ -76,7 +76,6 @@ impl Flight {
 
     /// SHA-256 of the contents of a flight file, in hexadecimal: equal flights have equal digests,
     /// on every machine and in every build.
-    #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
         for quantity in &self.unlogged {

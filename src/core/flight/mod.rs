@@ -99,7 +99,6 @@ impl Quantity {
     ];
 
     /// Its name in messages.
-    #[must_use]
     pub fn name(self) -> &'static str {
         Self::TABLE[self as usize].1
     }

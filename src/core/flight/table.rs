@@ -29,7 +29,6 @@ const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HI
 /// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
 ///
 /// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
-#[must_use]
 #[inline(always)]
 pub fn on_grid(value: f64) -> f64 {
     // Adding and subtracting 2^52 rounds to the nearest whole number.
@@ -97,19 +96,16 @@ impl Table {
     }
 
     /// Notes on assumptions about the file, and on omitted rows.
-    #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.sheet.notes
     }
 
     /// Line of a row, from 1.
-    #[must_use]
     pub fn line(&self, row: usize) -> usize {
         self.sheet.line(row)
     }
 
     /// How many rows there are.
-    #[must_use]
     pub fn n_rows(&self) -> usize {
         self.sheet.n_rows()
     }
@@ -129,7 +125,6 @@ impl Table {
     }
 
     /// A column by name; `None` where there is none.
-    #[must_use]
     pub fn find(&self, name: &str) -> Option<&[f64]> {
         Some(self.columns_after("").find(|(title, _)| *title == name)?.1)
     }
@@ -163,7 +158,6 @@ impl Table {
     }
 
     /// Whether there is a column of this name.
-    #[must_use]
     pub fn has(&self, name: &str) -> bool {
         self.find(name).is_some()
     }

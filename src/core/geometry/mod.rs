@@ -32,7 +32,6 @@ impl From<Attitude> for [f64; 3] {
 
 impl Attitude {
     /// The rotation that turns body vectors into world vectors: `Rz(ψ) Ry(θ) Rx(φ)`.
-    #[must_use]
     pub fn world_from_body(&self) -> Matrix3<f64> {
         let (sy, cy) = libm::sincos(self.yaw_rad);
         let (sp, cp) = libm::sincos(self.pitch_rad);
@@ -59,7 +58,6 @@ impl Attitude {
 /// # Panics
 ///
 /// If `forward` is zero.
-#[must_use]
 pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
     assert!(forward.norm() > 0.0, "a camera must look somewhere");
     let forward = forward.normalize();
@@ -76,7 +74,6 @@ pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
 /// # Panics
 ///
 /// If the quaternion is zero.
-#[must_use]
 pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     let quaternion = nalgebra::Quaternion::new(w, x, y, z);
     assert!(quaternion.norm() > 0.0, "a quaternion of zeros is no attitude");
@@ -86,7 +83,6 @@ pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
 }
 
 /// A vector rotated about the vertical axis, from x toward y; by zero, bit for bit the same.
-#[must_use]
 #[inline]
 pub fn turned(vector: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
     if angle_rad == 0.0 {

@@ -10,13 +10,11 @@ pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
 }
 
 /// Distance of two points.
-#[must_use]
 pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     libm::hypot(b[0] - a[0], b[1] - a[1])
 }
 
 /// Distance of a point from a segment.
-#[must_use]
 pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;
@@ -26,7 +24,6 @@ pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -
 }
 
 /// Distance of each point from the first one along the line; empty for an empty line.
-#[must_use]
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut along = 0.0;
     let later = line.windows(2).map(|leg| {
@@ -37,14 +34,12 @@ pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
 }
 
 /// Length of a polyline.
-#[must_use]
 pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
     points_m.windows(2).map(|leg| distance(leg[0], leg[1])).sum()
 }
 
 /// Indices of the points that stay when those nearer than `error` to the line through the others
 /// are left out (Ramer, Douglas and Peucker).
-#[must_use]
 pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();

@@ -64,7 +64,6 @@ pub const HEADLIGHTS: &str = CHANNELS[0].name;
 
 impl Channel {
     /// The channel of a deck with a name; `None`: a lamp of one's own.
-    #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         CHANNELS.iter().find(|channel| channel.name == name)
     }

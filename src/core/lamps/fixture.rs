@@ -102,7 +102,6 @@ impl Described for Drive {
 
 impl Drive {
     /// The light channel of a plan that it follows.
-    #[must_use]
     pub fn channel(&self) -> Option<&str> {
         match self {
             Self::Command(channel) => Some(channel),

@@ -16,7 +16,6 @@ pub const COLOR_LED_COLORS: [&str; 4] =
     ["color-led.white", "color-led.red", "color-led.green", "color-led.blue"];
 
 /// Bytes of a color at a level, the first one in the highest place, as decks are sent them.
-#[must_use]
 pub fn packed(bytes: &[u8], level: f64) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     let dimmed = |byte: u8| (f64::from(byte) * level.clamp(0.0, 1.0)).round() as u32;
@@ -25,7 +24,6 @@ pub fn packed(bytes: &[u8], level: f64) -> u32 {
 
 /// A color after the LED memory or the timing memory: packed into 5, 6 and 5 bits by cflib
 /// (`led_driver_memory.py`, `led_timings_driver_memory.py`), expanded by the firmware.
-#[must_use]
 pub fn ring_memory_rgb([red, green, blue]: [u8; 3]) -> [u8; 3] {
     let five = |value: u8| expand(u32::from(value), [249, 1014, 11], [527, 23]);
     let six = |value: u8| expand(u32::from(value), [253, 505, 10], [259, 33]);

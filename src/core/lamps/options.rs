@@ -109,7 +109,6 @@ settings! {
 
 impl Deck {
     /// The lamps of a Crazyflie 2.x with this deck.
-    #[must_use]
     pub fn fixtures(self) -> Vec<Fixture> {
         let of_deck = match self {
             Self::None => Vec::new(),
@@ -122,7 +121,6 @@ impl Deck {
 
 impl LightOptions {
     /// The lamps.
-    #[must_use]
     pub fn fixtures(&self) -> Vec<Fixture> {
         self.fixtures.clone().unwrap_or_else(|| {
             let glints = self.motor_glints && self.deck == Deck::LedRing;
@@ -132,7 +130,6 @@ impl LightOptions {
     }
 
     /// Color of the color LED deck on a letter, counted from 0.
-    #[must_use]
     pub fn wrgb_of(&self, letter: Option<usize>) -> [u8; 4] {
         let colors = &self.letters_wrgb;
         match letter {
@@ -143,7 +140,6 @@ impl LightOptions {
 
     /// Color of the ring on a letter, counted from 0. Its LEDs have no white: letters in white
     /// alone have the ring's own color.
-    #[must_use]
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {
             ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],

@@ -35,7 +35,6 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 /// board hides them from below. At f/8, ISO 100 and 0.2 m/s that is a stop below saturation in
 /// luminance and three above in the blue channel: clipped blue streaks thinner than the
 /// headlights', as in the team's photograph.
-#[must_use]
 pub fn crazyflie() -> Vec<Fixture> {
     let on_board = |name: &str, drive, [x, y]: [f64; 2], chromaticity, bit| Fixture {
         name: name.into(),
@@ -90,7 +89,6 @@ fn off_the_propeller(led: &Fixture) -> Fixture {
 /// hide it. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a
 /// camera below the drone sees the spinner's helix, and the team's camera, above it, saw only the
 /// glow on the floor.
-#[must_use]
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),
@@ -163,7 +161,6 @@ const PLACES: [[f64; 2]; 12] = [
 /// 250, 139, 210 and 50 lm as the firmware has them, spread as cosine: lm/π cd along the axis.
 /// Assumptions: the dome lets all of it through and spills 20 % sideways; 10 mm across; pulse width
 /// at 1 kHz. Its throttling when hot is not modeled.
-#[must_use]
 pub fn color_led() -> Vec<Fixture> {
     vec![Fixture {
         name: "color LED".into(),

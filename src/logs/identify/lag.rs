@@ -51,7 +51,6 @@ pub struct RotorLag {
 
 impl RotorLag {
     /// Whether the flight shows a lag, and to 100 ms. A log that is slow or full of holes does not.
-    #[must_use]
     pub fn is_identifiable(&self) -> bool {
         self.half_width_s < LARGEST_DOUBT_S.min(self.lag_s) && self.explained > LEAST_EXPLAINED
     }

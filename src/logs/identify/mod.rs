@@ -1,7 +1,8 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`] and the [`Assumed`] figures of the drone. Out: [`Identified`]. Method, as the
-//! reference team's (AE483, 2022): the observer's Q and R are `1/σ²` of the spread, while
+//! In: a [`Flight`], and what it does not show of its drone: mass, arm and the motors' lag. Out:
+//! [`Identified`]. Method, as the reference team's (AE483, 2022): the observer's Q and R are `1/σ²`
+//! of the spread, while
 //! airborne, of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x +
 //! B u)`, with ẋ by finite differences; thrust per command, of rotors that follow in the assumed
 //! time, is fitted to the accelerometer, and the mean motor commands show the torque that
@@ -51,29 +52,6 @@ const ACCELERATIONS: [(&str, f64); 4] = [
 /// Fewest samples for a standard deviation: ten seconds at 10 Hz.
 const FEWEST_SAMPLES: usize = 100;
 
-/// Figures of a drone that its flight does not show.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Assumed {
-    /// Mass, which thrust is proportional to.
-    pub mass_kg: f64,
-    /// Distance of a motor from the body's x and y axis, which torque is proportional to.
-    pub arm_m: f64,
-    /// Time in which a motor follows its command: 63 % of a step.
-    pub motor_lag_s: f64,
-}
-
-impl Assumed {
-    /// The figures of a scene's drone.
-    #[must_use]
-    pub fn from_vehicle(vehicle: &VehicleOptions) -> Self {
-        Self {
-            mass_kg: vehicle.mass_kg,
-            arm_m: vehicle.arm_m,
-            motor_lag_s: 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s),
-        }
-    }
-}
-
 /// Properties of a drone, estimated from a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
@@ -104,13 +82,11 @@ pub struct Identified {
 
 impl Identified {
     /// The observer's Q: `1/σ²` of the three measurements, 1/m².
-    #[must_use]
     pub fn observer_q(&self) -> Option<[f64; 3]> {
         self.measurement_sigma_m.map(|sigma| sigma.map(weight))
     }
 
     /// The observer's R: `1/σ²` of the eight model errors without ψ, which nothing observes.
-    #[must_use]
     pub fn observer_r(&self) -> Option<[f64; 8]> {
         let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
         Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
@@ -118,7 +94,6 @@ impl Identified {
 }
 
 /// Weight of an error of spread σ: `1/σ²`.
-#[must_use]
 pub fn weight(sigma: f64) -> f64 {
     1.0 / (sigma * sigma)
 }
@@ -149,9 +124,9 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 /// # Errors
 ///
 /// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
-pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
+pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified> {
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
-    if !is_logged(flight, Quantity::Motors) {
+    if !flight.has(Quantity::Motors) {
         return Err(Error::input("flight", "no motor commands", "columns m1 to m4", hint));
     }
     let air = airborne(flight).unwrap_or_default();
@@ -184,7 +159,7 @@ pub fn identify(flight: &Flight, assumed: &Assumed) -> Result<Identified> {
         (Quantity::Velocity, |s| s.velocity_body_m_s),
     ];
     let [turns, leans, moves] = quantities.map(|(quantity, vector)| {
-        let is_logged = is_logged(flight, quantity);
+        let is_logged = flight.has(quantity);
         let changes = samples.iter().any(|s| vector(s) != vector(&samples[0]));
         if is_logged && !changes {
             left_out.push(format!("{}: frozen, as if it was not logged", quantity.name()));
@@ -221,10 +196,6 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
         samples.iter().map(|sample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy()).peekable();
     let first = turns.peek().copied().unwrap_or_default();
     turns.all(|turn| (turn - first).amax() < SAME)
-}
-
-fn is_logged(flight: &Flight, quantity: Quantity) -> bool {
-    !flight.unlogged.contains(&quantity)
 }
 
 /// The samples of a further column in the air.
@@ -350,10 +321,6 @@ mod tests {
     use noctograph_sim::vehicle::{GustOptions, Gusts};
     use noctograph_sim::{ControllerKind, Drone, SimOptions, fly};
 
-    pub(super) fn assumed_of(options: &SimOptions) -> Assumed {
-        Assumed::from_vehicle(&options.vehicle)
-    }
-
     #[test]
     fn spreads_of_the_team_give_the_weights_of_the_team() {
         let identified = Identified {
@@ -393,7 +360,7 @@ mod tests {
         let plan = plan(&strokes, &PlanOptions::default()).unwrap();
         let options = SimOptions::default();
         let flight = fly(&plan, &Drone::new(&options, 0), &mut |_| {}).unwrap();
-        let identified = identify(&flight, &assumed_of(&options)).unwrap();
+        let identified = identify(&flight, &options.vehicle).unwrap();
         let error = |value: f64, true_: f64| (value / true_ - 1.0).abs();
         assert!(error(identified.k_f_n, options.vehicle.k_f_n) < 0.01, "k_F {}", identified.k_f_n);
         for axis in 0..2 {
@@ -429,7 +396,7 @@ mod tests {
         for kind in [ControllerKind::Pid, ControllerKind::Lqr] {
             for lag_s in [0.06, 0.12, 0.18] {
                 for (options, flight) in flights_with_lag(kind, lag_s) {
-                    let identified = identify(&flight, &assumed_of(&options)).unwrap();
+                    let identified = identify(&flight, &options.vehicle).unwrap();
                     let lag = identified.lag.unwrap();
                     (n, held) =
                         (n + 1, held + u32::from((lag.lag_s - lag_s).abs() <= lag.half_width_s));
@@ -460,7 +427,7 @@ mod tests {
 
     #[test]
     fn a_figure_of_what_is_frozen_is_none_and_never_not_a_number() {
-        let assumed = assumed_of(&SimOptions::default());
+        let assumed = SimOptions::default().vehicle;
         let hover = assumed.mass_kg * GRAVITY_M_S2 / 160_000.0;
         for (name, value) in [("acc.z", 1.0), ("ae483log.a_z", GRAVITY_M_S2), ("other", 0.0)] {
             let identified = identify(&sway((name, value)), &assumed).unwrap();
@@ -493,7 +460,7 @@ mod tests {
 
     #[test]
     fn a_flight_without_motors_or_air_is_refused() {
-        let assumed = assumed_of(&SimOptions::default());
+        let assumed = SimOptions::default().vehicle;
         let grounded = identify(&Flight::default(), &assumed).unwrap_err().to_string();
         assert!(grounded.contains("0 samples in the air"), "{grounded}");
         let unlogged = [Quantity::Motors].into();

@@ -1,8 +1,9 @@
 //! Thrust of motors from their logged commands: the speed of the rotors follows with a lag.
 
-use super::{Assumed, is_logged, runs};
+use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_sim::vehicle::VehicleOptions;
 
 /// Half the time for which the firmware holds a command (500 Hz): the delay of the commands against
 /// a straight line between two logged ones.
@@ -58,10 +59,10 @@ pub(super) fn thrust_per_command_n(
     flight: &Flight,
     samples: &[FlightSample],
     accelerations: Option<&[f64]>,
-    &Assumed { mass_kg, motor_lag_s, .. }: &Assumed,
+    assumed: &VehicleOptions,
 ) -> f64 {
     let [has_position, has_attitude] =
-        [Quantity::Position, Quantity::Attitude].map(|quantity| is_logged(flight, quantity));
+        [Quantity::Position, Quantity::Attitude].map(|quantity| flight.has(quantity));
     let floor_m = flight.samples.iter().map(|s| s.position_m.z).fold(f64::INFINITY, f64::min);
     let free =
         (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
@@ -69,6 +70,8 @@ pub(super) fn thrust_per_command_n(
     // A flight that stays low, or at one height, is taken whole.
     let (from, to) =
         free.filter(|(from, to)| to - from > samples.len() / 2).unwrap_or((0, samples.len() - 1));
+    let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
+    let motor_lag_s = 0.5 * (motor_rise_s + motor_fall_s);
     let (mut product, mut square) = (0.0, 0.0);
     let mut start = 0;
     for run in runs(flight, samples) {

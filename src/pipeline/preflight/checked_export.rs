@@ -64,13 +64,11 @@ impl CheckedExport {
     }
 
     /// The plans as they fly.
-    #[must_use]
     pub fn flies(&self) -> &Shoot {
         self.trajectory.as_ref().unwrap_or(&self.shoot)
     }
 
     /// The subject: a word, or a drawing.
-    #[must_use]
     pub fn word(&self) -> &str {
         let strokes = self.shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some());
         strokes.map_or("drawing", |strokes| strokes.word.as_str())

@@ -266,7 +266,6 @@ fn cap_height_m(strokes: &Strokes) -> Option<f64> {
 }
 
 /// The firmware's name of the scene's drone; `None` for other makers' drones.
-#[must_use]
 pub fn platform(scene: &Scene) -> Option<Platform> {
     match scene.preset {
         Preset::Cf21 | Preset::Cf21ThrustKit | Preset::Ae4832022 => Some(Platform::Crazyflie2),
@@ -276,7 +275,6 @@ pub fn platform(scene: &Scene) -> Option<Platform> {
 }
 
 /// The facts behind the checks of flights within a profile.
-#[must_use]
 pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Checks {
     let (scene, platform) = (&shoot.scene, platform(&shoot.scene));
     let battery = |flight: &Result<Flight>| {

@@ -349,7 +349,6 @@ pub fn canvas_within(scene: &Scene, room_m: [f64; 3]) -> Result<Option<[f64; 2]>
 
 impl ShotPlan {
     /// The answer as rows of a table: what, and where.
-    #[must_use]
     pub fn rows(&self) -> Vec<[String; 2]> {
         let Self { room_m: [w, d, h], word_m: [left, bottom, right, top], .. } = self;
         let flat = |[x, y]: [f64; 2]| format!("({}, {})", meters(x), meters(y));
@@ -384,7 +383,6 @@ impl ShotPlan {
 
 impl CameraPlace {
     /// Where it stands and how it is set, or what would.
-    #[must_use]
     pub fn sentence(&self) -> String {
         let Some(place) = self.tripod_m else {
             let letters = self.largest_cap_height_m.map_or_else(String::new, |cap_m| {

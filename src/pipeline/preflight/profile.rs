@@ -75,7 +75,6 @@ impl Profile {
     /// Two base stations in opposite corners of the volume's room, 0.1 m below its ceiling, that
     /// look at the volume's middle. Bitcraze (tutorial "Getting started with the Lighthouse
     /// system"): two serve about 4 m by 4 m, and hang at least 0.4 m above the flight.
-    #[must_use]
     pub fn stations(&self) -> [Station; 2] {
         let [low, high] = self.volume_m;
         let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
@@ -87,7 +86,6 @@ impl Profile {
     }
 
     /// The volume in words.
-    #[must_use]
     pub fn volume(&self) -> String {
         let [low, high] = self.volume_m;
         let [w, d, h] = [0, 1, 2].map(|axis| (1e3 * (high[axis] - low[axis])).round() / 1e3);
@@ -101,7 +99,6 @@ impl Profile {
     }
 
     /// All profiles.
-    #[must_use]
     pub fn all() -> [Self; 3] {
         [Self::indoor(), Self::careful(), Self::outdoor()]
     }
@@ -110,7 +107,6 @@ impl Profile {
     /// (`platform_defaults_cf2.h`), 2 m/s² whoenig's (firmware issue 882); 4 minutes of a 7-minute
     /// battery with decks (crazyswarm issue 148: 3 to 5); ±0.2 m is the reference team's corridor;
     /// a Lighthouse covers 5 m by 5 m.
-    #[must_use]
     pub fn indoor() -> Self {
         Self {
             name: "indoor",
@@ -129,14 +125,12 @@ impl Profile {
     }
 
     /// The same with visitors about: 0.5 m/s (firmware issue 882).
-    #[must_use]
     pub fn careful() -> Self {
         Self { name: "careful", speed_m_s: 0.5, ..Self::indoor() }
     }
 
     /// A larger drone outdoors: Skybrush's defaults for speed (2 m/s upward, taken for all axes)
     /// and height (150 m); acceleration and tilt of half a multirotor's reserve, assumed.
-    #[must_use]
     pub fn outdoor() -> Self {
         Self {
             name: "outdoor",

@@ -55,7 +55,6 @@ pub fn parse_room(text: &str) -> std::result::Result<[f64; 3], String> {
 
 /// Keys of a scene whose letters fill a room, under those that are typed: a height that was typed
 /// is meant, no room shrinks it, and the check stops what is too large.
-#[must_use]
 #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
 pub fn letters_within(
     room_m: [f64; 3],

@@ -33,7 +33,6 @@ pub struct Checked {
 
 impl Checked {
     /// The finding, with the number of its drone if there are several.
-    #[must_use]
     pub fn finding(&self) -> String {
         let number = self.drone.map_or_else(String::new, |drone| format!("drone {drone}: "));
         number + &self.row.found

@@ -47,7 +47,6 @@ impl CarriedScene {
     }
 
     /// The scene in a log's head.
-    #[must_use]
     pub fn in_log(path: &Path) -> Option<Self> {
         let file = format!("{} (scene)", path.display());
         Some(Self { toml: scene_in(path)?, file, is_in_log: true })
@@ -78,7 +77,6 @@ impl CarriedScene {
     }
 
     /// Where the scene of a plan or a flight is written.
-    #[must_use]
     pub fn place(path: &Path) -> PathBuf {
         path.with_extension(SCENE)
     }

@@ -255,7 +255,6 @@ fn names_at(values: &Value, key: &str) -> Vec<String> {
 
 impl Scene {
     /// Keys that differ from the preset's and have no effect, each with the reason.
-    #[must_use]
     pub fn idle_keys(&self) -> Vec<(String, String)> {
         let plan = match &self.plan.style {
             Style::Even(_) => PlanOptions::even(),

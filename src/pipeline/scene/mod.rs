@@ -171,13 +171,11 @@ impl Scene {
     }
 
     /// The whole scene as a TOML file: every key with its value and documentation.
-    #[must_use]
     pub fn to_toml(&self) -> String {
         text::document(self)
     }
 
     /// The same without documentation and with names of files instead of paths, for sharing.
-    #[must_use]
     pub fn to_portable_toml(&self) -> String {
         let mut scene = self.clone();
         for path in scene.files_mut() {
@@ -196,19 +194,16 @@ impl Scene {
     }
 
     /// Keys whose values differ from those of its preset: key, value, the preset's value.
-    #[must_use]
     pub fn changes(&self) -> Vec<[String; 3]> {
         text::changes(self, self.preset.scene())
     }
 
     /// A scene of the preset alone.
-    #[must_use]
     pub fn preset(preset: Preset) -> Self {
         preset.scene().clone()
     }
 
     /// Whether the scene names a word or a drawing.
-    #[must_use]
     pub fn has_strokes(&self) -> bool {
         !self.word.is_empty() || !self.letters.drawing.is_empty()
     }
@@ -283,7 +278,6 @@ impl Scene {
 
     /// Rate of the clock that paces the setpoints, in true seconds a second: as the plan's options
     /// say, else of a trajectory on board that of the drone's firmware.
-    #[must_use]
     pub fn trajectory_clock(&self) -> f64 {
         let on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
         let own = if on_board { self.vehicle.firmware.clock() } else { 1.0 };
@@ -291,7 +285,6 @@ impl Scene {
     }
 
     /// The simulator's part of the scene.
-    #[must_use]
     pub fn sim(&self) -> SimOptions {
         SimOptions {
             rates: self.rates.clone(),

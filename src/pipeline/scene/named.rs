@@ -30,7 +30,6 @@ pub struct NamedScene {
 
 impl NamedScene {
     /// A scene with a name.
-    #[must_use]
     pub fn new(name: &str, scene: Scene) -> Self {
         Self { name: name.to_owned(), scene }
     }

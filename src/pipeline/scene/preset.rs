@@ -7,12 +7,6 @@ use std::sync::OnceLock;
 
 use super::Scene;
 use noctograph_core::settings::settings;
-#[cfg(test)]
-use noctograph_sim::sensors::Positioning;
-#[cfg(test)]
-use noctograph_sim::vehicle::AirOptions;
-#[cfg(test)]
-use noctograph_sim::{ControllerKind, EstimatorKind, SimOptions};
 
 settings! {
     /// A named set of values that a scene starts from. `ae483-2022` is a whole system; the others
@@ -55,18 +49,6 @@ impl Preset {
     }
 }
 
-/// A preset's drone in still air, with the reference team's choice of regulator, observer and
-/// sensors.
-#[cfg(test)]
-pub(super) fn with_regulator(preset: Preset) -> SimOptions {
-    let mut sim = preset.scene().sim();
-    sim.controller.kind = ControllerKind::default();
-    sim.observer.kind = EstimatorKind::default();
-    sim.sensors.positioning = Positioning::default();
-    sim.air = AirOptions::default();
-    sim
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -74,9 +56,20 @@ mod tests {
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::tracking::{Part, track};
     use noctograph_plan::{PlanOptions, plan};
-    use noctograph_sim::sensors::SensorOptions;
-    use noctograph_sim::vehicle::Gusts;
-    use noctograph_sim::{Drone, MotorLag, fly};
+    use noctograph_sim::sensors::{Positioning, SensorOptions};
+    use noctograph_sim::vehicle::{AirOptions, Gusts};
+    use noctograph_sim::{ControllerKind, Drone, EstimatorKind, MotorLag, SimOptions, fly};
+
+    /// A preset's drone in still air, with the reference team's choice of regulator, observer and
+    /// sensors.
+    fn with_regulator(preset: Preset) -> SimOptions {
+        let mut sim = preset.scene().sim();
+        sim.controller.kind = ControllerKind::default();
+        sim.observer.kind = EstimatorKind::default();
+        sim.sensors.positioning = Positioning::default();
+        sim.air = AirOptions::default();
+        sim
+    }
 
     #[test]
     fn names_are_those_of_the_file_and_lead_back() {

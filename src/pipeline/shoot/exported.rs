@@ -50,7 +50,6 @@ impl Shoot {
     }
 
     /// The plans that are exported.
-    #[must_use]
     pub fn designs(&self) -> std::borrow::Cow<'_, [Plan]> {
         match self.designs.is_empty() {
             true => self.plans.iter().map(|planned| planned.plan.clone()).collect(),

@@ -5,6 +5,7 @@ use std::cell::OnceCell;
 use toml::{Table, Value};
 
 use super::{Judging, Shoot, Shot};
+use crate::flight::Flight;
 use crate::scene::{Scene, reason};
 use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kind};
 use noctograph_sim::sensors::HeightSensor;
@@ -31,41 +32,57 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("camera.shutter_close_s", "nothing, where it is the end of the flight"),
 ];
 
-/// A scene and its products, made as they are needed.
+/// A scene and its products, each made when it is first asked for; the error of one that fails.
 struct Case {
     scene: Scene,
+    shoot: OnceCell<Result<Shoot, String>>,
+    flights: OnceCell<Result<Vec<Flight>, String>>,
     shot: OnceCell<Result<Shot, String>>,
 }
 
 impl Case {
     fn new(text: &str, settings: &[(&str, &str)]) -> Result<Self, String> {
         let scene = Scene::parse_with(text, "scene", settings).map_err(|e| e.to_string())?;
-        Ok(Self { scene, shot: OnceCell::new() })
+        let [shoot, flights, shot] = [OnceCell::new(), OnceCell::new(), OnceCell::new()];
+        Ok(Self { scene, shoot, flights, shot })
+    }
+
+    fn shoot(&self) -> Result<Shoot, String> {
+        let shoot = self.shoot.get_or_init(|| {
+            let shoot = Shoot::new(self.scene.clone()).map_err(|e| e.to_string())?;
+            Ok(Shoot { judging: Judging::Skipped, cores: std::num::NonZero::new(1), ..shoot })
+        });
+        shoot.clone()
+    }
+
+    fn flights(&self) -> &Result<Vec<Flight>, String> {
+        self.flights.get_or_init(|| self.shoot()?.fly(&|_, _| {}).map_err(|e| e.to_string()))
     }
 
     fn shot(&self) -> &Result<Shot, String> {
-        self.shot.get_or_init(|| {
-            let shoot = Shoot::new(self.scene.clone()).map_err(|e| e.to_string())?;
-            let cores = std::num::NonZero::new(1);
-            let shoot = Shoot { judging: Judging::Skipped, cores, ..shoot };
-            shoot.take(&|_, _| {}).map_err(|e| e.to_string())
-        })
+        self.shot.get_or_init(|| self.shoot()?.take(&|_, _| {}).map_err(|e| e.to_string()))
     }
 
-    /// Whether any product differs, or the scene fails; `None` in words of the verdict's own keys.
+    /// Whether any product differs, the cheapest first, or one scene alone fails.
     fn differs(&self, other: &Self) -> bool {
-        if self.scene.score != other.scene.score {
-            return true;
-        }
-        match (self.shot(), other.shot()) {
-            (Ok(a), Ok(b)) => {
-                a.photo.rgb8 != b.photo.rgb8
-                    || a.flights != b.flights
-                    || a.shoot.plans != b.shoot.plans
-                    || a.camera != b.camera
-            }
-            (a, b) => a.is_err() != b.is_err(),
-        }
+        self.scene.score != other.scene.score
+            || unlike(&self.shoot(), &other.shoot(), |a, b| a.plans != b.plans)
+            || unlike(self.flights(), other.flights(), |a, b| a != b)
+            || unlike(self.shot(), other.shot(), |a, b| {
+                a.photo.rgb8 != b.photo.rgb8 || a.camera != b.camera
+            })
+    }
+}
+
+/// Whether two products differ, or one of them alone could not be made.
+fn unlike<T>(
+    a: &Result<T, String>,
+    b: &Result<T, String>,
+    differ: impl Fn(&T, &T) -> bool,
+) -> bool {
+    match (a, b) {
+        (Ok(a), Ok(b)) => differ(a, b),
+        (a, b) => a.is_err() != b.is_err(),
     }
 }
 

@@ -36,7 +36,6 @@ pub struct Lighting {
 impl Lighting {
     /// Aperture and sensitivity recommended by the light meter, or set by it in a metered scene.
     /// `None` for darkness.
-    #[must_use]
     pub fn recommended(&self, scene: &Scene) -> Option<Metered> {
         self.metered.or_else(|| recommended(&self.trace, &self.camera, &scene.camera, &scene.photo))
     }
@@ -70,7 +69,6 @@ pub(super) fn in_ink(
 
 impl Shoot {
     /// The scene's lamps, in the colors of its drawing where they have none for its letters.
-    #[must_use]
     pub fn lamps(&self) -> LightOptions {
         in_ink(&self.scene.light, &self.scene, self.strokes.as_ref())
     }

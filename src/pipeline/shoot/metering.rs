@@ -49,7 +49,6 @@ pub struct Metered {
 
 impl Metered {
     /// Help that a camera needs besides its settings, such as a filter; `None` if none.
-    #[must_use]
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
             format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
@@ -83,7 +82,6 @@ pub(super) fn metered(
 
 /// Meters the light: the settings that the scene's aims ask for, or the default ones of a scene
 /// that does not meter; `None` for darkness.
-#[must_use]
 pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,
@@ -119,7 +117,12 @@ pub fn recommended(
         }
         [Some(color), _] => (aims.color_stops, color),
     };
-    let (more, gave_way) = more_stops(&aims, aim_stops, found_stops, room_stops);
+    // The room may stay dark, but for the least light of the trail.
+    let wanted = aim_stops - found_stops;
+    let least = aims.least_stops.min(aim_stops) - found_stops;
+    let most = room_stops.map_or(f64::INFINITY, |room_stops| aims.room_stops - room_stops);
+    let more = wanted.min(most).max(least);
+    let gave_way = more < wanted;
 
     // The aperture first; sensitivity where the widest is not enough.
     let wanted = camera.f_number * libm::exp2(-0.5 * more);
@@ -129,7 +132,7 @@ pub fn recommended(
         Some(lens) => lens.f_number,
         None => nearest(F_NUMBERS.into_iter().filter(|f| *f >= least), wanted),
     };
-    let opened = stops_of(camera.f_number, f_number);
+    let opened = 2.0 * libm::log2(camera.f_number / f_number);
     let [least, most] = fixed.map_or([100.0, 3200.0], |lens| lens.iso);
     let isos = ISOS.into_iter().filter(|iso| (least..=most).contains(iso));
     let iso = nearest(isos, camera.iso * libm::exp2(more - opened));
@@ -146,25 +149,6 @@ pub fn recommended(
         filter_stops: too_many.max(0.0).round() as u32,
         longest_s: fixed.map(|lens| lens.longest_s).filter(|longest_s| *longest_s < open_s),
     })
-}
-
-/// Stops to add, and whether they are fewer than the trail wants.
-fn more_stops(
-    aims: &TrailMetering,
-    aim_stops: f64,
-    found_stops: f64,
-    room_stops: Option<f64>,
-) -> (f64, bool) {
-    let wanted = aim_stops - found_stops;
-    let least = aims.least_stops.min(aim_stops) - found_stops;
-    let most = room_stops.map_or(f64::INFINITY, |room_stops| aims.room_stops - room_stops);
-    let more = wanted.min(most).max(least);
-    (more, more < wanted)
-}
-
-/// Stops gained by one aperture number over another.
-fn stops_of(from: f64, to: f64) -> f64 {
-    2.0 * libm::log2(from / to)
 }
 
 /// The number nearest in stops.

@@ -53,8 +53,8 @@ mod written;
 pub use file::Format;
 pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
-use planned::plan_if;
-pub use planned::{DesignCheck, Planned, aim, ends, plan, rehearse};
+use planned::plan;
+pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
 pub use relit::{light_all_along, relit_where_dark};
 pub use response::step_responses;
@@ -191,30 +191,21 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`], [`Scene::strokes`] and [`plan`].
+    /// As [`Scene::strokes`] and [`Self::of_strokes`].
     pub fn new(scene: Scene) -> Result<Self> {
         let strokes = scene.strokes()?;
-        Self::of_strokes(scene, strokes)
+        Self::of_strokes(scene, strokes, &|_| Ok(()))
     }
 
-    /// The same of the scene's strokes, which were drawn already.
+    /// The same of the scene's strokes, which were drawn already, where the designs pass a check.
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`] and [`plan`].
-    pub fn of_strokes(scene: Scene, strokes: Strokes) -> Result<Self> {
-        Self::new_if(scene, strokes, &|_| Ok(()))
-    }
-
-    /// The same where the designs pass a check, before a flight is rehearsed.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::of_strokes`], and those of the check.
-    pub fn new_if(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
+    /// As [`Scene::check`], [`fly`] and [`step_responses`], and those of the check.
+    pub fn of_strokes(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
         scene.check()?;
         let mut shoot = Self::bare(scene, Some(strokes));
-        shoot.plans = plan_if(&shoot.scene, shoot.strokes.as_ref().expect("just written"), check)?;
+        shoot.plans = plan(&shoot.scene, shoot.strokes.as_ref().expect("just written"), check)?;
         shoot.is_planned = true;
         Ok(shoot)
     }
@@ -319,7 +310,6 @@ impl Shoot {
     }
 
     /// Whether the drones hear each other, or fly through each other's wakes.
-    #[must_use]
     pub fn in_step(&self) -> bool {
         self.plans.len() > 1
             && (self.scene.observer.kind == EstimatorKind::Cooperative || !self.wakes().is_empty())
@@ -327,7 +317,6 @@ impl Shoot {
 
     /// Pairs of drones, counted from 0, with the second one planned into the wake of the first, and
     /// their closest approach.
-    #[must_use]
     pub fn wakes(&self) -> Vec<([usize; 2], Approach)> {
         if self.scene.air.downwash == Downwash::None {
             return Vec::new();

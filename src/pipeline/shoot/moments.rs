@@ -5,6 +5,7 @@
 //! time so far.
 
 use super::Shot;
+use crate::scene::Scene;
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_picture::expose::{Film, project};
@@ -24,66 +25,31 @@ impl Shot {
         n: u32,
         each: &mut dyn FnMut(f64, Photo) -> Result<()>,
     ) -> Result<()> {
-        let mut film = Growing::new(self, width_px)?;
-        (1..=n).try_for_each(|moment| {
-            film.expose_to(film.moment_s(moment, n))?;
-            each(film.time_s, film.photo()?)
-        })
-    }
-}
-
-/// A film that is being exposed, and its camera.
-struct Growing<'a> {
-    shot: &'a Shot,
-    camera: Camera,
-    options: PhotoOptions,
-    film: Film,
-    start_s: f64,
-    end_s: f64,
-    /// Up to when it is exposed.
-    time_s: f64,
-}
-
-impl<'a> Growing<'a> {
-    fn new(shot: &'a Shot, width_px: u32) -> Result<Self> {
-        let camera = shot.camera.at_width(width_px);
-        let (start_s, end_s) = (camera.shutter_open_s, camera.shutter_close_s);
+        let camera = self.camera.at_width(width_px);
+        let Scene { expose, photo, seed, .. } = &self.shoot.scene;
+        let options = PhotoOptions { noise: Noise::Off, ..photo.clone() };
         // Twice as coarse as the whole, so that the rounding of its parts cannot overflow.
-        let scale_log2 = project(&shot.trace, &camera, &shot.shoot.scene.expose)?.scale_log2() + 1;
-        let film = Film {
-            width_px: camera.width_px,
-            height_px: camera.height_px,
-            counts: vec![0; 3 * camera.width_px as usize * camera.height_px as usize],
-            scale_log2,
-        };
-        let options = PhotoOptions { noise: Noise::Off, ..shot.shoot.scene.photo.clone() };
-        Ok(Self { shot, camera, options, film, start_s, end_s, time_s: start_s })
-    }
-
-    /// Time of the moment of a number, of `n`.
-    fn moment_s(&self, moment: u32, n: u32) -> f64 {
-        self.start_s + (self.end_s - self.start_s) * f64::from(moment) / f64::from(n)
-    }
-
-    /// Adds the light up to a time.
-    fn expose_to(&mut self, end_s: f64) -> Result<()> {
-        let (shutter_open_s, shutter_close_s) = (self.time_s, end_s);
-        let camera = Camera { shutter_open_s, shutter_close_s, ..self.camera.clone() };
-        let lit = part(&self.shot.trace, self.time_s, end_s);
-        let latent = project(&lit, &camera, &self.shot.shoot.scene.expose)?;
-        let more = latent.at_scale(self.film.scale_log2)?.develop_on_all().counts;
-        for (sum, count) in self.film.counts.iter_mut().zip(more) {
-            *sum = sum.saturating_add(count);
+        let scale_log2 = project(&self.trace, &camera, expose)?.scale_log2() + 1;
+        let (width_px, height_px) = (camera.width_px, camera.height_px);
+        let counts = vec![0; 3 * width_px as usize * height_px as usize];
+        let mut film = Film { width_px, height_px, counts, scale_log2 };
+        let Camera { shutter_open_s, shutter_close_s: end_s, .. } = camera;
+        let mut time_s = shutter_open_s;
+        for moment in 1..=n {
+            let lasts_s = (end_s - shutter_open_s) * f64::from(moment) / f64::from(n);
+            let shutter_close_s = shutter_open_s + lasts_s;
+            let until = Camera { shutter_close_s, ..camera.clone() };
+            let since = Camera { shutter_open_s: time_s, ..until.clone() };
+            let lit = part(&self.trace, time_s, shutter_close_s);
+            let latent = project(&lit, &since, expose)?;
+            let more = latent.at_scale(scale_log2)?.develop_on_all().counts;
+            for (sum, count) in film.counts.iter_mut().zip(more) {
+                *sum = sum.saturating_add(count);
+            }
+            time_s = shutter_close_s;
+            each(time_s, develop(&film, &until, expose, &options, *seed)?)?;
         }
-        self.time_s = end_s;
         Ok(())
-    }
-
-    /// The photo so far.
-    fn photo(&self) -> Result<Photo> {
-        let camera = Camera { shutter_close_s: self.time_s, ..self.camera.clone() };
-        let scene = &self.shot.shoot.scene;
-        develop(&self.film, &camera, &scene.expose, &self.options, scene.seed)
     }
 }
 
@@ -101,7 +67,7 @@ fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Preset, Scene};
+    use crate::scene::Preset;
     use crate::shoot::{Judging, Shoot};
 
     fn shot() -> Shot {

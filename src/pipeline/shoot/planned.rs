@@ -21,6 +21,9 @@ use noctograph_plan::{
 };
 use noctograph_sim::{Drone, SimOptions, fly};
 
+/// Passes or refuses designs, before a flight is rehearsed.
+pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
+
 /// The plan of one drone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planned {
@@ -31,22 +34,14 @@ pub struct Planned {
 }
 
 /// Plans the flights that write a drawing, one for each drone, as the scene's `[plan]` says:
-/// [`fleet`], then the reference through the inverse of the scene's loop, corrected by the tracking
-/// error of one rehearsal (take-off, integrators and saturation are not linear), then the lights on
-/// their own clock.
+/// [`fleet`], where its designs pass a check, then the reference through the inverse of the scene's
+/// loop, corrected by the tracking error of one rehearsal (take-off, integrators and saturation are
+/// not linear), then the lights on their own clock.
 ///
 /// # Errors
 ///
-/// As [`fleet`], [`step_responses`] and [`fly`].
-pub fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
-    plan_if(scene, strokes, &|_| Ok(()))
-}
-
-/// Passes or refuses designs, before a flight is rehearsed.
-pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
-
-/// [`plan`] of designs that pass a check.
-pub(super) fn plan_if(
+/// As [`fleet`], [`step_responses`] and [`fly`], and those of the check.
+pub(super) fn plan(
     scene: &Scene,
     strokes: &Strokes,
     check: &DesignCheck<'_>,
@@ -195,6 +190,10 @@ mod tests {
     use noctograph_sim::sensors::SensorOptions;
     use noctograph_sim::vehicle::Gusts;
     use noctograph_sim::{ControllerKind, EstimatorKind, Setpoints};
+
+    fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
+        super::plan(scene, strokes, &|_| Ok(()))
+    }
 
     fn noor() -> Strokes {
         write("NOOR", &LetterOptions::default()).unwrap()

@@ -77,7 +77,6 @@ pub enum Problem {
 
 impl Problem {
     /// Whether it keeps the word from being read whatever its letters are.
-    #[must_use]
     pub fn is_obstacle(&self) -> bool {
         !matches!(
             self,
@@ -90,7 +89,6 @@ impl Problem {
     }
 
     /// Finding and advice.
-    #[must_use]
     pub fn parts(&self) -> (String, SceneAdvice) {
         let (actual, advice) = match self {
             Self::ShutterCloses { at_s, early_s } => (

@@ -66,14 +66,12 @@ impl Shot {
     }
 
     /// SHA-256 of the flights, separated by spaces; `None` where there are none.
-    #[must_use]
     pub fn flight_sha256(&self) -> Option<String> {
         joined(self.digests())
     }
 }
 
 /// SHA-256 of flights, separated by spaces; `None` where there are none.
-#[must_use]
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
     joined(&digests(flights))
 }
@@ -204,7 +202,6 @@ impl Shoot {
 
 /// Facts from flights that explain their photo: speed along the strokes, the means over the drones
 /// of the distance from the path and of the lag, and the gaps of their logs.
-#[must_use]
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     known_of(flights, &tracking(flights), plan)
 }

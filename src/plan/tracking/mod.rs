@@ -120,20 +120,17 @@ pub struct AttitudeSpread {
 
 impl Tracking {
     /// Root mean square in the x-z plane.
-    #[must_use]
     pub fn in_plane_rmse_m(&self) -> f64 {
         self.rmse_m.xz().norm()
     }
 
     /// Cap height of the lowest letters that the drone holds its height well enough to write:
     /// twenty times the error of the height after the lag.
-    #[must_use]
     pub fn least_cap_height_m(&self) -> f64 {
         self.rmse_after_lag_m.z / HEIGHT_ERROR_FRAC
     }
 
     /// Root mean square in the x-z plane against the design shifted by the lag.
-    #[must_use]
     pub fn in_plane_rmse_after_lag_m(&self) -> f64 {
         self.rmse_after_lag_m.xz().norm()
     }

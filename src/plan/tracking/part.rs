@@ -20,7 +20,6 @@ settings! {
 
 impl Part {
     /// The letters of a flight, or its time in the air where it writes none.
-    #[must_use]
     pub fn from_flight(flight: &Flight) -> Self {
         let writes = flight.samples.iter().any(|sample| sample.letter.is_some());
         if writes { Self::Letters } else { Self::Airborne }

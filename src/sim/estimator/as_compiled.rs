@@ -176,7 +176,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
             squares[part] += errors.sum::<f64>() / 3.0;
         }
         for (state, want) in row[10..].iter().enumerate() {
-            let ratio = (filter.sigma(state) / want).ln();
+            let ratio = (filter.normal.sigma(state) / want).ln();
             worst = worst.max(ratio.abs());
             sum += if state < 3 { ratio / 3.0 } else { 0.0 };
         }

@@ -62,7 +62,7 @@ pub(super) struct Firmware {
     /// Error of the attitude since.
     turn_rad: Vector3<f64>,
     /// Errors of position, velocity and attitude; their mean is moved into the state at once.
-    normal: Normal,
+    pub(super) normal: Normal,
     rate_rad_s: Vector3<f64>,
     /// Sums of rates and forces since the last prediction, and their count; the last means.
     sums: ([Vector3<f64>; 2], f64),
@@ -107,12 +107,6 @@ impl Firmware {
             driven_s: f64::NEG_INFINITY,
             begun: false,
         }
-    }
-
-    /// Standard deviation of a state.
-    #[cfg(test)]
-    pub(super) fn sigma(&self, state: usize) -> f64 {
-        self.normal.sigma(state)
     }
 
     /// Moves the state and its covariance over a span by the mean of its inertial readings.

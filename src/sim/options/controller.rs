@@ -209,7 +209,6 @@ pub enum Law {
 
 impl ControllerKind {
     /// Its law.
-    #[must_use]
     pub fn law(self) -> Law {
         let (integrates, by_thrust_map) = (self == Self::LqrIntegral, self == Self::Altitude);
         match self {
@@ -227,7 +226,6 @@ impl ControllerKind {
     }
 
     /// Keys of its gains and weights.
-    #[must_use]
     pub fn keys(self) -> &'static str {
         match self {
             Self::Lqr | Self::LqrFeedforward | Self::LqrIntegral => "controller.lqr",

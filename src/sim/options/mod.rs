@@ -168,7 +168,6 @@ impl RateOptions {
 impl SimOptions {
     /// The undisturbed drone: in still air, with its center of mass in the middle and ideal
     /// sensors.
-    #[must_use]
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
         // The estimator of any other positioning need not take ideal positions.
@@ -185,7 +184,6 @@ impl SimOptions {
 
     /// The rehearsal with the firmware's filter on ideal sweeps of its stations, since the filter's
     /// error by drag is the same in every flight. `None` for other estimators and sensors.
-    #[must_use]
     pub fn rehearsal_by_filter(&self) -> Option<Self> {
         let positioning = self.sensors.positioning;
         (positioning.is_by_light() && self.observer.kind == EstimatorKind::Ekf).then(|| {

@@ -272,6 +272,12 @@ mod tests {
 
     const PLACE_M: Vector3<f64> = Vector3::new(0.1, 0.2, 0.7);
 
+    impl Streams {
+        pub(super) fn alone(seed: u64) -> Self {
+            Self { seed, room_seed: seed, drone: 0 }
+        }
+    }
+
     /// Readings as owned values.
     #[derive(Debug, PartialEq)]
     struct Written {

@@ -317,7 +317,6 @@ impl Described for Station {
 
 impl Positioning {
     /// Whether the positioning uses ultra-wideband ranges.
-    #[must_use]
     pub fn is_by_ranges(self) -> bool {
         match self {
             Self::UwbTwr | Self::UwbTdoa => true,

@@ -30,11 +30,6 @@ impl Streams {
     pub(super) fn shared_by_room(&self, sensor: &str) -> Noise {
         Noise::new(self.room_seed, 0, sensor)
     }
-
-    #[cfg(test)]
-    pub(super) fn alone(seed: u64) -> Self {
-        Self { seed, room_seed: seed, drone: 0 }
-    }
 }
 
 /// When something at a steady rate is due.

@@ -36,7 +36,6 @@ impl RigidBody {
     }
 
     /// The same place, level and at rest, with the nose turned from world x toward y.
-    #[must_use]
     pub fn facing(&self, yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         let level = Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw));

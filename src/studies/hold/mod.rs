@@ -161,7 +161,6 @@ impl HoldSample {
     }
 
     /// Throttle −α⁰/α¹ that carries the drone's weight: true and estimated.
-    #[must_use]
     pub fn hover_throttle(&self) -> [f64; 2] {
         [self.truth, self.estimate].map(|states| -states[2] / states[3])
     }
@@ -169,7 +168,6 @@ impl HoldSample {
 
 impl Hold {
     /// Times at which the floor that the ranger sees stepped, for two samples at least.
-    #[must_use]
     pub fn events_s(&self) -> Vec<f64> {
         let floors_m: Vec<f64> = self.samples.iter().map(|sample| sample.truth[4]).collect();
         let (mut events_s, mut last_m) = (Vec::new(), floors_m.first().copied().unwrap_or(0.0));

@@ -49,7 +49,6 @@ settings! {
 
 impl HoldScenario {
     /// Whether a table is below the flight.
-    #[must_use]
     pub fn has_step(self) -> bool {
         matches!(self, Self::Step | Self::StepSilent)
     }

@@ -34,7 +34,6 @@ fn anchor(view: &Window, x_px: f64) -> Anchor {
 
 /// Draws the strokes of all drones colored by the bound, and beside them the anchors from above
 /// with the best place of one more.
-#[must_use]
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],

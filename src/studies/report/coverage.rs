@@ -24,7 +24,6 @@ const ONE_STATION: Rgb = [184; 3];
 const NO_STATION: Rgb = [90; 3];
 
 /// Draws a coverage, with a frame around the word if there is one.
-#[must_use]
 pub fn coverage_map(grid: &Coverage, word_m: Option<[f64; 4]>) -> String {
     let map = Map::new(grid);
     let [left, above, below, beside] = MARGINS_PX;

@@ -31,7 +31,6 @@ const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 /// # Panics
 ///
 /// If there is no trace, or one without samples.
-#[must_use]
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
@@ -47,7 +46,6 @@ pub fn top_view(traces: &[NamedFlight]) -> String {
 /// # Panics
 ///
 /// If there is no trace, or one without samples.
-#[must_use]
 pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
@@ -57,7 +55,6 @@ pub fn front_view(traces: &[NamedFlight]) -> String {
 /// # Panics
 ///
 /// If there is no trace, or one without samples.
-#[must_use]
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);

@@ -21,7 +21,6 @@ pub struct Label {
 }
 
 /// The photo with its labels.
-#[must_use]
 pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
     let mut pixels = Pixels::new(photo);
     for Label { text, text_px, named_px } in labels {

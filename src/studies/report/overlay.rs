@@ -15,7 +15,6 @@ const CELL: Rgb = [150, 150, 150];
 const LABEL_SHARE: f64 = 0.13;
 
 /// The overlay as an SVG file's text, with the photo inside and a layer for each kind of mark.
-#[must_use]
 pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
     let mut canvas = Canvas::over(photo);
     draw(&mut canvas, photo, marks, verdict);
@@ -30,7 +29,6 @@ pub(super) fn marks_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Stri
 }
 
 /// The overlay as a photo.
-#[must_use]
 pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
     let mut pixels = Pixels::new(photo);
     draw(&mut pixels, photo, marks, verdict);

@@ -121,7 +121,6 @@ impl Page {
     }
 
     /// The file.
-    #[must_use]
     pub fn html(&self) -> String {
         let Self { title, lead, body } = self;
         let lead = match lead.as_str() {

@@ -17,7 +17,6 @@ pub struct Similarity {
 
 impl Similarity {
     /// The transform that leaves the least squares of pairs of points.
-    #[must_use]
     pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
         let n = pairs.len().max(1) as f64;
         let [from, to] = [0, 1].map(|side| {
@@ -38,7 +37,6 @@ impl Similarity {
     }
 
     /// Image of a point.
-    #[must_use]
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.rotation_rad);
         let (a, b) = (self.scale * cos, self.scale * sin);
@@ -46,7 +44,6 @@ impl Similarity {
     }
 
     /// The inverse transform.
-    #[must_use]
     pub fn inverse(&self) -> Self {
         let back =
             Self { scale: 1.0 / self.scale, rotation_rad: -self.rotation_rad, shift_px: [0.0; 2] };
@@ -56,7 +53,6 @@ impl Similarity {
 
 /// Shrinks a photo to a longer side of at most `longest_px`: each pixel is the mean light of those
 /// it replaces. Smaller photos stay as they are.
-#[must_use]
 pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     let longest = photo.width_px.max(photo.height_px);
     if longest <= longest_px {
@@ -95,7 +91,6 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
 }
 
 /// Warps a render into a frame, padded with black; also returns which pixels it covers.
-#[must_use]
 pub fn placed(
     render: &Photo,
     transform: &Similarity,
@@ -155,7 +150,6 @@ fn between(place: f64, n: f64) -> (usize, usize, f32) {
 /// # Panics
 ///
 /// If the sizes differ.
-#[must_use]
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();

@@ -23,7 +23,6 @@ const STATION: Rgb = [204, 121, 167];
 
 /// The shot plan from above (x to the right, y away from the camera) and from the left (y to the
 /// right, z up). SVG. Lengths in meters; the word's plane is y = 0.
-#[must_use]
 pub(super) fn shot_plan(shot: &Shot, placement: Option<&ShotPlan>) -> [String; 2] {
     let things = things(shot, placement);
     [

@@ -26,7 +26,6 @@ const MOST_TIMES: usize = 80;
 /// # Panics
 ///
 /// If there is no setpoint.
-#[must_use]
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();

@@ -57,7 +57,6 @@ pub fn study_sheet(
 }
 
 /// Photos with their captions, in rows of a few.
-#[must_use]
 pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     let titles = std::iter::once(title).chain(std::iter::repeat(""));
     contact_sheet(titles.zip(photos.chunks(ROW_PHOTOS)))

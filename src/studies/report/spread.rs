@@ -16,7 +16,6 @@ const WITHIN: Pen = Pen { filled: true, ..Pen::new(VERMILION, 1.75) };
 /// # Panics
 ///
 /// If every flight is lost.
-#[must_use]
 pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
@@ -49,7 +48,6 @@ fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<
 /// # Panics
 ///
 /// If a band has no moments.
-#[must_use]
 pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);

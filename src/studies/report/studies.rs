@@ -16,7 +16,6 @@ const HEIGHT_PX: f64 = 360.0;
 
 /// Candidates as flight time (s) and P(read) (0 to 1): those within the limits, those that were
 /// given up or broke a limit, the Pareto front as a line, and the start. SVG.
-#[must_use]
 pub fn pareto(
     within: &[(f64, f64)],
     others: &[(f64, f64)],
