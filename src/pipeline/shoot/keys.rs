@@ -5,8 +5,8 @@ use std::cell::OnceCell;
 use toml::{Table, Value};
 
 use super::{Judging, Shoot, Shot};
-use crate::flight::Flight;
 use crate::scene::{Scene, reason};
+use noctograph_core::flight::Flight;
 use noctograph_core::settings::{Described, Setting, Shape, joined, names, of_kind};
 use noctograph_sim::sensors::HeightSensor;
 
@@ -43,7 +43,7 @@ struct Case {
 impl Case {
     fn new(text: &str, settings: &[(&str, &str)]) -> Result<Self, String> {
         let scene = Scene::parse_with(text, "scene", settings).map_err(|e| e.to_string())?;
-        let [shoot, flights, shot] = [OnceCell::new(), OnceCell::new(), OnceCell::new()];
+        let (shoot, flights, shot) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
         Ok(Self { scene, shoot, flights, shot })
     }
 
