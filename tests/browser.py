@@ -2,6 +2,7 @@
 
 The page forbids `eval`, which playwright's wait_for_function needs: `until` asks again and again."""
 
+import itertools
 import os
 import subprocess
 import time
@@ -115,13 +116,13 @@ def come(page, requests):
         page.wait_for_timeout(20)
 
 
-def stroke(page, *points, steps=12):
-    """Draws a line through points of the pad."""
+def stroke(page, *points, steps=(12,)):
+    """Draws a line through points of the pad; the pen is slower on a leg of more steps."""
     place = on_pad(page)
     page.mouse.move(*place(*points[0]))
     page.mouse.down()
-    for point in points[1:]:
-        page.mouse.move(*place(*point), steps=steps)
+    for point, n in zip(points[1:], itertools.cycle(steps)):
+        page.mouse.move(*place(*point), steps=n)
     page.mouse.up()
 
 

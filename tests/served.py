@@ -127,12 +127,7 @@ def draws_and_drops(browser, url):
     page.click("#draw")
     page.wait_for_selector("#pad .cursor", state="attached")
     # The pen is quick at first and slow at last, whatever the machine's pace is.
-    place = on_pad(page)
-    page.mouse.move(*place(0.3, 0.8))
-    page.mouse.down()
-    for point, steps in [((0.3, 0.2), 4), ((0.6, 0.8), 4), ((0.6, 0.2), 120)]:
-        page.mouse.move(*place(*point), steps=steps)
-    page.mouse.up()
+    stroke(page, (0.3, 0.8), (0.3, 0.2), (0.6, 0.8), (0.6, 0.2), steps=(4, 4, 120))
     until(page, "document.querySelectorAll('#pad .lit').length === 1")
     slow = flight_s(page)
     more(page)

@@ -279,8 +279,7 @@ def an_element_stands_in_any_page(browser, host):
     page.goto(host.url + "example.html")
     seen = page.evaluate("['span', 'figcaption'].map(name => document.querySelector('noctograph-photo').shadowRoot.querySelector(name).textContent)")
     assert seen == ["NOOR", "The photograph is being made: 0 %"], seen
-    while not held:
-        page.wait_for_timeout(20)
+    come(page, held)
     held[0].continue_()
     captions = "[...document.querySelectorAll('noctograph-photo')].map(it => it.shadowRoot.querySelector('figcaption').textContent)"
     until(page, f"{captions}[0].startsWith('Reads as NOOR.') && {captions}[1].startsWith('Most people could not read it.')")

@@ -276,8 +276,8 @@ impl SubjectFlags {
         Some(plans).filter(|plans| are_plans && !plans.is_empty())
     }
 
-    /// The word or the plans, ready to fly; `change` has the last word on the scene. The designs of
-    /// a word pass a check before a flight is rehearsed.
+    /// The word or the plans, ready to fly. `change` edits the scene last. The designs of a word
+    /// pass `check` before a flight is rehearsed.
     pub(super) fn shoot(
         &self,
         change: impl FnOnce(&mut Scene) -> Result<()>,

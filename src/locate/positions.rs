@@ -18,7 +18,8 @@ pub struct Positions {
 }
 
 impl Positions {
-    /// Drones of these places. Ranges farther from their prediction than `gate_sigmas` are refused.
+    /// An estimator whose prior is `normal`: three coordinates per drone. It rejects a range whose
+    /// innovation exceeds `gate_sigmas` standard deviations.
     pub(super) fn with(anchors_m: Vec<Vector3<f64>>, normal: Normal, gate_sigmas: f64) -> Self {
         Self { anchors_m, normal, gate: Gate::new(gate_sigmas) }
     }

@@ -1,15 +1,15 @@
 //! Identify: figures of a drone and weights of its observer, from the log of a flight.
 //!
-//! In: a [`Flight`], and what it does not show of its drone: mass, arm and the motors' lag. Out:
-//! [`Identified`]. Method, as the reference team's (AE483, 2022): the observer's Q and R are `1/σ²`
-//! of the spread, while
-//! airborne, of the measurement's error `y − (C x̂ + D u)` and of the model's error `ẋ − (A x +
-//! B u)`, with ẋ by finite differences; thrust per command, of rotors that follow in the assumed
-//! time, is fitted to the accelerometer, and the mean motor commands show the torque that
-//! compensates a displaced center of mass. Inertia comes from a pendulum test
-//! ([`pendulum_inertia_kg_m2`], their equation 12). The rotors' lag comes from how roll and pitch
-//! answer ([`RotorLag`]); uneven air, of a folder of logs, from the torque that answers it
-//! ([`UnevenAir`]).
+//! In: a [`Flight`], and the vehicle's mass, arm and motor lag, which a log does not show. Out:
+//! [`Identified`]. The method is the reference team's (AE483, 2022).
+//!
+//! - Weights of the observer: Q and R are `1/σ²` of the airborne spread of the measurement error
+//!   `y − (C x̂ + D u)` and of the model error `ẋ − (A x + B u)`, with ẋ by finite differences.
+//! - Thrust per command is fitted to the accelerometer, with the assumed motor lag.
+//! - The mean motor commands give the torque that compensates a displaced center of mass.
+//! - Inertia comes from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
+//! - The rotors' lag comes from the response in roll and pitch ([`RotorLag`]).
+//! - Uneven air, of a folder of logs, comes from the torque that counters it ([`UnevenAir`]).
 //!
 //! Not done: inertia and the rotors' reaction torque, which slow logs and flights that hardly turn
 //! do not show.

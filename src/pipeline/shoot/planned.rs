@@ -33,10 +33,13 @@ pub struct Planned {
     pub ends: Vec<StrokeEnd>,
 }
 
-/// Plans the flights that write a drawing, one for each drone, as the scene's `[plan]` says:
-/// [`fleet`], where its designs pass a check, then the reference through the inverse of the scene's
-/// loop, corrected by the tracking error of one rehearsal (take-off, integrators and saturation are
-/// not linear), then the lights on their own clock.
+/// Plans the flights that write a drawing, one for each drone, as the scene's `[plan]` says.
+///
+/// 1. [`fleet`] makes the designs, which must pass `check`.
+/// 2. The reference is the design filtered by the inverse of the closed loop.
+/// 3. One simulated flight, the rehearsal, corrects it by its tracking error: take-off, integrators
+///    and saturation are not linear.
+/// 4. The lights are timed by their own clock.
 ///
 /// # Errors
 ///
