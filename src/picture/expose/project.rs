@@ -18,9 +18,9 @@ pub(super) type Px = DVec2;
 /// pupil size).
 pub(super) const NEAREST_M: f64 = 0.1;
 
-/// Width of the narrowest spot. Sampled at pixel centers, a Gaussian of this width keeps its sum to
-/// 2.3e-7 anywhere between the pixels (`2 exp(-2 π² σ²)`); at 0.7 px it would be 1.3e-4.
-pub(super) const MIN_SIGMA_PX: f64 = 0.9;
+/// Width of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width differs
+/// by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), which the division by its sum takes back.
+pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
 /// Width of the widest spot; wider ones are drawn this wide, with all their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;

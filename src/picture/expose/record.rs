@@ -18,8 +18,9 @@ pub(super) const SPOTS: usize = 4;
 /// it the spot has 3.7e-6 of its peak.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Bound on the peak of a spot over that of its Gaussian, once the sum is corrected.
-const PEAK_MARGIN: f64 = 1.0 + 1.0 / 1024.0;
+/// Bound on the peak of a spot over that of its Gaussian, once the sum is corrected: for those
+/// narrower than 0.85 px, and for others.
+const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 
 /// Longest segment, in σ, that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak (error term of
 /// the quadrature, with the derivative of order 2n of the Gaussian at its middle). Longer segments
@@ -82,7 +83,8 @@ impl Record {
     #[inline(always)]
     pub(super) fn peak_lx_s(&self) -> f64 {
         let per_px = f64::from(self.per_px);
-        self.light_lx_s * per_px * per_px * (PEAK_MARGIN / std::f64::consts::TAU)
+        let margin = PEAK_MARGINS[usize::from(per_px < 1.0 / 0.85)];
+        self.light_lx_s * per_px * per_px * (margin / std::f64::consts::TAU)
     }
 
     /// Columns and rows of the box that lie in the picture and among these rows.
