@@ -137,7 +137,7 @@ pub(crate) const FAULTS: [Fault; 10] = [
     Fault {
         name: "resolution",
         unit: "px a capital",
-        levels: [40.0, 30.0, 20.0, 14.0, 7.0, 5.0],
+        levels: [30.0, 20.0, 14.0, 7.0, 5.0, 3.0],
         turn: |setting, cap_px| {
             let (_, [_, foot, head]) = setting.sight()?;
             let camera = &mut setting.actual.camera;

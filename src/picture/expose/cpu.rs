@@ -175,7 +175,7 @@ mod tests {
         for (name, mut latent) in scenes() {
             // Enough records for several bands.
             for tint in &mut latent.tints {
-                tint.records = tint.records.iter().cycle().take(12_000).copied().collect();
+                tint.records = tint.records.iter().cycle().take(40_000).copied().collect();
             }
             let one = splat(1, &latent);
             for n in [2, 3, 16] {

@@ -169,8 +169,8 @@ impl Chunk {
 }
 
 impl Part {
-    /// Upper bound on the iterations of the shader's loops.
+    /// Upper bound on the iterations of the shader's loops, with those that leave them.
     fn turns(&self) -> u32 {
-        2 + (self.columns / 16 + 1) * (self.rows + 2)
+        3 + (self.columns / 16 + 1) * (self.rows + 3)
     }
 }

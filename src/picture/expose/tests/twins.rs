@@ -52,12 +52,17 @@ fn sheets_of_few_tiles_leave_the_same_bits_as_one() {
 fn more_records_than_one_dispatch_holds_are_all_exposed() {
     let Some(gpu) = device() else { return };
     let (_, mut hover) = scenes().remove(3);
-    let tint = &mut hover.tints[0];
-    let dim = Record { light_lx_s: 1e-4 * tint.records[0].light_lx_s, ..tint.records[0] };
-    tint.records = vec![dim; 40_000];
-    let on_cpu = cpu::splat(2, &hover);
-    assert!(on_cpu.iter().any(|&count| count > 1 << 20), "there is light");
-    assert!(gpu.splat(&hover).expect("splat") == on_cpu, "counts differ");
+    let whole = hover.tints[0].records[0];
+    let dim = Record { light_lx_s: 1e-4 * whole.light_lx_s, ..whole };
+    // Whole, and the last row and the last column of a box alone.
+    let row = Record { y: 1 - dim.height.cast_signed(), ..dim };
+    let column = Record { x: 1 - dim.width.cast_signed(), ..dim };
+    for record in [dim, row, column] {
+        hover.tints[0].records = vec![record; 40_000];
+        let on_cpu = cpu::splat(2, &hover);
+        assert!(on_cpu.iter().any(|&count| count > 1 << 12), "there is light");
+        assert!(gpu.splat(&hover).expect("splat") == on_cpu, "counts of {record:?} differ");
+    }
 }
 
 #[test]
