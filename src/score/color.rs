@@ -44,14 +44,13 @@ fn rank(value: f32) -> i32 {
 fn holds(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
-    // Weak channels hold any share.
-    let counts = color.map(|c| c >= MIN_CHANNEL * strongest && c > 0.0);
-    let per_color = color.map(|c| scale / c);
+    // Weak channels hold any share: without a branch, so that a row of pixels is vectorized.
+    let terms = color.map(|c| match c >= MIN_CHANNEL * strongest && c > 0.0 {
+        true => (scale / c, 0.0),
+        false => (0.0, f32::INFINITY),
+    });
     move |light| {
-        let shares = [0, 1, 2].map(|channel| match counts[channel] {
-            true => light[channel] * per_color[channel],
-            false => f32::INFINITY,
-        });
+        let shares = [0, 1, 2].map(|channel| light[channel] * terms[channel].0 + terms[channel].1);
         let share = shares[0].min(shares[1]).min(shares[2]);
         if share.is_finite() { share.max(0.0) } else { 0.0 }
     }

@@ -102,7 +102,7 @@ impl Light {
         let [right, bottom] = [right, bottom].map(|px| whole(px.ceil()).div_ceil(step));
         let (width, height) = (right - origin[0], bottom - origin[1]);
         let values = match step {
-            1 => means::<1>(photo, origin, [width, height], 1),
+            1 => pixels(photo, origin, [width, height]),
             2 => means::<2>(photo, origin, [width, height], 2),
             step => means::<0>(photo, origin, [width, height], step),
         };
@@ -120,9 +120,10 @@ impl Light {
         if area <= 0.0 {
             return sum;
         }
+        let across = overlaps(x0, x1, self.width);
         for (y, high) in overlaps(y0, y1, self.height) {
             let row = &self.values[y * self.width..][..self.width];
-            for (x, wide) in overlaps(x0, x1, self.width) {
+            for (x, wide) in across.clone() {
                 let (share, value) = (wide * high, measure(row[x]));
                 for channel in 0..3 {
                     sum[channel] += share * value[channel];
@@ -175,12 +176,11 @@ impl Light {
             (first, (first + 1).min(n_blocks - 1), place - first as f32)
         };
         let columns: Vec<_> = (0..n_columns).map(|x| between(x, width)).collect();
-        let across = |row: usize| -> Vec<f32> {
-            let lights = columns.iter().flat_map(|(left, right, share)| {
+        let across = |row: usize| {
+            Vec::from_iter(columns.iter().map(|(left, right, share)| {
                 let ends = sky.each_ref().map(|sky| [*left, *right].map(|x| sky[row * width + x]));
                 ends.map(|[a, b]| a + share * (b - a))
-            });
-            lights.collect()
+            }))
         };
         let mut rows = [(0, across(0)), (0, across(0))];
         for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
@@ -193,7 +193,7 @@ impl Light {
                     *known = (wanted, across(wanted));
                 }
             }
-            let [(_, above), (_, below)] = &rows;
+            let [above, below] = rows.each_ref().map(|(_, row)| row.as_flattened());
             let lights = values.as_flattened_mut().iter_mut();
             noctograph_core::dispatch!(|| {
                 for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
@@ -209,6 +209,17 @@ impl Light {
 /// All of a photo.
 fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
+}
+
+/// The light of each pixel of a part.
+fn pixels(photo: &Photo, [left, top]: [usize; 2], [width, height]: [usize; 2]) -> Vec<Rgb> {
+    let light_of_level = light_of_level().map(|light| light as f32 * (1.0 / 65535.0));
+    let mut values = Vec::with_capacity(width * height);
+    for row in photo.rgb8.chunks_exact(3 * photo.width_px as usize).skip(top).take(height) {
+        let pixels = row[3 * left..][..3 * width].as_chunks::<3>().0;
+        values.extend(pixels.iter().map(|rgb| rgb.map(|level| light_of_level[usize::from(level)])));
+    }
+    values
 }
 
 /// Means over blocks of `step` pixels by `step`; `STEP` is the same number where it is known to the

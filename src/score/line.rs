@@ -240,7 +240,7 @@ fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
     let crossings = mask.chunks_exact(width).map(|row| {
         u32::from(row[0]) + row.iter().zip(&row[1..]).map(|(a, b)| u32::from(!a & b)).sum::<u32>()
     });
-    let rows: Vec<u32> = crossings.collect();
+    let rows: Vec<u32> = noctograph_core::dispatch!(|| crossings.collect());
     // Means over some rows: noise has crossings, too, but not for long.
     let reach = (rows.len() / 100).max(1);
     let smooth = (0..rows.len()).map(|y| {
@@ -259,8 +259,9 @@ fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
 /// Width of strokes: twice the area by the length of the edge.
 fn stroke_width(mask: &[bool], width: usize) -> f64 {
     let area = mask.iter().filter(|ink| **ink).count();
-    let differing =
-        |a: &[bool], b: &[bool]| a.iter().zip(b).map(|(a, b)| u32::from(a != b)).sum::<u32>();
+    let differing = |a: &[bool], b: &[bool]| -> u32 {
+        noctograph_core::dispatch!(|| a.iter().zip(b).map(|(a, b)| u32::from(a != b)).sum())
+    };
     let across: u32 = mask.chunks_exact(width).map(|row| differing(row, &row[1..])).sum();
     // Steps of a slanting edge are longer than the edge, by 4 / π on average.
     let edge = core::f64::consts::FRAC_PI_4 * f64::from(across + differing(mask, &mask[width..]));

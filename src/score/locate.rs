@@ -4,13 +4,14 @@
 //! their numbers agree, else from the first to the last. The plane is assumed to be seen square on,
 //! with separate scales across and down and a slope of the line.
 
+use super::reader::lit_bounds_m;
 use super::reading::Reading;
 use super::view::{Homography, View};
 use noctograph_core::error::Result;
 use noctograph_core::geometry::bounds;
 use noctograph_core::photo::Photo;
 use noctograph_core::statistics::median;
-use noctograph_core::strokes::{Glyph, Strokes};
+use noctograph_core::strokes::Strokes;
 
 /// Largest ratio of the two scales.
 const MAX_STRETCH: f64 = 2.5;
@@ -24,7 +25,8 @@ const MAX_SLOPE: f64 = 0.3;
 ///
 /// As [`Homography::from_corners`].
 pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
-    let boxes: Vec<[f64; 4]> = strokes.glyphs.iter().filter_map(lit_box).collect();
+    let boxes = strokes.glyphs.chunks(1).map(lit_bounds_m);
+    let boxes: Vec<[f64; 4]> = boxes.filter(|[left, _, right, _]| left <= right).collect();
     let letters = &reading.letters;
     let (Some(first), Some(last)) = (letters.first(), letters.last()) else { return Ok(None) };
     if boxes.is_empty() {
@@ -68,13 +70,6 @@ pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Opt
     let plane = Homography::from_corners([left, bottom, right, top], corners, size_px);
     // An I alone has no width.
     Ok(plane.ok().map(View::Plane))
-}
-
-/// The box of what a glyph lights: left, bottom, right, top.
-fn lit_box(glyph: &Glyph) -> Option<[f64; 4]> {
-    let lit = glyph.moves.iter().filter(|step| step.lit);
-    let sides = bounds(lit.flat_map(|step| [step.from_m, step.to_m]));
-    (sides[0] <= sides[2]).then_some(sides)
 }
 
 /// The median of the slopes between all points (Theil and Sen): a letter with a tail has its middle

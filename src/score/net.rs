@@ -95,7 +95,7 @@ pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f
 
 /// Logits of all classes for columns of a strip.
 fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
-    let values = strip.bytes(columns.clone()).map(i16::from).collect();
+    let values = strip.bytes(columns.clone()).into_iter().map(i16::from).collect();
     let mut map = Map { height: HEIGHT, width: columns.len(), channels: 2, values };
     let (last, layers) = NET.split_last().expect("the net has layers");
     for layer in layers {

@@ -158,10 +158,10 @@ fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
 }
 
-/// The pixels that an interval touches, each with the length of what it touches.
-pub(super) fn overlaps(from: f64, to: f64, n_pixels: usize) -> impl Iterator<Item = (usize, f32)> {
-    let first = whole(from.clamp(0.0, n_pixels as f64));
-    let end = whole(to.ceil().clamp(first as f64, n_pixels as f64));
+/// The pixels of `n` that an interval touches, each with the length of what it touches.
+pub(super) fn overlaps(from: f64, to: f64, n: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
+    let first = whole(from.clamp(0.0, n as f64));
+    let end = whole(to.ceil().clamp(first as f64, n as f64));
     (first..end).map(move |pixel| {
         let (left, right) = (pixel as f64, (pixel + 1) as f64);
         (pixel, narrow((right.min(to) - left.max(from)).max(0.0)))

@@ -97,7 +97,9 @@ impl Reader {
         check(strokes)?;
         let home = Placed::home(strokes);
         let ink_px = strokes.glyphs.iter().map(|glyph| {
-            let length_h = lit_length_m(glyph) / glyph.cell.cap_height_m;
+            let lit = glyph.moves.iter().filter(|step| step.lit);
+            let length_m: f64 = lit.map(|step| distance(step.from_m, step.to_m)).sum();
+            let length_h = length_m / glyph.cell.cap_height_m;
             length_h * PEN_H * f64::from(PX_PER_H) * f64::from(PX_PER_H)
         });
         let lines = strokes.lines();
@@ -154,7 +156,7 @@ impl Reader {
         check_size(photo, view)?;
         let seen = self.see(photo, view);
         let strips = seen.iter().flat_map(|seen| &seen.strips);
-        Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width).collect())).collect())
+        Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width))).collect())
     }
 
     /// The verdict without causes, and the light that it was made from; `None` where the photo does
@@ -231,7 +233,7 @@ impl Reader {
             let glyphs = self.strokes.glyphs.iter().zip(&self.line_of);
             let own = glyphs.filter(|(_, own)| **own == line).map(|(glyph, _)| glyph);
             for glyph in own.filter(|glyph| classes_of(glyph.character).is_none()) {
-                strip.darken(grid, lit_columns_m(glyph));
+                strip.darken(grid, lit_bounds_m(std::slice::from_ref(glyph)));
             }
             strip
         });
@@ -319,12 +321,7 @@ fn around(line: &Grid) -> Grid {
 fn strip_grid(glyphs: &[Glyph]) -> Grid {
     let cell = glyphs[0].cell;
     let pitch_m = cell.cap_height_m / CAP_PX as f64;
-    let (left_m, right_m) = glyphs
-        .iter()
-        .map(lit_columns_m)
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(left, right), [from, to]| {
-            (left.min(from), right.max(to))
-        });
+    let [left_m, _, right_m, _] = lit_bounds_m(glyphs);
     let width = whole(((right_m - left_m) / pitch_m).ceil()) + 2 * MARGIN_PX;
     Grid {
         left_m: left_m - MARGIN_PX as f64 * pitch_m,
@@ -335,17 +332,10 @@ fn strip_grid(glyphs: &[Glyph]) -> Grid {
     }
 }
 
-/// Left and right end of what a letter's lit moves draw.
-fn lit_columns_m(glyph: &Glyph) -> [f64; 2] {
-    let lit = glyph.moves.iter().filter(|step| step.lit);
-    let [left, _, right, _] = bounds(lit.flat_map(|step| [step.from_m, step.to_m]));
-    [left, right]
-}
-
-/// Length of what a letter's lit moves draw.
-fn lit_length_m(glyph: &Glyph) -> f64 {
-    let lit = glyph.moves.iter().filter(|step| step.lit);
-    lit.map(|step| distance(step.from_m, step.to_m)).sum()
+/// The box of what the lit moves of letters draw: left, bottom, right, top.
+pub(super) fn lit_bounds_m(glyphs: &[Glyph]) -> [f64; 4] {
+    let lit = glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
+    bounds(lit.flat_map(|step| [step.from_m, step.to_m]))
 }
 
 /// Light in the color of the strokes alone, on a letter's page. The color is taken from the photo's

@@ -105,9 +105,9 @@ impl Strip {
         self
     }
 
-    /// Takes away the light between two ends, in the plane of the word, and a little beside them:
-    /// punctuation is not read.
-    pub(super) fn darken(&mut self, own: &Grid, [left_m, right_m]: [f64; 2]) {
+    /// Takes away the light between the sides of a box in the plane of the word, and a little
+    /// beside them: punctuation is not read.
+    pub(super) fn darken(&mut self, own: &Grid, [left_m, _, right_m, _]: [f64; 4]) {
         let beside_m = BESIDE_PX * own.pitch_m;
         let [first, end] = [left_m - beside_m, right_m + beside_m]
             .map(|x_m| whole(((x_m - own.left_m) / own.pitch_m).max(0.0)).min(self.width));
@@ -170,14 +170,16 @@ impl Strip {
 
     /// The net's input, of some columns: both channels of each pixel, as square roots.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-    pub(super) fn bytes(&self, columns: Range<usize>) -> impl Iterator<Item = u8> {
+    pub(super) fn bytes(&self, columns: Range<usize>) -> Vec<u8> {
         let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
-        rows.flat_map(move |(bright, pure)| {
+        let mut bytes = Vec::with_capacity(columns.len() * HEIGHT);
+        noctograph_core::dispatch!(|| for (bright, pure) in rows {
             let pixels = bright[columns.clone()].iter().zip(&pure[columns.clone()]);
-            pixels.flat_map(|(bright, pure)| {
+            bytes.extend(pixels.map(|(bright, pure)| {
                 [bright, pure].map(|light| (255.0 * light.sqrt()).round() as u8)
-            })
-        })
+            }));
+        });
+        bytes.into_flattened()
     }
 }
 
