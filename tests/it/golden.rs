@@ -120,7 +120,7 @@ fn the_labeled_picture_looks_like_the_render_of_its_scene() {
     let labels = [
         label("1 headlights, on strokes only", [330.0, 30.0], [445.0, 73.0]),
         label("2 power LEDs, blue", [20.0, 160.0], [262.0, 205.0]),
-        label("3 status LED, red dots", [830.0, 150.0], [772.0, 122.0]),
+        label("3 status LED, red dots", [830.0, 150.0], [767.0, 127.0]),
         label("4 stroke ends early", [410.0, 280.0], [560.0, 226.0]),
         label("5 lit tail before the N", [20.0, 300.0], [293.0, 262.0]),
         label("6 take-off blob, glow of the ring on the floor", [560.0, 400.0], [487.0, 359.0]),
