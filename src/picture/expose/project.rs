@@ -18,8 +18,8 @@ pub(super) type Px = DVec2;
 /// pupil size).
 pub(super) const NEAREST_M: f64 = 0.1;
 
-/// Width of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width differs
-/// by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), which the division by its sum takes back.
+/// Width of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width
+/// differs by 1.4 % between the pixels (`2 exp(-2 π² σ²)`); curves are divided by their sums.
 pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
 /// Width of the widest spot; wider ones are drawn this wide, with all their light.
