@@ -18,8 +18,8 @@ pub struct Positions {
 }
 
 impl Positions {
-    /// An estimator whose prior is `normal`: three coordinates per drone. It rejects a range whose
-    /// innovation exceeds `gate_sigmas` standard deviations.
+    /// Creates the filter from its prior, `normal`, with three coordinates per drone. Ranges whose
+    /// innovation exceeds `gate_sigmas` standard deviations are rejected.
     pub(super) fn with(anchors_m: Vec<Vector3<f64>>, normal: Normal, gate_sigmas: f64) -> Self {
         Self { anchors_m, normal, gate: Gate::new(gate_sigmas) }
     }

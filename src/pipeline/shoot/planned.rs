@@ -37,8 +37,8 @@ pub struct Planned {
 ///
 /// 1. [`fleet`] makes the designs, which must pass `check`.
 /// 2. The reference is the design filtered by the inverse of the closed loop.
-/// 3. One simulated flight, the rehearsal, corrects it by its tracking error: take-off, integrators
-///    and saturation are not linear.
+/// 3. A simulated rehearsal flight corrects the reference by the tracking error that remains, since
+///    take-off, integrators and saturation are nonlinear.
 /// 4. The lights are timed by their own clock.
 ///
 /// # Errors
