@@ -135,6 +135,7 @@ pub fn serve(
         boot: address::secret()?,
         visitors: Maker::new(program, scratch.path()),
         host: Maker::new(program, scratch.path()),
+        operator: Maker::new(program, scratch.path()),
         entries,
         mark: page::mark(),
     };

@@ -67,7 +67,9 @@ impl Server {
             let name = format!("{:02}-{}", index + 1, stem(&title));
             let made = match subject {
                 None => Err(Key::Broken.into()),
-                Some(subject) => self.host.make(Job { product: Product::Script, subject }).await,
+                Some(subject) => {
+                    self.operator.make(Job { product: Product::Script, subject }).await
+                }
             };
             let answer = match made {
                 Ok(made) => parsed(&made)?,

@@ -47,6 +47,8 @@ pub(crate) struct Server {
     pub(crate) visitors: Maker,
     /// Makes what the host asks for, who waits for no visitor.
     pub(crate) host: Maker,
+    /// Makes what the operator flies, and waits for neither.
+    pub(crate) operator: Maker,
     pub(crate) entries: Entries,
     /// Changes with the program, so that browsers know when the page did.
     pub(crate) mark: String,
@@ -241,22 +243,31 @@ impl Server {
             (Err(message), _) if message.key == Key::Busy.name() => return Err(Key::Busy),
             (Err(message), _) => message.json().to_string(),
         };
-        // It is an object with members, as text.
-        let numbered = format!("{{\"number\":{},{}", json!(photo.number), &answer[1..]);
+        // The server keeps no photo: what asked for it sends it.
+        let is_refused = answer.starts_with("{\"error\"");
+        let id = match (product, &request.body) {
+            (Product::Large { .. }, Some(asked)) if !is_refused => {
+                format!("\"id\":{},", json!(String::from_utf8_lossy(asked)))
+            }
+            _ => String::new(),
+        };
+        // The answer is an object with members, as text.
+        let numbered = format!("{{\"number\":{},{id}{}", json!(photo.number), &answer[1..]);
         Ok(http::whole("application/json", numbered))
     }
 
-    /// Keeps what a visitor sends to be flown, with the large photo that is made of it here.
+    /// Keeps the photo that a visitor sends to be flown, made large here from the text by which it was
+    /// asked for.
     async fn send(self: &Arc<Self>, body: &[u8], request: &Request) -> Result<Reply, Message> {
-        let posted = Posted::parse(body, &["wish", "language"])?;
+        let posted = Posted::parse(body, &["visitor", "photo", "language"])?;
         let language = posted.member::<Option<String>>("language")?.unwrap_or_default();
-        if language.len() > 8 {
+        let asked = posted.member::<String>("photo")?;
+        let photo = PhotoRequest::parse(asked.as_bytes(), request.asker())?;
+        if language.len() > 8 || photo.visitor != posted.member::<String>("visitor")? {
             return Err(Key::PageOld.into());
         }
-        let wish = posted.member::<Value>("wish")?.to_string().into_bytes();
-        let photo = PhotoRequest::parse(&wish, request.asker())?;
-        // The same wish of the same visitor is sent once, however often it arrives.
-        let id = sha256(&wish)[..32].to_owned();
+        // The same request of the same visitor is kept once, however often it arrives.
+        let id = sha256(asked.as_bytes())[..32].to_owned();
         let known = self.entries.admit(&id, request.peer)?;
         let (id, number, is_new) = match known {
             Some((id, number)) => (id, number, false),

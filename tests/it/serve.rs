@@ -164,7 +164,11 @@ fn with(wish: &Value, more: Value) -> Value {
 }
 
 fn sending(visitor: &str, text: &str) -> Value {
-    json!({ "wish": { "visitor": visitor, "word": text }, "language": "en" })
+    entry_of(&json!({ "visitor": visitor, "word": text }))
+}
+
+fn entry_of(photo: &Value) -> Value {
+    json!({ "visitor": photo["visitor"], "photo": photo.to_string(), "language": "en" })
 }
 
 /// A file of an answer.
@@ -359,6 +363,11 @@ fn a_visitor_gets_a_photo_and_its_files() {
     assert!(file(&large, "scene.toml").starts_with(b"# "));
     let (_, script) = server.post("script", &word("OSLO"));
     assert!(file(&script, "flight.zip").starts_with(b"PK\x03\x04"));
+    let mut entry = json!({ "visitor": "you", "photo": large["id"], "language": "en" });
+    let (status, said) = server.post("entries", &entry);
+    assert_eq!((status, key(&said)), (400, "page-old"), "another visitor's: {said}");
+    entry["visitor"] = "me".into();
+    assert_eq!(server.post("entries", &entry).0, 201, "a photo is sent by its name");
 
     let tall = json!({ "visitor": "me", "word": "I", "aspect": 0.5 });
     let (_, tall) = server.post("live", &tall);
@@ -379,7 +388,7 @@ fn a_script_that_is_not_safe_is_refused_with_its_reason() {
     assert_eq!((status, key(&said)), (200, "not-safe"));
     let reasons = said["error"]["values"]["stops"].as_array().unwrap();
     assert!(stops.iter().all(|stop| reasons.contains(stop)), "the reasons, as data: {reasons:?}");
-    let (status, said) = server.post("entries", &json!({ "wish": wish, "language": "en" }));
+    let (status, said) = server.post("entries", &entry_of(&wish));
     assert_eq!((status, key(&said)), (409, "not-safe"), "nor is it sent");
     let log = with(&word("OSLO"), json!({ "log": BASE64_STANDARD.encode("t,x,y,z") }));
     let (_, said) = server.post("live", &log);
@@ -745,7 +754,7 @@ fn no_path_of_the_host_is_told() {
         let mut told = vec![live.to_string().into_bytes(), large.to_string().into_bytes()];
         told.extend(["photo.png", "scene.toml", "plan.csv"].map(|name| file(&large, name)));
         told.push(file(&script, "flight.zip"));
-        let (_, sent) = server.post("entries", &json!({ "wish": wish, "language": "en" }));
+        let (_, sent) = server.post("entries", &entry_of(&wish));
         let entry = sent["id"].as_str().unwrap_or_else(|| panic!("{sent}"));
         told.push(server.at(&format!("/e/{entry}/photo.png")).1);
         let temporary = std::env::temp_dir();
@@ -946,26 +955,33 @@ fn what_cannot_be_written_is_not_done() {
     assert_eq!(queue()["paused"], true);
 }
 
-/// An export waits for no photo of a visitor.
+/// An export waits for no photo of a visitor, nor for one that is made at the host's machine.
 #[test]
 fn the_operator_does_not_wait_for_visitors() {
     let server = Server::start(&[]);
     let id = server.sent("me", "I");
     assert_eq!(server.operate(&format!("entries/{id}"), &json!({ "do": "approve" })).0, 200);
-    let path = format!("{}entries", server.path);
-    let mut waiting: Vec<TcpStream> = (0..5).map(|_| server.connect()).collect();
-    for (n, stream) in waiting.iter_mut().enumerate() {
-        let text = format!("QUOKKA JELLYFISH {n}");
-        stream.write_all(&server.posting(&path, &sending("me", &text))).unwrap();
+    let mut waiting = Vec::new();
+    for n in 0..5 {
+        let photo = json!({ "visitor": "me", "word": format!("QUOKKA JELLYFISH {n}") });
+        for (route, asked) in [("entries", entry_of(&photo)), ("photos", photo)] {
+            let mut stream = server.connect();
+            let request = server.posting(&format!("{}{route}", server.path), &asked);
+            stream.write_all(&request).unwrap();
+            waiting.push((route, stream));
+        }
     }
     let (status, zip) = server.at(&format!("{}export.zip", server.operator));
     assert!(status == 200 && zip.starts_with(b"PK"));
-    for stream in &waiting {
+    let mut answered = Vec::new();
+    for (route, stream) in &mut waiting {
         stream.set_nonblocking(true).unwrap();
+        answered.extend(stream.read(&mut [0]).is_ok().then_some(*route));
     }
-    let answered = waiting.iter_mut().map(|it| it.read(&mut [0]));
-    let answered = answered.filter(Result::is_ok).count();
-    assert!(answered < 5, "they wait still: {answered} of 5 are answered");
+    for route in ["entries", "photos"] {
+        let n_answered = answered.iter().filter(|it| **it == route).count();
+        assert!(n_answered < 5, "they wait still: {n_answered} of 5 {route} are answered");
+    }
 }
 
 /// What is asked for ends with its connection: news, and photos that nobody waits for any more.

@@ -307,9 +307,9 @@ async function send() {
   putDesk();
   try {
     const { number } = current();
-    const sent = { ...wish(aspect()), visitor: state.visitor, number };
+    const photo = JSON.stringify({ ...wish(aspect()), visitor: state.visitor, number });
     const language = document.documentElement.lang;
-    const entry = await insist(() => post("entries", { wish: sent, language }));
+    const entry = await insist(() => post("entries", { visitor: state.visitor, photo, language }));
     change({
       mode: "sent",
       sent: {
