@@ -14,6 +14,7 @@ import argparse
 import os
 import subprocess
 import sys
+import time
 
 from distributed import Client, LocalCluster, as_completed
 
@@ -48,10 +49,12 @@ def main():
             key=[f"shard-{shard}" for shard in shards],
             retries=3,
         )
+        begun = time.monotonic()
         for n, task in enumerate(as_completed(tasks), 1):
             if task.status == "error":
                 sys.exit(str(task.exception()))
-            print(f"\r{n}/{args.shards} shards", end="", file=sys.stderr, flush=True)
+            left_min = (time.monotonic() - begun) / n * (args.shards - n) / 60
+            print(f"\r{n}/{args.shards} shards, {left_min:.0f} min left ", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
 
 
