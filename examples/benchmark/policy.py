@@ -16,7 +16,7 @@ N_WEIGHTS = len(SIDEWAYS) + len(UPWARD) + len(TURNING)
 #: Lag of the remembered commands, and bound of the integral, m s.
 LAG_S, MOST_INTEGRAL = 0.08, 0.3
 #: After 38 generations of `train.py`.
-WEIGHTS = np.array([-11.924, -29.076, 0.638, -14.372, -24.895, -8.226, -2.382, -19.925, -11.796, 7.166, 1.278, -4.914, -6.197, -21.728, -0.478])
+WEIGHTS = np.array([-25.969, -39.31, 4.33, -16.219, -28.533, -17.99, -2.425, -19.001, -24.006, 7.969, -12.492, -9.98, -19.654, -19.989, 3.177])
 
 
 class Linear:
