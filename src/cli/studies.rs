@@ -111,7 +111,7 @@ pub(super) fn open_store(folder: &Path) -> Result<Store> {
 /// Opens the folder of a study for the files that are written at its end.
 pub(super) fn open_results(folder: &Path, names: &[impl AsRef<Path>]) -> Result<OutputFolder> {
     let results = OutputFolder::create(folder)?;
-    results.expects(names).map(|()| results)
+    results.check_writable(names).map(|()| results)
 }
 
 /// A progress bar that any thread may call with the number of `total` that are done.

@@ -195,9 +195,11 @@ impl Axis {
     /// Its coefficients in m and s.
     fn polynomial(self, start_mm: i16, duration_s: f64) -> [f64; 8] {
         let [a, b, c, d] = self.control_mm(start_mm).map(|mm| mm / 1000.0);
-        let share = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
+        // Over the unit time.
+        let [c0, c1, c2, c3] =
+            [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
         let (t, t2) = (duration_s, duration_s * duration_s);
-        [share[0], share[1] / t, share[2] / t2, share[3] / (t2 * t), 0.0, 0.0, 0.0, 0.0]
+        [c0, c1 / t, c2 / t2, c3 / (t2 * t), 0.0, 0.0, 0.0, 0.0]
     }
 
     fn code(self) -> u8 {

@@ -50,7 +50,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     let channels: Vec<String> = flight.lights.keys().cloned().collect();
     let mut replay = Replay { plan: Plan::with_channels(&channels), n_restored: 0 };
     for (index, (setpoint, row)) in logged.iter().enumerate() {
-        if let Some((before, row)) = index.checked_sub(1).map(|before| &logged[before]) {
+        if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
             let n = median.lost_between(before, setpoint);
             for k in 1..=n {
                 let done = f64::from(k) / f64::from(n + 1);
@@ -60,7 +60,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
                     position_m: (before.position_m + way_m * done).map(on_grid),
                     ..*before
                 };
-                push(&mut replay.plan, restored, flight, *row);
+                push(&mut replay.plan, restored, flight, *row_before);
                 replay.n_restored += 1;
             }
         }

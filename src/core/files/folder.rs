@@ -50,7 +50,7 @@ impl OutputFolder {
     /// # Errors
     ///
     /// [`Error::Io`] for a folder in the place of a file, and without write permission.
-    pub fn expects(&self, names: &[impl AsRef<Path>]) -> Result<()> {
+    pub fn check_writable(&self, names: &[impl AsRef<Path>]) -> Result<()> {
         names.iter().map(|name| self.path.join(name)).try_for_each(|path| {
             let writable = match path.metadata() {
                 Ok(there) if there.is_dir() => Err(std::io::ErrorKind::IsADirectory.into()),
@@ -186,8 +186,8 @@ mod tests {
         std::fs::write(parent.path().join("a.txt"), "old").unwrap();
         std::fs::create_dir(parent.path().join("b.txt")).unwrap();
         let mut folder = OutputFolder::create(parent.path()).unwrap();
-        folder.expects(&["a.txt", "c.txt"]).unwrap();
-        assert!(folder.expects(&["a.txt", "b.txt"]).is_err(), "before the long work");
+        folder.check_writable(&["a.txt", "c.txt"]).unwrap();
+        assert!(folder.check_writable(&["a.txt", "b.txt"]).is_err(), "before the long work");
         for name in ["a.txt", "b.txt"] {
             folder.write(name, |out| out.write_all(b"new")).unwrap();
         }

@@ -85,7 +85,7 @@ pub fn difference(a: &Photo, b: &Photo) -> Difference {
     let size = [a.width_px, a.height_px];
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
     let [a, b] = [Perceived::new(a), Perceived::new(b)];
-    // That of green and blue.
+    // Differences are compressed by the largest, that of green and blue.
     let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| hunt_lab(xyz_from_rgb(rgb)));
     let largest = libm::powf(hyab(green, blue), COLOR_EXPONENT);
     let values = (0..a.lab[0].values.len()).map(|i| {

@@ -121,14 +121,14 @@ fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     }
     let n = pairs.len() as f64;
     let [a_m, b_m] = [0, 1].map(|side| mean(pairs.iter().map(|pair| pair[side].position_m)));
-    let (mut sin, mut cos, mut wide) = (0.0, 0.0, 0.0);
+    let (mut sin, mut cos, mut spread_m2) = (0.0, 0.0, 0.0);
     for [a, b] in pairs {
         let (a, b) = (a.position_m - a_m, b.position_m - b_m);
         sin += b.x * a.y - b.y * a.x;
         cos += b.x * a.x + b.y * a.y;
-        wide += b.xy().norm_squared() / n;
+        spread_m2 += b.xy().norm_squared() / n;
     }
-    let turn_rad = if wide.sqrt() > NARROW_M { libm::atan2(sin, cos) } else { 0.0 };
+    let turn_rad = if spread_m2.sqrt() > NARROW_M { libm::atan2(sin, cos) } else { 0.0 };
     let mut placement = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
     placement.shift_m = a_m - placement.rotation() * b_m;
     let (turn, shift_m) = (placement.rotation(), placement.shift_m);
