@@ -192,14 +192,12 @@ impl Axis {
         }
     }
 
-    /// Its coefficients in m and s.
+    /// Its coefficients in m and s, from those over a unit of time.
     fn polynomial(self, start_mm: i16, duration_s: f64) -> [f64; 8] {
         let [a, b, c, d] = self.control_mm(start_mm).map(|mm| mm / 1000.0);
-        // Over the unit time.
-        let [c0, c1, c2, c3] =
-            [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
+        let unit = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
         let (t, t2) = (duration_s, duration_s * duration_s);
-        [c0, c1 / t, c2 / t2, c3 / (t2 * t), 0.0, 0.0, 0.0, 0.0]
+        [unit[0], unit[1] / t, unit[2] / t2, unit[3] / (t2 * t), 0.0, 0.0, 0.0, 0.0]
     }
 
     fn code(self) -> u8 {

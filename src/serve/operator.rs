@@ -5,9 +5,9 @@ use serde_json::{Value, json};
 use super::access::Request;
 use super::gallery::{JPEG, PNG, REPLAY};
 use super::http::{self, Reply};
-use super::routes::{NamedFiles, Posted, Server, archive, parsed, sent};
+use super::routes::{Posted, Server, ZIP, parsed, sent};
 use super::worker::Job;
-use noctograph_export::stem;
+use noctograph_export::{stem, zip::zip};
 use noctograph_web::answer::files_of;
 use noctograph_web::messages::{Key, KeyResult, Message};
 use noctograph_web::request::Product;
@@ -19,11 +19,10 @@ impl Server {
             ["entries", id, name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
             ["qr.svg"] => Ok(self.code()),
             ["address.json"] => {
-                let visitors = self.access.address.of_visitors(self.ip);
+                let address = &self.access.address;
+                let (visitors, kiosk) = (address.of_visitors(self.ip), address.of_kiosk(self.ip));
                 let wall = format!("{visitors}wall.html");
-                let kiosk = self.access.address.of_kiosk(self.ip);
-                let addresses = json!({ "visitors": visitors, "wall": wall, "kiosk": kiosk });
-                Ok(http::json(&addresses))
+                Ok(http::json(&json!({ "visitors": visitors, "wall": wall, "kiosk": kiosk })))
             }
             _ => self.common(parts, request),
         }
@@ -48,16 +47,16 @@ impl Server {
 
     /// The script of one entry.
     pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
-        let (told, files) = self.export(Some(id)).await?;
+        let (told, archive) = self.export(Some(id)).await?;
         match told[0]["refused"].get(0) {
             Some(refused) => Ok(http::refused(Message::parse(refused)?)),
-            None => Ok(archive(&files)),
+            None => Ok(http::whole(ZIP, archive)),
         }
     }
 
-    /// The scripts of one entry, or of those that are to be flown in their order, and what became
-    /// of each.
-    pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Value, NamedFiles)> {
+    /// What became of one entry, or of those that are to be flown in their order, and the archive
+    /// of their scripts.
+    pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Value, Vec<u8>)> {
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {
             return Err(Key::Closed);
@@ -65,11 +64,9 @@ impl Server {
         let (mut told, mut files) = (Vec::new(), Vec::new());
         for (index, (number, title, subject)) in entries.into_iter().enumerate() {
             let name = format!("{:02}-{}", index + 1, stem(&title));
-            let made = match subject {
+            let made = match subject.map(|subject| Job { product: Product::Script, subject }) {
                 None => Err(Key::Broken.into()),
-                Some(subject) => {
-                    self.operator.make(Job { product: Product::Script, subject }).await
-                }
+                Some(job) => self.operator.make(job).await,
             };
             let answer = match made {
                 Ok(made) => parsed(&made)?,
@@ -85,6 +82,6 @@ impl Server {
         }
         let told = Value::from(told);
         files.push(("export.json".to_owned(), format!("{told:#}\n").into_bytes()));
-        Ok((told, files))
+        Ok((told, zip(&files)))
     }
 }

@@ -18,15 +18,11 @@ use super::page::FILES;
 use super::qr;
 use super::worker::{Job, Maker};
 use noctograph_core::digest::sha256;
-use noctograph_export::zip::zip;
 use noctograph_pipeline::scene::Scene;
 use noctograph_web::answer::archived;
 use noctograph_web::colors;
 use noctograph_web::messages::{Key, KeyResult, Message};
 use noctograph_web::request::{MAX_WORD, PhotoRequest, Product};
-
-/// Files of an archive: their names and bytes.
-pub(crate) type NamedFiles = Vec<(String, Vec<u8>)>;
 
 /// What answers the requests.
 #[derive(Debug)]
@@ -109,7 +105,9 @@ impl Server {
                 Ok(http::marked("application/gzip", gzip.clone(), mark, known))
             }
             (Base::Operator, None, ["export.json"]) => Ok(http::json(&self.export(None).await?.0)),
-            (Base::Operator, None, ["export.zip"]) => Ok(archive(&self.export(None).await?.1)),
+            (Base::Operator, None, ["export.zip"]) => {
+                Ok(http::whole(ZIP, self.export(None).await?.1))
+            }
             (Base::Operator, None, ["entries", id, "flight.zip"]) => self.script(id).await,
             _ => {
                 let (server, request) = (self.clone(), request.clone());
@@ -186,14 +184,11 @@ impl Server {
     fn get(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["wall"] => Ok(http::json(&self.entries.wall())),
-            ["wall", name] => {
-                let (key, name) = match name.split_once('.') {
-                    Some((key, "jpg")) => (key, JPEG),
-                    Some((key, "json")) => (key, REPLAY),
-                    _ => return Err(Key::Closed),
-                };
-                sent(self.entries.shown(key, name))
-            }
+            ["wall", name] => match name.split_once('.') {
+                Some((key, "jpg")) => sent(self.entries.shown(key, JPEG)),
+                Some((key, "json")) => sent(self.entries.shown(key, REPLAY)),
+                _ => Err(Key::Closed),
+            },
             ["qr.svg"] => Ok(self.code()),
             ["entries", id] => Ok(http::json(&self.entries.own(id)?)),
             ["entries", id, "qr.svg"] => self.code_of(id),
@@ -243,21 +238,17 @@ impl Server {
             (Err(message), _) if message.key == Key::Busy.name() => return Err(Key::Busy),
             (Err(message), _) => message.json().to_string(),
         };
-        // The server keeps no photo: what asked for it sends it.
-        let is_refused = answer.starts_with("{\"error\"");
-        let id = match (product, &request.body) {
-            (Product::Large { .. }, Some(asked)) if !is_refused => {
-                format!("\"id\":{},", json!(String::from_utf8_lossy(asked)))
-            }
-            _ => String::new(),
-        };
-        // The answer is an object with members, as text.
-        let numbered = format!("{{\"number\":{},{id}{}", json!(photo.number), &answer[1..]);
-        Ok(http::whole("application/json", numbered))
+        // An object with members, as text. The server keeps no photo: what asked for it sends it.
+        let mut text = format!("{{\"number\":{},", json!(photo.number));
+        if name == "photos" && !answer.starts_with("{\"error\"") {
+            let asked = String::from_utf8_lossy(request.body.as_deref().unwrap_or_default());
+            text += &format!("\"id\":{},", json!(asked));
+        }
+        Ok(http::whole("application/json", text + &answer[1..]))
     }
 
-    /// Keeps the photo that a visitor sends to be flown, made large here from the text by which it was
-    /// asked for.
+    /// Keeps the photo that a visitor sends to be flown, made large here by the text that asked for
+    /// it.
     async fn send(self: &Arc<Self>, body: &[u8], request: &Request) -> Result<Reply, Message> {
         let posted = Posted::parse(body, &["visitor", "photo", "language"])?;
         let language = posted.member::<Option<String>>("language")?.unwrap_or_default();
@@ -331,6 +322,7 @@ impl Posted {
 }
 
 const SVG: &str = "image/svg+xml";
+pub(crate) const ZIP: &str = "application/zip";
 
 /// The page asks nobody else for anything, and runs no script but its files and its module.
 const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' \
@@ -341,10 +333,6 @@ const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; 
 fn drawing(reply: Reply) -> Reply {
     let policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox";
     with_field(reply, "Content-Security-Policy", policy)
-}
-
-pub(crate) fn archive(files: &NamedFiles) -> Reply {
-    http::whole("application/zip", zip(files))
 }
 
 fn kind_of(name: &str) -> &'static str {
