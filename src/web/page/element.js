@@ -65,7 +65,10 @@ class NoctographPhoto extends HTMLElement {
       image.src = answer.photo;
       image.alt = `${word}, written with light in the dark`;
       const { verdict, flight_s } = answer;
-      const read = verdict && (verdict.legible ? `Reads as ${verdict.read}.` : "Most people could not read it.");
+      // A question mark stands for light that is no letter.
+      const unsure = verdict && (verdict.read === word || !verdict.read || verdict.read.includes("?"));
+      const misread = unsure ? "Most people could not read it." : `Most people would read ${verdict?.read}.`;
+      const read = verdict && (verdict.legible ? `Reads as ${verdict.read}.` : misread);
       const link = document.createElement("a");
       const parts = { word, settings: JSON.stringify(settings), aspect: `${aspect}` };
       link.href = `${new URL("index.html", import.meta.url)}#${new URLSearchParams(parts)}`;
