@@ -541,6 +541,9 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
             host.keyboard.press("a")
             host.click("#tabs button:nth-child(2)")
             host.wait_for_selector("[data-do=fly]")
+            still = host.locator("[data-do=fly]").bounding_box()
+            host.hover("[data-do=fly]")
+            assert host.locator("[data-do=fly]").bounding_box() == still, "a button stands still under the pointer"
             host.keyboard.press("f")
             host.keyboard.press("f")
             until(page, "document.querySelector('#sent p').textContent.includes('flying now')", what="that a double tap is no flown word")
@@ -548,6 +551,8 @@ def what_is_sent_is_approved_flown_hung_and_taken_home(hall):
                 host.click("#export")
             folders = {name.split("/")[0] for name in zipfile.ZipFile(download.value.path()).namelist() if "/" in name}
             assert folders == {"01-ANNA"}, f"the one in the air counts, and is exported: {folders}"
+            until(host, "document.querySelector('#export').textContent.includes('1')", "the export's end")
+            assert not host.inner_text("#toast"), f"nothing went wrong: {host.inner_text('#toast')}"
             until(host, "!document.querySelector('.held')", what="keys that are alive again")
             host.locator("#air button").click()
             until(page, "document.querySelector('#sent p').textContent.includes('was flown')", what="flown")

@@ -248,7 +248,7 @@ function actions(entry) {
   const order = [step("sooner", "↑", -1), step("later", "↓", 1)];
   const watch = action("watch-short", "␣", "", () => strip.run());
   const script = action("script", "S", "", () =>
-    save(`entries/${entry.id}/flight.zip`, `${entry.number}.zip`).catch(tell),
+    save(`entries/${entry.id}/flight.zip`, `${entry.number}-${title(entry)}.zip`).catch(tell),
   );
   if (entry.state === "waiting")
     return [
@@ -445,8 +445,8 @@ byId("export").onclick = async () => {
   byId("export").textContent = t("exporting");
   try {
     await save("export.zip", "evening.zip");
-    const { entries } = await get("export.json");
-    const refused = (entries ?? []).filter(
+    const entries = await get("export.json");
+    const refused = entries.filter(
       (/** @type {{ refused: Said[] }} */ { refused }) => refused.length,
     );
     if (refused.length)
