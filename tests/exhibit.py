@@ -719,6 +719,35 @@ def the_kiosk_begins_anew_after_a_minute(hall):
         server.kill()
 
 
+def what_an_export_refuses_is_named(hall):
+    with tempfile.TemporaryDirectory() as gallery:
+        server = Server(PROGRAM, "--gallery", gallery)
+        page, _ = opened(hall.browser, server.page)
+        ready(page)
+        write(page, "I")
+        page.click("#send")
+        page.wait_for_selector("#sent h2")
+        host, _ = opened(hall.browser, server.operator)
+        host.wait_for_selector("[data-do=approve]")
+        host.keyboard.press("a")
+        until(host, "document.querySelector('#tabs button:nth-child(2) b').textContent === '1'", what="one approved")
+        server.kill()
+        # Somebody stands where the word is flown.
+        scene = Path(gallery, "people.toml")
+        scene.write_text("sensors.lighthouse.people_m = [[0.0, 0.0, 0.5]]\n")
+        server = Server(PROGRAM, "--gallery", gallery, "--scene", str(scene))
+        try:
+            host, _ = opened(hall.browser, server.operator)
+            host.click("#tabs button:nth-child(2)")
+            with host.expect_download():
+                host.click("#export")
+            host.wait_for_selector("#sheet[open]")
+            said = host.inner_text("#sheet")
+            assert "1: It is not safe to fly. People stand too near." in said, said
+        finally:
+            server.kill()
+
+
 def a_wall_whose_server_was_restarted_hangs_on(hall):
     with tempfile.TemporaryDirectory() as gallery:
         server = Server(PROGRAM, "--gallery", gallery)

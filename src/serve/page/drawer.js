@@ -2,7 +2,7 @@
 
 import { Refused } from "./ask.js";
 import { byId, make } from "./dom.js";
-import { saveOf } from "./save.js";
+import { refusal, saveOf } from "./save.js";
 import { change, state } from "./state.js";
 import { about, isLog } from "./wish.js";
 import { number, sentence, t } from "./words.js";
@@ -381,13 +381,7 @@ function download(large, name, word) {
     try {
       await saveOf(large, name);
     } catch (error) {
-      refused.textContent =
-        error instanceof Refused
-          ? [
-              sentence("errors", error.said),
-              ...(error.said.values?.stops ?? []).map((/** @type {Said} */ said) => sentence("stops", said)),
-            ].join(" ")
-          : t("lost");
+      refused.textContent = error instanceof Refused ? refusal(error.said) : t("lost");
     }
     button.removeAttribute("aria-busy");
   };

@@ -5,7 +5,7 @@ import { putBrand } from "./brand.js";
 import { byId, make } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { replay } from "./replay.js";
-import { save } from "./save.js";
+import { refusal, save } from "./save.js";
 import { number, preferred, putWords, sentence, speak, t } from "./words.js";
 
 /** Tabs, and the states of an entry that are in each. @type {[string, EntryState[]][]} */
@@ -383,7 +383,7 @@ async function reorder(by) {
 
 /** @param {unknown} error */
 function tell(error) {
-  toast(error instanceof Refused ? sentence("errors", error.said) : t("lost"));
+  toast(error instanceof Refused ? refusal(error.said) : t("lost"));
 }
 
 let told = 0;
@@ -459,7 +459,7 @@ byId("export").onclick = async () => {
             make(
               "li",
               {},
-              `${it.number}: ${it.refused.map((said) => sentence("stops", said)).join(" ")}`,
+              `${it.number}: ${it.refused.map(refusal).join(" ")}`,
             ),
           ),
         ),

@@ -2,6 +2,14 @@
 
 import { post, Refused, request } from "./ask.js";
 import { make } from "./dom.js";
+import { sentence } from "./words.js";
+
+/** Why something was refused. @param {Said} said */
+export const refusal = (said) =>
+  [
+    sentence("errors", said),
+    ...(said.values?.stops ?? []).map((/** @type {Said} */ stop) => sentence("stops", stop)),
+  ].join(" ");
 
 /** Saves what a route gives. @param {string} route @param {string} name */
 export async function save(route, name) {
