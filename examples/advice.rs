@@ -16,9 +16,9 @@ type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
 type Fault = (&'static str, &'static [(&'static str, &'static str)]);
 
 const FAULTS: [Fault; 15] = [
-    ("the team's way of flying, fast", &[("plan.style", "team"), ("plan.stroke_speed_m_s", "0.6")]),
+    ("the team's style, fast", &[("plan.style", "team"), ("plan.stroke_speed_m_s", "0.6")]),
     (
-        "lights timed by setpoints, a radio delay of 1.2 s",
+        "setpoint-timed lights, 1.2 s late",
         &[("plan.light_clock", "setpoint"), ("light.radio_delay_s", "1.2")],
     ),
     (
@@ -30,26 +30,26 @@ const FAULTS: [Fault; 15] = [
             ("plan.reference", "design"),
         ],
     ),
-    ("letters run into each other", &[("letters.spacing_m", "-0.3")]),
+    ("overlapping letters", &[("letters.spacing_m", "-0.3")]),
     ("small letters", &[("letters.cap_height_m", "0.1")]),
     ("strokes at 2 m/s", &[("plan.stroke_speed_m_s", "2.0")]),
     (
-        "f/1.4, focused in front of the word",
+        "f/1.4, front focus",
         &[("camera.f_number", "1.4"), ("camera.iso", "25"), ("camera.focus_m", "0.3")],
     ),
     ("ISO 100000", &[("camera.iso", "100000")]),
-    ("a dark exposure", &[("camera.f_number", "256"), ("camera.iso", "10")]),
-    ("the shutter closes too early", &[("camera.shutter_close_s", "9")]),
-    ("the shutter opens too late", &[("camera.shutter_open_s", "12")]),
+    ("underexposure", &[("camera.f_number", "256"), ("camera.iso", "10")]),
+    ("exposure ends early", &[("camera.shutter_close_s", "9")]),
+    ("exposure begins late", &[("camera.shutter_open_s", "12")]),
     (
-        "a camera that looks aside",
+        "misaimed camera",
         &[("camera.framing.kind", "fixed"), ("camera.framing.target_m", "[1.5, 0.0, 1.0]")],
     ),
     (
-        "the ring's spinner, from below",
+        "ring effect, seen from below",
         &[("light.ring", "double-spin"), ("plan.lights", "[\"ring\"]")],
     ),
-    ("a photo of few pixels", &[("camera.width_px", "24"), ("camera.height_px", "16")]),
+    ("low resolution", &[("camera.width_px", "24"), ("camera.height_px", "16")]),
     ("a bright room", &[("photo.ambient_cd_m2", "4"), ("camera.f_number", "8")]),
 ];
 
