@@ -206,8 +206,8 @@ fn write(out: &Path, name: &str, scene: &Scene, photo: &Photo) -> Result<()> {
     for folder in ["photos", "scenes"] {
         fs::create_dir_all(out.join(folder)).expect("a folder that can be made");
     }
-    let file = File::create(out.join("photos").join(format!("{name}.png"))).expect("a file");
-    photo::write_png(photo, file, None, &[]).expect("room on the disk");
+    let file = out.join("photos").join(format!("{name}.png"));
+    fs::write(file, photo::encode_png(photo, None, &[])).expect("room on the disk");
     let path = out.join("scenes").join(format!("{name}.toml"));
     fs::write(path, scene.to_toml()).expect("room on the disk");
     Ok(())

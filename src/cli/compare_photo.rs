@@ -1,5 +1,6 @@
 //! `noctograph compare-photo`: a render is laid over a real photograph, letter on letter.
 
+use std::io::Write as _;
 use std::path::PathBuf;
 
 use super::{Args, Error, OutputFolder, Report, Result, json, warn};
@@ -48,7 +49,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         ("placed.png", laid),
     ];
     for (name, picture) in &pictures {
-        folder.write(name, |out| photo::write_png(picture, out, None, &[]))?;
+        folder.write(name, |out| out.write_all(&photo::encode_png(picture, None, &[])))?;
     }
     let files = folder.keep()?;
     let product = json!({

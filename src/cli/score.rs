@@ -121,7 +121,10 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let overlay = |output: Output| {
         output.keep(|out| match svg {
             true => out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes()),
-            false => photo::write_png(&overlay_photo(&photo, &marks, &verdict), out, None, &[]),
+            false => {
+                let picture = overlay_photo(&photo, &marks, &verdict);
+                out.write_all(&photo::encode_png(&picture, None, &[]))
+            }
         })
     };
     let files: Vec<_> = output.map(overlay).transpose()?.into_iter().collect();

@@ -61,7 +61,7 @@ impl SpreadFlags {
         });
         let title = format!("{n} flights, conditions {}", self.conditions);
         let sheet = spread_sheet(&title, &photos.collect::<Vec<_>>());
-        folder.write("spread.png", |out| photo::write_png(&sheet, out, None, &[]))?;
+        folder.write("spread.png", |out| out.write_all(&photo::encode_png(&sheet, None, &[])))?;
         for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
             let drawing = spread_over_time(all, within);

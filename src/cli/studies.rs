@@ -146,7 +146,7 @@ pub(super) fn write_ranking(
         writeln!(out)
     })?;
     folder.write(flights, |out| out.write_all(flights_csv(records).as_bytes()))?;
-    folder.write(photos, |out| photo::write_png(&sheet, out, None, &[]))?;
+    folder.write(photos, |out| out.write_all(&photo::encode_png(&sheet, None, &[])))?;
     if marks {
         folder.write(GRADED[0], |out| out.write_all(marks_csv(ranking).as_bytes()))?;
     }

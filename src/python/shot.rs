@@ -241,8 +241,8 @@ pub(super) fn flip<'py>(
     if (wanted.width_px, wanted.height_px) != (actual.width_px, actual.height_px) {
         return Ok((1.0, PyBytes::new(py, &[])));
     }
-    let (difference, mut png) = (difference(&wanted, actual), Vec::new());
-    photo::write_png(&difference.picture(), &mut png, None, &[]).expect("memory can be written");
+    let difference = difference(&wanted, actual);
+    let png = photo::encode_png(&difference.picture(), None, &[]);
     Ok((difference.mean(|_| true), PyBytes::new(py, &png)))
 }
 

@@ -84,7 +84,7 @@ impl Knob {
     }
 
     /// Sets the knob in a scene to a share of its way, 0 to 1.
-    fn set(&self, scene: &mut toml::Value, share: f64) -> Result<()> {
+    fn set(&self, scene: &mut toml::Table, share: f64) -> Result<()> {
         let between =
             |[least, most]: [f64; 2]| libm::exp(libm::log(least) + share * libm::log(most / least));
         for key in &self.keys {
@@ -117,14 +117,11 @@ const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q
 /// [`Error::Input`] for a key that the scene lacks or whose value is of another kind, and as
 /// [`Scene::check`].
 pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
-    let mut value = toml::Value::try_from(scene).expect("a scene is a table");
+    let mut values = scene.to_table();
     for (knob, share) in knobs.iter().zip(point) {
-        knob.set(&mut value, *share)?;
+        knob.set(&mut values, *share)?;
     }
-    let scene: Scene = value.try_into().map_err(|error: toml::de::Error| {
-        let problem = error.message().to_owned();
-        Error::input("knob", problem, "values that the scene's keys take", HINT)
-    })?;
+    let scene = Scene::from_table(values)?;
     scene.check()?;
     Ok(scene)
 }
@@ -157,21 +154,21 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
 ///
 /// [`Error::Input`] for a key that the scene lacks.
 pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::Value>> {
-    let mut value = toml::Value::try_from(scene).expect("a scene is a table");
+    let mut values = scene.to_table();
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
-    keys.map(|key| Ok((key.clone(), find(&mut value, key)?.clone()))).collect()
+    keys.map(|key| Ok((key.clone(), find(&mut values, key)?.clone()))).collect()
 }
 
 /// The value of a key such as `controller.lqr.q[0]`.
-fn find<'a>(scene: &'a mut toml::Value, key: &str) -> Result<&'a mut toml::Value> {
+fn find<'a>(scene: &'a mut toml::Table, key: &str) -> Result<&'a mut toml::Value> {
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
-    parts
-        .try_fold(scene, |value, part| match value {
-            toml::Value::Table(table) => table.get_mut(part),
-            toml::Value::Array(array) => array.get_mut(part.parse::<usize>().ok()?),
-            _ => None,
-        })
-        .ok_or_else(|| Error::input("knob", key, "a key of the scene", HINT))
+    let first = parts.next().and_then(|part| scene.get_mut(part));
+    let value = parts.try_fold(first, |value, part| match value? {
+        toml::Value::Table(table) => Some(table.get_mut(part)),
+        toml::Value::Array(array) => Some(array.get_mut(part.parse::<usize>().ok()?)),
+        _ => None,
+    });
+    value.flatten().ok_or_else(|| Error::input("knob", key, "a key of the scene", HINT))
 }
 
 impl FromStr for Knob {

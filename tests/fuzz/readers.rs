@@ -278,11 +278,8 @@ fn shot() -> Vec<u8> {
     let scene_toml = Some("word = \"NO\"\nseed = 7\n[camera]\niso = 200\n".to_owned());
     let photo = Photo { width_px, height_px, rgb8: vec![9; 16 * 9 * 3], scene_toml };
     let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
-    let mut file = Vec::new();
     let notes = [("noctograph.flight_sha256", "0123".repeat(16))];
-    photo::write_png(&photo, &mut file, Some(&Metadata::new(&camera, &photo.rgb8)), &notes)
-        .unwrap();
-    file
+    photo::encode_png(&photo, Some(&Metadata::new(&camera, &photo.rgb8)), &notes)
 }
 
 /// A JPEG of 16 × 16 pixels with the EXIF of a camera.

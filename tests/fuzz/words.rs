@@ -39,7 +39,7 @@ pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
         Some(Scene { word: told.word.clone(), ..Scene::preset(Preset::default()) }.to_toml());
     let photo = Photo { scene_toml, ..photograph(&drawn, &View::from(&camera)) };
     let metadata = Metadata::new(&camera, &photo.rgb8);
-    photo::write_png(&photo, std::fs::File::create(path).unwrap(), Some(&metadata), &[]).unwrap();
+    std::fs::write(path, photo::encode_png(&photo, Some(&metadata), &[])).unwrap();
     let Ok((photo, _)) = photo::read_with_notes(path) else { return false };
     let _ = read_blind(&photo);
     let reader = Reader::new(&told, &ScoreOptions::default());

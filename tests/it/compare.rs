@@ -53,8 +53,8 @@ pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note
     ];
     for (title, photo) in pictures {
         let Some(photo) = photo else { continue };
-        let file = std::fs::File::create(folder.join(format!("{title}.png"))).unwrap();
-        photo::write_png(photo, file, None, &[]).unwrap();
+        let file = folder.join(format!("{title}.png"));
+        std::fs::write(file, photo::encode_png(photo, None, &[])).unwrap();
         write!(page, "<figure><img src={title}.png width=768 style=image-rendering:pixelated>")
             .unwrap();
         write!(page, "<figcaption>{title}</figcaption></figure>").unwrap();

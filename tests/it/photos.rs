@@ -177,8 +177,8 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
         assert!(scene.contains(key), "{key} in {scene}");
     }
     let no_exif = Photo { width_px: 2, height_px: 2, rgb8: vec![9; 12], scene_toml: None };
-    let file = std::fs::File::create(folder.path().join("bare.png")).unwrap();
-    photo::write_png(&no_exif, file, None, &[]).unwrap();
+    let file = folder.path().join("bare.png");
+    std::fs::write(file, photo::encode_png(&no_exif, None, &[])).unwrap();
     let bare = ["expose", "a.csv", "--word", "NO", "--camera-from", "bare.png"];
     let output = noctograph(folder.path()).args(bare).output().unwrap();
     let stderr = String::from_utf8(output.stderr).unwrap();

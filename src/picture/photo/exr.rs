@@ -1,6 +1,6 @@
 //! Readouts as `OpenEXR` files: scene-linear light with the standard attributes.
 
-use std::io::{Seek, Write};
+use std::io::Cursor;
 
 use exr::math::Vec2;
 use exr::meta::attribute::{Chromaticities, Text};
@@ -19,20 +19,11 @@ const CHROMATICITIES: Chromaticities = Chromaticities {
 };
 
 impl Readout {
-    /// Writes the readout as an uncompressed EXR file, 32 bits a channel, with the attributes
+    /// The readout as an uncompressed EXR file, 32 bits a channel, with the attributes
     /// chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one),
     /// software, and comments, a line `keyword: text` for each note, in UTF-8 as the official
     /// library and its Python module read text. No time stamp.
-    ///
-    /// # Errors
-    ///
-    /// Those of the writer.
-    pub fn write_exr(
-        &self,
-        out: impl Write + Seek,
-        camera: &Camera,
-        notes: &[(&str, String)],
-    ) -> std::io::Result<()> {
+    pub fn encode_exr(&self, camera: &Camera, notes: &[(&str, String)]) -> Vec<u8> {
         let width = self.width_px as usize;
         let size = (width, self.height_px as usize);
         let attributes = self.attributes(camera, notes);
@@ -43,11 +34,10 @@ impl Readout {
         let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, channels);
         let mut image = Image::from_layer(layer);
         image.attributes.chromaticities = Some(CHROMATICITIES);
-        let written = image.write().non_parallel().to_buffered(out);
-        written.map_err(|error| match error {
-            exr::error::Error::Io(source) => source,
-            other => std::io::Error::other(other),
-        })
+        let mut file = Cursor::new(Vec::new());
+        let written = image.write().non_parallel().to_buffered(&mut file);
+        written.expect("a checked picture fits into memory");
+        file.into_inner()
     }
 
     fn attributes(&self, camera: &Camera, notes: &[(&str, String)]) -> LayerAttributes {
@@ -79,15 +69,11 @@ mod tests {
         let readout = Readout { width_px: 5, height_px: 3, rgb: rgb.clone(), white_lx_s: 0.78 };
         let options = CameraOptions { focus_m: Some(2.5), ..CameraOptions::default() };
         let camera = options.camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
-        let mut file = std::io::Cursor::new(Vec::new());
         let notes = [("noctograph.scene", "word = \"Zoë 漢 ψ\"\n".to_owned())];
-        readout.write_exr(&mut file, &camera, &notes).unwrap();
-        let mut again = std::io::Cursor::new(Vec::new());
-        readout.write_exr(&mut again, &camera, &notes).unwrap();
-        assert!(file == again, "the same bytes twice");
+        let file = readout.encode_exr(&camera, &notes);
+        assert!(file == readout.encode_exr(&camera, &notes), "the same bytes twice");
 
         use exr::prelude::{ReadChannels, ReadLayers};
-        file.set_position(0);
         let image = exr::prelude::read()
             .no_deep_data()
             .largest_resolution_level()
@@ -99,7 +85,7 @@ mod tests {
             )
             .first_valid_layer()
             .all_attributes()
-            .from_buffered(&mut file)
+            .from_buffered(Cursor::new(file))
             .unwrap();
         let read = &image.layer_data.channel_data.pixels;
         assert_eq!(read, &rgb, "the readout, exactly");

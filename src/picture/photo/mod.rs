@@ -29,7 +29,7 @@ pub use noctograph_core::photo::Photo;
 pub use metadata::Metadata;
 pub use open::{read, read_with_notes};
 pub use options::{Noise, PhotoOptions, SensorNoise};
-pub use png::write_png;
+pub use png::encode_png;
 pub use tone::Tone;
 
 use backdrop::Backdrop;

@@ -1,6 +1,6 @@
 //! Photos as PNG files of 8 or 16 bits a channel, with EXIF, XMP and a text chunk of the scene.
 
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 use image::DynamicImage;
@@ -35,24 +35,19 @@ const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
 pub(super) const LIMIT: Limit =
     Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
 
-/// Writes the photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
+/// The photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
 ///
 /// `notes`, pairs of keyword and text, and the scene become text chunks. With metadata, the
 /// file has EXIF and XMP, and the size of its print.
-///
-/// # Errors
-///
-/// Those of the writer.
-pub fn write_png(
+pub fn encode_png(
     photo: &Photo,
-    out: impl Write,
     metadata: Option<&Metadata>,
     notes: &[(&str, String)],
-) -> std::io::Result<()> {
+) -> Vec<u8> {
     let size_px = [photo.width_px, photo.height_px];
     let scene = photo.scene_toml.as_deref();
     let levels = (png::BitDepth::Eight, &*photo.rgb8);
-    write(out, size_px, levels, metadata, notes, scene)
+    encode(size_px, levels, metadata, notes, scene)
 }
 
 /// Reads the bytes of a PNG file, and its texts where they are wanted.
@@ -172,39 +167,34 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// Writes the readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at
-    /// 8; the rest as [`write_png`].
-    ///
-    /// # Errors
-    ///
-    /// Those of the writer.
-    pub fn write_png16(
+    /// The readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at 8; the
+    /// rest as [`encode_png`].
+    pub fn encode_png16(
         &self,
-        out: impl Write,
         tone: Tone,
         (camera, dots_per_inch): (&Camera, Option<f64>),
         notes: &[(&str, String)],
         scene_toml: Option<&str>,
-    ) -> std::io::Result<()> {
+    ) -> Vec<u8> {
         // The levels are given back before the encoder takes as much memory again.
         let bytes: Vec<u8> =
             self.rgb16(tone).iter().flat_map(|level| level.to_be_bytes()).collect();
         let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &bytes) };
         let size_px = [self.width_px, self.height_px];
         let levels = (png::BitDepth::Sixteen, &*bytes);
-        write(out, size_px, levels, Some(&metadata), notes, scene_toml)
+        encode(size_px, levels, Some(&metadata), notes, scene_toml)
     }
 }
 
-/// Writes a PNG with EXIF and texts.
-fn write(
-    out: impl Write,
+/// A PNG with EXIF and texts. It is encoded into memory: the encoder's code is that of its writer,
+/// so that one is built, here.
+fn encode(
     [width_px, height_px]: [u32; 2],
     (depth, bytes): (png::BitDepth, &[u8]),
     metadata: Option<&Metadata>,
     notes: &[(&str, String)],
     scene_toml: Option<&str>,
-) -> std::io::Result<()> {
+) -> Vec<u8> {
     let mut info = png::Info::with_size(width_px, height_px);
     (info.color_type, info.bit_depth) = (png::ColorType::Rgb, depth);
     info.exif_metadata = metadata.map(|metadata| metadata.exif().into());
@@ -213,21 +203,26 @@ fn write(
         yppu: per_m,
         unit: png::Unit::Meter,
     });
-    let mut encoder = png::Encoder::with_info(out, info)?;
-    encoder.set_compression(png::Compression::Fastest);
-    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    if let Some(metadata) = metadata {
-        encoder.add_itxt_chunk(XMP_KEYWORD.to_owned(), metadata.xmp())?;
-    }
-    for (keyword, text) in notes {
-        encoder.add_itxt_chunk((*keyword).to_owned(), text.clone())?;
-    }
-    if let Some(scene) = scene_toml {
-        encoder.add_itxt_chunk(SCENE_KEYWORD.to_owned(), scene.to_owned())?;
-    }
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(bytes)?;
-    Ok(writer.finish()?)
+    let mut file = Vec::new();
+    let write = || -> std::result::Result<(), png::EncodingError> {
+        let mut encoder = png::Encoder::with_info(&mut file, info)?;
+        encoder.set_compression(png::Compression::Fastest);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        if let Some(metadata) = metadata {
+            encoder.add_itxt_chunk(XMP_KEYWORD.to_owned(), metadata.xmp())?;
+        }
+        for (keyword, text) in notes {
+            encoder.add_itxt_chunk((*keyword).to_owned(), text.clone())?;
+        }
+        if let Some(scene) = scene_toml {
+            encoder.add_itxt_chunk(SCENE_KEYWORD.to_owned(), scene.to_owned())?;
+        }
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(bytes)?;
+        writer.finish()
+    };
+    write().expect("a photo fits into memory");
+    file
 }
 
 #[cfg(test)]
@@ -245,8 +240,7 @@ mod tests {
     fn a_photo_reads_back_with_its_scene() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.png");
-        let mut file = Vec::new();
-        write_png(&photo(), &mut file, None, &[("Software", "noctograph".to_owned())]).unwrap();
+        let file = encode_png(&photo(), None, &[("Software", "noctograph".to_owned())]);
         std::fs::write(&path, &file).unwrap();
         let (read, notes) = crate::photo::read_with_notes(&path).unwrap();
         assert_eq!((read, notes), (photo(), Notes::default()));
@@ -257,15 +251,13 @@ mod tests {
     #[test]
     fn exif_and_xmp_are_in_files_of_8_and_16_bits() {
         let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
-        let mut eight = Vec::new();
         let print = Some(150.0);
         let metadata = Metadata { dots_per_inch: print, ..Metadata::new(&camera, &photo().rgb8) };
-        write_png(&photo(), &mut eight, Some(&metadata), &[]).unwrap();
+        let eight = encode_png(&photo(), Some(&metadata), &[]);
         let rgb = (0..5 * 4 * 3).map(|i| i as f32 / 59.0).collect();
         let readout = Readout { width_px: 5, height_px: 4, rgb, white_lx_s: 0.78 };
-        let mut sixteen = Vec::new();
         let linear = Tone::Linear;
-        readout.write_png16(&mut sixteen, linear, (&camera, print), &[], Some("seed = 7")).unwrap();
+        let sixteen = readout.encode_png16(linear, (&camera, print), &[], Some("seed = 7"));
         for file in [eight, sixteen] {
             let mut reader = png::Decoder::new(Cursor::new(&file)).read_info().unwrap();
             // 150 dots in 25.4 mm.

@@ -481,7 +481,7 @@ fn a_background_joins_in_linear_light() {
     let path = folder.path().join("room.png");
     let rgb8 = vec![10, 100, 200, 250, 0, 60];
     let room = Photo { width_px: 2, height_px: 1, rgb8: rgb8.clone(), scene_toml: None };
-    write_png(&room, std::fs::File::create(&path).unwrap(), None, &[]).unwrap();
+    std::fs::write(&path, encode_png(&room, None, &[])).unwrap();
     let background = path.to_str().unwrap().to_owned();
     let options = PhotoOptions { background, ..PhotoOptions::plain() };
     let (dark, camera) = (film([2, 1], |_, _, _| 0), camera([2, 1], |_| {}));

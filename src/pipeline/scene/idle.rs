@@ -167,7 +167,7 @@ pub(super) fn writes_in_color(scene: &Scene) -> bool {
 /// The reason why a key has no effect in a scene, its own before that of the tables around it;
 /// `None` if it has an effect.
 pub fn reason(scene: &Scene, key: &str) -> Option<String> {
-    let values = Value::try_from(scene).expect("a scene is a table");
+    let values = Value::Table(scene.to_table());
     if key == ALWAYS_USED {
         return None;
     }
@@ -261,8 +261,7 @@ impl Scene {
             Style::Team(_) => PlanOptions::default(),
         };
         let usual = Self { plan, ..Self::preset(self.preset) };
-        let [own, usual] =
-            [self, &usual].map(|scene| Table::try_from(scene).expect("a scene is a table"));
+        let [own, usual] = [self, &usual].map(Self::to_table);
         let mut keys = Vec::new();
         differing("", Self::SHAPE.settings(), [&own, &usual], &mut keys);
         keys.into_iter().filter_map(|key| reason(self, &key).map(|why| (key, why))).collect()

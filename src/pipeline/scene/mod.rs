@@ -162,10 +162,10 @@ impl Scene {
         };
         let mut scene = Self::preset(preset);
         implied::RULES.iter().for_each(|rule| (rule.apply)(&mut scene, &mut layers));
-        let mut values = Table::try_from(scene).expect("a preset is a table");
+        let mut values = scene.to_table();
         let settings = Self::SHAPE.settings();
         layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, settings));
-        let scene = text::scene_of(values).map_err(with_line)?;
+        let scene = Self::from_table(values).map_err(with_line)?;
         scene.check().map_err(with_line)?;
         Ok(scene)
     }
@@ -173,6 +173,21 @@ impl Scene {
     /// The whole scene as a TOML file: every key with its value and documentation.
     pub fn to_toml(&self) -> String {
         text::document(self)
+    }
+
+    /// Its keys and values. Code that reads or writes all settings is large: this and
+    /// [`Self::from_table`] are the only ones.
+    pub fn to_table(&self) -> Table {
+        Table::try_from(self).expect("a scene is a TOML table")
+    }
+
+    /// A scene of keys and values, of which none may lack; their ranges are not checked.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the place of a value of the wrong type.
+    pub fn from_table(values: Table) -> Result<Self> {
+        text::scene_of(values)
     }
 
     /// The same without documentation and with names of files instead of paths, for sharing.

@@ -5,7 +5,6 @@
 
 use std::path::Path;
 
-use toml::Table;
 
 use super::{LIMIT, Scene, text};
 use noctograph_core::error::{Error, Result};
@@ -64,9 +63,9 @@ impl SceneTask {
         if toml.trim().is_empty() {
             return Err(Error::input(file, "an empty file", "keys of a scene", text::HINT));
         }
-        let mut values = Table::try_from(&self.scene).expect("a checked scene is a TOML table");
+        let mut values = self.scene.to_table();
         text::overlay(&mut values, text::read(&toml, &file)?, Scene::SHAPE.settings());
-        let checked = text::scene_of(values).and_then(|scene| scene.check().map(|()| scene));
+        let checked = Scene::from_table(values).and_then(|scene| scene.check().map(|()| scene));
         let mut scene = checked.map_err(|error| text::with_line(error, &toml, &file))?;
         let mut task = self.scene.clone();
         scene.seed = task.seed;

@@ -19,7 +19,7 @@ pub(super) const HINT: &str = "`noctograph scene` prints every key with its mean
 
 /// The whole scene as a commented TOML file.
 pub(super) fn document(scene: &Scene) -> String {
-    let values = Table::try_from(scene).expect("a checked scene is a TOML table");
+    let values = scene.to_table();
     let mut text = "# A noctograph scene: everything that the photo depends on. SI units,\n\
                     # angles in radians. Keys that are left out keep the value of the preset, but\n\
                     # for those that follow from a key that is set:\n"
@@ -311,9 +311,8 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
 
 /// Keys whose values differ from another scene's, with both values; `-` where there is none.
 pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
-    let table = |scene: &Scene| Table::try_from(scene).expect("a checked scene is a TOML table");
     let mut changes = Vec::new();
-    compare(&mut changes, "", &table(scene), &table(other));
+    compare(&mut changes, "", &scene.to_table(), &other.to_table());
     changes
 }
 
@@ -338,7 +337,7 @@ fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, preset: &
 
 /// Whether the default of a key is text.
 fn is_text(key: &str) -> bool {
-    let defaults = Table::try_from(Scene::preset(Preset::default())).expect("a scene is a table");
+    let defaults = Scene::preset(Preset::default()).to_table();
     let mut parts = key.split('.');
     let first = parts.next().and_then(|part| defaults.get(part));
     parts.fold(first, |value, part| value?.get(part)).is_some_and(Value::is_str)

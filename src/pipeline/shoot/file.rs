@@ -1,6 +1,5 @@
 //! The photo as a file, with camera, seed, version, flights and scene, without a time stamp.
 
-use std::io::Cursor;
 use std::path::Path;
 
 use crate::scene::Scene;
@@ -85,30 +84,27 @@ pub(super) fn encode(
     shown: Shown,
 ) -> Result<Vec<u8>> {
     let notes = notes(scene.seed, camera, shown);
-    let mut out = Cursor::new(Vec::new());
     let dots_per_inch = scene.camera.dots_per_inch;
     let film = || film.expect("kept for the formats that are read out");
     let readout = || read_out(film(), camera, &scene.expose, &scene.photo, scene.seed);
-    let written = match format {
+    Ok(match format {
         Format::Png => {
             let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
-            photo::write_png(photo, &mut out, Some(&metadata), &notes)
+            photo::encode_png(photo, Some(&metadata), &notes)
         }
         Format::Png16 => {
             let toml = scene.to_toml();
             let camera = (camera, dots_per_inch);
-            readout()?.write_png16(&mut out, scene.photo.tone, camera, &notes, Some(&toml))
+            readout()?.encode_png16(scene.photo.tone, camera, &notes, Some(&toml))
         }
         #[cfg(target_family = "wasm")]
         Format::Exr => unreachable!("a page asks for PNG"),
         #[cfg(not(target_family = "wasm"))]
         Format::Exr => {
             let notes = [&*notes, &[("noctograph.scene", scene.to_toml())]].concat();
-            readout()?.write_exr(&mut out, camera, &notes)
+            readout()?.encode_exr(camera, &notes)
         }
-    };
-    written.expect("a checked picture fits into memory");
-    Ok(out.into_inner())
+    })
 }
 
 /// Contents of a photo, beside its scene.

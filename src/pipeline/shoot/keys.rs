@@ -183,7 +183,7 @@ fn faults(settings: &[(&str, &str)]) -> Vec<String> {
     let base = Case::new("", &settings).unwrap();
     base.shot().as_ref().unwrap();
     let text = base.scene.to_toml();
-    let values = Table::try_from(&base.scene).unwrap();
+    let values = base.scene.to_table();
     let mut faults = Vec::new();
     walk("", Scene::SHAPE.settings(), &values, &mut |key, setting, value| {
         if ELSEWHERE.iter().any(|(elsewhere, _)| *elsewhere == key) {

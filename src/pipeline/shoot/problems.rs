@@ -266,10 +266,11 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera) -> Option<Problem> {
 /// A photo without a visible trail: all black or all white.
 pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
     let mut histogram = [0_usize; 256];
-    for pixel in photo.rgb8.chunks_exact(3) {
-        histogram[usize::from(pixel[0].max(pixel[1]).max(pixel[2]))] += 1;
+    let pixels = photo.rgb8.as_chunks::<3>().0;
+    for &[r, g, b] in pixels {
+        histogram[usize::from(r.max(g).max(b))] += 1;
     }
-    let n = photo.rgb8.len() / 3;
+    let n = pixels.len();
     let brighter =
         |level: u8| histogram[usize::from(level)..].iter().sum::<usize>() as f64 / n.max(1) as f64;
     let level_of =

@@ -102,12 +102,10 @@ impl Canvas {
     /// A canvas over a photo, which the file has inside.
     pub(super) fn over(photo: &Photo) -> Self {
         let Photo { width_px, height_px, .. } = photo;
-        let mut png = Vec::new();
-        photo::write_png(photo, &mut png, None, &[]).expect("a photo fits into a PNG in memory");
         let image = format!(
             "<image width=\"{width_px}\" height=\"{height_px}\" \
              href=\"data:image/png;base64,{}\"/>\n",
-            BASE64_STANDARD.encode(&png)
+            BASE64_STANDARD.encode(photo::encode_png(photo, None, &[]))
         );
         Self::new([*width_px, *height_px], &image)
     }
