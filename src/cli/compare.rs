@@ -1,6 +1,5 @@
 //! `noctograph compare`: how far apart two flights are, and each from its design.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::{
@@ -200,7 +199,7 @@ fn plots(
     }
     let drawn = [top_view(&traces), front_view(&traces), error_over_time(&traces)];
     for (name, svg) in FILES.iter().zip(drawn) {
-        folder.write(name, |out| out.write_all(svg.as_bytes()))?;
+        folder.write(name, svg)?;
     }
     folder.keep()
 }

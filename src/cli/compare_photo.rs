@@ -1,6 +1,5 @@
 //! `noctograph compare-photo`: a render is laid over a real photograph, letter on letter.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use super::{Args, Error, OutputFolder, Report, Result, json, warn};
@@ -49,7 +48,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
         ("placed.png", laid),
     ];
     for (name, picture) in &pictures {
-        folder.write(name, |out| out.write_all(&photo::encode_png(picture, None, &[])))?;
+        folder.write(name, photo::encode_png(picture, None, &[]))?;
     }
     let files = folder.keep()?;
     let product = json!({

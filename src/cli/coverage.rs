@@ -1,7 +1,6 @@
 //! `noctograph coverage`: where Lighthouse base stations see the drone, and how accurately; for
 //! ultra-wideband ranges, how well the drones of a word can be placed at best.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::letters::LetterFlags;
@@ -57,7 +56,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let grid = coverage(&scene.sensors, bounds_m, args.depth, args.step)?;
     let map = coverage_map(&grid, word_m);
-    let path = output.keep(|out| out.write_all(map.as_bytes()))?;
+    let path = output.keep(map)?;
     Ok(described(&grid, scene.sensors.lighthouse.stations.len(), bounds_m).with_files(&[path]))
 }
 
@@ -71,7 +70,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let bounds = bounds(&plans, &options)?;
     let (place_m, better_m) = one_more_anchor(&plans, &options)?;
     let picture = bound_map(&plans, &bounds, &options.sensors.uwb, place_m);
-    let path = output.keep(|out| out.write_all(picture.as_bytes()))?;
+    let path = output.keep(picture)?;
 
     let mut letters = Vec::new();
     // Spaces are no letters: the plan counts glyphs.

@@ -1,6 +1,5 @@
 //! `noctograph import` of a folder: the logs of an evening become a page and a conditions file.
 
-use std::io::Write;
 use std::path::Path;
 
 use super::studies::{counter, shortened};
@@ -50,10 +49,10 @@ pub(super) fn run(
     let report = Report::with_words(product, &words, LAYOUT);
     let title = format!("Evening of {}", folder.file_name().unwrap_or_default().to_string_lossy());
     let page = evening_page(&title, &evening, &report.text, &toml);
-    written.write("evening.html", |out| out.write_all(page.html().as_bytes()))?;
+    written.write("evening.html", page.html())?;
     // A study needs at least one sound flight.
     if !rows.is_empty() {
-        written.write("conditions.toml", |out| out.write_all(toml.as_bytes()))?;
+        written.write("conditions.toml", toml)?;
     }
     Ok(report.with_files(&written.keep()?))
 }

@@ -1,6 +1,5 @@
 //! `noctograph export`: plans for drones and other programs.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::advice::mentioned;
@@ -88,7 +87,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         [file] => {
             let path = args.output.clone().unwrap_or_else(|| file.name.clone().into());
             let path = if path.is_dir() { path.join(&file.name) } else { path };
-            vec![Output::create(&path)?.keep(|out| out.write_all(&file.bytes))?]
+            vec![Output::create(&path)?.keep(&file.bytes)?]
         }
         files => {
             let folder =
@@ -99,7 +98,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             }
             let mut folder = OutputFolder::create(&folder)?;
             for file in files {
-                folder.write(&file.name, |out| out.write_all(&file.bytes))?;
+                folder.write(&file.name, &file.bytes)?;
             }
             folder.keep()?
         }

@@ -1,6 +1,5 @@
 //! `noctograph expose`: flights become their photograph.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::advice::mentioned;
@@ -52,7 +51,7 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let shot = shoot.take(&watch())?;
     warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
-    let path = output.keep(|out| out.write_all(bytes))?;
+    let path = output.keep(bytes)?;
     // A light trace alone needs no word: its colors are its own.
     if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
         let note = "the photo names no word: name one with --word, or after the photo in `score`";

@@ -52,7 +52,7 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
             let nested = verbs().flat_map(Command::get_subcommands);
             for page in std::iter::once(&command).chain(verbs()).chain(nested) {
                 let page = clap_mangen::Man::new(page.clone());
-                folder.write(&page.get_filename(), |out| page.render(out))?;
+                folder.write_with(&page.get_filename(), |out| page.render(out))?;
             }
             Ok(Report::with_layout(json!({}), "").with_files(&folder.keep()?))
         }

@@ -1,6 +1,5 @@
 //! `noctograph hold`: altitude hold from three imperfect sensors, scenario by scenario.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::{
@@ -55,10 +54,10 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
             let flight = hold(*model, &options, scenario, DURATION_S, seed)?;
             let name = format!("{}-{}", scenario.name(), model.name());
             let [csv, svg] = ["csv", "svg"].map(|kind| format!("{name}.{kind}"));
-            folder.write(&csv, |out| flight.write_csv(out))?;
+            folder.write_with(&csv, |out| flight.write_csv(out))?;
             let title = format!("{}, {} model", scenario.name(), model.name());
             let figure = hold_figure(&flight, &title);
-            folder.write(&svg, |out| out.write_all(figure.as_bytes()))?;
+            folder.write(&svg, &figure)?;
             figures.push(figure);
         }
     }
@@ -68,10 +67,10 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
         "hover_throttle": options.believed_hover_throttle(),
         "scenarios": outcomes,
     });
-    folder.write("hold.json", |out| writeln!(out, "{product:#}"))?;
+    folder.write("hold.json", format!("{product:#}\n"))?;
     let report = Report::with_words(product, &words(&outcomes), LAYOUT);
     let page = Page::new("Altitude hold", "").printed(report.text.trim_end()).drawings(&figures);
-    folder.write("hold.html", |out| out.write_all(page.html().as_bytes()))?;
+    folder.write("hold.html", page.html())?;
     let files = folder.keep()?;
     let kept = outcomes.iter().all(|figures| figures.missed.is_empty());
     Ok(report.with_files(&files).passes(kept))

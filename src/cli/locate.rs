@@ -1,6 +1,5 @@
 //! `noctograph locate`: positions from range logs, beside a reference.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -282,7 +281,7 @@ fn write(
     let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
         let flight = flight(located, drone);
-        folder.write(&format!("flight-{}.csv", drone + 1), |out| flight.write_csv(out))?;
+        folder.write_with(&format!("flight-{}.csv", drone + 1), |out| flight.write_csv(out))?;
         traces
             .push(NamedFlight { name: format!("located {}", drone + 1), samples: flight.samples });
         if let Some(reference) = references.get(drone) {
@@ -292,7 +291,7 @@ fn write(
         }
     }
     for (name, svg) in VIEWS.iter().zip([top_view(&traces), front_view(&traces)]) {
-        folder.write(name, |out| out.write_all(svg.as_bytes()))?;
+        folder.write(name, svg)?;
     }
     folder.keep()
 }

@@ -59,10 +59,10 @@ impl Outputs {
     ) -> Result<Vec<PathBuf>> {
         match self {
             Self::One(file, beside) => {
-                let mut files = vec![file.keep(|out| write(&items[0], out))?];
+                let mut files = vec![file.keep_with(|out| write(&items[0], out))?];
                 match (beside, scene) {
                     (Some(beside), Some(scene)) => {
-                        files.push(beside.keep(|out| out.write_all(scene.to_toml().as_bytes()))?);
+                        files.push(beside.keep(scene.to_toml())?);
                     }
                     (Some(_), None) => forget_scene(&files[0]),
                     (None, _) => {}
@@ -71,10 +71,10 @@ impl Outputs {
             }
             Self::Several(mut folder, kind) => {
                 for (number, item) in (1..).zip(items) {
-                    folder.write(&format!("{kind}-{number}.csv"), |out| write(item, out))?;
+                    folder.write_with(&format!("{kind}-{number}.csv"), |out| write(item, out))?;
                 }
                 if let Some(scene) = scene {
-                    folder.write(SCENE, |out| out.write_all(scene.to_toml().as_bytes()))?;
+                    folder.write(SCENE, scene.to_toml())?;
                 }
                 folder.keep()
             }

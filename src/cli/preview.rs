@@ -1,6 +1,5 @@
 //! `noctograph preview`: from a word to its photograph and verdict.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::advice::{mentioned, typed};
@@ -123,7 +122,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
             drawings: &drawings,
         };
         let html = shot_page(&shot, &notes)?.html();
-        folder.write(REPORT, |out| out.write_all(html.as_bytes()))?;
+        folder.write(REPORT, html)?;
     }
     let files = folder.keep()?;
     files.iter().filter(|file| is_csv(file)).for_each(|file| forget_scene(file));
@@ -145,16 +144,16 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
 /// Writes photo, flights, plans, scene and, of a word, the verdict.
 fn write(shot: &Shot, verdict: &Value, folder: &mut OutputFolder) -> Result<()> {
     let png = shot.file.as_deref().expect("a format was asked for");
-    folder.write("photo.png", |out| out.write_all(png))?;
+    folder.write("photo.png", png)?;
     for (index, (flight, planned)) in shot.flights.iter().zip(&shot.shoot.plans).enumerate() {
         let number =
             if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        folder.write(&format!("flight{number}.csv"), |out| flight.write_csv(out))?;
-        folder.write(&format!("plan{number}.csv"), |out| planned.plan.write_csv(out))?;
+        folder.write_with(&format!("flight{number}.csv"), |out| flight.write_csv(out))?;
+        folder.write_with(&format!("plan{number}.csv"), |out| planned.plan.write_csv(out))?;
     }
-    folder.write(SCENE, |out| out.write_all(shot.shoot.scene.to_toml().as_bytes()))?;
+    folder.write(SCENE, shot.shoot.scene.to_toml())?;
     if shot.verdict.is_some() {
-        folder.write("verdict.json", |out| writeln!(out, "{verdict:#}"))?;
+        folder.write("verdict.json", format!("{verdict:#}\n"))?;
     }
     Ok(())
 }

@@ -1,6 +1,5 @@
 //! `noctograph report`: a verb's output folder as one page.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::show::sentence;
@@ -66,7 +65,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     if let Some(more) = more {
         page = page.text(&format!("Left out: {more} files more than the {MAX_FILES} of a page"));
     }
-    let file = output.keep(|out| out.write_all(page.html().as_bytes()))?;
+    let file = output.keep(page.html())?;
     Ok(report.with_files(&[file]))
 }
 

@@ -1,6 +1,5 @@
 //! `noctograph scene`: a whole scene file, commented.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::{Args, DesignFlags, Output, Report, Result, SeedFlag, json};
@@ -30,6 +29,6 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
     let Some(path) = &args.output else {
         return Ok(Report::new(toml, &scene));
     };
-    let file = Output::create(path)?.keep(|out| out.write_all(toml.as_bytes()))?;
+    let file = Output::create(path)?.keep(toml)?;
     Ok(Report::with_layout(json!({}), "").with_files(&[file]))
 }

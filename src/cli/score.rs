@@ -1,6 +1,5 @@
 //! `noctograph score`: whether the word in a photograph is legible.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use super::flight_flags::relit_where_dark;
@@ -119,12 +118,9 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let (verdict, marks) = reader.explain(&photo, &view, &known)?;
     let svg = args.output.as_deref().is_some_and(is_svg);
     let overlay = |output: Output| {
-        output.keep(|out| match svg {
-            true => out.write_all(overlay_svg(&photo, &marks, &verdict).as_bytes()),
-            false => {
-                let picture = overlay_photo(&photo, &marks, &verdict);
-                out.write_all(&photo::encode_png(&picture, None, &[]))
-            }
+        output.keep(match svg {
+            true => overlay_svg(&photo, &marks, &verdict).into_bytes(),
+            false => photo::encode_png(&overlay_photo(&photo, &marks, &verdict), None, &[]),
         })
     };
     let files: Vec<_> = output.map(overlay).transpose()?.into_iter().collect();

@@ -1,7 +1,5 @@
 //! The spread of a preview: many flights under conditions, their photos and bands.
 
-use std::io::Write;
-
 use super::studies::counter;
 use super::{Args, OutputFolder, Report, Result, Value, json, warn};
 use crate::photo;
@@ -52,7 +50,7 @@ impl SpreadFlags {
             )]);
         }
         let mut drawings = vec![spread_front(&band)];
-        folder.write("spread-xz.svg", |out| out.write_all(drawings[0].as_bytes()))?;
+        folder.write("spread-xz.svg", &drawings[0])?;
         let photos = band.flights.iter().filter_map(|SpreadFlight { seed, shot, .. }| {
             let shot = shot.as_ref().ok()?;
             let verdict =
@@ -61,12 +59,11 @@ impl SpreadFlags {
         });
         let title = format!("{n} flights, conditions {}", self.conditions);
         let sheet = spread_sheet(&title, &photos.collect::<Vec<_>>());
-        folder.write("spread.png", |out| out.write_all(&photo::encode_png(&sheet, None, &[])))?;
+        folder.write("spread.png", photo::encode_png(&sheet, None, &[]))?;
         for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
             let drawing = spread_over_time(all, within);
-            folder
-                .write(&format!("spread{number}.svg"), |out| out.write_all(drawing.as_bytes()))?;
+            folder.write(&format!("spread{number}.svg"), &drawing)?;
             drawings.push(drawing);
         }
         let mut report = described(&band, &title);

@@ -140,15 +140,15 @@ pub(super) fn write_ranking(
 ) -> Result<Vec<PathBuf>> {
     let sheet = study_sheet(study, ready, ranking, records)?;
     let [csv, json, flights, photos] = RANKING;
-    folder.write(csv, |out| out.write_all(ranking_csv(ranking).as_bytes()))?;
-    folder.write(json, |out| {
+    folder.write(csv, ranking_csv(ranking))?;
+    folder.write_with(json, |out| {
         serde_json::to_writer_pretty(&mut *out, ranking)?;
         writeln!(out)
     })?;
-    folder.write(flights, |out| out.write_all(flights_csv(records).as_bytes()))?;
-    folder.write(photos, |out| out.write_all(&photo::encode_png(&sheet, None, &[])))?;
+    folder.write(flights, flights_csv(records))?;
+    folder.write(photos, photo::encode_png(&sheet, None, &[]))?;
     if marks {
-        folder.write(GRADED[0], |out| out.write_all(marks_csv(ranking).as_bytes()))?;
+        folder.write(GRADED[0], marks_csv(ranking))?;
     }
     folder.keep()
 }

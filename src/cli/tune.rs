@@ -1,6 +1,5 @@
 //! `noctograph tune`: gains, observer and speed of a scene, tuned for legible words.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -127,10 +126,10 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
 
     let [scene, candidates, front] = FILES;
     let toml = origin(args, &tuned) + &tuned.scene.to_toml();
-    results.write(scene, |out| out.write_all(toml.as_bytes()))?;
+    results.write(scene, toml)?;
     let csv = candidates_csv(&tuned, &options.knobs);
-    results.write(candidates, |out| out.write_all(csv.as_bytes()))?;
-    results.write(front, |out| out.write_all(plot(&tuned).as_bytes()))?;
+    results.write(candidates, csv)?;
+    results.write(front, plot(&tuned))?;
     let paths = results.keep()?;
     let others = other_words(args, &options, &base.scene, &tuned, &store)?;
     Ok(tuning_report(&options, &tuned, others.as_ref()).with_files(&paths))

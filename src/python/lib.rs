@@ -14,7 +14,6 @@ mod shot;
 mod study;
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -109,7 +108,7 @@ fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Redu
 
 /// Writes a file, which appears when it is whole.
 fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
-    let written = Output::create(path).and_then(|file| file.keep(|out| out.write_all(bytes)));
+    let written = Output::create(path).and_then(|file| file.keep(bytes));
     written.map(|_path| ()).map_err(|error| raised(py, &error))
 }
 

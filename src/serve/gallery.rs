@@ -7,7 +7,6 @@
 //! time. Links in it are not followed.
 
 use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -256,7 +255,7 @@ fn pretty(value: &impl Serialize) -> Vec<u8> {
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    Output::create(path)?.keep_on_disk(|out| out.write_all(bytes)).map(drop)
+    Output::create(path)?.keep_on_disk(bytes).map(drop)
 }
 
 /// Brings a folder's names to the disk, where the system can.

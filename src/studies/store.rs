@@ -205,10 +205,8 @@ impl Store {
     ///
     /// [`Error::Io`]; then nothing is left.
     pub fn write(path: &Path, records: &[Record]) -> Result<()> {
-        let mut lines = records.iter().map(line_of);
-        Output::create(path)?
-            .keep_on_disk(|out| lines.try_for_each(|line| out.write_all(&line)))?;
-        Ok(())
+        let lines: Vec<u8> = records.iter().flat_map(line_of).collect();
+        Output::create(path)?.keep_on_disk(lines).map(drop)
     }
 }
 
@@ -262,7 +260,7 @@ fn check_header(folder: &Path) -> Result<()> {
     let ours = Header { noctograph: env!("CARGO_PKG_VERSION").to_owned(), format: FORMAT };
     if !path.exists() {
         let text = serde_json::to_string(&ours).expect("plain data") + "\n";
-        Output::create(&path)?.keep_on_disk(|out| out.write_all(text.as_bytes()))?;
+        Output::create(&path)?.keep_on_disk(text)?;
         return Ok(());
     }
     let (text, wanted) = (HEADER.read_text(&path)?, "the header of a store");

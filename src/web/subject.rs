@@ -92,6 +92,6 @@ pub(crate) fn bring(name: &str, bytes: Vec<u8>) -> Result<()> {
     noctograph_core::files::bring(name, bytes);
     #[cfg(not(target_family = "wasm"))]
     noctograph_core::files::Output::create(name.as_ref())?
-        .keep(|out| std::io::Write::write_all(out, &bytes))?;
+        .keep_with(|out| std::io::Write::write_all(out, &bytes))?;
     Ok(())
 }

@@ -65,7 +65,12 @@ impl OutputFolder {
     }
 
     /// Writes a file that will be called `name`.
-    pub fn write(
+    pub fn write(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
+        self.write_with(name, |out| out.write_all(content.as_ref()))
+    }
+
+    /// Writes a file that will be called `name`, piece by piece.
+    pub fn write_with(
         &mut self,
         name: &str,
         write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
@@ -138,7 +143,7 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("a/b");
         let mut folder = OutputFolder::create(&path).unwrap();
-        folder.write("one.txt", |out| out.write_all(b"1")).unwrap();
+        folder.write("one.txt", b"1").unwrap();
         assert!(!path.join("one.txt").exists(), "not yet");
         folder.keep().unwrap();
         assert_eq!(std::fs::read(path.join("one.txt")).unwrap(), b"1");
@@ -150,7 +155,7 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("out");
         let mut folder = OutputFolder::create(&path).unwrap();
-        folder.write("one.txt", |out| out.write_all(b"1")).unwrap();
+        folder.write("one.txt", b"1").unwrap();
         drop(folder);
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
@@ -167,7 +172,7 @@ mod tests {
                     scope.spawn(move || {
                         let mut folder = OutputFolder::create(path).unwrap();
                         for name in names {
-                            folder.write(name, |out| out.write_all(writer.as_bytes())).unwrap();
+                            folder.write(name, writer).unwrap();
                         }
                         folder.keep().unwrap();
                     });
@@ -189,7 +194,7 @@ mod tests {
         folder.check_writable(&["a.txt", "c.txt"]).unwrap();
         assert!(folder.check_writable(&["a.txt", "b.txt"]).is_err(), "before the long work");
         for name in ["a.txt", "b.txt"] {
-            folder.write(name, |out| out.write_all(b"new")).unwrap();
+            folder.write(name, b"new").unwrap();
         }
         let error = folder.keep().unwrap_err().to_string();
         assert!(error.contains("b.txt"), "{error}");
@@ -207,7 +212,7 @@ mod tests {
         std::os::unix::fs::symlink("/dev/null", path("out/two.txt")).unwrap();
         let mut folder = OutputFolder::create(&path("out")).unwrap();
         for name in ["one.txt", "two.txt"] {
-            folder.write(name, |out| out.write_all(b"new")).unwrap();
+            folder.write(name, b"new").unwrap();
         }
         folder.keep().unwrap();
         assert_eq!(std::fs::read_to_string(path("far.txt")).unwrap(), "new");

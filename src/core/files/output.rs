@@ -62,7 +62,12 @@ impl Output {
     /// # Errors
     ///
     /// [`Error::Io`]; then a regular file is as it was before.
-    pub fn keep(
+    pub fn keep(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
+        self.keep_with(|out| out.write_all(content.as_ref()))
+    }
+
+    /// The same, written piece by piece.
+    pub fn keep_with(
         self,
         write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
     ) -> Result<PathBuf> {
@@ -70,11 +75,8 @@ impl Output {
     }
 
     /// The same, on the disk before it has its name.
-    pub fn keep_on_disk(
-        self,
-        write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
-    ) -> Result<PathBuf> {
-        self.finish(write, true)
+    pub fn keep_on_disk(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
+        self.finish(|out| out.write_all(content.as_ref()), true)
     }
 
     fn finish(
@@ -172,7 +174,7 @@ mod tests {
     }
 
     fn write(path: &Path, content: &[u8]) -> Result<PathBuf> {
-        Output::create(path)?.keep(|out| out.write_all(content))
+        Output::create(path)?.keep(content)
     }
 
     #[test]
@@ -180,7 +182,7 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let path = parent.path().join("plan.csv");
         std::fs::write(&path, "old").unwrap();
-        let failed = Output::create(&path).unwrap().keep(|out| {
+        let failed = Output::create(&path).unwrap().keep_with(|out| {
             out.write_all(b"half")?;
             Err(std::io::ErrorKind::StorageFull.into())
         });
@@ -201,7 +203,7 @@ mod tests {
         assert!(!path(".noctograph-killed.tmp").exists(), "left by a kill");
         assert!(cfg!(not(unix)) || !path(".noctograph-killed-2.tmp").exists(), "a folder");
         assert!(path(".noctograph-notes.txt").exists(), "a file of the user's");
-        living.keep(|out| out.write_all(b"whole")).unwrap();
+        living.keep(b"whole").unwrap();
         assert_eq!(text(&path("other.csv")), "whole", "another run's file is not taken away");
     }
 

@@ -39,11 +39,7 @@ pub(super) const LIMIT: Limit =
 ///
 /// `notes`, pairs of keyword and text, and the scene become text chunks. With metadata, the
 /// file has EXIF and XMP, and the size of its print.
-pub fn encode_png(
-    photo: &Photo,
-    metadata: Option<&Metadata>,
-    notes: &[(&str, String)],
-) -> Vec<u8> {
+pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, String)]) -> Vec<u8> {
     let size_px = [photo.width_px, photo.height_px];
     let scene = photo.scene_toml.as_deref();
     let levels = (png::BitDepth::Eight, &*photo.rgb8);
@@ -340,8 +336,7 @@ mod tests {
     fn what_is_no_image_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("photo.png");
-        let mut file = Vec::new();
-        write_png(&photo(), &mut file, None, &[]).unwrap();
+        let file = encode_png(&photo(), None, &[]);
         for broken in [&b"no image"[..], &[], &file[..20], &file[..file.len() / 2]] {
             std::fs::write(&path, broken).unwrap();
             let error = crate::photo::read(&path).unwrap_err().to_string();

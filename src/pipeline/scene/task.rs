@@ -5,7 +5,6 @@
 
 use std::path::Path;
 
-
 use super::{LIMIT, Scene, text};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::{Described, paths, suggestion};
