@@ -255,12 +255,13 @@ impl Sheet {
         if signs == [true, false] {
             sheet.notes.push("its numbers have decimal commas".into());
         }
-        let last = lines(&text.bytes).count() - 1;
-        for (index, line) in lines(&text.bytes).enumerate().skip(head.row) {
+        let mut row = vec![0.0; n];
+        let mut rows = lines(&text.bytes).enumerate().skip(head.row).peekable();
+        while let Some((index, line)) = rows.next() {
             if is_comment(line) || line.iter().all(is_empty) {
                 continue;
             }
-            if needs_line_ends && index == last {
+            if needs_line_ends && rows.peek().is_none() {
                 let line = index + 1;
                 let note = format!("line {line} has no end: it may be cut off and is left out");
                 sheet.notes.push(note);
@@ -268,10 +269,17 @@ impl Sheet {
             }
             budget.bytes(size_of::<f64>() * (n + 1))?;
             budget.steps(STEPS[1] * n)?;
+            if plain_row(line, head.separator, &mut row).is_some() {
+                let values = sheet.columns.iter_mut().map(|column| &mut column.values);
+                values.zip(&row).for_each(|(values, value)| push(values, *value));
+                push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
+                continue;
+            }
             let mut cells = head.separator.cells(line);
             for (place, column) in sheet.columns.iter_mut().enumerate() {
                 let Some(cell) = cells.next() else { break };
-                let value = short_number(cell).or_else(|| {
+                let short = short_number(cell).filter(|(_, length)| *length == cell.len());
+                let value = short.map(|(value, _)| value).or_else(|| {
                     let bare = unquoted(cell);
                     if signs == [true, false] && is_number(bare) {
                         return std::str::from_utf8(&with_points(bare)).ok()?.parse().ok();
@@ -404,28 +412,43 @@ fn is_date(cell: &[u8]) -> bool {
     digits && (points == 2 || cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/')))
 }
 
-/// A number of up to 15 digits without an exponent, rounded as [`str::parse`] does: numerator and
-/// denominator are exact, and rounded once (Clinger 1990). `None` of any other text.
-fn short_number(cell: &[u8]) -> Option<f64> {
-    let digits = cell.strip_prefix(b"-").unwrap_or(cell);
-    if digits.len() > 16 {
-        return None;
+/// Reads a line that is a row of short numbers and separators alone, as programs write most tables;
+/// `None` of any other.
+fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<()> {
+    let Separator::Byte(separator) = separator else { return None };
+    for (place, value) in row.iter_mut().enumerate() {
+        line = if place > 0 { line.strip_prefix(&[separator])? } else { line };
+        let length;
+        (*value, length) = short_number(line)?;
+        line = &line[length..];
     }
-    let (mut numerator, mut denominator, mut has_point) = (0_u64, 1_u64, false);
-    for byte in digits {
+    line.is_empty().then_some(())
+}
+
+/// Powers of ten, all exact.
+const TENS: [f64; 16] =
+    [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
+
+/// A number of up to 15 digits without an exponent at the beginning of a text, and its length. It
+/// is rounded as [`str::parse`] does: numerator and denominator are exact, and rounded once
+/// (Clinger 1990).
+fn short_number(text: &[u8]) -> Option<(f64, usize)> {
+    let is_negative = text.first() == Some(&b'-');
+    let (mut numerator, mut point) = (0_u64, None);
+    let mut length = usize::from(is_negative);
+    let begin = length;
+    while let Some(byte) = text.get(length).filter(|_| length < begin + 16) {
         match byte {
-            b'0'..=b'9' => {
-                numerator = 10 * numerator + u64::from(byte - b'0');
-                denominator *= if has_point { 10 } else { 1 };
-            }
-            b'.' if !has_point => has_point = true,
-            _ => return None,
+            b'0'..=b'9' => numerator = 10 * numerator + u64::from(byte - b'0'),
+            b'.' if point.is_none() => point = Some(length + 1),
+            _ => break,
         }
+        length += 1;
     }
-    let n_digits = digits.len() - usize::from(has_point);
-    let size = numerator as f64 / denominator as f64;
-    let value = if digits.len() < cell.len() { -size } else { size };
-    (1..=15).contains(&n_digits).then_some(value)
+    let n_digits = length - begin - usize::from(point.is_some());
+    let size = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
+    let value = if is_negative { -size } else { size };
+    (1..=15).contains(&n_digits).then_some((value, length))
 }
 
 #[cfg(test)]
@@ -499,11 +522,29 @@ mod tests {
     proptest! {
         #[test]
         fn short_numbers_are_rounded_as_any_are(text in "-?[0-9]{0,9}[.]?[0-9]{0,9}") {
-            let actual = short_number(text.as_bytes());
+            let whole = |(value, length): (f64, usize)| (length == text.len()).then_some(value);
+            let actual = short_number(text.as_bytes()).and_then(whole);
             let wanted = text.parse::<f64>().ok();
             prop_assert!(actual.is_none() || actual.map(f64::to_bits) == wanted.map(f64::to_bits));
             let n_digits = text.bytes().filter(u8::is_ascii_digit).count();
             prop_assert_eq!(actual.is_some(), (1..=15).contains(&n_digits));
+        }
+
+        /// A blank before the first separator keeps a row from being plain.
+        #[test]
+        fn plain_rows_are_read_as_any_are(
+            rows in proptest::collection::vec("-?[0-9]{1,3}(,-?[0-9]{0,9}[.]?[0-9]{0,9}(e3)?){2}", 1..9)
+        ) {
+            let text = |sep: &str| {
+                rows.iter().fold("t,x,y\n".to_owned(), |text, row| text + &row.replacen(',', sep, 1) + "\n")
+            };
+            let [plain, other] = [",", " ,"].map(|sep| read(text(sep).as_bytes()).unwrap());
+            let bits = |sheet: &Sheet| -> Vec<Vec<u64>> {
+                let columns = sheet.columns.iter();
+                columns.map(|c| c.values.iter().map(|value| value.to_bits()).collect()).collect()
+            };
+            prop_assert_eq!(bits(&plain), bits(&other));
+            prop_assert_eq!(&plain.lines, &other.lines);
         }
     }
 }

@@ -51,11 +51,16 @@ pub(super) fn plan(
 ) -> Result<Vec<Planned>> {
     let lamps = in_ink(&scene.light, scene, Some(strokes));
     let trajectory_clock = Some(scene.trajectory_clock());
-    let plans = fleet(strokes, &PlanOptions { trajectory_clock, ..scene.plan.clone() })?;
-    check(&plans)?;
-    let follows_design = scene.controller.kind.follows_design();
+    let options = PlanOptions { trajectory_clock, ..scene.plan.clone() };
     let inverted = scene.plan.reference == ReferenceKind::Inverse;
-    let responses = if inverted { Some(step_responses(&scene.sim())?) } else { None };
+    let (plans, responses) = rayon::join(
+        || fleet(strokes, &options),
+        || inverted.then(|| step_responses(&scene.sim())).transpose(),
+    );
+    let plans = plans?;
+    check(&plans)?;
+    let responses = responses?;
+    let follows_design = scene.controller.kind.follows_design();
     let planned = plans.into_par_iter().map(|plan| {
         responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
         let plan = match &responses {

@@ -12,6 +12,7 @@
 //! for that order.
 
 use nalgebra::Vector2;
+use rayon::prelude::*;
 
 use super::motion::State;
 use super::pen::{PenStroke, Way, dot_s, pen_strokes};
@@ -235,8 +236,8 @@ impl Tour<'_> {
             true => f64::INFINITY,
             false => self.between_s(Some(*a), Some(*b)),
         };
-        let between: Vec<f64> =
-            legs.iter().flat_map(|a| legs.iter().map(move |b| between_s(a, b))).collect();
+        let from = |a: &Leg| legs.iter().map(|b| between_s(a, b)).collect::<Vec<_>>();
+        let between = legs.par_iter().map(from).collect::<Vec<_>>();
         for (last, leg) in legs.iter().enumerate() {
             best[(1 << leg.0) * n + last] = (self.between_s(None, Some(*leg)), usize::MAX);
         }
@@ -248,7 +249,7 @@ impl Tour<'_> {
                 }
                 for (next, leg) in legs.iter().enumerate() {
                     if set & (1 << leg.0) == 0 {
-                        let with = so_far_s + between[last * n + next];
+                        let with = so_far_s + between[last][next];
                         let entry = &mut best[(set | (1 << leg.0)) * n + next];
                         if with < entry.0 {
                             *entry = (with, last);
