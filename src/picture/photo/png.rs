@@ -31,6 +31,9 @@ const MAX_METADATA_BYTES: usize = 16 << 20;
 /// Keyword of the text chunk of XMP (PNG, third edition).
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
 
+/// Why writing a photo does not fail.
+const FITS: &str = "a checked picture fits into memory";
+
 /// Largest image file: a photo of [`MAX_PIXELS`] without compression.
 pub(super) const LIMIT: Limit =
     Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
@@ -43,7 +46,7 @@ pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, St
     let size_px = [photo.width_px, photo.height_px];
     let scene = photo.scene_toml.as_deref();
     let levels = (png::BitDepth::Eight, &*photo.rgb8);
-    encode(size_px, levels, metadata, notes, scene)
+    encode(size_px, levels, metadata, notes, scene).expect(FITS)
 }
 
 /// Reads the bytes of a PNG file, and its texts where they are wanted.
@@ -178,7 +181,7 @@ impl Readout {
         let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &bytes) };
         let size_px = [self.width_px, self.height_px];
         let levels = (png::BitDepth::Sixteen, &*bytes);
-        encode(size_px, levels, Some(&metadata), notes, scene_toml)
+        encode(size_px, levels, Some(&metadata), notes, scene_toml).expect(FITS)
     }
 }
 
@@ -190,7 +193,7 @@ fn encode(
     metadata: Option<&Metadata>,
     notes: &[(&str, String)],
     scene_toml: Option<&str>,
-) -> Vec<u8> {
+) -> std::result::Result<Vec<u8>, png::EncodingError> {
     let mut info = png::Info::with_size(width_px, height_px);
     (info.color_type, info.bit_depth) = (png::ColorType::Rgb, depth);
     info.exif_metadata = metadata.map(|metadata| metadata.exif().into());
@@ -200,25 +203,22 @@ fn encode(
         unit: png::Unit::Meter,
     });
     let mut file = Vec::new();
-    let write = || -> std::result::Result<(), png::EncodingError> {
-        let mut encoder = png::Encoder::with_info(&mut file, info)?;
-        encoder.set_compression(png::Compression::Fastest);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        if let Some(metadata) = metadata {
-            encoder.add_itxt_chunk(XMP_KEYWORD.to_owned(), metadata.xmp())?;
-        }
-        for (keyword, text) in notes {
-            encoder.add_itxt_chunk((*keyword).to_owned(), text.clone())?;
-        }
-        if let Some(scene) = scene_toml {
-            encoder.add_itxt_chunk(SCENE_KEYWORD.to_owned(), scene.to_owned())?;
-        }
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(bytes)?;
-        writer.finish()
-    };
-    write().expect("a photo fits into memory");
-    file
+    let mut encoder = png::Encoder::with_info(&mut file, info)?;
+    encoder.set_compression(png::Compression::Fastest);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    if let Some(metadata) = metadata {
+        encoder.add_itxt_chunk(XMP_KEYWORD.to_owned(), metadata.xmp())?;
+    }
+    for (keyword, text) in notes {
+        encoder.add_itxt_chunk((*keyword).to_owned(), text.clone())?;
+    }
+    if let Some(scene) = scene_toml {
+        encoder.add_itxt_chunk(SCENE_KEYWORD.to_owned(), scene.to_owned())?;
+    }
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(bytes)?;
+    writer.finish()?;
+    Ok(file)
 }
 
 #[cfg(test)]

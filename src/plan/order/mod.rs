@@ -236,8 +236,8 @@ impl Tour<'_> {
             true => f64::INFINITY,
             false => self.between_s(Some(*a), Some(*b)),
         };
-        let from = |a: &Leg| legs.iter().map(|b| between_s(a, b)).collect::<Vec<_>>();
-        let between = legs.par_iter().map(from).collect::<Vec<_>>();
+        let between: Vec<Vec<f64>> =
+            legs.par_iter().map(|a| legs.iter().map(|b| between_s(a, b)).collect()).collect();
         for (last, leg) in legs.iter().enumerate() {
             best[(1 << leg.0) * n + last] = (self.between_s(None, Some(*leg)), usize::MAX);
         }
