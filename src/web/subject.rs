@@ -91,7 +91,6 @@ pub(crate) fn bring(name: &str, bytes: Vec<u8>) -> Result<()> {
     #[cfg(target_family = "wasm")]
     noctograph_core::files::bring(name, bytes);
     #[cfg(not(target_family = "wasm"))]
-    noctograph_core::files::Output::create(name.as_ref())?
-        .keep_with(|out| std::io::Write::write_all(out, &bytes))?;
+    noctograph_core::files::Output::create(name.as_ref())?.keep(bytes)?;
     Ok(())
 }
