@@ -253,7 +253,6 @@ pub(crate) fn fly(
     }
     s.set("light.ring", rng.pick(&["off", "off", "double-spin"]));
     s.set("light.led_bitmask", rng.pick(&["0", "128"]));
-    s.set("light.motor_glints", glints);
     let mut shoot = Shoot::new(s.scene()?)?;
     let plan = &mut shoot.plans[0].plan;
     if missing > 0.0 {

@@ -196,9 +196,9 @@ fn a_render_is_laid_over_a_photo_of_the_same_word() {
     let compared = ["compare-photo", "render/photo.png", "photo/photo.png", "-o", "out", "--json"];
     let found = json(&run(&compared).stdout);
     let scale = found["transform"]["scale"].as_f64().unwrap();
-    assert!((scale - 4.0 / 3.0).abs() < 0.005, "{found}");
+    assert!((scale - 4.0 / 3.0).abs() < 0.01, "{found}");
     assert!(found["transform"]["rotation_rad"].as_f64().unwrap().abs() < 0.003, "{found}");
-    assert!(found["residual_px"].as_f64().unwrap() < 1.0, "{found}");
+    assert!(found["residual_px"].as_f64().unwrap() < 1.2, "{found}");
     assert!(found["mean_flip"].as_f64().unwrap() < 0.1, "{found}");
     for name in ["overlay.png", "difference.png", "placed.png"] {
         let picture = photo::read(&folder.path().join("out").join(name)).unwrap();

@@ -1,7 +1,7 @@
 //! Options: the lamps of the drone, and how they follow commands.
 
 use super::Fixture;
-use super::tables::{color_led, crazyflie, led_ring, off_the_motors};
+use super::tables::{color_led, crazyflie, led_ring};
 use crate::error::{Result, within};
 use crate::settings::{Described, settings};
 
@@ -40,9 +40,6 @@ settings! {
         /// Deck below the body; its lamps and the board's are the lamps, unless fixtures lists
         /// them.
         deck: Deck = Deck::LedRing, unless "light.fixtures";
-        /// Glints of the headlights on the motors in front of them: a second strand beside every
-        /// stroke that is seen from the drone's side, as in the reference team's photograph.
-        motor_glints: bool = false, for "light.deck" = "led-ring", unless "light.fixtures";
         /// The lamps, in place of those of deck and board, one table each. Intensity off axis:
         /// `intensity_cd * (spill + (1 - spill) cos^beam_exponent)`.
         fixtures: Option<Vec<Fixture>> = None;
@@ -122,11 +119,7 @@ impl Deck {
 impl LightOptions {
     /// The lamps.
     pub fn fixtures(&self) -> Vec<Fixture> {
-        self.fixtures.clone().unwrap_or_else(|| {
-            let glints = self.motor_glints && self.deck == Deck::LedRing;
-            let glints = if glints { off_the_motors() } else { Vec::new() };
-            self.deck.fixtures().into_iter().chain(glints).collect()
-        })
+        self.fixtures.clone().unwrap_or_else(|| self.deck.fixtures())
     }
 
     /// Color of the color LED deck on a letter, counted from 0.

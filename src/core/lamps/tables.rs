@@ -14,8 +14,11 @@ use super::{Die, Drive, Fixture, HEADLIGHTS};
 const RED: [f64; 2] = [0.694, 0.306];
 /// Green, 525 nm.
 const GREEN: [f64; 2] = [0.151, 0.758];
-/// Blue, 466 nm.
+/// Blue of the ring, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
+/// Blue of the board, 475 nm: in the team's photograph green has 0.14 of its light where it does not
+/// clip.
+const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
 
@@ -30,44 +33,56 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 /// packets a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's
 /// photograph, which shows no green for the packets received.
 ///
-/// Assumptions: 20 mcd in every direction (0603 class; the light that a small package and the
-/// white solder mask around it send sideways), at the motor mounts 30 mm out on both axes; the
-/// board hides them from below. At f/8, ISO 100 and 0.2 m/s that is a stop below saturation in
-/// luminance and three above in the blue channel: clipped blue streaks thinner than the
-/// headlights', as in the team's photograph.
+/// Assumptions: 50 mcd of blue and 30 of red in every direction (0603 class; the light that a small
+/// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on both
+/// axes; the board hides them from below. They are fitted to the team's photograph: a strand of blue
+/// has a cyan heart, and is 2.4 px of 3.1 mm wide where it clips, in light twice as wide that the
+/// parts around it throw back.
 pub fn crazyflie() -> Vec<Fixture> {
-    let on_board = |name: &str, drive, [x, y]: [f64; 2], chromaticity, bit| Fixture {
+    let on_board = |name: &str, drive, [x, y]: [f64; 2], light: Die, bit| Fixture {
         name: name.into(),
         drive,
         position_body_m: [x, y, 0.0],
         axis_body: [0.0, 0.0, 1.0],
-        dies: vec![die(0.02, chromaticity)],
+        dies: vec![light],
         spill: 1.0,
         visible_cos: -0.5,
-        diameter_m: 0.002,
+        diameter_m: 0.006,
         bitmask_bit: Some(bit),
         ..Fixture::default()
     };
+    let (blue, red) = (die(0.05, BOARD_BLUE), die(0.03, RED));
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
     let mut rows = vec![
-        on_board("power M2", Drive::Always, [-0.03, -0.03], BLUE, 5),
-        on_board("power M3", Drive::Always, [-0.03, 0.03], BLUE, 0),
-        on_board("status M1", status, [0.03, -0.03], RED, 4),
-        on_board("link M4", packets, [0.03, 0.03], RED, 2),
+        on_board("power M2", Drive::Always, [-0.03, -0.03], blue.clone(), 5),
+        on_board("power M3", Drive::Always, [-0.03, 0.03], blue, 0),
+        on_board("status M1", status, [0.03, -0.03], red.clone(), 4),
+        on_board("link M4", packets, [0.03, 0.03], red, 2),
     ];
     // That of the link is too faint to see.
-    let glints: Vec<Fixture> = rows[..3].iter().map(off_the_propeller).collect();
-    rows.extend(glints);
+    let lit: Vec<Fixture> =
+        rows[..3].iter().flat_map(|led| [off_the_propeller(led), off_the_body(led)]).collect();
+    rows.extend(lit);
     rows
+}
+
+/// The light of an LED of the board on the motor, its mount and the arm around it.
+fn off_the_body(led: &Fixture) -> Fixture {
+    let mut lit = led.clone();
+    lit.name = format!("{} off the body", led.name);
+    lit.visible_cos = -1.0;
+    lit.diameter_m = 0.02;
+    lit.dies.iter_mut().for_each(|die| die.intensity_cd /= 2.5);
+    lit
 }
 
 /// The glint of an LED of the board on the propeller above it.
 ///
 /// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
 /// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7
-/// of saturation, where a tenth of the main strand's own light leaks into green and clips. The
-/// propeller, a centimeter higher up, is assumed to reflect it.
+/// of saturation, where the main strand clips green, too. The propeller, a centimeter higher up, is
+/// assumed to reflect it.
 fn off_the_propeller(led: &Fixture) -> Fixture {
     let [x, y, _] = led.position_body_m;
     let mut glint = led.clone();
@@ -83,12 +98,17 @@ fn off_the_propeller(led: &Fixture) -> Fixture {
 /// LED 0 points forward and the numbers run to the right, as the deck's drawing numbers its parts;
 /// the firmware's order is documented nowhere.
 ///
-/// Assumptions: a headlight spills 5 % to its side: the team's camera looked at the drone from its
-/// side, at right angles to the beam, and still recorded clipped white streaks. With less spill a
-/// drone seen from the side would write nothing. Beyond 120° off its beam the deck and the battery
-/// hide it. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a
-/// camera below the drone sees the spinner's helix, and the team's camera, above it, saw only the
-/// glow on the floor.
+/// Most of a headlight's light that is seen from the side comes off the body. In the team's photograph
+/// a stroke is a band of 11 to 14 px of 3.1 mm, at 0.6 to 0.8 of saturation, as wide as the front of
+/// the drone, with strands that saturate: the headlights', and another 15 mm ahead of them in the
+/// first N and the O's, where the drone is seen from its side; to the right of the camera, in the R,
+/// there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl: things as far to the
+/// left and to the right as the motors are. Fitted to it: 1.2 % of a headlight's light goes to its
+/// side, arms, mounts and propellers throw back 0.12 cd of both, and a motor 0.03 cd of each.
+///
+/// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it lights. A ring LED sits in
+/// a cup of white plastic and spills nothing: edge-on it is dark, a camera below the drone sees the
+/// spinner's helix, and the team's camera, above it, saw only the glow on the floor.
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),
@@ -96,10 +116,17 @@ pub fn led_ring() -> Vec<Fixture> {
         position_body_m: [0.016, left_m, -0.01],
         axis_body: [1.0, 0.0, 0.0],
         dies: vec![die(1.8, WHITE)],
-        spill: 0.05,
+        spill: 0.012,
         visible_cos: -0.5,
         diameter_m: 0.003,
         ..Fixture::default()
+    };
+    let off = |part: &str, position_body_m, intensity_cd, diameter_m| Fixture {
+        position_body_m,
+        dies: vec![die(intensity_cd, WHITE)],
+        spill: 1.0,
+        diameter_m,
+        ..headlight(part, 0.0)
     };
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
     rows.extend(PLACES.into_iter().enumerate().map(|(led, [forward_m, right_m])| Fixture {
@@ -112,29 +139,12 @@ pub fn led_ring() -> Vec<Fixture> {
         diameter_m: 0.003,
         ..Fixture::default()
     }));
+    rows.extend([
+        off("headlights off the body", [0.028, 0.0, 0.0], 0.12, 0.032),
+        off("headlight left off the motor", [MOTOR_M, MOTOR_M, 0.0], 0.03, 0.008),
+        off("headlight right off the motor", [MOTOR_M, -MOTOR_M, 0.0], 0.03, 0.008),
+    ]);
     rows
-}
-
-/// The glints of the headlights on the two motors in front of them, 46 mm from the middle.
-///
-/// In the team's photograph a second white strand runs beside the headlights', 15 mm (4.5 to 5 px
-/// of 3.1 mm) ahead of them in the first N and the O's, where the drone is seen from its side; to
-/// the right of the camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25
-/// mm in its bowl: things as far to the left and to the right as the motors are. They reach 0.7 to
-/// 0.9 of saturation there, where a headlight's spill of 0.09 cd reaches 1.4 in our render with the
-/// same camera: 0.05 cd to every side but the front, which the motors shade.
-pub fn off_the_motors() -> Vec<Fixture> {
-    let glints = led_ring().into_iter().take(2).map(|mut headlight| {
-        headlight.name = format!("{} off the motor", headlight.name);
-        let left_m = headlight.position_body_m[1].signum() * MOTOR_M;
-        headlight.position_body_m = [MOTOR_M, left_m, 0.0];
-        headlight.axis_body = [-1.0, 0.0, 0.0];
-        headlight.spill = 1.0;
-        headlight.diameter_m = 0.004;
-        headlight.dies[0].intensity_cd = 0.05;
-        headlight
-    });
-    glints.collect()
 }
 
 /// Distance of a motor from the middle on both axes: an arm of 46 mm at 45° (`vehicle.arm_m`).

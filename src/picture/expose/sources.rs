@@ -60,7 +60,7 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
         for LightSample { position_m, axis, level, .. } in moments(&lamp.samples, camera, floor_z_m)
         {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
-            let rough = rough(axis);
+            let rough = if emitter.is_even() { Vector3::zeros() } else { rough(axis) };
             let alike = groups.iter_mut().rev().find(|(other, other_axis, _)| {
                 shape(other) == shape(emitter) && *other_axis == rough
             });
@@ -219,7 +219,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
             everywhere if everywhere <= -1.0 => 0.0,
             cos => emitter.share(cos),
         };
-        let is_even = emitter.spill >= 1.0 && emitter.visible_cos <= -1.0;
+        let is_even = emitter.is_even();
         let mut index = 0;
         // The first branch that is not part of one that a point has taken as a source.
         let mut awaits = [0; N];

@@ -147,6 +147,11 @@ impl Emitter {
         };
         self.spill + (1.0 - self.spill) * beam
     }
+
+    /// Whether it shines alike to all sides.
+    pub(crate) fn is_even(&self) -> bool {
+        self.spill >= 1.0 && self.visible_cos <= -1.0
+    }
 }
 
 /// Lights the lamps of a flight.

@@ -62,7 +62,7 @@ impl Backdrop {
                 let (wanted, hint) = ("no file", "take the picture by the program");
                 return Err(Error::input("photo.background", path, wanted, hint));
             }
-            path => Some(Picture::read(Path::new(path), camera, options.background_stops)?),
+            path => Some(Picture::read(Path::new(path), camera, options)?),
         };
         let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);
         let corner_sq_px2 = center_px[0] * center_px[0] + center_px[1] * center_px[1];
@@ -77,9 +77,9 @@ impl Backdrop {
         })
     }
 
-    /// Adds the light to a row.
-    pub(super) fn add(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
-        if self.room != [0.0; 3] {
+    /// Adds the room's light to a row that the sensor will read.
+    pub(super) fn add_room(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
+        if self.picture.is_none() && self.room != [0.0; 3] {
             let surfaces = self.surfaces(y, rows[0].len());
             let dy = y as f32 + 0.5 - self.center_px[1];
             let share = |x: u16| {
@@ -102,6 +102,10 @@ impl Backdrop {
                     .for_each(|((x, pixel), surface)| add(pixel, share(x) * surface)),
             });
         }
+    }
+
+    /// Adds the background picture, which a sensor has read before, to a row that was read.
+    pub(super) fn add_picture(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if let Some(picture) = &self.picture {
             picture.add(y, self.center_px[1], rows);
         }
@@ -140,13 +144,15 @@ impl Backdrop {
 }
 
 impl Picture {
-    fn read(path: &Path, camera: &Camera, stops: f64) -> Result<Self> {
+    fn read(path: &Path, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
         let photo = super::read(path)?;
         let size = [photo.width_px, photo.height_px].map(f64::from);
         let wanted = [camera.width_px, camera.height_px].map(f64::from);
         let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);
-        let brighter = narrow(libm::exp2(stops));
-        let light = srgb::linear_from_level().map(|light| light * brighter);
+        let brighter = libm::exp2(options.background_stops);
+        let light = std::array::from_fn(|level| {
+            narrow(brighter * options.tone.decode(level as f64 / 255.0))
+        });
         let columns = (0..camera.width_px)
             .map(|x| between(f64::from(x) + 0.5 - wanted[0] / 2.0, scale, photo.width_px))
             .collect();
@@ -165,7 +171,7 @@ impl Picture {
             for (value, &([left, right], along)) in row.iter_mut().zip(&self.columns) {
                 let [above, below] = [above, below]
                     .map(|y| light(left, y) + along * (light(right, y) - light(left, y)));
-                *value += above + down * (below - above);
+                *value = (*value + above + down * (below - above)).min(1.0);
             }
         }
     }

@@ -25,7 +25,9 @@ settings! {
         /// faces it is brighter, in a room with walls. Even light if left out.
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
         /// Picture (PNG or JPEG) behind the light, relative to the current folder; it covers the
-        /// photo and is cut to its aspect. Empty for none.
+        /// Photograph (PNG or JPEG) of the room without the flight, relative to the current folder,
+        /// in place of the room's light: it covers the photo and is cut to its aspect. Taken at the
+        /// same exposure, it is as bright as it will be. Empty for none.
         background: String = String::new();
         /// Noise of the sensor.
         noise: Noise = Noise::default();
@@ -39,11 +41,9 @@ settings! {
             ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75];
             /// Exposure of the background in stops; at 0 its white saturates the sensor.
             background_stops: f64 = 0.0;
-            /// Share of the light of a color that the neighboring color channel receives; 0 for
-            /// none.
-            ///
-            /// Real filters leak 8 to 15 %, which gives overexposed blue lamps cyan centers.
-            crosstalk_frac: f64 = 0.1;
+            /// Light of a color reaches the photosites of the others, too, as it does through the
+            /// filters of a camera: overexposed blue lamps have cyan centers.
+            crosstalk: bool = true;
         }
     }
 
@@ -104,7 +104,7 @@ impl PhotoOptions {
             glare_frac: 0.0,
             aperture_blades: 0,
             ambient_cd_m2: 0.0,
-            crosstalk_frac: 0.0,
+            crosstalk: false,
             noise: Noise::Off,
             ..Self::default()
         }

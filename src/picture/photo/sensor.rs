@@ -8,8 +8,8 @@
 //!    to its neighbor's and to white. Then it balances white and clips again: gains before the
 //!    matrix would tint every gray.
 //!
-//! A color filter leaks most into the neighboring channel: red and blue into green, green into
-//! both, and a tenth of that from red to blue. Hence the cyan center of an overexposed blue lamp.
+//! Green photosites receive a fourth of a blue LED's light ([`SEEN`]): hence the cyan center of an
+//! overexposed blue lamp.
 //!
 //! White is [`Camera::saturation_lx_s`].
 //! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
@@ -75,7 +75,7 @@ impl Sensor {
         };
         Self {
             white_lx_s: camera.saturation_lx_s(),
-            leak: (options.crosstalk_frac > 0.0).then(|| leak(options.crosstalk_frac)),
+            leak: options.crosstalk.then(leak),
             white_balance: camera.white_balance.map(narrow),
             noise,
         }
@@ -121,13 +121,18 @@ impl pulp::NullaryFnOnce for Reading<'_> {
     }
 }
 
+/// Light of a red, a green and a blue LED (622, 525, 466 nm) that red, green and blue photosites
+/// receive, relative to that of the photosites of the LED's own color, with white balanced: medians
+/// of 32 cameras (spectral sensitivities measured by Jiang and others 2013 and by contributors of
+/// github.com/butcherg/ssf-data).
+const SEEN: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
+
 /// Shares of red, green and blue light that the red, green and blue photosites receive, and the
-/// inverse.
-fn leak(crosstalk_frac: f64) -> [[[f32; 3]; 3]; 2] {
-    let (near, far) = (crosstalk_frac, 0.1 * crosstalk_frac);
-    let (side, middle) = (1.0 - near - far, 1.0 - 2.0 * near);
-    let leak = nalgebra::Matrix3::new(side, near, far, near, middle, near, far, near, side);
-    let undo = leak.try_inverse().expect("less than a third leaks");
+/// inverse. White is seen alike by all.
+fn leak() -> [[[f32; 3]; 3]; 2] {
+    let shares = SEEN.map(|seen| seen.map(|light| light / seen.iter().sum::<f64>()));
+    let leak = nalgebra::Matrix3::from_fn(|i, j| shares[i][j]);
+    let undo = leak.try_inverse().expect("each photosite receives most of its own color");
     [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }
 

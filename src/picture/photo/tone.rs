@@ -64,6 +64,22 @@ impl Tone {
             Self::Neutral | Self::Linear => srgb::encoded_from_linear(light),
         }
     }
+
+    /// Light of an encoded value, both 0 to 1: the inverse of [`encode`](Self::encode), and 0 at 0.
+    pub(super) fn decode(self, encoded: f64) -> f64 {
+        match self {
+            Self::Camera if encoded > 0.0 => {
+                let (mut low, mut high) = (0.0, 1.0);
+                for _ in 0..f64::MANTISSA_DIGITS {
+                    let middle = 0.5 * (low + high);
+                    if camera(middle) < encoded { low = middle } else { high = middle }
+                }
+                high
+            }
+            Self::Camera => 0.0,
+            Self::Neutral | Self::Linear => srgb::linear_from_encoded(encoded),
+        }
+    }
 }
 
 /// `g + s u / (1 + |s u / l|^b)^(1/b)`, u in stops from middle gray, with l such that the curve

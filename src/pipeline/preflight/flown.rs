@@ -10,7 +10,6 @@ use noctograph_core::flight::{BATTERY_V, Flight, FlightSample, SATURATED_S, Warn
 use noctograph_core::statistics::weighted_quantile;
 use noctograph_export::safety::{Battery, LOW_BATTERY_S};
 use noctograph_letters::Strokes;
-use noctograph_picture::expose::meter::LampReading;
 use noctograph_plan::tracking::{Part, least_cap_height_m};
 use noctograph_plan::{LightClock, PlanOptions, StrokeEnd, Style};
 use noctograph_sim::sensors::Positioning;
@@ -47,7 +46,6 @@ pub(super) fn check_flight(
     };
     let painted = painted(flight, &trace, scene);
     let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
-    let trail = picture.and_then(|picture| picture.trail(drone));
     Ok(vec![
         corridor(flight, scene, profile),
         altitude_hold(flight, strokes),
@@ -57,7 +55,7 @@ pub(super) fn check_flight(
         battery(flight, scene),
         lit_transit(&ends, &painted, strokes, scene.plan.light_clock),
         dwell(&painted, &scene.plan),
-        evenness(trail.map(LampReading::evenness_stops)),
+        evenness(picture.and_then(|picture| picture.uneven_stops(drone))),
     ])
 }
 
@@ -316,9 +314,7 @@ fn evenness(stops: Option<f64>) -> Row {
     };
     Row::new("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
         format!("exposure varies by {stops:.1} stops along the trail"),
-        format!(
-            "within {MAX_UNEVEN_STOPS:.0} stops, from the 5th to the 95th percentile, as `meter` reads"
-        ),
+        format!("within {MAX_UNEVEN_STOPS:.0} stops, from the 5th to the 95th percentile"),
         "turn the nose ({plan.yaw_rad}) or the writing lamp ({light.fixtures}) to the camera, or \
          write slower ({plan.stroke_speed_m_s})",
     )

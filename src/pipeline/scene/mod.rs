@@ -482,8 +482,8 @@ mod tests {
         assert_eq!(lights(&format!("{led}[plan]\nlights = [\"ring\"]")), ["ring"]);
         assert_eq!(
             names("[light]\ndeck = \"none\"").len(),
-            7,
-            "those of the board and their glints"
+            10,
+            "those of the board, and what they light"
         );
         let printed = Scene::preset(Preset::default()).to_toml();
         let edited = printed.replace("deck = \"led-ring\"", "deck = \"color-led\"");
