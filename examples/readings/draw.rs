@@ -160,14 +160,12 @@ fn gusts(settings: &mut Settings, speed_m_s: f64) {
     settings.set("air.gusts.sigma_m_s", format!("{:?}", [speed_m_s; 3]));
 }
 
-/// Flies a word in some way, with a fault. `faces` are typefaces that it may be written in; `glints`:
-/// the motors throw the headlights' light back, a second strand beside the first.
+/// Flies a word in some way, with a fault. `faces` are typefaces that it may be written in.
 pub(crate) fn fly(
     rng: &mut Rng,
     word: &str,
     faces: &[String],
     fault: &'static str,
-    glints: bool,
 ) -> Result<Flown> {
     let u = rng.unit();
     let mut s = Settings::default();

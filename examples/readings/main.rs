@@ -106,8 +106,7 @@ fn strips(out: &Path, args: &Args) -> Result<()> {
         let text = if rng.chance(0.06) { accented(rng, &text) } else { text };
         let fault = draw::fault_of_flight(rng, 0.75);
         // A drone that is lost, or a word that its camera does not see, is no example.
-        let glints = seed % 3 == 0;
-        let Ok(mut flown) = draw::fly(rng, &text, &args.faces, fault, glints) else { continue };
+        let Ok(mut flown) = draw::fly(rng, &text, &args.faces, fault) else { continue };
         flown.light(rng)?;
         let reader = flown.reader()?;
         for _ in 0..PHOTOS_OF_FLIGHT {
@@ -164,7 +163,7 @@ fn photos(out: &Path, args: &Args) -> Result<()> {
             false => in_some_case(rng, words.next().expect("a word for each photograph")),
         };
         let [of_flight, of_camera] = draw::single_fault(rng);
-        let taken = draw::fly(rng, &text, &args.faces, of_flight, false)
+        let taken = draw::fly(rng, &text, &args.faces, of_flight)
             .and_then(|flown| draw::photograph(rng, &flown, of_camera, &SIZES));
         seed += 1;
         match taken {

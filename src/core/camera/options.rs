@@ -75,7 +75,7 @@ settings! {
     /// Exposures that the light meter aims at, in stops over saturation.
     pub struct TrailMetering {
         /// Exposure of the middle of the brightest trail.
-        trail_stops: f64 = 2.0, in -10.0..=10.0;
+        trail_stops: f64 = 1.0, in -10.0..=10.0;
         /// Exposure of the middle of the brightest trail in its strongest color channel, for a
         /// colored lamp.
         ///

@@ -16,8 +16,8 @@ const RED: [f64; 2] = [0.694, 0.306];
 const GREEN: [f64; 2] = [0.151, 0.758];
 /// Blue of the ring, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Blue of the board, 475 nm: in the team's photograph green has 0.14 of its light where it does not
-/// clip.
+/// Blue of the board, 475 nm: in the team's photograph green has 0.14 of its light where it does
+/// not clip.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
@@ -34,10 +34,10 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 /// photograph, which shows no green for the packets received.
 ///
 /// Assumptions: 50 mcd of blue and 30 of red in every direction (0603 class; the light that a small
-/// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on both
-/// axes; the board hides them from below. They are fitted to the team's photograph: a strand of blue
-/// has a cyan heart, and is 2.4 px of 3.1 mm wide where it clips, in light twice as wide that the
-/// parts around it throw back.
+/// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on
+/// both axes; the board hides them from below. They are fitted to the team's photograph: a strand
+/// of blue has a cyan heart, and is 2.4 px of 3.1 mm wide where it clips, in light twice as wide
+/// that the parts around it throw back.
 pub fn crazyflie() -> Vec<Fixture> {
     let on_board = |name: &str, drive, [x, y]: [f64; 2], light: Die, bit| Fixture {
         name: name.into(),
@@ -61,36 +61,31 @@ pub fn crazyflie() -> Vec<Fixture> {
         on_board("link M4", packets, [0.03, 0.03], red, 2),
     ];
     // That of the link is too faint to see.
-    let lit: Vec<Fixture> =
-        rows[..3].iter().flat_map(|led| [off_the_propeller(led), off_the_body(led)]).collect();
-    rows.extend(lit);
+    for led in 0..3 {
+        let [x, y, _] = rows[led].position_body_m;
+        let propeller_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
+        rows.push(lit_by(&rows[led], "propeller", propeller_m, 0.06, 0.004));
+        rows.push(lit_by(&rows[led], "body", rows[led].position_body_m, 0.32, 0.02));
+    }
     rows
 }
 
-/// The light of an LED of the board on the motor, its mount and the arm around it.
-fn off_the_body(led: &Fixture) -> Fixture {
-    let mut lit = led.clone();
-    lit.name = format!("{} off the body", led.name);
-    lit.visible_cos = -1.0;
-    lit.diameter_m = 0.02;
-    lit.dies.iter_mut().for_each(|die| die.intensity_cd /= 2.5);
-    lit
-}
-
-/// The glint of an LED of the board on the propeller above it.
+/// A part of the drone that an LED of the board lights, with a share of its light.
 ///
 /// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
 /// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7
 /// of saturation, where the main strand clips green, too. The propeller, a centimeter higher up, is
-/// assumed to reflect it.
-fn off_the_propeller(led: &Fixture) -> Fixture {
-    let [x, y, _] = led.position_body_m;
-    let mut glint = led.clone();
-    glint.name = format!("{} off the propeller", led.name);
-    glint.position_body_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
-    glint.diameter_m = 0.004;
-    glint.dies.iter_mut().for_each(|die| die.intensity_cd *= 0.06);
-    glint
+/// assumed to reflect it. The body is the motor, its mount and the arm around the LED.
+fn lit_by(
+    led: &Fixture,
+    part: &str,
+    position_body_m: [f64; 3],
+    share: f64,
+    diameter_m: f64,
+) -> Fixture {
+    let name = format!("{} off the {part}", led.name);
+    let dies = led.dies.iter().map(|led| die(led.intensity_cd * share, led.chromaticity)).collect();
+    Fixture { name, position_body_m, dies, diameter_m, ..led.clone() }
 }
 
 /// The LED-ring deck below the body: two headlights forward, twelve RGB LEDs down.
@@ -98,17 +93,19 @@ fn off_the_propeller(led: &Fixture) -> Fixture {
 /// LED 0 points forward and the numbers run to the right, as the deck's drawing numbers its parts;
 /// the firmware's order is documented nowhere.
 ///
-/// Most of a headlight's light that is seen from the side comes off the body. In the team's photograph
-/// a stroke is a band of 11 to 14 px of 3.1 mm, at 0.6 to 0.8 of saturation, as wide as the front of
-/// the drone, with strands that saturate: the headlights', and another 15 mm ahead of them in the
-/// first N and the O's, where the drone is seen from its side; to the right of the camera, in the R,
-/// there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl: things as far to the
-/// left and to the right as the motors are. Fitted to it: 1.2 % of a headlight's light goes to its
-/// side, arms, mounts and propellers throw back 0.12 cd of both, and a motor 0.03 cd of each.
+/// Most of a headlight's light that is seen from the side comes off the body. In the team's
+/// photograph a stroke is a band of 11 to 14 px of 3.1 mm, as wide as the front of the drone, at
+/// 0.6 to 0.8 of saturation, with strands that saturate: the headlights', and another 15 mm ahead
+/// of them in the first N and the O's, where the drone is seen from its side; to the right of the
+/// camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
+/// things as far to the left and to the right as the motors are. Fitted to it: 1.2 % of a
+/// headlight's light goes to its side, arms, mounts and propellers throw back 0.12 cd of both, and
+/// a motor 0.03 cd of each.
 ///
-/// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it lights. A ring LED sits in
-/// a cup of white plastic and spills nothing: edge-on it is dark, a camera below the drone sees the
-/// spinner's helix, and the team's camera, above it, saw only the glow on the floor.
+/// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it
+/// lights. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a
+/// camera below the drone sees the spinner's helix, and the team's camera, above it, saw only the
+/// glow on the floor.
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),
@@ -121,13 +118,6 @@ pub fn led_ring() -> Vec<Fixture> {
         diameter_m: 0.003,
         ..Fixture::default()
     };
-    let off = |part: &str, position_body_m, intensity_cd, diameter_m| Fixture {
-        position_body_m,
-        dies: vec![die(intensity_cd, WHITE)],
-        spill: 1.0,
-        diameter_m,
-        ..headlight(part, 0.0)
-    };
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
     rows.extend(PLACES.into_iter().enumerate().map(|(led, [forward_m, right_m])| Fixture {
         name: format!("ring {led}"),
@@ -139,11 +129,15 @@ pub fn led_ring() -> Vec<Fixture> {
         diameter_m: 0.003,
         ..Fixture::default()
     }));
-    rows.extend([
-        off("headlights off the body", [0.028, 0.0, 0.0], 0.12, 0.032),
-        off("headlight left off the motor", [MOTOR_M, MOTOR_M, 0.0], 0.03, 0.008),
-        off("headlight right off the motor", [MOTOR_M, -MOTOR_M, 0.0], 0.03, 0.008),
-    ]);
+    for (name, position_body_m, intensity_cd, diameter_m) in [
+        ("headlights off the body", [0.028, 0.0, 0.0], 0.12, 0.032),
+        ("headlight left off the motor", [MOTOR_M, MOTOR_M, 0.0], 0.03, 0.008),
+        ("headlight right off the motor", [MOTOR_M, -MOTOR_M, 0.0], 0.03, 0.008),
+    ] {
+        let dies = vec![die(intensity_cd, WHITE)];
+        let lit = headlight(name, 0.0);
+        rows.push(Fixture { position_body_m, dies, spill: 1.0, diameter_m, ..lit });
+    }
     rows
 }
 

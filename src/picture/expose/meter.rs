@@ -3,7 +3,8 @@
 //!
 //! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`LampReading`] for each emitter. The
 //! exposure in the middle of a trail is the sum of the lamp's own light nearby, in f64, as `expose`
-//! draws it; light of other lamps, glare and ambient light are not included.
+//! draws it, and of what it lights on the drone's body around it; light of other lamps, glare and
+//! ambient light are not included.
 
 use serde::Serialize;
 
@@ -85,6 +86,22 @@ impl LampReading {
         self.p95_stops - self.p5_stops
     }
 
+    /// The reading of a lamp with the light of discs around it.
+    fn with_discs_around(&self, lamp: &Lamp, all: &[(&Lamp, Self)]) -> Self {
+        let others = all.iter().filter(|(disc, _)| lamp.is_within(disc)).map(|(_, disc)| disc);
+        others.fold(self.clone(), |sum, other| {
+            fn add(stops: f64, others: f64) -> f64 {
+                libm::log2(libm::exp2(stops) + libm::exp2(others))
+            }
+            Self {
+                median_stops: add(sum.median_stops, other.median_stops),
+                p5_stops: add(sum.p5_stops, other.p5_stops),
+                p95_stops: add(sum.p95_stops, other.p95_stops),
+                ..sum
+            }
+        })
+    }
+
     /// Settings that would put the median at `target_stops`.
     #[must_use]
     pub fn advice(&self, camera: &Camera, target_stops: f64) -> ExposureAdvice {
@@ -117,10 +134,12 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
             None => trails.push((lamp, segments)),
         }
     }
-    let readings = Vec::from_iter(trails.into_iter().filter_map(|(lamp, mut segments)| {
+    let alone = Vec::from_iter(trails.into_iter().filter_map(|(lamp, mut segments)| {
         segments.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
-        reading(lamp, &segments, camera)
+        Some((lamp, reading(lamp, &segments, camera)?))
     }));
+    let readings: Vec<LampReading> =
+        alone.iter().map(|(lamp, reading)| reading.with_discs_around(lamp, &alone)).collect();
     if readings.is_empty() {
         let hint = "check the lights of the flight, the shutter and the pose of the camera";
         let lack = "no lamp that is lit in the picture";

@@ -79,6 +79,17 @@ impl Lamp {
         let Self { drone, emitter: Emitter { name, .. }, .. } = self;
         drone.map_or_else(|| name.clone(), |drone| format!("{drone}: {name}"))
     }
+
+    /// Whether another lamp is a disc around it that shines at the same times, as the body does
+    /// that it lights: a picture shows one trail.
+    pub(crate) fn is_within(&self, disc: &Self) -> bool {
+        let [own, around] = [&self.samples, &disc.samples];
+        self.emitter.diameter_m < disc.emitter.diameter_m
+            && (self.drone, own.len()) == (disc.drone, around.len())
+            && own.iter().zip(around).all(|(a, b)| {
+                (a.position_m - b.position_m).norm() < disc.emitter.diameter_m && a.level == b.level
+            })
+    }
 }
 
 /// One instant of a lamp.

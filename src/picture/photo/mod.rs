@@ -3,10 +3,10 @@
 //! Product in: [`Film`]. Product out: [`Photo`], or the [`Readout`] of the sensor in linear light.
 //!
 //! Light passes through a camera: the lens scatters some of it ([`PhotoOptions::glare_frac`]) and
-//! diffracts some into spikes; the light of the room is added; the sensor makes electrons with their
-//! noise, clips and reads them (EMVA 1288, ISO 12232); a background, which has the light of its room
-//! and the noise of its sensor, joins; a tone curve makes levels. An effect that is off leaves the
-//! light unchanged.
+//! diffracts some into spikes; the light of the room is added; the sensor makes electrons with
+//! their noise, clips and reads them (EMVA 1288, ISO 12232); a background joins, which has the
+//! light of its room and the noise of its sensor; a tone curve makes levels. An effect that is off
+//! leaves the light unchanged.
 //!
 //! Counts stay integers through the lens. What follows is f32 in `+ - × ÷ √` only, pixel by pixel,
 //! with noise that depends on seed, pixel, channel and source: the same bytes on every machine and

@@ -61,17 +61,10 @@ impl Picture {
         Some(LightTrace { lamps: own.cloned().collect() })
     }
 
-    /// Range of the exposure along the brightest trail of a drone, from the 5th to the 95th percentile
-    /// of all lamps that shine as long, in stops; `None` where no light is in the picture.
-    pub(super) fn uneven_stops(&self, drone: usize) -> Option<f64> {
-        let of_drone = |it: &&LampReading| it.drone.is_none_or(|index| index.0 == drone);
-        let own = || self.readings.iter().filter(of_drone);
-        let brightest = own().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))?;
-        let together = || own().filter(|it| (it.lit_s - brightest.lit_s).abs() < 0.01 * it.lit_s);
-        let sum = |stops: fn(&LampReading) -> f64| -> f64 {
-            together().map(|it| libm::exp2(stops(it))).sum()
-        };
-        Some(libm::log2(sum(|it| it.p95_stops) / sum(|it| it.p5_stops)))
+    /// The brightest trail of a drone's lamps.
+    pub(super) fn trail(&self, drone: usize) -> Option<&LampReading> {
+        let own = self.readings.iter().filter(|it| it.drone.is_none_or(|index| index.0 == drone));
+        own.max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))
     }
 }
 
