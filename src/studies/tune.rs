@@ -424,8 +424,8 @@ mod tests {
         let mut tested = (0..6).map(|seed| {
             tuned(&base, &TuneOptions { knobs: knobs.clone(), seed, ..options(70) }).unwrap()
         });
-        let is_lucky = |tuned: &Tuned| tuned.test.is_some() && !tuned.helped();
-        let tested = tested.find(is_lucky).expect("a candidate won the finals, and did not help");
+        let tested = tested.find(|tuned| tuned.test.is_some() && !tuned.helped());
+        let tested = tested.expect("a candidate won the finals, and did not help");
         assert!(tested.best.cost() < tested.before.cost());
         assert_eq!(tested.scene, base);
     }
