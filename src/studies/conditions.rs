@@ -37,7 +37,7 @@ settings! {
     /// Measured on the reference flight, to which mass and trim were fitted, and on which the
     /// widths below were chosen: the 90 % band of 40 replays under `room` holds it 87 to 97 % of
     /// the time on each axis (`tests/it/team_data.rs`), with noise and gusts alone 64 to 87 %. Of
-    /// other real flights it holds less than 90 % sideways (`docs/model.md`).
+    /// others it holds nine tenths under PID, and less in y without an integral (`docs/model.md`).
     pub struct Conditions {
         /// Mass, σ as a share of the scene's: half a gram of 35 for tape and another battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
