@@ -262,7 +262,7 @@ def a_stroke_lands_where_it_was_drawn(hall):
             pen.drawImage(photo, 0, 0);
             const { data, width, height } = pen.getImageData(0, 0, canvas.width, canvas.height);
             const sums = new Float64Array(width);
-            for (let i = 0; i < width * height; i += 1) if (data[4 * i] > 200) sums[i % width] += 1;
+            for (let i = 0; i < width * height; i += 1) if (data[4 * i] > 128) sums[i % width] += 1;
             const box = photo.getBoundingClientRect(), middle = width * 0.5;
             const mean = (from, to) => { let [s, n] = [0, 0]; for (let x = from; x < to; x += 1) { s += sums[x] * x; n += sums[x]; } return box.left + (s / n) / width * box.width; };
             return [mean(0, Math.round(middle)), mean(Math.round(middle), width)];
