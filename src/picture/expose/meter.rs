@@ -86,7 +86,7 @@ impl LampReading {
         self.p95_stops - self.p5_stops
     }
 
-    /// The reading of a lamp with the light of discs around it.
+    /// The reading of a lamp with the light of discs around it, quantile by quantile.
     fn with_discs_around(&self, lamp: &Lamp, all: &[(&Lamp, Self)]) -> Self {
         let others = all.iter().filter(|(disc, _)| lamp.is_within(disc)).map(|(_, disc)| disc);
         others.fold(self.clone(), |sum, other| {

@@ -24,7 +24,7 @@ const MAX_DWELL_S: f64 = 0.1;
 const MAX_STREAK_FRAC: f64 = 0.1;
 /// Largest range of the exposure along a trail, stops: a Gaussian spot's trail from one to four
 /// stops over saturation is white over a width of `2σ √(2 ln 2)` to twice that, to five stops over
-/// 2.2 times, and looks of two pens. Headlights in ordinary words measure 2.9 to 3.6, and read.
+/// 2.2 times, and looks of two pens. The headlights measure 4.2 in NOOR, which reads.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
 /// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or
 /// more.

@@ -40,7 +40,7 @@ pub struct Metered {
     pub trail_stops: f64,
     /// The room, in stops over saturation; `None`: dark.
     pub room_stops: Option<f64>,
-    /// Whether the trail is darker than wanted, for the room to stay dark.
+    /// Whether the trail is darker than wanted by more than a stop, for the room to stay dark.
     pub gave_way: bool,
     /// Stops of a neutral filter that would make the exposure right, where neither the smallest
     /// aperture nor the least sensitivity does: whole ones, as they are sold; 0: none.
