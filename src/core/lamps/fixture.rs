@@ -29,6 +29,10 @@ settings! {
         visible_cos: f64 = -1.0, in -1.0..=1.0;
         /// Diameter of the luminous disc.
         diameter_m: f64 = 0.003, in 0.0..=1.0;
+        /// Depth along its axis of a luminous cylinder of that diameter, such as a diffuser, which
+        /// is as wide and as high as it looks from the camera; a disc that faces the camera if left
+        /// out.
+        depth_m: Option<f64> = None, in 0.0..=1.0;
         /// Bit in the parameter led.bitmask of the firmware, if it has one.
         ///
         /// `led.c`.

@@ -103,9 +103,11 @@ fn lit_by(
 /// a motor 0.03 cd of each.
 ///
 /// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it
-/// lights. A ring LED sits in a cup of white plastic and spills nothing: edge-on it is dark, a
-/// camera below the drone sees the spinner's helix, and the team's camera, above it, saw only the
-/// glow on the floor.
+/// lights. From the side the white cups of the ring's LEDs are seen to glow, as in Bitcraze's light
+/// painting with the ring of 2019: the strokes of a flower from the floor to 1.3 m are ribbons, as
+/// wide as the ring where the drone climbs, and 30 to 40 times as bright as a power LED of the board
+/// beside them; a spill of 0.15 of a ring at full level. From above the deck hides them: the team's
+/// camera saw only the glow on the floor.
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),
@@ -125,8 +127,9 @@ pub fn led_ring() -> Vec<Fixture> {
         position_body_m: [forward_m, -right_m, -0.012],
         axis_body: [0.0, 0.0, -1.0],
         dies: vec![die(0.4, RED), die(0.69, GREEN), die(0.19, BLUE)],
-        visible_cos: 0.0,
-        diameter_m: 0.003,
+        spill: 0.15,
+        visible_cos: -0.3,
+        diameter_m: 0.005,
         ..Fixture::default()
     }));
     for (name, position_body_m, intensity_cd, diameter_m) in [
@@ -160,24 +163,35 @@ const PLACES: [[f64; 2]; 12] = [
     [0.01186, -0.00685],
 ];
 
-/// The color LED deck of 2025 below the body: one lamp of four dies, white, red, green, blue.
+/// The color LED deck of 2025 below the body: one lamp of four dies, white, red, green, blue, under
+/// a diffuser.
 ///
-/// 250, 139, 210 and 50 lm as the firmware has them, spread as cosine: lm/π cd along the axis.
-/// Assumptions: the dome lets all of it through and spills 20 % sideways; 10 mm across; pulse width
-/// at 1 kHz. Its throttling when hot is not modeled.
+/// The diffuser is a bowl of 34.7 mm, 9.2 mm deep (Bitcraze's mechanical drawing of the LED
+/// diffuser, which comes with the deck). In their film of the deck it is evenly bright from the
+/// side: a stroke is wide where the drone climbs and narrow where it flies level. An even bowl is
+/// 0.31 times as bright to the side as below, the ratio of its faces, and has 4.7 sr: the dies have
+/// 250, 139, 210 and 50 lm in the firmware.
+///
+/// Assumptions: the diffuser lets 0.7 of their light through; the board hides the bowl from above;
+/// pulse width at 1 kHz. The throttling when hot is not modeled.
 pub fn color_led() -> Vec<Fixture> {
+    let [white, red, green, blue] = [250.0, 139.0, 210.0, 50.0].map(|lm| lm * DIFFUSED);
     vec![Fixture {
         name: "color LED".into(),
         drive: Drive::ColorLed,
         position_body_m: [0.0, 0.0, -0.015],
         axis_body: [0.0, 0.0, -1.0],
-        dies: vec![die(79.6, WHITE), die(44.2, RED), die(66.8, GREEN), die(15.9, BLUE)],
-        spill: 0.2,
+        dies: vec![die(white, WHITE), die(red, RED), die(green, GREEN), die(blue, BLUE)],
+        spill: 0.31,
         visible_cos: -0.3,
-        diameter_m: 0.01,
+        diameter_m: 0.0347,
+        depth_m: Some(0.0092),
         ..Fixture::default()
     }]
 }
+
+/// Candela below the color LED deck per lumen of a die.
+const DIFFUSED: f64 = 0.7 / 4.7;
 
 fn die(intensity_cd: f64, chromaticity: [f64; 2]) -> Die {
     Die { intensity_cd, chromaticity }

@@ -1,11 +1,11 @@
 //! Curves of a record as integers, which the backends multiply.
 //!
-//! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ: the product of one curve along
-//! each axis of the picture. A pixel gets `Σ along[i] × across[j]` over the spots of the record;
+//! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ, or a rectangle blurred by it: the
+//! product of one curve along each axis of the picture. A pixel gets `Σ along[i] × across[j]` over the spots of the record;
 //! light, share and scale are in the curve across. Curves are divided by their sums, so that a spot
 //! keeps its light at any position between the pixels and after rounding.
 //!
-//! This is f32 in `+ - ×` and integers, in eight lanes that are added up in one order: the same
+//! This is f32 in `+ - × ÷` and integers, in eight lanes that are added up in one order: the same
 //! bits on every machine.
 
 use std::ops::Range;
@@ -75,6 +75,9 @@ impl Curves {
         for bells in self.bells.as_chunks_mut::<STEP>().0 {
             bells.iter_mut().for_each(|bell| *bell = exp2(*bell));
         }
+        if record.half_px != [0.0; 2] {
+            self.widen(record, n_along);
+        }
         let bells = self.bells.as_chunks::<STEP>().0;
         for (along, bells) in self.along.as_chunks_mut::<STEP>().0.iter_mut().zip(bells) {
             for (along, bell) in along.iter_mut().zip(bells) {
@@ -107,6 +110,25 @@ impl Curves {
         }
     }
 
+    /// Draws the curves of a blurred rectangle over those of the Gaussian.
+    fn widen(&mut self, record: &Record, n_along: usize) {
+        let (along, across) = self.bells.split_at_mut(n_along);
+        let axes = [
+            (along, record.x_px, record.width, self.strides[0]),
+            (across, record.y_px, record.height, self.strides[1]),
+        ];
+        for ((curves, middles_px, pixels, stride), half_px) in axes.into_iter().zip(record.half_px)
+        {
+            if half_px == 0.0 {
+                continue;
+            }
+            for k in 0..record.spots as usize {
+                let curve = &mut curves[k * stride..][..pixels as usize];
+                blurred(curve, middles_px[k], record.per_px, half_px);
+            }
+        }
+    }
+
     /// Curve of a spot along the row, from a pixel of the box on, in whole lanes.
     #[inline(always)]
     pub(super) fn along(&self, spot: usize, from: usize) -> &[u32] {
@@ -131,6 +153,28 @@ fn powers(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
         }
     }
     out[pixels..].fill(NOTHING);
+}
+
+/// A line of so much to either side, blurred by a Gaussian: 1 in its middle.
+fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
+    let between = |x: f32| {
+        let [from, to] = [x - half_px, x + half_px].map(|x| erf(x * per_px));
+        to - from
+    };
+    let most = between(0.0);
+    for (x, value) in (0_u16..).zip(out) {
+        *value = (between(f32::from(x) - middle_px) / most).max(0.0);
+    }
+}
+
+/// Error function of `u / √2`, to 2e-7 (Abramowitz and Stegun 1964, 7.1.26).
+fn erf(u: f32) -> f32 {
+    let x = u.abs() * std::f32::consts::FRAC_1_SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * x);
+    let series = 1.421_413_7 + t * (-1.453_152 + t * 1.061_405_4);
+    let series = t * (0.254_829_6 + t * (-0.284_496_74 + t * series));
+    let bell = exp2((-x * x * std::f32::consts::LOG2_E).max(NOTHING));
+    (1.0 - series * bell).copysign(u)
 }
 
 const LANE: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
@@ -207,11 +251,17 @@ mod tests {
     }
 
     /// Curves of a spot at 100 counts per lx s.
-    fn drawn(light_lx_s: f64, sigma_px: f64, at_px: [f64; 2]) -> (Curves, Record) {
+    fn drawn(
+        light_lx_s: f64,
+        sigma_px: f64,
+        half_px: [f64; 2],
+        at_px: [f64; 2],
+    ) -> (Curves, Record) {
         let ends_px = [at_px.into(); 2];
         let segment = super::super::merge::Segment {
             ends_px,
             sigma_px,
+            half_px: half_px.into(),
             light_lx_s,
             ramp: 0.0,
             start_s: 0.0,
@@ -226,11 +276,17 @@ mod tests {
 
     #[test]
     fn a_spot_keeps_its_light_to_3e_7_at_any_position_and_width() {
-        for (sigma_px, at_px) in
-            [(0.9, [30.0, 30.5]), (0.9, [30.21, 31.83]), (1.7, [60.4, 50.1]), (250.0, [2e3, 2e3])]
-        {
+        for (sigma_px, half_px, at_px) in [
+            (0.9, [0.0; 2], [30.0, 30.5]),
+            (0.9, [0.0; 2], [30.21, 31.83]),
+            (1.7, [0.0; 2], [60.4, 50.1]),
+            (250.0, [0.0; 2], [2e3, 2e3]),
+            (0.5, [6.0, 0.5], [30.21, 31.83]),
+            (0.9, [0.1, 20.0], [60.4, 50.1]),
+            (256.0, [256.0; 2], [2e3, 2e3]),
+        ] {
             for light_lx_s in [0.1, 10.0, 1e4].map(|peak| peak * sigma_px * sigma_px) {
-                let (curves, record) = drawn(light_lx_s, sigma_px, at_px);
+                let (curves, record) = drawn(light_lx_s, sigma_px, half_px, at_px);
                 let along: u64 = curves.along(0, 0).iter().map(|&a| u64::from(a)).sum();
                 let [high, low] = curves.across(0, 0..record.height as usize);
                 let part = |part: &[u32]| part.iter().map(|&a| u64::from(a)).sum::<u64>();
@@ -246,14 +302,34 @@ mod tests {
     #[test]
     fn no_sum_overflows_at_the_brightest() {
         // The peak just below 2^30 counts, beyond which `scale` lets no record.
-        let (mut curves, record) = drawn(1.0, 0.9, [30.5, 30.5]);
-        curves.draw(&record, 0.999 * f64::from(1 << 30) / record.peak_lx_s());
-        assert_eq!(curves.shift, 1, "the coarsest");
-        let most = |part: &[u32]| part.iter().copied().max().expect("pixels");
-        let [high, low] = curves.across(0, 0..record.height as usize);
-        let [along, high] = [most(curves.along(0, 0)), most(high)];
-        assert!(u64::from(along) * u64::from(high) < 1 << 31, "{along} times {high}");
-        assert!(SPOTS as u64 * u64::from(along) * (1 << LOW_BITS) < 1 << 32, "lower parts");
-        assert!(most(low) <= 1 << LOW_BITS, "{low:?}");
+        for half_px in [[0.0; 2], [0.1, 3.0], [6.0, 1.5]] {
+            let (mut curves, record) = drawn(1.0, 0.9, half_px, [30.5, 30.5]);
+            curves.draw(&record, 0.999 * f64::from(1 << 30) / record.peak_lx_s());
+            assert_eq!(curves.shift, 1, "the coarsest");
+            let most = |part: &[u32]| part.iter().copied().max().expect("pixels");
+            let [high, low] = curves.across(0, 0..record.height as usize);
+            let [along, high] = [most(curves.along(0, 0)), most(high)];
+            assert!(u64::from(along) * u64::from(high) < 1 << 31, "{along} times {high}");
+            assert!(SPOTS as u64 * u64::from(along) * (1 << LOW_BITS) < 1 << 32, "lower parts");
+            assert!(most(low) <= 1 << LOW_BITS, "{low:?}");
+        }
+    }
+
+    #[test]
+    fn a_blurred_line_is_within_5e_7_of_the_error_function() {
+        for (per_px, half_px) in [(2.0_f32, 6.0_f32), (1.0, 0.1), (0.1, 9.3)] {
+            let mut curve = [0.0; 40];
+            blurred(&mut curve, 17.3, per_px, half_px);
+            let exact = |x: f32| {
+                let [from, to] = [x - half_px, x + half_px].map(|x| {
+                    libm::erf(f64::from(x) * f64::from(per_px) * std::f64::consts::FRAC_1_SQRT_2)
+                });
+                to - from
+            };
+            for (x, &value) in (0_u16..).zip(&curve) {
+                let wanted = exact(f32::from(x) - 17.3) / exact(0.0);
+                assert!((f64::from(value) - wanted).abs() * exact(0.0) < 5e-7, "{x}: {value}");
+            }
+        }
     }
 }

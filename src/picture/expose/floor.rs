@@ -12,6 +12,8 @@
 //!
 //! Not modeled: light that a wall throws back, the drone's shadow.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -39,7 +41,12 @@ pub(super) struct Glow {
     unevenness: f32,
     /// Exposure of the brightest corner.
     pub(super) peak_lx_s: f64,
+    /// What a photographed room reflects, in place of the unevenness.
+    pub(super) reflectance: Option<Reflectance>,
 }
+
+/// What floor and walls reflect at each pixel of red, green and blue, relative to their albedo.
+pub type Reflectance = Arc<[Vec<f32>; 3]>;
 
 /// A square of the picture, and the exposure in lx s at its corners: top left, top right, bottom
 /// left, bottom right.
@@ -101,7 +108,8 @@ impl Glow {
         });
         let bands: Vec<Vec<Square>> = bands.collect();
         let peak_lx_s = bands.iter().flatten().map(Square::peak_lx_s).reduce(f64::max)?;
-        Some(Self { bands, unevenness: narrow(options.unevenness), peak_lx_s })
+        let unevenness = narrow(options.unevenness);
+        Some(Self { bands, unevenness, peak_lx_s, reflectance: None })
     }
 
     /// The first row that it lights.
@@ -118,12 +126,15 @@ impl Glow {
         let planes = [red, green, blue].map(|plane| plane.par_chunks_mut(SIDE_PX as usize * width));
         let [red, green, blue] = planes;
         let bands = (red, green, blue).into_par_iter().zip(&self.bands);
-        bands.for_each(|((red, green, blue), squares)| {
+        bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
             let mut planes = [red, green, blue];
+            let first = band * SIDE_PX as usize * width;
+            let reflected = |channel: usize| Some(&self.reflectance.as_ref()?[channel][first..]);
+            let reflected = [0, 1, 2].map(reflected);
             noctograph_core::dispatch!(|| for square in squares {
                 let light =
                     square.corners_lx_s.map(|rgb| rgb.map(|light| narrow(light * per_lx_s)));
-                square.add_to(light, self.unevenness, &mut planes, width);
+                square.add_to(light, self.unevenness, reflected, &mut planes, width);
             });
         });
     }
@@ -134,12 +145,14 @@ impl Square {
         self.corners_lx_s.as_flattened().iter().copied().fold(0.0, f64::max)
     }
 
-    /// Adds its light, given in counts at the corners, to its band of the film's planes.
+    /// Adds its light, given in counts at the corners, to its band of the film's planes, times what
+    /// is reflected at each pixel of the band.
     #[inline(always)]
     fn add_to(
         &self,
         corners: [[f32; 3]; 4],
         unevenness: f32,
+        reflected: [Option<&[f32]>; 3],
         planes: &mut [&mut [u32]; 3],
         width: usize,
     ) {
@@ -155,7 +168,7 @@ impl Square {
         let mut albedo = [1.0; SIDE_PX as usize];
         for row in (0..self.side_px).take(rows) {
             let down = (row as f32 + 0.5) * step;
-            if let Some(places) = self.on_floor {
+            if let (Some(places), None) = (self.on_floor, reflected[0]) {
                 let places = along(places, down, step);
                 for (albedo, place) in albedo[..across].iter_mut().zip(places) {
                     *albedo = (1.0 + unevenness * texture::deviation(place)).max(0.0);
@@ -164,6 +177,9 @@ impl Square {
             let first = (top + row) as usize * width + left;
             let dither = DITHER[0].wrapping_mul(x).wrapping_add(DITHER[1].wrapping_mul(y + row));
             for (channel, plane) in planes.iter_mut().enumerate() {
+                if let Some(reflected) = reflected[channel] {
+                    albedo[..across].copy_from_slice(&reflected[first..][..across]);
+                }
                 let lights = along(corners.map(|rgb| [rgb[channel]]), down, step);
                 let counts = plane[first..][..across].iter_mut().zip(&albedo);
                 for (i, ((count, albedo), [light])) in (0..).zip(counts.zip(lights)) {
@@ -377,6 +393,31 @@ mod tests {
             ratios.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / ratios.len() as f64;
         assert!(mean.abs() < 0.02, "{mean}");
         assert!((0.07..0.13).contains(&variance.sqrt()), "{}", variance.sqrt());
+    }
+
+    #[test]
+    fn a_photographed_room_reflects_at_each_pixel_as_it_does() {
+        let (trace, camera) = (hanging([0.1, 2.2, 0.4]), looking_down());
+        let room = [1.0, 2.0, 0.5].map(|channel| {
+            (0..320 * 200).map(|i| if i % 320 < 160 { channel } else { 0.0 }).collect()
+        });
+        let options = ExposeOptions { unevenness: 0.1, ..MATTE };
+        let latent = super::super::project(&trace, &camera, &options).unwrap();
+        let exposed = |room| {
+            let mut latent = latent.clone().reflected_by(room);
+            latent.tints.clear();
+            latent.on_cpu().film
+        };
+        let even = ExposeOptions { unevenness: 0.0, ..MATTE };
+        let mut even = super::super::project(&trace, &camera, &even).unwrap();
+        even.tints.clear();
+        let (even, lit) = (even.on_cpu().film, exposed(Some(Arc::new(room))));
+        for (channel, share) in [1.0, 2.0, 0.5].into_iter().enumerate() {
+            let [left, right] = [100 * 320 + 120, 100 * 320 + 200];
+            let ratio = lit.exposure_lx_s(channel, left) / even.exposure_lx_s(channel, left);
+            assert!((ratio / share - 1.0).abs() < 1e-3, "{ratio} for {share}");
+            assert_eq!(lit.exposure_lx_s(channel, right), 0.0, "black");
+        }
     }
 
     #[test]

@@ -15,6 +15,8 @@ pub(super) struct Segment {
     pub(super) ends_px: [Px; 2],
     /// Standard deviation of the spot.
     pub(super) sigma_px: f64,
+    /// Half the width and half the height of the rectangle that it blurs; 0 of a Gaussian spot.
+    pub(super) half_px: Px,
     /// Light of the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
     /// Brightness changes from `1 - ramp` times its mean to `1 + ramp` times; -1 to 1.
@@ -53,6 +55,10 @@ impl Segment {
 /// segments where the light changes; at 1, the error of a ramp would be ten times that of position.
 const UNEVENNESS: f64 = 0.2;
 
+/// Change of half the width or height of a rectangle for each pixel of tolerance: it changes with
+/// the height of the camera over the lamp, and its ends are at the rim of a stroke.
+const HALF_SLACK: f64 = 4.0;
+
 /// Merges the intervals of one lamp into `segments`; `share` is the share of its light that the
 /// brightest channel has. A `tolerance_px` of 0 merges nothing.
 ///
@@ -85,9 +91,13 @@ struct Merged {
     chords: Chords<3>,
     /// Least and greatest width of the spot.
     sigmas_px: [f64; 2],
+    /// Least and greatest half width and half height of its rectangle.
+    halves_px: [Px; 2],
     light: f64,
     /// Sum of light times width.
     light_sigma: f64,
+    /// Sum of light times half width and half height.
+    light_half: Px,
 }
 
 impl Merged {
@@ -97,8 +107,10 @@ impl Merged {
             whole: first,
             chords: Chords::ALL,
             sigmas_px: [first.sigma_px; 2],
+            halves_px: [first.half_px; 2],
             light,
             light_sigma: light * first.sigma_px,
+            light_half: light * first.half_px,
         }
     }
 
@@ -115,6 +127,11 @@ impl Merged {
         let sigmas_px =
             [self.sigmas_px[0].min(next.sigma_px), self.sigmas_px[1].max(next.sigma_px)];
         if sigmas_px[1] > sigmas_px[0] * (1.0 + UNEVENNESS * tolerance_px) {
+            return false;
+        }
+        let [least, most] = self.halves_px;
+        let halves_px = [least.min(next.half_px), most.max(next.half_px)];
+        if (halves_px[1] - halves_px[0]).max_element() > HALF_SLACK * tolerance_px {
             return false;
         }
 
@@ -137,9 +154,10 @@ impl Merged {
         self.whole.time_s[1] = next.time_s[1];
         self.whole.at_px[1] = next.at_px[1];
         self.whole.light_lx_px2[1] = next.light_lx_px2[1];
-        self.sigmas_px = sigmas_px;
+        (self.sigmas_px, self.halves_px) = (sigmas_px, halves_px);
         self.light += next.light();
         self.light_sigma += next.light() * next.sigma_px;
+        self.light_half += next.light() * next.half_px;
         true
     }
 
@@ -148,6 +166,7 @@ impl Merged {
         Segment {
             ends_px: self.whole.at_px,
             sigma_px: self.light_sigma / self.light,
+            half_px: self.light_half / self.light,
             light_lx_s: share * self.light,
             ramp: (last - first) / (last + first),
             start_s: self.whole.time_s[0],
@@ -170,7 +189,13 @@ mod tests {
             .map(|i| {
                 let time_s = [f64::from(i) / 400.0, f64::from(i + 1) / 400.0];
                 let light_lx_px2 = time_s.map(|t| 400.0 + 8.0 * libm::sin(t));
-                Interval { time_s, at_px: time_s.map(position), light_lx_px2, sigma_px: 1.5 }
+                Interval {
+                    time_s,
+                    at_px: time_s.map(position),
+                    light_lx_px2,
+                    sigma_px: 1.5,
+                    half_px: Px::ZERO,
+                }
             })
             .collect()
     }

@@ -282,7 +282,7 @@ fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
     let at_px = segments[i].middle_px();
     let near = |s: &&Segment| {
         let [start, end] = s.ends_px.map(|end| (end - at_px).length());
-        start.min(end) < REACH_SIGMA * s.sigma_px
+        start.min(end) < REACH_SIGMA * s.sigma_px + s.half_px.max_element()
     };
     let after = segments[i + 1..].iter().take_while(near);
     let before = segments[..i].iter().rev().take_while(near);
@@ -292,6 +292,9 @@ fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
 /// Exposure of a point by a segment, in lx s.
 fn left_by(segment: &Segment, at_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
+    if segment.half_px != Px::ZERO {
+        return left_by_rectangle(segment, at_px);
+    }
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = segment.length_px();
     let along = if length > 0.0 { (end - start) / length } else { Px::X };
@@ -306,6 +309,25 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     };
     light_lx_s * smear * across
 }
+
+/// The same of a blurred rectangle: the mean over places along the segment, half a σ apart.
+fn left_by_rectangle(segment: &Segment, at_px: Px) -> f64 {
+    let Segment { ends_px: [start, end], sigma_px: sigma, half_px, light_lx_s, .. } = *segment;
+    let density = |from_middle: f64, half: f64| {
+        let half = half.max(MIN_HALF_SIGMA * sigma);
+        let [lower, upper] = [from_middle - half, from_middle + half]
+            .map(|x| libm::erf(x / sigma * std::f64::consts::FRAC_1_SQRT_2));
+        (upper - lower) / (4.0 * half)
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "within 1 and 1000")]
+    let n = (2.0 * segment.length_px() / sigma).ceil().clamp(1.0, 1000.0) as u32;
+    let places = (0..n).map(|i| start.lerp(end, (f64::from(i) + 0.5) / f64::from(n)) - at_px);
+    let sum: f64 = places.map(|by| density(by.x, half_px.x) * density(by.y, half_px.y)).sum();
+    light_lx_s * sum / f64::from(n)
+}
+
+/// Half a width, in σ, that a Gaussian hides.
+const MIN_HALF_SIGMA: f64 = 1e-3;
 
 #[cfg(test)]
 mod tests {
@@ -375,6 +397,27 @@ mod tests {
         assert_eq!(metered[0].advice(&camera, wanted + 1.0).level, None, "a lamp at full level");
         let stops = -2.0 * libm::log2(advice.f_number / camera.f_number);
         assert!((stops + wanted).abs() < 0.02, "{advice:?}");
+    }
+
+    #[test]
+    fn a_reading_of_a_diffuser_is_what_its_stroke_has_in_the_picture() {
+        use super::super::tests::diffuser;
+        let camera = camera(640, 400);
+        for toward in [[0.1, 0.0], [0.0, 0.1], [0.06, 0.08]] {
+            let path = (0..=100).map(|i| {
+                let along = f64::from(i) / 50.0 - 1.0;
+                (f64::from(i) / 50.0, [along * toward[0], 3.0, along * toward[1]])
+            });
+            let trace = LightTrace { lamps: vec![diffuser(lamp(path))] };
+            let metered = meter(&trace, &camera).unwrap();
+            let options = super::super::ExposeOptions { floor_albedo: 0.0, ..Default::default() };
+            let film = super::super::project(&trace, &camera, &options).unwrap().on_cpu().film;
+            // The middle of the picture is a corner of pixels.
+            let middle = film.exposure_lx_s(1, 200 * 640 + 320);
+            let wanted = libm::log2(middle / camera.saturation_lx_s());
+            let found = metered[0].median_stops;
+            assert!((found - wanted).abs() < 0.05, "{found}, {wanted} toward {toward:?}");
+        }
     }
 
     #[test]

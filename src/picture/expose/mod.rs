@@ -58,6 +58,7 @@ use record::Record;
 use tile::ALL;
 
 pub use film::Film;
+pub use floor::Reflectance;
 pub(crate) use room::Room;
 
 /// Most samples of a trace, and most segments of a picture.
@@ -194,6 +195,17 @@ impl Latent {
             });
         }
         Ok(Self { scale_log2, ..self })
+    }
+
+    /// Floor and walls as a photograph of the room has them ([`crate::photo::reflectance`]), four
+    /// times as bright as their albedo at most.
+    #[must_use]
+    pub fn reflected_by(mut self, room: Option<Reflectance>) -> Self {
+        if let (Some(glow), Some(room)) = (&mut self.glow, room) {
+            self.scale_log2 += 2;
+            glow.reflectance = Some(room);
+        }
+        self
     }
 
     /// Adds up the light on the processor, in at most so many bands of rows at a time.

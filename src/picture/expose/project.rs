@@ -4,8 +4,12 @@
 //! α off the optical axis). The pupil of diameter `f/N` passes `π (f/2N)² τ` times that in lumen,
 //! and all of it falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
 //! spot, is called light here, in lx px².
+//!
+//! A small lamp is a disc that faces the camera: it widens the Gaussian of the lens. A cylinder, such
+//! as a diffuser, is a rectangle as wide and as high as the box around it, which the lens blurs.
 
 use glam::DVec2;
+use nalgebra::Vector3;
 
 use crate::light::{Emitter, Lamp, LightSample};
 use noctograph_core::camera::Camera;
@@ -49,6 +53,9 @@ pub(super) struct Interval {
     pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, mean of its ends.
     pub(super) sigma_px: f64,
+    /// Half the width and half the height of the cylinder that it blurs, mean of its ends; 0 of a
+    /// disc.
+    pub(super) half_px: Px,
 }
 
 impl Interval {
@@ -64,6 +71,7 @@ struct Spot {
     at_px: Px,
     light_lx_px2: f64,
     sigma_px: f64,
+    half_px: Px,
 }
 
 /// Intervals of a lamp that leave light, in order of time.
@@ -95,6 +103,7 @@ pub(super) fn intervals<'a>(
             at_px: [from.at_px, to.at_px],
             light_lx_px2: [from.light_lx_px2, to.light_lx_px2],
             sigma_px: 0.5 * (from.sigma_px + to.sigma_px),
+            half_px: 0.5 * (from.half_px + to.half_px),
         };
         (interval.light() > 0.0).then_some(interval)
     })
@@ -102,7 +111,8 @@ pub(super) fn intervals<'a>(
 
 /// Checks that a lamp's numbers are finite and within range, and that its time does not fall.
 pub(super) fn check(lamp: &Lamp) -> Result<()> {
-    let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, .. } = &lamp.emitter;
+    let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, depth_m, .. } =
+        &lamp.emitter;
     let settings = [
         ("intensity_cd", *intensity_cd, 1e9),
         ("rgb[0]", rgb[0], 1e3),
@@ -111,6 +121,7 @@ pub(super) fn check(lamp: &Lamp) -> Result<()> {
         ("beam_exponent", *beam_exponent, 1e6),
         ("spill", *spill, 1.0),
         ("diameter_m", *diameter_m, 10.0),
+        ("depth_m", depth_m.unwrap_or(0.0), 10.0),
     ];
     for (key, value, max) in settings {
         if !(0.0..=max).contains(&value) {
@@ -162,7 +173,8 @@ impl<'a> Lens<'a> {
         let pupil_m2 = std::f64::consts::PI * radius_m * radius_m * camera.transmission;
         let blur_px = camera.blur_m / pitch_m;
         let airy_px = AIRY_SIGMA * WAVELENGTH_M * camera.f_number / pitch_m;
-        let disc_px = emitter.diameter_m * camera.focal_length_px();
+        let disc_m = if emitter.depth_m.is_some() { 0.0 } else { emitter.diameter_m };
+        let disc_px = disc_m * camera.focal_length_px();
         Self {
             camera,
             emitter,
@@ -196,6 +208,19 @@ impl<'a> Lens<'a> {
             at_px,
             light_lx_px2: if light.is_finite() { light } else { 0.0 },
             sigma_px: variance.sqrt().clamp(MIN_SIGMA_PX, MAX_SIGMA_PX),
+            half_px: self.half_px(sample.axis, image.depth_m),
         })
+    }
+
+    /// Half the width and half the height of a cylinder in the picture: those of the box around it.
+    fn half_px(&self, axis: Vector3<f64>, depth_m: f64) -> Px {
+        let Some(length_m) = self.emitter.depth_m else { return Px::ZERO };
+        let axis = self.camera.camera_from_world * axis / axis.norm();
+        let half = |along: f64| {
+            let round_m = self.emitter.diameter_m * (1.0 - along * along).max(0.0).sqrt();
+            let half_m = 0.5 * (length_m * along.abs() + round_m);
+            (half_m * self.camera.focal_length_px() / depth_m).min(MAX_SIGMA_PX)
+        };
+        Px::new(half(axis.x), half(axis.y))
     }
 }

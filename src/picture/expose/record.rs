@@ -2,8 +2,8 @@
 //!
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature makes it a
 //! sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which the
-//! backends add up. A ramp of the brightness is in the shares of the spots, so a fade costs
-//! nothing. Here f64 becomes f32.
+//! backends add up. What holds for a Gaussian holds for a rectangle that it blurs. A ramp of the
+//! brightness is in the shares of the spots, so a fade costs nothing. Here f64 becomes f32.
 
 use std::ops::Range;
 
@@ -53,6 +53,12 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
 /// distributed in the plane (Roberts 2018, the R2 sequence).
 pub(super) const DITHER: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
 
+/// √(π/2): the peak of a Gaussian is that of a rectangle this many σ to either side.
+const ROOT_HALF_PI: f64 = 1.253_314_137_315_500_3;
+
+/// Least half width, in σ, of a rectangle that is drawn as one.
+const LEAST_HALF_SIGMA: f64 = 0.1;
+
 /// A short segment as the sum of its spots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Record {
@@ -66,6 +72,8 @@ pub(super) struct Record {
     pub(super) light_lx_s: f64,
     /// Inverse of σ in pixels.
     pub(super) per_px: f32,
+    /// Half the width and half the height of the rectangle that the Gaussian blurs; 0 for none.
+    pub(super) half_px: [f32; 2],
     /// First pixel of the box, which may lie outside the picture.
     pub(super) x: i32,
     pub(super) y: i32,
@@ -84,7 +92,13 @@ impl Record {
     pub(super) fn peak_lx_s(&self) -> f64 {
         let per_px = f64::from(self.per_px);
         let margin = PEAK_MARGINS[usize::from(per_px < 1.0 / 0.85)];
-        self.light_lx_s * per_px * per_px * (margin / std::f64::consts::TAU)
+        // A Gaussian's peak, squared, and how much lower a rectangle makes it.
+        let gaussian = per_px * per_px * (margin / std::f64::consts::TAU);
+        let flat = self.half_px.map(|half| {
+            let half_sigma = f64::from(half) * per_px;
+            (ROOT_HALF_PI / half_sigma.max(f64::MIN_POSITIVE)).min(1.0)
+        });
+        self.light_lx_s * gaussian * flat[0] * flat[1]
     }
 
     /// Columns and rows of the box that lie in the picture and among these rows.
@@ -132,11 +146,11 @@ pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut
 /// Shares of the length, 0 to 1, between which the light of a segment reaches the picture: the part
 /// between each pair of borders (Liang and Barsky 1984).
 fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
-    let reach = REACH_SIGMA * segment.sigma_px + 1.0;
+    let reach = reach_px(segment) + Px::ONE;
     let [start, end] = segment.ends_px;
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
-        let borders = [-reach, f64::from(size_px[axis]) + reach];
+        let borders = [-reach[axis], f64::from(size_px[axis]) + reach[axis]];
         if [start, end].iter().all(|px| (borders[0]..=borders[1]).contains(&px[axis])) {
             continue;
         }
@@ -151,11 +165,16 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     (from < to).then_some([from, to])
 }
 
+/// Distance from a spot's middle along each axis beyond which it leaves nothing.
+fn reach_px(segment: &Segment) -> Px {
+    segment.half_px + REACH_SIGMA * segment.sigma_px
+}
+
 /// The record of a short segment; `None` where its box misses the picture.
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
-    let reach = Px::splat(REACH_SIGMA * sigma);
+    let reach = reach_px(segment);
     // Pixel centers are at +0.5.
     let half = Px::splat(0.5);
     let first = (start.min(end) - reach - half).ceil();
@@ -173,6 +192,10 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
         share: [0.0; SPOTS],
         light_lx_s: segment.light_lx_s,
         per_px: narrow(1.0 / sigma),
+        half_px: segment
+            .half_px
+            .to_array()
+            .map(|half| if half < LEAST_HALF_SIGMA * sigma { 0.0 } else { narrow(half) }),
         x: pixel(first.x),
         y: pixel(first.y),
         width: pixel(last.x - first.x).cast_unsigned() + 1,

@@ -162,6 +162,7 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     spill: 0.0,
     visible_cos: 0.0,
     diameter_m: PATCH_M,
+    depth_m: None,
 });
 
 /// The floor of a room as sources of the light that it reflects.

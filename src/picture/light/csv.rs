@@ -239,6 +239,7 @@ fn lamp(run: &[Instant], rgb: [f64; 3], cd: impl Fn(usize, &Instant) -> f64) -> 
         spill: 1.0,
         visible_cos: -1.0,
         diameter_m: 0.0,
+        depth_m: None,
     };
     Lamp { drone: None, emitter, samples: samples.collect() }
 }

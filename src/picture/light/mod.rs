@@ -134,8 +134,10 @@ pub struct Emitter {
     pub spill: f64,
     /// Cosine of the angle off axis beyond which the body hides the lamp.
     pub visible_cos: f64,
-    /// Diameter of the luminous disc.
+    /// Diameter of the luminous disc or cylinder.
     pub diameter_m: f64,
+    /// Depth of the cylinder along the axis; `None` for a disc that faces the camera.
+    pub depth_m: Option<f64>,
 }
 
 impl Emitter {
@@ -319,6 +321,7 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
         spill: fixture.spill,
         visible_cos: fixture.visible_cos,
         diameter_m: fixture.diameter_m,
+        depth_m: fixture.depth_m,
     }
 }
 

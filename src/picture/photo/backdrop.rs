@@ -1,12 +1,13 @@
 //! Backdrop: the light of the room on its floor and walls, and a background picture.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
 use super::Photo;
 use super::options::PhotoOptions;
-use crate::expose::{ExposeOptions, Room};
+use crate::expose::{ExposeOptions, Reflectance, Room};
 use crate::{narrow, whole};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
@@ -57,12 +58,7 @@ impl Backdrop {
         let focal_px = narrow(camera.focal_length_px());
         let picture = match &options.background[..] {
             "" => None,
-            // A page has no file of a photo, and its module no decoder of one.
-            path if cfg!(target_family = "wasm") => {
-                let (wanted, hint) = ("no file", "take the picture by the program");
-                return Err(Error::input("photo.background", path, wanted, hint));
-            }
-            path => Some(Picture::read(Path::new(path), camera, options)?),
+            path => Some(Picture::read(path, camera, options)?),
         };
         let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);
         let corner_sq_px2 = center_px[0] * center_px[0] + center_px[1] * center_px[1];
@@ -143,9 +139,50 @@ impl Backdrop {
     }
 }
 
+/// What floor and walls reflect where the background stands for the room: its light in each channel
+/// over the median, as far as it was evenly lit. Lamps in it reflect no more than four times that.
+/// `None` without a background.
+///
+/// # Errors
+///
+/// Those of [`super::read`].
+pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Reflectance>> {
+    if options.background.is_empty() {
+        return Ok(None);
+    }
+    let picture = Picture::read(&options.background, camera, options)?;
+    let (width, height) = (camera.width_px as usize, camera.height_px as usize);
+    let mut planes = [0; 3].map(|_| Vec::with_capacity(width * height));
+    for y in 0..height {
+        let mut rows = [0; 3].map(|_| vec![0.0; width]);
+        picture.add(y, height as f32 / 2.0, &mut rows);
+        planes.iter_mut().zip(rows).for_each(|(plane, row)| plane.extend(row));
+    }
+    // Darker levels are noise.
+    let least = picture.light[DARKEST];
+    for plane in &mut planes {
+        let mut all = plane.clone();
+        let (_, median, _) = all.select_nth_unstable_by(width * height / 2, f32::total_cmp);
+        let median = median.max(least);
+        plane.iter_mut().for_each(|light| *light = (light.max(least) / median).min(BRIGHTEST));
+    }
+    Ok(Some(Arc::new(planes)))
+}
+
+/// Least level of a background that says how a surface reflects.
+const DARKEST: usize = 4;
+
+/// Most light of a surface, relative to the median.
+const BRIGHTEST: f32 = 4.0;
+
 impl Picture {
-    fn read(path: &Path, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
-        let photo = super::read(path)?;
+    fn read(path: &str, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
+        // A page has no file of a photo, and its module no decoder of one.
+        if cfg!(target_family = "wasm") {
+            let (wanted, hint) = ("no file", "take the picture by the program");
+            return Err(Error::input("photo.background", path, wanted, hint));
+        }
+        let photo = super::read(Path::new(path))?;
         let size = [photo.width_px, photo.height_px].map(f64::from);
         let wanted = [camera.width_px, camera.height_px].map(f64::from);
         let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);

@@ -24,6 +24,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::Described;
 
+pub use backdrop::reflectance;
 pub use camera_exif::taken_as;
 pub use noctograph_core::photo::Photo;
 

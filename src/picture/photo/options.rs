@@ -24,10 +24,10 @@ settings! {
         /// Where half of the room's light falls in, such as the gap of a door: what is near it and
         /// faces it is brighter, in a room with walls. Even light if left out.
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
-        /// Picture (PNG or JPEG) behind the light, relative to the current folder; it covers the
         /// Photograph (PNG or JPEG) of the room without the flight, relative to the current folder,
-        /// in place of the room's light: it covers the photo and is cut to its aspect. Taken at the
-        /// same exposure, it is as bright as it will be. Empty for none.
+        /// in place of the room's light; it covers the photo and is cut to its aspect. Taken at the
+        /// same exposure, it is as bright as it will be. Floor and walls (`expose.room_m`) reflect
+        /// the lamps where it is bright and in its colors. Empty for none.
         background: String = String::new();
         /// Noise of the sensor.
         noise: Noise = Noise::default();

@@ -10,7 +10,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_picture::expose::{Film, project};
 use noctograph_picture::light::{Lamp, LightTrace};
-use noctograph_picture::photo::{Noise, Photo, PhotoOptions, develop};
+use noctograph_picture::photo::{Noise, Photo, PhotoOptions, develop, reflectance};
 
 impl Shot {
     /// Develops the film at `n` moments, the last one at the end of the exposure, at a width in
@@ -29,7 +29,9 @@ impl Shot {
         let Scene { expose, photo, seed, .. } = &self.shoot.scene;
         let options = PhotoOptions { noise: Noise::Off, ..photo.clone() };
         // Twice as coarse as the whole, so that the rounding of its parts cannot overflow.
-        let scale_log2 = project(&self.trace, &camera, expose)?.scale_log2() + 1;
+        let room = reflectance(&camera, &options)?;
+        let whole = project(&self.trace, &camera, expose)?.reflected_by(room.clone());
+        let scale_log2 = whole.scale_log2() + 1;
         let (width_px, height_px) = (camera.width_px, camera.height_px);
         let counts = vec![0; 3 * width_px as usize * height_px as usize];
         let mut film = Film { width_px, height_px, counts, scale_log2 };
@@ -41,7 +43,7 @@ impl Shot {
             let until = Camera { shutter_close_s, ..camera.clone() };
             let since = Camera { shutter_open_s: time_s, ..until.clone() };
             let lit = part(&self.trace, time_s, shutter_close_s);
-            let latent = project(&lit, &since, expose)?;
+            let latent = project(&lit, &since, expose)?.reflected_by(room.clone());
             let more = latent.at_scale(scale_log2)?.develop_on_all().counts;
             for (sum, count) in film.counts.iter_mut().zip(more) {
                 *sum = sum.saturating_add(count);

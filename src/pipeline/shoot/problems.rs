@@ -345,6 +345,7 @@ mod tests {
             spill: 0.0,
             visible_cos: -1.0,
             diameter_m: 0.005,
+            depth_m: None,
         }
     }
 }

@@ -12,7 +12,7 @@ use noctograph_letters::Strokes;
 use noctograph_picture::expose::{Backend, Developer, Exposure, Film, project};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::light::gaps::{Gap, dark};
-use noctograph_picture::photo::{Photo, develop};
+use noctograph_picture::photo::{Photo, develop, reflectance};
 use noctograph_plan::PlanOptions;
 use noctograph_plan::tracking::{Part, Tracking, track};
 use noctograph_score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
@@ -102,6 +102,7 @@ impl Shoot {
             format.check([camera.width_px, camera.height_px])?;
         }
         let latent = project(&trace, &camera, &scene.expose)?;
+        let latent = latent.reflected_by(reflectance(&camera, &scene.photo)?);
         let Exposure { film, backend, adapter } = match self.cores {
             None => developer.develop(&latent)?,
             Some(cores) => Exposure {

@@ -43,6 +43,7 @@ pub(super) fn lamp(places: impl IntoIterator<Item = (f64, [f64; 3])>) -> Lamp {
         spill: 0.0,
         visible_cos: -1.0,
         diameter_m: 0.003,
+        depth_m: None,
     };
     let sample = |(time_s, place): (f64, [f64; 3])| LightSample {
         time_s,
@@ -75,6 +76,14 @@ pub(super) fn figure(n: u32) -> Lamp {
         let place = [libm::sin(1.1 * s), 3.0 + 0.1 * libm::sin(0.3 * t), 0.5 * libm::cos(1.9 * s)];
         (t, place)
     }))
+}
+
+/// A lamp behind a diffuser, which is upright and shines to all sides.
+pub(super) fn diffuser(mut lamp: Lamp) -> Lamp {
+    let emitter = &mut lamp.emitter;
+    (emitter.spill, emitter.diameter_m, emitter.depth_m) = (1.0, 0.06, Some(0.02));
+    lamp.samples.iter_mut().for_each(|sample| sample.axis = -Vector3::z());
+    lamp
 }
 
 /// The latent image of lamps.
@@ -118,6 +127,7 @@ pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
         ("figures", latent(vec![red, figure(1500)], &vga, 0.005)),
         ("hover, corner, slow", latent(vec![hover, corner, slow], &vga, 0.0)),
         ("tall picture", latent(vec![hops], &tall, 0.005)),
+        ("diffuser", latent(vec![diffuser(figure(1500))], &vga, 0.005)),
         ("nothing", latent(Vec::new(), &camera(33, 17), 0.005)),
     ]
 }
@@ -217,6 +227,41 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
         let away = (y as f64 + 0.5 - 200.0) / sigma;
         let error = (value - peak * libm::exp(-0.5 * away * away)) / peak;
         assert!(error.abs() < 2e-5, "row {y} is off by {error:e} of the peak");
+    }
+}
+
+/// The sum of Gaussian lamps on a grid of 1 mm all over the silhouette of a diffuser.
+#[test]
+fn a_diffuser_leaves_a_stroke_as_wide_as_it_looks_from_the_camera() {
+    let camera = Camera { blur_m: 60e-6, ..camera(640, 400) };
+    let px_per_m = camera.focal_length_px() / 3.0;
+    for toward in [[0.2, 0.0, 0.0], [0.0, 0.0, 0.2], [0.12, 0.0, 0.16]] {
+        let streak =
+            |[x, z]: [f64; 2]| {
+                lamp([-1.0, 1.0].map(|t| {
+                    (t + 1.0, [x + t * toward[0], 3.0 + t * toward[1], z + t * toward[2]])
+                }))
+            };
+        let lit = film(&[diffuser(streak([0.0; 2]))], &camera, 0.0, None);
+        let mut points = Vec::new();
+        for i in 0..60 {
+            for j in 0..20 {
+                let at_mm = [f64::from(i) - 29.5, f64::from(j) - 9.5];
+                let mut point = streak(at_mm.map(|mm| mm * 1e-3));
+                let emitter = &mut point.emitter;
+                (emitter.diameter_m, emitter.spill) = (0.0, 1.0);
+                emitter.intensity_cd /= 1200.0;
+                points.push(point);
+            }
+        }
+        let wanted = film(&points, &camera, 0.0, None);
+        let [light, sum] = [&lit, &wanted].map(|film| film.light_lx_s_px2(1));
+        assert!((light / sum - 1.0).abs() < 1e-3, "{light}, {sum}");
+        let pixels = 0..640 * 400;
+        let peak = pixels.clone().map(|i| wanted.exposure_lx_s(1, i)).fold(0.0, f64::max);
+        let errors = pixels.map(|i| (lit.exposure_lx_s(1, i) - wanted.exposure_lx_s(1, i)).abs());
+        let worst = errors.fold(0.0, f64::max) / peak;
+        assert!(worst < 5e-3, "{worst} of the peak, {px_per_m} px/m, toward {toward:?}");
     }
 }
 
