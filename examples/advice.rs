@@ -45,10 +45,7 @@ const FAULTS: [Fault; 15] = [
         "misaimed camera",
         &[("camera.framing.kind", "fixed"), ("camera.framing.target_m", "[1.5, 0.0, 1.0]")],
     ),
-    (
-        "ring effect, seen from below",
-        &[("light.ring", "double-spin"), ("plan.lights", "[\"ring\"]")],
-    ),
+    ("spinning ring", &[("light.ring", "double-spin"), ("plan.lights", "[\"ring\"]")]),
     ("low resolution", &[("camera.width_px", "24"), ("camera.height_px", "16")]),
     ("a bright room", &[("photo.ambient_cd_m2", "4"), ("camera.f_number", "8")]),
 ];

@@ -375,7 +375,7 @@ mod tests {
                 // Dies that are farther out than the screen's, and few steps of their drives.
                 for (actual, wanted) in shown.iter().zip(srgb) {
                     let error = f64::from(*actual) - f64::from(wanted);
-                    assert!(error.abs() <= 20.0, "{channel}: {shown:?} instead of {srgb:?}");
+                    assert!(error.abs() <= 4.0, "{channel}: {shown:?} instead of {srgb:?}");
                 }
                 assert_eq!(shown.iter().max(), Some(&255), "{channel}: full scale");
             }

@@ -132,10 +132,12 @@ fn noor_reads_through_all_the_light_that_the_team_left_on() {
 #[test]
 fn the_light_of_the_board_shows_the_way_between_letters() {
     // The way from the take-off to the first letter, where the headlights are dark: blue power
-    // LEDs, red status and link LEDs, no green. The floor is black: it would show the ring.
+    // LEDs, red status and link LEDs, no green. The ring, which the team left on, is off, and the
+    // floor is black.
     let light_lx_s = |led_bitmask| {
         let taken = on_cpu("NOOR", |scene| {
             scene.light.led_bitmask = led_bitmask;
+            scene.light.ring = RingEffect::Off;
             scene.expose.floor_albedo = 0.0;
         });
         let at = |x, z| taken.0.camera.image_from_world(nalgebra::Vector3::new(x, 0.0, z)).unwrap();

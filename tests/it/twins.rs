@@ -21,6 +21,7 @@ fn figure(duration_s: u32, hz: u32, phase: f64, rgb: [f64; 3]) -> Lamp {
         spill: 0.05,
         visible_cos: -1.0,
         diameter_m: 0.003,
+        depth_m: None,
     };
     let samples = (0..=duration_s * hz).map(|i| {
         let t = f64::from(i) / f64::from(hz);

@@ -102,8 +102,8 @@ settings! {
     pub struct WordFraming {
         /// Share of the width or height of the picture that the word fills, whichever comes first.
         fill_frac: f64 = 0.5, in 0.01..=1.0;
-        /// Height of the camera, aimed at the middle of the word; by default that of the middle. An
-        /// LED ring shines down and is seen from a low camera.
+        /// Height of the camera, aimed at the middle of the word; by default that of the middle.
+        /// LED ring and color LED deck are brighter from below, and dark from above.
         height_m: Option<f64> = None, in 0.0..=1000.0;
     }
 

@@ -103,11 +103,13 @@ fn lit_by(
 /// a motor 0.03 cd of each.
 ///
 /// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it
-/// lights. From the side the white cups of the ring's LEDs are seen to glow, as in Bitcraze's light
-/// painting with the ring of 2019: the strokes of a flower from the floor to 1.3 m are ribbons, as
-/// wide as the ring where the drone climbs, and 30 to 40 times as bright as a power LED of the board
-/// beside them; a spill of 0.15 of a ring at full level. From above the deck hides them: the team's
-/// camera saw only the glow on the floor.
+/// lights.
+///
+/// From the side the white packages of the ring's LEDs glow. In a public photograph of a flower
+/// (docs/photograph.md) strokes are ribbons with brighter rims, as wide as the ring where the drone
+/// climbs. They have 5 to 30 times the light of a power LED of the board beside them (a JPEG of
+/// 510 px does not say it better): a spill of 0.15 makes it 5. From above the deck hides them: the
+/// team's camera saw only the glow on the floor.
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),

@@ -1,9 +1,9 @@
 //! Curves of a record as integers, which the backends multiply.
 //!
 //! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ, or a rectangle blurred by it: the
-//! product of one curve along each axis of the picture. A pixel gets `Σ along[i] × across[j]` over the spots of the record;
-//! light, share and scale are in the curve across. Curves are divided by their sums, so that a spot
-//! keeps its light at any position between the pixels and after rounding.
+//! product of one curve along each axis of the picture. A pixel gets `Σ along[i] × across[j]` over
+//! the spots of the record; light, share and scale are in the curve across. Curves are divided by
+//! their sums, so that a spot keeps its light anywhere between the pixels and after rounding.
 //!
 //! This is f32 in `+ - × ÷` and integers, in eight lanes that are added up in one order: the same
 //! bits on every machine.
@@ -157,14 +157,15 @@ fn powers(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
 
 /// A line of so much to either side, blurred by a Gaussian: 1 in its middle.
 fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
-    let between = |x: f32| {
-        let [from, to] = [x - half_px, x + half_px].map(|x| erf(x * per_px));
-        to - from
-    };
-    let most = between(0.0);
+    let most = between(0.0, per_px, half_px);
     for (x, value) in (0_u16..).zip(out) {
-        *value = (between(f32::from(x) - middle_px) / most).max(0.0);
+        *value = (between(f32::from(x) - middle_px, per_px, half_px) / most).max(0.0);
     }
+}
+
+/// What of a Gaussian lies within so much of a place.
+fn between(x: f32, per_px: f32, half_px: f32) -> f32 {
+    erf((x + half_px) * per_px) - erf((x - half_px) * per_px)
 }
 
 /// Error function of `u / √2`, to 2e-7 (Abramowitz and Stegun 1964, 7.1.26).
@@ -320,15 +321,13 @@ mod tests {
         for (per_px, half_px) in [(2.0_f32, 6.0_f32), (1.0, 0.1), (0.1, 9.3)] {
             let mut curve = [0.0; 40];
             blurred(&mut curve, 17.3, per_px, half_px);
-            let exact = |x: f32| {
-                let [from, to] = [x - half_px, x + half_px].map(|x| {
-                    libm::erf(f64::from(x) * f64::from(per_px) * std::f64::consts::FRAC_1_SQRT_2)
-                });
-                to - from
-            };
             for (x, &value) in (0_u16..).zip(&curve) {
-                let wanted = exact(f32::from(x) - 17.3) / exact(0.0);
-                assert!((f64::from(value) - wanted).abs() * exact(0.0) < 5e-7, "{x}: {value}");
+                let [wanted, most] = [f32::from(x) - 17.3, 0.0].map(|x| {
+                    let [from, to] = [x - half_px, x + half_px].map(|x| f64::from(x * per_px));
+                    let root_half = std::f64::consts::FRAC_1_SQRT_2;
+                    libm::erf(to * root_half) - libm::erf(from * root_half)
+                });
+                assert!((f64::from(value) * most - wanted).abs() < 5e-7, "{x}: {value}");
             }
         }
     }

@@ -129,8 +129,8 @@ impl Glow {
         bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
             let mut planes = [red, green, blue];
             let first = band * SIDE_PX as usize * width;
-            let reflected = |channel: usize| Some(&self.reflectance.as_ref()?[channel][first..]);
-            let reflected = [0, 1, 2].map(reflected);
+            let room = self.reflectance.as_ref();
+            let reflected = [0, 1, 2].map(|channel| room.map(|room| &room[channel][first..]));
             noctograph_core::dispatch!(|| for square in squares {
                 let light =
                     square.corners_lx_s.map(|rgb| rgb.map(|light| narrow(light * per_lx_s)));
@@ -402,16 +402,12 @@ mod tests {
             (0..320 * 200).map(|i| if i % 320 < 160 { channel } else { 0.0 }).collect()
         });
         let options = ExposeOptions { unevenness: 0.1, ..MATTE };
-        let latent = super::super::project(&trace, &camera, &options).unwrap();
-        let exposed = |room| {
-            let mut latent = latent.clone().reflected_by(room);
+        let [even, lit] = [(MATTE, None), (options, Some(Arc::new(room)))].map(|(it, room)| {
+            let latent = super::super::project(&trace, &camera, &it).unwrap();
+            let mut latent = latent.reflected_by(room);
             latent.tints.clear();
             latent.on_cpu().film
-        };
-        let even = ExposeOptions { unevenness: 0.0, ..MATTE };
-        let mut even = super::super::project(&trace, &camera, &even).unwrap();
-        even.tints.clear();
-        let (even, lit) = (even.on_cpu().film, exposed(Some(Arc::new(room))));
+        });
         for (channel, share) in [1.0, 2.0, 0.5].into_iter().enumerate() {
             let [left, right] = [100 * 320 + 120, 100 * 320 + 200];
             let ratio = lit.exposure_lx_s(channel, left) / even.exposure_lx_s(channel, left);

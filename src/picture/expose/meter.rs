@@ -313,17 +313,20 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
 /// The same of a blurred rectangle: the mean over places along the segment, half a σ apart.
 fn left_by_rectangle(segment: &Segment, at_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, half_px, light_lx_s, .. } = *segment;
-    let density = |from_middle: f64, half: f64| {
-        let half = half.max(MIN_HALF_SIGMA * sigma);
-        let [lower, upper] = [from_middle - half, from_middle + half]
-            .map(|x| libm::erf(x / sigma * std::f64::consts::FRAC_1_SQRT_2));
-        (upper - lower) / (4.0 * half)
-    };
     #[expect(clippy::cast_possible_truncation, reason = "within 1 and 1000")]
     let n = (2.0 * segment.length_px() / sigma).ceil().clamp(1.0, 1000.0) as u32;
     let places = (0..n).map(|i| start.lerp(end, (f64::from(i) + 0.5) / f64::from(n)) - at_px);
-    let sum: f64 = places.map(|by| density(by.x, half_px.x) * density(by.y, half_px.y)).sum();
+    let sum: f64 =
+        places.map(|by| density(by.x, half_px.x, sigma) * density(by.y, half_px.y, sigma)).sum();
     light_lx_s * sum / f64::from(n)
+}
+
+/// Light per pixel of a line of so much to either side, blurred, at a distance from its middle.
+fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
+    let half = half.max(MIN_HALF_SIGMA * sigma);
+    let [lower, upper] = [from_middle - half, from_middle + half]
+        .map(|x| libm::erf(x / sigma * std::f64::consts::FRAC_1_SQRT_2));
+    (upper - lower) / (4.0 * half)
 }
 
 /// Half a width, in σ, that a Gaussian hides.
@@ -415,8 +418,8 @@ mod tests {
             // The middle of the picture is a corner of pixels.
             let middle = film.exposure_lx_s(1, 200 * 640 + 320);
             let wanted = libm::log2(middle / camera.saturation_lx_s());
-            let found = metered[0].median_stops;
-            assert!((found - wanted).abs() < 0.05, "{found}, {wanted} toward {toward:?}");
+            let stops = metered[0].median_stops;
+            assert!((stops - wanted).abs() < 0.05, "{stops}, {wanted} toward {toward:?}");
         }
     }
 

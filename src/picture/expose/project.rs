@@ -5,8 +5,8 @@
 //! and all of it falls into the spot. Lumen over the area of a pixel, summed over the pixels of the
 //! spot, is called light here, in lx px².
 //!
-//! A small lamp is a disc that faces the camera: it widens the Gaussian of the lens. A cylinder, such
-//! as a diffuser, is a rectangle as wide and as high as the box around it, which the lens blurs.
+//! A small lamp is a disc that faces the camera: it widens the Gaussian of the lens. A cylinder,
+//! such as a diffuser, is a rectangle as wide and as high as the box around it, which is blurred.
 
 use glam::DVec2;
 use nalgebra::Vector3;
@@ -216,11 +216,11 @@ impl<'a> Lens<'a> {
     fn half_px(&self, axis: Vector3<f64>, depth_m: f64) -> Px {
         let Some(length_m) = self.emitter.depth_m else { return Px::ZERO };
         let axis = self.camera.camera_from_world * axis / axis.norm();
-        let half = |along: f64| {
+        let px_per_m = self.camera.focal_length_px() / depth_m;
+        let half = [axis.x, axis.y].map(|along: f64| {
             let round_m = self.emitter.diameter_m * (1.0 - along * along).max(0.0).sqrt();
-            let half_m = 0.5 * (length_m * along.abs() + round_m);
-            (half_m * self.camera.focal_length_px() / depth_m).min(MAX_SIGMA_PX)
-        };
-        Px::new(half(axis.x), half(axis.y))
+            (0.5 * (length_m * along.abs() + round_m) * px_per_m).min(MAX_SIGMA_PX)
+        });
+        half.into()
     }
 }

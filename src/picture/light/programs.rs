@@ -12,7 +12,9 @@ use super::{
 };
 use noctograph_core::crazyflie::COLOR_LED_TICK_S;
 use noctograph_core::flight::Flight;
-use noctograph_core::srgb::{RGB_FROM_XYZ, linear_from_encoded, xyz};
+use noctograph_core::srgb::{
+    RGB_FROM_XYZ, encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz,
+};
 
 /// Programs of the lamps of one drone during one flight.
 #[derive(Debug)]
@@ -163,14 +165,17 @@ impl<'a> Programs<'a> {
 /// Luminous intensity of white, mixed of red, green and blue: of the color LED deck, and of an LED
 /// of the ring.
 ///
-/// Twice as much from the deck overexposes a word of seven letters at f/22, and half as much has 4
+/// Twice as much from the deck overexposes a word of seven letters at f/22, and half as much has 8
 /// steps of green; an LED of the ring can do 1 cd. Screen colors that differ only in brightness
 /// become one color: its strongest channel is as bright as that of white, so that one exposure
 /// suits all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
-/// Range of that intensity for the search, in 16 steps, for the best bytes.
-const FITTED: [f64; 2] = [0.8, 1.2];
+/// That intensity in the search for the best bytes: the wanted one first.
+const FITTED: [f64; 17] = [
+    1.0, 1.025, 0.975, 1.05, 0.95, 1.075, 0.925, 1.1, 0.9, 1.125, 0.875, 1.15, 0.85, 1.175, 0.825,
+    1.2, 0.8,
+];
 
 /// White, red, green and blue, 0 to 255, with which the color LED deck shows a color of the screen
 /// (sRGB).
@@ -192,21 +197,35 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
 }
 
 /// The bytes for red, green and blue dies that show a color, by the luminous intensity of a die at
-/// a byte.
+/// a byte: those that a screen tells least from it.
 fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
-    let chromaticities = std::array::from_fn(|die| dies[die].chromaticity);
-    let [color, white] = [srgb, [255; 3]].map(|srgb| mixture(chromaticities, srgb));
-    let fits = (0..=16).map(|step: u8| {
-        let scale_cd = white_cd * (FITTED[0] + (FITTED[1] - FITTED[0]) * f64::from(step) / 16.0);
-        let nearest = [0, 1, 2].map(|die| {
-            let errors =
-                (0..=255).map(|byte| (byte, (cd(die, byte) / scale_cd - color[die]).abs()));
-            errors.min_by(|a, b| a.1.total_cmp(&b.1)).expect("256 bytes")
-        });
-        let error: f64 = (0..3).map(|die| nearest[die].1 / white[die]).sum();
-        (nearest.map(|(byte, _)| byte), error)
+    let chromaticities: [_; 3] = std::array::from_fn(|die| dies[die].chromaticity);
+    let color = mixture(chromaticities, srgb);
+    let wanted = at_full_scale(match srgb {
+        [0, 0, 0] => [1.0; 3],
+        _ => srgb.map(|level| linear_from_encoded(f64::from(level) / 255.0)),
     });
-    fits.min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
+    let of_die = chromaticities.map(|die| Vector3::from(rgb_from_xyz(xyz(die))));
+    let candidates = FITTED.into_iter().flat_map(|factor| {
+        let below = [0, 1, 2].map(|die| {
+            let most_cd = factor * white_cd * color[die];
+            (0..255).rev().find(|byte| cd(die, *byte) <= most_cd).unwrap_or(0)
+        });
+        (0..8).map(move |up| std::array::from_fn(|die| below[die] + (up >> die & 1)))
+    });
+    let with_error = candidates.map(|bytes: [u8; 3]| {
+        let rgb: Vector3<f64> = (0..3).map(|die| of_die[die] * cd(die, bytes[die])).sum();
+        let screen = at_full_scale(rgb.into());
+        let errors = (0..3).map(|channel| (screen[channel] - wanted[channel]).abs());
+        (bytes, errors.fold(0.0, f64::max))
+    });
+    with_error.min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
+}
+
+/// Levels of a screen, 0 to 1, of linear light whose strongest channel is full.
+fn at_full_scale(rgb: [f64; 3]) -> [f64; 3] {
+    let most = rgb.into_iter().fold(1e-9, f64::max);
+    rgb.map(|channel| encoded_from_linear((channel / most).max(0.0)))
 }
 
 /// Luminance of each die of a row for a screen color (sRGB) at full scale, relative to that of

@@ -229,10 +229,9 @@ fn the_color_led_follows_its_firmwares_curve() {
         let options = LightOptions { color_led_wrgb: wrgb, ..options(levels) };
         down_cd(&lit(&options, &[]), "color LED", 1.0)
     };
-    let of_lumen = |lm: f64| 0.7 / 4.7 * lm;
-    assert!((cd(ColorLedLevels::Corrected, [0, 0, 0, 255]) - of_lumen(50.0)).abs() < 1e-9);
+    let [white, blue] = [250.0, 50.0].map(|lm| 0.7 / 4.7 * lm);
+    assert!((cd(ColorLedLevels::Corrected, [0, 0, 0, 255]) - blue).abs() < 1e-9);
     // White 255 is evened out to 252 and squared to 249 of 255.
-    let white = of_lumen(250.0);
     assert!((cd(ColorLedLevels::Corrected, [255, 0, 0, 0]) - white * 249.0 / 255.0).abs() < 1e-9);
     assert!((cd(ColorLedLevels::Plain, [255, 0, 0, 0]) - white).abs() < 1e-9);
     let switched = lit(&options(ColorLedLevels::Corrected), &["color-led"]);

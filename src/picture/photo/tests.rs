@@ -505,17 +505,18 @@ fn a_background_joins_in_linear_light() {
 fn a_room_reflects_by_its_picture_relative_to_the_median() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
-    let gray = |level: u8| [level; 3];
-    let rgb8 = [gray(0), [100, 100, 200], gray(100), gray(120), gray(255)].concat();
+    fn light(level: f64) -> f64 {
+        srgb::linear_from_encoded(level / 255.0)
+    }
+    let rgb8 = [[0; 3], [100, 100, 200], [100; 3], [120; 3], [255; 3]].concat();
     let room = Photo { width_px: 5, height_px: 1, rgb8, scene_toml: None };
     std::fs::write(&path, encode_png(&room, None, &[])).unwrap();
     let background = path.to_str().unwrap().to_owned();
     let options = PhotoOptions { background, ..PhotoOptions::plain() };
     let [red, _, blue] = &*reflectance(&camera([5, 1], |_| {}), &options).unwrap().unwrap();
-    let light = |level: f64| srgb::linear_from_encoded(level / 255.0);
     let wanted = [light(4.0) / light(100.0), 1.0, 1.0, light(120.0) / light(100.0), 4.0];
-    for (found, wanted) in red.iter().zip(wanted) {
-        assert!((f64::from(*found) - wanted).abs() < 1e-5, "{red:?}");
+    for (share, wanted) in red.iter().zip(wanted) {
+        assert!((f64::from(*share) - wanted).abs() < 1e-5, "{red:?}");
     }
     assert!(blue[1] > 2.0 && blue[2] < 1.0, "a blue wall: {blue:?}");
     let none = reflectance(&camera([5, 1], |_| {}), &PhotoOptions::plain()).unwrap();

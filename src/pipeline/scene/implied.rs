@@ -4,7 +4,7 @@
 use toml::{Table, Value};
 
 use super::Scene;
-use noctograph_core::camera::{Framing, Metering};
+use noctograph_core::camera::Metering;
 use noctograph_picture::light::{Deck, RING, RingColor, RingEffect};
 use noctograph_plan::PlanOptions;
 
@@ -37,7 +37,7 @@ pub(super) const RULES: [Rule; 4] = [
     },
     Rule {
         when: "plan.lights = [\"ring\"] alone, without light.ring",
-        then: "light.ring = \"solid\", camera.framing.height_m = 0.15: its LEDs shine down",
+        then: "light.ring = \"solid\"",
         apply: solid_ring,
     },
     Rule {
@@ -53,10 +53,6 @@ pub(super) const RULES: [Rule; 4] = [
     },
 ];
 
-/// Height of the camera where a ring writes: on a bag of beans on the floor. Square in front of the
-/// word, the light above the camera would be dark.
-pub(super) const RING_CAMERA_M: f64 = 0.15;
-
 /// The first layer is the file. A ring that is chosen after it, for one run, shines whatever effect
 /// the file has.
 fn solid_ring(scene: &mut Scene, layers: &mut [Table]) {
@@ -68,13 +64,10 @@ fn solid_ring(scene: &mut Scene, layers: &mut [Table]) {
     let is_ring =
         lights.is_some_and(|it| matches!(&**it, [lamp] if lamp.as_str() == Some(RING.name)));
     let meant = &layers[usize::from(chosen > 0)..];
-    if !is_ring || meant.iter().any(|layer| value(layer, "light.ring").is_some()) {
+    if !is_ring || last_name(meant, "light.ring").is_some() {
         return;
     }
     scene.light.ring = RingEffect::Solid(RingColor::default());
-    if let Framing::Word(framing) = &mut scene.camera.framing {
-        framing.height_m = Some(RING_CAMERA_M);
-    }
     if let Some(Value::Table(light)) = layers[0].get_mut("light") {
         light.remove("ring");
     }

@@ -152,10 +152,11 @@ impl Scene {
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
         let with_line = |error| text::with_line(error, toml, file);
-        let mut layers = vec![text::read(toml, file)?];
+        let mut set = Table::new();
         for (key, value) in settings {
-            layers.push(text::single(key, value)?);
+            text::overlay(&mut set, text::single(key, value)?, Self::SHAPE.settings());
         }
+        let mut layers = vec![text::read(toml, file)?, set];
         let preset = match implied::last_name(&layers, "preset") {
             Some(name) => name.parse()?,
             None => Preset::default(),
@@ -165,6 +166,7 @@ impl Scene {
         let mut values = scene.to_table();
         let settings = Self::SHAPE.settings();
         layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, settings));
+        text::check_keys(&values).map_err(with_line)?;
         let scene = Self::from_table(values).map_err(with_line)?;
         scene.check().map_err(with_line)?;
         Ok(scene)
@@ -337,9 +339,8 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
-    use super::implied::RING_CAMERA_M;
     use super::*;
-    use noctograph_core::camera::{Framing, Metering};
+    use noctograph_core::camera::Metering;
     use noctograph_picture::light::{RingColor, RingEffect};
     use noctograph_plan::EvenStyle;
 
@@ -351,8 +352,6 @@ mod tests {
         let solid = RingEffect::Solid(RingColor::default());
         let chosen = ("plan.lights", "[\"ring\"]");
         assert_eq!(ring("", &[chosen]), solid);
-        let low = Scene::parse_with("", "scene", &[chosen]).unwrap().camera.framing;
-        assert!(matches!(low, Framing::Word(it) if it.height_m == Some(RING_CAMERA_M)));
         assert_eq!(ring("[plan]\nlights = [\"ring\"]\n", &[]), solid);
         assert_eq!(ring("[light]\nring = \"off\"\n", &[chosen]), solid);
         let named = "[plan]\nlights = [\"ring\"]\n[light]\nring = \"off\"\n";
@@ -361,6 +360,16 @@ mod tests {
             assert_eq!(ring("", &settings), RingEffect::Off);
         }
         assert_eq!(ring("", &[]), RingEffect::Off);
+        // A color alone, and with the effect in any order.
+        let (color, effect) = (("light.ring.color", "[1, 2, 3]"), ("light.ring", "solid"));
+        let colored = RingEffect::Solid(RingColor { color: [1, 2, 3] });
+        for settings in [&[chosen, color][..], &[color, effect], &[effect, color]] {
+            assert_eq!(ring("", settings), colored, "{settings:?}");
+        }
+        for (toml, settings) in [("", &[color][..]), ("[light.ring]\ncolor = [1, 2, 3]\n", &[])] {
+            let refused = Scene::parse_with(toml, "scene.toml", settings).unwrap_err().to_string();
+            assert!(refused.contains("light.ring.color: found color"), "{refused}");
+        }
         let printed = Scene::parse_with("", "scene", &[chosen]).unwrap();
         assert_eq!(Scene::parse_with(&printed.to_toml(), "scene", &[]).unwrap(), printed);
     }

@@ -252,6 +252,12 @@ pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
         let setting = settings.iter().find(|setting| setting.key == key);
         let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
+        if let (Shape::Tagged(_) | Shape::Group(_), Some(name @ Value::String(_))) =
+            (shape, base.get_mut(&key))
+        {
+            let kind = name.as_str().unwrap_or_default().to_owned();
+            *name = Value::Table(kind_alone(kind));
+        }
         match (shape, base.get_mut(&key), value) {
             (Shape::Tagged(variants), Some(Value::Table(base)), Value::Table(over)) => {
                 overlay_choice(base, over, variants);
@@ -263,7 +269,7 @@ pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
                 overlay(base, over, settings);
             }
             (Shape::Group(settings), Some(Value::Table(base)), Value::String(kind))
-                if base.contains_key("kind") =>
+                if settings.iter().any(|setting| setting.key == "kind") =>
             {
                 overlay(base, kind_alone(kind), settings);
             }
@@ -278,10 +284,11 @@ fn kind_alone(kind: String) -> Table {
     [("kind".to_owned(), Value::String(kind))].into_iter().collect()
 }
 
-/// Merges the table of a choice; another `kind` drops the settings below.
+/// Merges the table of a choice; another `kind` drops the settings below, and the first one keeps
+/// them.
 fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
-    match over.get("kind") {
-        Some(kind) if Some(kind) != base.get("kind") => *base = over,
+    match (over.get("kind"), base.get("kind")) {
+        (Some(kind), Some(was)) if kind != was => *base = over,
         _ => {
             let settings = of_kind(variants, base);
             overlay(base, over, settings);
