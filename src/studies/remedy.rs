@@ -154,7 +154,7 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
         Change::new("camera.width_px", good.width_px),
         Change::new("camera.height_px", good.height_px),
     ];
-    let is_bright = photo.ambient_cd_m2 > DARK_ROOM_CD_M2;
+    let is_bright = photo.background.is_empty() && photo.ambient_cd_m2 > DARK_ROOM_CD_M2;
     Ok(vec![
         set(!matches!(camera.framing, Framing::Word(_)), "camera.framing", "word"),
         set(camera.metering == Metering::Off, "camera.metering", "trail"),

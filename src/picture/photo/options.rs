@@ -111,10 +111,11 @@ impl PhotoOptions {
     }
 
     /// Light of the room in the middle of the picture, in stops relative to saturation; `None` in a
-    /// dark room.
+    /// dark room, and where a background has it.
     #[must_use]
     pub fn ambient_stops(&self, camera: &Camera) -> Option<f64> {
         let ambient_lx_s = self.ambient_cd_m2 * camera.lx_s_of_luminance();
-        (ambient_lx_s > 0.0).then(|| libm::log2(ambient_lx_s / camera.saturation_lx_s()))
+        let is_lit = ambient_lx_s > 0.0 && self.background.is_empty();
+        is_lit.then(|| libm::log2(ambient_lx_s / camera.saturation_lx_s()))
     }
 }

@@ -377,6 +377,8 @@ fn room_light_follows_luminance_time_and_aperture() {
     assert!((at_8 - 0.007_080).abs() < 1e-5, "{at_8}");
     let stops = options.ambient_stops(&camera([3, 3], |_| {})).unwrap();
     assert!((stops - libm::log2(f64::from(at_8))).abs() < 1e-3, "the meter's {stops} stops");
+    let before = PhotoOptions { background: "room.png".into(), ..options.clone() };
+    assert_eq!(before.ambient_stops(&camera([3, 3], |_| {})), None, "in the picture");
     assert_eq!(light(|c| c.f_number = 16.0), at_8 / 4.0, "N²");
     assert_eq!(light(|c| c.iso = 400.0), at_8 * 4.0, "ISO");
     assert_eq!(light(|c| c.shutter_close_s = Some(5.0)), at_8 / 2.0, "time");

@@ -98,6 +98,11 @@ const RULES: &[Rule] = &[
         |s| s.camera.body.fixed_lens().is_some(),
         "a telephone has a lens of its own",
     ),
+    (
+        &["photo.ambient_cd_m2", "photo.ambient_from_m", "expose.unevenness"],
+        |s| !s.photo.background.is_empty(),
+        "photo.background has the light and the texture of its room",
+    ),
 ];
 
 /// A key that `coverage` and `check` use whatever the drone's sensors are.
@@ -313,6 +318,8 @@ mod tests {
         assert_eq!(idle("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
         assert_eq!(idle("[light]\nled_bitmask = 128"), [""; 0]);
         assert_eq!(idle("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);
+        let room = "[photo]\nbackground = \"room.png\"\nambient_cd_m2 = 0.1";
+        assert_eq!(idle(room), ["photo.ambient_cd_m2"]);
         let in_color = |chromaticity: &str| {
             let toml = format!(
                 "[plan]\nlights = [\"laser\"]\n[[light.fixtures]]\ndrive.command = \"laser\"\n\
