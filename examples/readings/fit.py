@@ -111,7 +111,8 @@ def other_length(name, word):
 def scene_of_score(scene):
     """What a verdict needs of a scene that an older program wrote: word, letters and camera."""
     head, *tables = re.split(r"(?m)^(?=\[)", scene)
-    return head + "".join(table for table in tables if re.match(r"\[(letters|camera)", table))
+    text = head + "".join(table for table in tables if re.match(r"\[(letters|camera)", table))
+    return re.sub(r"(?m)^(picture|smoothing_m|tolerance_m) = .*\n", "", text)
 
 
 def verdicts(folder, expected):
