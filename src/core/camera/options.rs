@@ -103,7 +103,8 @@ settings! {
         /// Share of the width or height of the picture that the word fills, whichever comes first.
         fill_frac: f64 = 0.5, in 0.01..=1.0;
         /// Height of the camera, aimed at the middle of the word; by default that of the middle.
-        /// LED ring and color LED deck are brighter from below, and dark from above.
+        /// The LED ring and the color LED deck look brighter from below; the drone hides them from
+        /// above.
         height_m: Option<f64> = None, in 0.0..=1000.0;
     }
 

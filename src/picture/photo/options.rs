@@ -26,8 +26,9 @@ settings! {
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
         /// Photograph (PNG or JPEG) of the room without the flight, relative to the current folder,
         /// in place of the room's light; it covers the photo and is cut to its aspect. Taken at the
-        /// same exposure, it is as bright as it will be. Floor and walls (`expose.room_m`) reflect
-        /// the lamps where it is bright and in its colors. Empty for none.
+        /// same exposure, it is as bright as it will be. Its brightness, channel by channel, is the
+        /// relative albedo of floor and walls (`expose.room_m`) for the lamps' light. Empty for
+        /// none.
         background: String = String::new();
         /// Noise of the sensor.
         noise: Noise = Noise::default();
