@@ -21,6 +21,8 @@ const BLUE: [f64; 2] = [0.132, 0.049];
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
+/// White of the headlights: that of the team's photograph where it does not clip.
+const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 
 /// The LEDs on the board of a Crazyflie 2.x, which plans do not control but pictures show.
 ///
@@ -33,11 +35,12 @@ const WHITE: [f64; 2] = [0.3127, 0.329];
 /// packets a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's
 /// photograph, which shows no green for the packets received.
 ///
-/// Assumptions: 50 mcd of blue and 30 of red in every direction (0603 class; the light that a small
+/// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class; the light that a small
 /// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on
-/// both axes; the board hides them from below. They are fitted to the team's photograph: a strand
-/// of blue has a cyan heart, and is 2.4 px of 3.1 mm wide where it clips, in light twice as wide
-/// that the parts around it throw back.
+/// both axes; the board hides them from below. They are fitted to the team's photograph: in 536
+/// profiles across an upright strand of blue, green is above the levels 240, 200 and 150 over 2.9,
+/// 4.0 and 5.3 px of 3.1 mm (ours 3.2, 4.3, 5.2), and a level strand is about half as high. That is
+/// a flat disc of light around the LED.
 pub fn crazyflie() -> Vec<Fixture> {
     let on_board = |name: &str, drive, [x, y]: [f64; 2], light: Die, bit| Fixture {
         name: name.into(),
@@ -47,11 +50,12 @@ pub fn crazyflie() -> Vec<Fixture> {
         dies: vec![light],
         spill: 1.0,
         visible_cos: -0.5,
-        diameter_m: 0.006,
+        diameter_m: 0.0075,
+        depth_m: Some(0.001),
         bitmask_bit: Some(bit),
         ..Fixture::default()
     };
-    let (blue, red) = (die(0.05, BOARD_BLUE), die(0.03, RED));
+    let (blue, red) = (die(0.04, BOARD_BLUE), die(0.03, RED));
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
     let mut rows = vec![
@@ -64,8 +68,8 @@ pub fn crazyflie() -> Vec<Fixture> {
     for led in 0..3 {
         let [x, y, _] = rows[led].position_body_m;
         let propeller_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
-        rows.push(lit_by(&rows[led], "propeller", propeller_m, 0.06, 0.004));
-        rows.push(lit_by(&rows[led], "body", rows[led].position_body_m, 0.32, 0.02));
+        rows.push(lit_by(&rows[led], "propeller", propeller_m, 0.1, 0.004));
+        rows.push(lit_by(&rows[led], "body", rows[led].position_body_m, 0.4, 0.02));
     }
     rows
 }
@@ -85,7 +89,7 @@ fn lit_by(
 ) -> Fixture {
     let name = format!("{} off the {part}", led.name);
     let dies = led.dies.iter().map(|led| die(led.intensity_cd * share, led.chromaticity)).collect();
-    Fixture { name, position_body_m, dies, diameter_m, ..led.clone() }
+    Fixture { name, position_body_m, dies, diameter_m, depth_m: None, ..led.clone() }
 }
 
 /// The LED-ring deck below the body: two headlights forward, twelve RGB LEDs down.
@@ -98,9 +102,11 @@ fn lit_by(
 /// 0.6 to 0.8 of saturation, with strands that saturate: the headlights', and another 15 mm ahead
 /// of them in the first N and the O's, where the drone is seen from its side; to the right of the
 /// camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
-/// things as far to the left and to the right as the motors are. Fitted to it: 1.2 % of a
-/// headlight's light goes to its side, arms, mounts and propellers throw back 0.12 cd of both, and
-/// a motor 0.03 cd of each.
+/// things as far to the left and to the right as the motors are. Its edges are sharp: beyond the
+/// last pixel above level 200, green falls to 0.26, 0.02 and 0.005 of saturation (ours 0.30, 0.02,
+/// 0.005), so that the front of the drone is drawn as a block and not as a Gaussian lamp. Fitted to
+/// it: 1.2 % of a headlight's light goes to its side, arms, mounts and propellers throw back 0.13 cd
+/// of both, and a motor 0.03 cd of each.
 ///
 /// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it
 /// lights.
@@ -109,14 +115,15 @@ fn lit_by(
 /// (docs/photograph.md) strokes are ribbons with brighter rims, as wide as the ring where the drone
 /// climbs. They have 5 to 30 times the light of a power LED of the board beside them (a JPEG of
 /// 510 px does not say it better): a spill of 0.15 makes it 5. From above the deck hides them: the
-/// team's camera saw only the glow on the floor.
+/// team's camera, 16° and more above the letters, saw only the glow on the floor of a ring that
+/// swings by 4°.
 pub fn led_ring() -> Vec<Fixture> {
     let headlight = |name: &str, left_m| Fixture {
         name: name.into(),
         drive: Drive::Command(HEADLIGHTS.into()),
         position_body_m: [0.016, left_m, -0.01],
         axis_body: [1.0, 0.0, 0.0],
-        dies: vec![die(1.8, WHITE)],
+        dies: vec![die(1.8, HEADLIGHT)],
         spill: 0.012,
         visible_cos: -0.5,
         diameter_m: 0.003,
@@ -130,18 +137,18 @@ pub fn led_ring() -> Vec<Fixture> {
         axis_body: [0.0, 0.0, -1.0],
         dies: vec![die(0.4, RED), die(0.69, GREEN), die(0.19, BLUE)],
         spill: 0.15,
-        visible_cos: -0.3,
+        visible_cos: -0.2,
         diameter_m: 0.005,
         ..Fixture::default()
     }));
-    for (name, position_body_m, intensity_cd, diameter_m) in [
-        ("headlights off the body", [0.028, 0.0, 0.0], 0.12, 0.032),
-        ("headlight left off the motor", [MOTOR_M, MOTOR_M, 0.0], 0.03, 0.008),
-        ("headlight right off the motor", [MOTOR_M, -MOTOR_M, 0.0], 0.03, 0.008),
+    for (name, position_body_m, intensity_cd, diameter_m, depth_m) in [
+        ("headlights off the body", [0.028, 0.0, 0.0], 0.13, 0.024, Some(0.025)),
+        ("headlight left off the motor", [MOTOR_M, MOTOR_M, 0.0], 0.03, 0.008, None),
+        ("headlight right off the motor", [MOTOR_M, -MOTOR_M, 0.0], 0.03, 0.008, None),
     ] {
-        let dies = vec![die(intensity_cd, WHITE)];
+        let dies = vec![die(intensity_cd, HEADLIGHT)];
         let lit = headlight(name, 0.0);
-        rows.push(Fixture { position_body_m, dies, spill: 1.0, diameter_m, ..lit });
+        rows.push(Fixture { position_body_m, dies, spill: 1.0, diameter_m, depth_m, ..lit });
     }
     rows
 }
