@@ -406,7 +406,7 @@ mod tests {
         fn screen(channel: &str, level: f64, wrgb: [u8; 4]) -> [u8; 3] {
             screen_rgb(&deck_command(channel, level, wrgb), &LightOptions::default())
         }
-        assert_eq!(screen("headlights", 1.0, [0; 4]), [255; 3]);
+        assert_eq!(screen("headlights", 1.0, [0; 4]), [245, 255, 249], "their own white");
         assert_eq!(screen("ring", 0.0, [0, 9, 9, 9]), [0; 3]);
         let [white, ..] = screen("color-led", 1.0, [255, 0, 0, 0]);
         let [half, ..] = screen("color-led", 0.5, [255, 0, 0, 0]);
