@@ -103,10 +103,10 @@ fn lit_by(
 /// of them in the first N and the O's, where the drone is seen from its side; to the right of the
 /// camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
 /// things as far to the left and to the right as the motors are. Its edges are sharp: beyond the
-/// last pixel above level 200, green falls to 0.26, 0.02 and 0.005 of saturation (ours 0.30, 0.02,
-/// 0.005), so that the front of the drone is drawn as a block and not as a Gaussian lamp. Fitted to
-/// it: 1.2 % of a headlight's light goes to its side, arms, mounts and propellers throw back 0.13 cd
-/// of both, and a motor 0.03 cd of each.
+/// last pixel above level 200, green falls to 0.26, 0.016 and 0.005 of saturation (ours 0.34, 0.023
+/// and 0.005), so that the front of the drone is a block and not a Gaussian lamp. Fitted to it:
+/// 1.2 % of a headlight's light goes to its side, arms, mounts and propellers throw back 0.13 cd of
+/// both, and a motor 0.03 cd of each.
 ///
 /// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it
 /// lights.
