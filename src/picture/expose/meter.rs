@@ -310,14 +310,16 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     light_lx_s * smear * across
 }
 
-/// The same of a blurred rectangle: the mean over places along the segment, half a σ apart.
+/// The same of a blurred rectangle: the mean over places along the segment, a σ apart, of those
+/// whose light reaches the point.
 fn left_by_rectangle(segment: &Segment, at_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, half_px, light_lx_s, .. } = *segment;
     #[expect(clippy::cast_possible_truncation, reason = "within 1 and 1000")]
-    let n = (2.0 * segment.length_px() / sigma).ceil().clamp(1.0, 1000.0) as u32;
+    let n = (segment.length_px() / sigma).ceil().clamp(1.0, 1000.0) as u32;
     let places = (0..n).map(|i| start.lerp(end, (f64::from(i) + 0.5) / f64::from(n)) - at_px);
+    let near = places.filter(|by| (by.abs() - half_px).max_element() < REACH_SIGMA * sigma);
     let sum: f64 =
-        places.map(|by| density(by.x, half_px.x, sigma) * density(by.y, half_px.y, sigma)).sum();
+        near.map(|by| density(by.x, half_px.x, sigma) * density(by.y, half_px.y, sigma)).sum();
     light_lx_s * sum / f64::from(n)
 }
 
