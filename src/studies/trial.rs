@@ -21,11 +21,6 @@ use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 /// the trail, more cost time. For 20 words, each flown twice, the probability is on average 0.017
 /// off that at 1920 × 1080, and 0.21 at most, for Illi. Scenes are compared on equal films.
 const CAP_HEIGHT_PX: f64 = 48.0;
-/// What an [`Outcome`] means: raised where the same photo comes to another one, so that a store
-/// does not mix both. Since 2, a likelier rival caps the probability of being read; since 3, a
-/// rehearsal corrects every plan; since 4, `ekf` is the firmware's own filter; since 5, a film's
-/// spots are as narrow as half a pixel.
-const OUTCOME_VERSION: f64 = 5.0;
 
 /// A scene made ready to fly a word again and again.
 #[derive(Clone, Debug)]
@@ -222,7 +217,11 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
 fn digest(scene: &Scene, conditions: &Conditions) -> String {
     let mut digest = Digest::default();
     digest.add(env!("CARGO_PKG_VERSION"));
-    digest.add_numbers(&[CAP_HEIGHT_PX, OUTCOME_VERSION]);
+    // What flights, films and verdicts of this build are: a store holds none of another build.
+    digest.add(include_str!("../../golden/flight/digests.txt"));
+    digest.add(include_str!("../../golden/expose/films.txt"));
+    digest.add(include_str!("../../golden/score/faults.txt"));
+    digest.add_numbers(&[CAP_HEIGHT_PX]);
     digest.add(serde_json::to_vec(&CALIBRATION).expect("plain data"));
     digest.add(scene.to_toml());
     digest.add(serde_json::to_vec(conditions).expect("plain data"));
