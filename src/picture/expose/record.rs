@@ -27,8 +27,8 @@ const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
 /// are split.
 const LONGEST_SIGMA: [f64; SPOTS] = [0.011, 0.3, 0.95, 1.8];
 
-/// How much longer it is of a rectangle that is wider and higher than 2 σ: to within 4e-5 of the
-/// peak (the derivative of order 2n - 1 of the Gaussian, at the rectangle's edge).
+/// Factor on [`LONGEST_SIGMA`] for a rectangle wider and higher than 2 σ, which is drawn to within
+/// 4e-5 of its peak (same error term, with the derivative of order 2n - 1 at its edge).
 const LONGER_FLAT: f64 = 1.6;
 
 /// Nodes from -1 to 1 and weights of 1, 2, 3 and 4 spots (Gauss and Legendre: Abramowitz and Stegun
