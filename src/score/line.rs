@@ -116,7 +116,8 @@ impl Search {
 }
 
 impl Line {
-    /// The line of writing in a mask of inked pixels: its rows, columns and stroke width.
+    /// The line of writing in a mask of inked pixels: its rows, columns and stroke width. `None`
+    /// where it would be no higher than its strokes are wide, as the ragged edge of a level stroke.
     fn from_mask(
         step: usize,
         light: &[Arc<Raster>; 2],
@@ -131,9 +132,8 @@ impl Line {
         let columns = [first, inked.next_back().unwrap_or(first) + 1];
         let slack = whole(SLACK_H * (bottom - top) as f64);
         let rows = [top.saturating_sub(slack), (bottom + slack).min(height)];
-        let half = 0.5 * stroke_px;
-        let extent = [top as f64 + half, (bottom as f64 - half).max(top as f64 + half + 1.0)];
-        Some(Self {
+        let extent = [top as f64 + 0.5 * stroke_px, bottom as f64 - 0.5 * stroke_px];
+        let line = Self {
             step: step as f64,
             light: light.clone(),
             ink: ink.clone(),
@@ -142,7 +142,8 @@ impl Line {
             extent,
             rows,
             columns,
-        })
+        };
+        (line.letter_px >= 1.0).then_some(line)
     }
 
     /// Whether the ink is that of another line, or some of it, or of letters of another height.
@@ -266,4 +267,25 @@ fn stroke_width(mask: &[bool], width: usize) -> f64 {
     // Steps of a slanting edge are longer than the edge, by 4 / π on average.
     let edge = core::f64::consts::FRAC_PI_4 * f64::from(across + differing(mask, &mask[width..]));
     (2.0 * area as f64 / edge.max(1.0)).max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ragged_edge_of_a_level_stroke_is_no_line() {
+        let (width, height) = (400, 300);
+        let mut values = vec![0.0; width * height];
+        for (index, value) in values.iter_mut().enumerate() {
+            let (x, y) = (index % width, index / width);
+            let is_ragged = y < 100 && x % 8 > 3;
+            if (90..140).contains(&y) && (20..380).contains(&x) && !is_ragged {
+                *value = 1.0;
+            }
+        }
+        let light = Arc::new(Raster { width, height, values });
+        let mask: Vec<bool> = light.values.iter().map(|value| *value > INK_LEVEL).collect();
+        assert!(Line::from_mask(1, &[light.clone(), light.clone()], &light, &mask).is_none());
+    }
 }
