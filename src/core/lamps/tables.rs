@@ -37,10 +37,10 @@ const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 ///
 /// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class; the light that a small
 /// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on
-/// both axes; the board hides them from below. They are fitted to the team's photograph: in 536
-/// profiles across an upright strand of blue, green is above the levels 240, 200 and 150 over 2.9,
-/// 4.0 and 5.3 px of 3.1 mm (ours 3.4, 4.5, 5.5), and a level strand is about half as high. That is
-/// a flat disc of light around the LED.
+/// both axes; the board hides them from below. They are fitted to the team's photograph, in which a
+/// pixel is 3.1 mm. In 536 profiles across an upright blue strand, the green channel exceeds the
+/// levels 240, 200 and 150 over widths of 2.9, 4.0 and 5.3 px (render: 3.4, 4.5, 5.5). A level
+/// strand is about half as wide, as that of a flat disc of light around the LED.
 pub fn crazyflie() -> Vec<Fixture> {
     let on_board = |name: &str, drive, [x, y]: [f64; 2], light: Die, bit| Fixture {
         name: name.into(),
