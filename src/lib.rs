@@ -35,8 +35,7 @@
 //! | `features` | no code: features of packages, so that the tests of one crate reuse the program's build | nothing |
 //! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
 //! | `plan` | Strokes → [`plan::Plan`]; [`tracking`]: a flight against its plan | `core` |
-//! | `control` | [`control`]: linear systems, regulators, margins; no drone | `core` |
-//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], the loop ([`sim`]) | `control`, `core` |
+//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], the loop ([`sim`]), and the mathematics of linear systems ([`control`]), which knows no drone | `core` |
 //! | `picture` | Flight → [`light::LightTrace`] → [`expose::Film`] → [`photo::Photo`], on a graphics device (feature `gpu`) or the CPU | `core` |
 //! | `score` | Photo → [`score::Verdict`] | `core` |
 //! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `sim` |
@@ -49,9 +48,7 @@
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! Two crates stand before `core` and `sim` so that each holds one subject. `features` has no code:
-//! without it the tests of any one crate would build some thirty packages anew. `control` is the
-//! mathematics of linear systems: it knows no drone, and is tested without one.
+//! `features` has no code: without it the tests of any one crate would build some thirty packages anew.
 //!
 //! Rules beside these dependencies:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.

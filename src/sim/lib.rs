@@ -24,6 +24,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 mod avionics;
+pub mod control;
 mod controller;
 pub mod design;
 pub mod estimate;
@@ -46,7 +47,6 @@ pub use estimator::{
     one_more_anchor, writing_sigma_m,
 };
 pub use fly::{fly, fly_fleet, fly_watched};
-pub use noctograph_control as control;
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
     Drone, EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce, Law,

@@ -47,7 +47,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     use super::*;
-    use crate::is_hurwitz;
+    use crate::control::is_hurwitz;
 
     /// Closed form for `ẍ = b u`: `k₁ = √(q₁/r)`, `k₂ = √(q₂/r + 2 k₁/b)`.
     fn double_integrator_error(b: f64, q1: f64, q2: f64, r: f64) -> f64 {

@@ -16,8 +16,6 @@
 //! Not modeled: cross weights between state and input, descriptor systems, semidefinite solutions
 //! (a state that costs nothing is refused).
 
-#![forbid(unsafe_code)]
-
 use nalgebra::DMatrix;
 
 mod linear;
