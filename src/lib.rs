@@ -35,7 +35,7 @@
 //! | `features` | no code: features of packages, so that the tests of one crate reuse the program's build | nothing |
 //! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
 //! | `plan` | Strokes → [`plan::Plan`]; [`tracking`]: a flight against its plan | `core` |
-//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], the loop ([`sim`]), and the mathematics of linear systems ([`control`]), which knows no drone | `core` |
+//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`kalman`], the loop ([`sim`]), and the mathematics of linear systems ([`control`]), which knows no drone | `core` |
 //! | `picture` | Flight → [`light::LightTrace`] → [`expose::Film`] → [`photo::Photo`], on a graphics device (feature `gpu`) or the CPU | `core` |
 //! | `score` | Photo → [`score::Verdict`] | `core` |
 //! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `sim` |
@@ -48,7 +48,8 @@
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! `features` has no code: without it the tests of any one crate would build some thirty packages anew.
+//! `features` has no code: without it the tests of any one crate would build some thirty packages
+//! anew.
 //!
 //! Rules beside these dependencies:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
@@ -74,7 +75,7 @@ pub use noctograph_logs::identify;
 pub use noctograph_picture::{expose, light, photo};
 pub use noctograph_pipeline::{preflight, scene, shoot};
 pub use noctograph_plan::{self as plan, tracking};
-pub use noctograph_sim::{self as sim, control, estimate, sensors, vehicle};
+pub use noctograph_sim::{self as sim, control, kalman, sensors, vehicle};
 pub use noctograph_studies::{self as studies, comparison, report};
 pub use {
     noctograph_export as export, noctograph_letters as letters, noctograph_locate as locate,

@@ -120,7 +120,7 @@ impl SceneFlags {
         }
         scene.check()?;
         scene.settle_files()?;
-        warn_of_idle_keys(scene, used);
+        warn_of_unused_keys(scene, used);
         Ok(())
     }
 }
@@ -381,9 +381,9 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
 }
 
 /// Warns of keys that were set and have no effect, but for those that the verb uses.
-pub(super) fn warn_of_idle_keys(scene: &Scene, used: &[&str]) {
-    let idle = scene.idle_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
-    warn(idle.map(|(key, why)| format!("{key} has no effect: {why}")));
+pub(super) fn warn_of_unused_keys(scene: &Scene, used: &[&str]) {
+    let unused = scene.unused_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
+    warn(unused.map(|(key, why)| format!("{key} has no effect: {why}")));
 }
 
 /// Prints the warnings of a file.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::flight_flags::relit_where_dark;
+use super::flight_flags::infer_lights_if_dark;
 use super::read::read_upright;
 use super::{
     Args, CameraFlags, Corners, Error, FLIGHTS, FlightFlags, Output, Report, Result, SceneFlags,
@@ -15,7 +15,7 @@ use crate::plan::Plan;
 use crate::preflight::check_written;
 use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::Scene;
-use crate::score::{Homography, LogGap, Reader, Reading, View, locate};
+use crate::score::{Homography, LogGap, Reader, Reading, View, find_word};
 use crate::shoot::{flight_sha256, known};
 
 #[derive(Debug, Args)]
@@ -106,7 +106,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     for path in &args.flight {
         let mut flight = args.flights.read(path, Some(&scene))?;
         // As the photo of a log has it.
-        relit_where_dark(&mut flight, &mut scene, path)?;
+        infer_lights_if_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);
     }
     check_flights(args, &flights, notes.flight_sha256.as_deref())?;
@@ -176,7 +176,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
 
 /// Locates a word in a photo without a camera.
 fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
-    let view = locate(photo, reading, strokes)?;
+    let view = find_word(photo, reading, strokes)?;
     let text = match view {
         Some(_) => "no camera is given: the word is located by its light",
         None => "no camera is given and no writing found: the default camera is assumed",

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use super::show::LEAD_S;
 use super::{
     Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message,
-    warn_of_idle_keys,
+    warn_of_unused_keys,
 };
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
@@ -46,7 +46,7 @@ impl StudyFlags {
         let named = find_scene(named, &self.set.set)?;
         // Conditions may bring a radio that loses packets.
         let radio = conditions.draw(&named.scene, 0, 0).sim.radio;
-        warn_of_idle_keys(&Scene { radio, ..named.scene.clone() }, &[]);
+        warn_of_unused_keys(&Scene { radio, ..named.scene.clone() }, &[]);
         Ok(named)
     }
 

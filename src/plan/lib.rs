@@ -23,6 +23,7 @@ use noctograph_core::strokes::Strokes;
 mod even;
 pub mod feedforward;
 mod fleet;
+mod infer_lights;
 mod lamp;
 mod light_letters;
 mod light_timing;
@@ -30,7 +31,6 @@ mod motion;
 mod options;
 mod order;
 mod pen;
-mod relight;
 mod replay;
 pub mod response;
 mod smoothing;
@@ -41,6 +41,7 @@ pub mod tracking;
 mod transit;
 
 pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet, wake};
+pub use infer_lights::infer_lights;
 pub use lamp::LampTiming;
 pub use light_letters::light_letters;
 pub use light_timing::{Between, time_lights};
@@ -49,7 +50,6 @@ pub use noctograph_core::plan::{Plan, Setpoint, csv};
 pub use options::{
     EvenStyle, Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
 };
-pub use relight::relight;
 pub use replay::{Replay, replay};
 pub use stroke_ends::{StrokeEnd, stroke_ends};
 

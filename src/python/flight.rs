@@ -19,7 +19,7 @@ use noctograph::flight::table::MAX_DURATION_S;
 use noctograph::flight::{Flight, FlightSample, Quantity};
 use noctograph::geometry::Attitude;
 use noctograph::logs::{ImportOptions, import};
-use noctograph::plan::{LightClock, ReferenceKind, relight};
+use noctograph::plan::{LightClock, ReferenceKind, infer_lights};
 use noctograph::report::{NamedFlight, front_view};
 use noctograph::scene::Scene;
 use noctograph::shoot::{Shoot, Stop};
@@ -422,7 +422,7 @@ pub(super) fn import_log(
     let stage = move || {
         let mut flight = import(&path, &ImportOptions::default())?;
         if let Some(scene) = scene {
-            relight(&mut flight, &scene.strokes()?)?;
+            infer_lights(&mut flight, &scene.strokes()?)?;
         }
         Ok(flight)
     };

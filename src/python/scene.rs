@@ -9,7 +9,7 @@ use super::{Reduced, array, raised, reduced, run, save, to_python};
 use noctograph::error::Error;
 use noctograph::scene::Scene;
 use noctograph::shoot::Stop;
-use noctograph::sim::design::{MOTOR_LAG_S, design};
+use noctograph::sim::gain_design::{MOTOR_LAG_S, design};
 use noctograph::vehicle::Mixer;
 
 /// Everything that a photo depends on: word, letters, plan, drone, controller, lights, camera,

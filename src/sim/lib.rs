@@ -9,8 +9,8 @@
 //! starts at rest at the first setpoint, and a setpoint at or below the floor switches the motors
 //! off. The reference team's controller, the default of [`SimOptions`] (a scene's is the firmware's
 //! PID), holds each setpoint as it was sent: a position with no velocity, which the drone trails by
-//! about half a second; [`ControllerKind`] lists the others. [`design`] computes the gains without
-//! a flight.
+//! about half a second; [`ControllerKind`] lists the others. [`gain_design`] computes the gains
+//! without a flight.
 //!
 //! Sources: equations, weights and values of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
@@ -26,10 +26,10 @@
 mod avionics;
 pub mod control;
 mod controller;
-pub mod design;
-pub mod estimate;
 mod estimator;
 mod fly;
+pub mod gain_design;
+pub mod kalman;
 mod options;
 mod radio;
 mod recorder;

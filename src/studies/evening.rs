@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::conditions::{OUTAGE_EVERY_S, ROOM_GUST_M_S};
-use super::design::counter;
+use super::experiment::counter;
 use super::statistics::mean;
 use noctograph_core::error::Result;
 use noctograph_core::files::Limit;

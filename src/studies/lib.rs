@@ -21,8 +21,8 @@
 
 pub mod comparison;
 mod conditions;
-mod design;
 mod evening;
+mod experiment;
 mod hold;
 mod knobs;
 mod outcome;
@@ -40,8 +40,8 @@ mod trial;
 mod tune;
 
 pub use conditions::Conditions;
-pub use design::{Study, Trial, evaluate};
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
+pub use experiment::{Study, Trial, evaluate};
 pub use hold::{
     Bounds, CONSISTENT, Consistency, DURATION_S, Hold, HoldFigures, HoldModel, HoldSample,
     HoldScenario, HoldVerdict, STATE_NAMES, hold, hold_figures,

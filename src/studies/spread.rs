@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::Conditions;
-use super::design::counter;
+use super::experiment::counter;
 use super::statistics::mean;
 use super::trial::{or_lost, reader, shrink};
 use noctograph_core::error::{Error, Result};

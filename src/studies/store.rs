@@ -15,7 +15,7 @@ use std::sync::Mutex;
 use serde::{Deserialize, Serialize};
 
 use super::Outcome;
-use super::design::MAX_TRIALS;
+use super::experiment::MAX_TRIALS;
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output};
 use noctograph_core::input_error;

@@ -46,13 +46,13 @@ mod camera_exif;
 pub mod exr;
 pub mod flip;
 mod glare;
+mod kernel;
 mod metadata;
 mod noise;
 mod open;
 mod options;
 pub mod png;
 mod sensor;
-mod spread;
 mod starburst;
 #[cfg(test)]
 mod tests;

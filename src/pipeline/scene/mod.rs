@@ -27,19 +27,19 @@ use noctograph_sim::{
 
 mod advice;
 mod carried;
-mod idle;
 mod implied;
 mod named;
 mod preset;
 mod task;
 mod text;
+mod unused_keys;
 
 pub use advice::{Change, SceneAdvice};
 pub use carried::CarriedScene;
-pub use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
 pub use task::SceneTask;
+pub use unused_keys::reason;
 
 settings! {
     /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that
@@ -287,7 +287,7 @@ impl Scene {
     /// As [`letters::draw`] and [`letters::write`].
     pub fn strokes(&self) -> Result<Strokes> {
         if !self.letters.drawing.is_empty() {
-            let ink = if idle::writes_in_color(self) { Ink::ByColor } else { Ink::Alike };
+            let ink = if unused_keys::writes_in_color(self) { Ink::ByColor } else { Ink::Alike };
             return letters::draw(self.letters.drawing.as_ref(), &self.letters, ink);
         }
         letters::write(&self.word, &self.letters)

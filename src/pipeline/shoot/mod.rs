@@ -38,6 +38,7 @@ use noctograph_sim::{Avionics, Drone, EstimatorKind, Session, SimOptions, fly, f
 
 mod exported;
 mod file;
+mod infer_lights;
 #[cfg(test)]
 mod keys;
 mod lighting;
@@ -45,18 +46,17 @@ mod metering;
 mod moments;
 mod planned;
 mod problems;
-mod relit;
 mod response;
 mod shot;
 mod written;
 
 pub use file::Format;
+pub use infer_lights::{infer_lights_if_dark, light_all_along};
 pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 use planned::plan;
 pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
-pub use relit::{light_all_along, relit_where_dark};
 pub use response::step_responses;
 pub use shot::{Shot, flight_sha256, known};
 

@@ -81,7 +81,7 @@ mod tests {
     use std::collections::VecDeque;
 
     use super::*;
-    use crate::design::design;
+    use crate::gain_design::design;
     use crate::options::{ControllerKind, Law, PidOptions};
     use crate::vehicle::Vehicle;
     use noctograph_core::crazyflie::GRAVITY_M_S2;

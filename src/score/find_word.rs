@@ -24,7 +24,7 @@ const MAX_SLOPE: f64 = 0.3;
 /// # Errors
 ///
 /// As [`Homography::from_corners`].
-pub fn locate(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
+pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
     let boxes = strokes.glyphs.chunks(1).map(lit_bounds_m);
     let boxes: Vec<[f64; 4]> = boxes.filter(|[left, _, right, _]| left <= right).collect();
     let letters = &reading.letters;

@@ -260,7 +260,7 @@ fn names_at(values: &Value, key: &str) -> Vec<String> {
 
 impl Scene {
     /// Keys that differ from the preset's and have no effect, each with the reason.
-    pub fn idle_keys(&self) -> Vec<(String, String)> {
+    pub fn unused_keys(&self) -> Vec<(String, String)> {
         let plan = match &self.plan.style {
             Style::Even(_) => PlanOptions::even(),
             Style::Team(_) => PlanOptions::default(),
@@ -299,7 +299,7 @@ mod tests {
 
     fn idle(toml: &str) -> Vec<String> {
         let scene = Scene::parse(toml, "my.toml").unwrap();
-        scene.idle_keys().into_iter().map(|(key, _)| key).collect()
+        scene.unused_keys().into_iter().map(|(key, _)| key).collect()
     }
 
     #[test]
@@ -332,12 +332,12 @@ mod tests {
     }
 
     #[test]
-    fn no_preset_and_no_shipped_scene_has_idle_keys() {
+    fn no_preset_and_no_shipped_scene_has_unused_keys() {
         for &preset in Preset::ALL {
-            assert_eq!(Scene::preset(preset).idle_keys(), [], "{preset:?}");
+            assert_eq!(Scene::preset(preset).unused_keys(), [], "{preset:?}");
         }
         for name in ["team", "pid", "geometric", "tuned"] {
-            assert_eq!(Scene::find(name, &[]).unwrap().scene.idle_keys(), [], "{name}");
+            assert_eq!(Scene::find(name, &[]).unwrap().scene.unused_keys(), [], "{name}");
         }
     }
 }

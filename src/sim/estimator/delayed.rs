@@ -1,10 +1,13 @@
-//! Places of drones in the past, carried back from present estimates along the motion received.
+//! Delayed states: positions of drones in the past, as functions of their present errors. A message
+//! that arrives late is a measurement of one. Method: the motion since then is integrated from the
+//! inertial messages received. Stochastic cloning (Roumeliotis and Burdick, ICRA 2002) keeps a copy
+//! of the state instead.
 
 use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::estimate::{ERRORS, Part, TURN, VELOCITY};
+use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
 use crate::sensors::{Leg, Reckoning};
 
 /// Between two messages further apart, the motion is not interpolated: curves of letters bend.
@@ -12,8 +15,8 @@ const LONGEST_GAP_S: f64 = 0.3;
 /// Distance from a message within which its motion is used in any case.
 const NEAR_S: f64 = 0.05;
 
-/// A place in the past as a function of a drone's present errors.
-pub(super) struct Past {
+/// A position in the past as a function of a drone's present errors.
+pub(super) struct DelayedState {
     pub(super) position_m: Vector3<f64>,
     /// Time since.
     span_s: f64,
@@ -21,10 +24,10 @@ pub(super) struct Past {
     force_m_s: Vector3<f64>,
 }
 
-impl Past {
-    /// The slope of a measurement along a direction at this place. The tilt of this drone is in its
-    /// body's frame, those of others are in the world's.
-    pub(super) fn slope(
+impl DelayedState {
+    /// The Jacobian of a measurement along a direction at this position. The tilt of this drone is
+    /// in its body's frame, those of others are in the world's.
+    pub(super) fn jacobian(
         &self,
         drone: usize,
         direction: Vector3<f64>,
@@ -42,18 +45,18 @@ impl Past {
 }
 
 /// The place at the time `then`, of a drone that is now at `position_m`.
-pub(super) fn past(
+pub(super) fn delayed(
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
     tilt_rad: Vector3<f64>,
     now: &Reckoning,
     then: &Reckoning,
-) -> Past {
+) -> DelayedState {
     let Leg { span_s, gained_m_s, moved_m, force_m_s } = now.since(then);
     let turned_m_s = tilt_rad.cross(&force_m_s);
     let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
     let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
-    Past { position_m: position_m - since_m, span_s, force_m_s }
+    DelayedState { position_m: position_m - since_m, span_s, force_m_s }
 }
 
 /// The motion at a time between two messages: the cubic with their places and velocities.

@@ -16,7 +16,7 @@ pub(super) struct Plane {
 
 /// Kernel that spreads the light of a cell along an axis; values must stay below 2^58.
 #[derive(Debug)]
-pub(super) struct Spread<const PARTS: usize> {
+pub(super) struct Kernel<const PARTS: usize> {
     /// Places per cell.
     pub(super) step: usize,
     /// First place of cell 0.
@@ -27,17 +27,17 @@ pub(super) struct Spread<const PARTS: usize> {
 }
 
 /// 1-2-1.
-pub(super) const BLUR: Spread<3> = Spread { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
+pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
 /// Cells twice as wide to cells, 1-3-3-1.
-pub(super) const DOUBLE: Spread<4> =
-    Spread { step: 2, first: -1, cumulative: [1, 4, 7, 8], shift: 3 };
+pub(super) const DOUBLE: Kernel<4> =
+    Kernel { step: 2, first: -1, cumulative: [1, 4, 7, 8], shift: 3 };
 
 /// Cells four pixels wide to pixels, 1-3-5-7-7-5-3-1.
-pub(super) const QUADRUPLE: Spread<8> =
-    Spread { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
+pub(super) const QUADRUPLE: Kernel<8> =
+    Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 
-impl<const PARTS: usize> Spread<PARTS> {
+impl<const PARTS: usize> Kernel<PARTS> {
     /// Light of one part of a cell.
     #[inline(always)]
     pub(super) fn part(&self, value: u64, part: usize) -> u64 {
@@ -89,7 +89,7 @@ impl<const PARTS: usize> Spread<PARTS> {
     }
 }
 
-impl Spread<8> {
+impl Kernel<8> {
     /// Light of cells below which [`Self::along_narrow`] holds.
     pub(super) fn most_narrow(&self) -> u64 {
         1 << (32 - self.shift)
@@ -139,18 +139,18 @@ impl Plane {
 
     /// Adds the light spread along both axes to `out`.
     #[inline(always)]
-    pub(super) fn spread_into<const PARTS: usize>(&self, spread: &Spread<PARTS>, out: &mut Self) {
+    pub(super) fn spread_into<const PARTS: usize>(&self, kernel: &Kernel<PARTS>, out: &mut Self) {
         let mut row = vec![0; self.width];
-        for (y, sources) in spread.sources(self.height, out.height).iter().enumerate() {
+        for (y, sources) in kernel.sources(self.height, out.height).iter().enumerate() {
             row.fill(0);
             for &(cell, part) in sources {
                 let cells = &self.values[cell * self.width..][..self.width];
                 for (sum, &value) in row.iter_mut().zip(cells) {
-                    *sum += spread.part(value, part);
+                    *sum += kernel.part(value, part);
                 }
             }
             let places = &mut out.values[y * out.width..][..out.width];
-            spread.along(&row, places, |place, light| *place += light);
+            kernel.along(&row, places, |place, light| *place += light);
         }
     }
 

@@ -8,7 +8,7 @@ use crate::scene::{Preset, Scene};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, Quantity, airborne};
 use noctograph_logs::ImportOptions;
-use noctograph_plan::relight;
+use noctograph_plan::infer_lights;
 
 impl Shoot {
     /// Photographs a flight, a log or a light trace; a log without lights has those of the scene's
@@ -16,13 +16,13 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Recording::read`], [`relit_where_dark`] and [`Self::with_recordings`].
+    /// As [`Recording::read`], [`infer_lights_if_dark`] and [`Self::with_recordings`].
     pub fn of_log(mut scene: Scene, path: &Path) -> Result<(Self, Vec<String>)> {
         let firmware = Some(scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
         let (mut recording, mut notes) = Recording::read(path, &options)?;
         if let Recording::Flight(flight) = &mut recording {
-            if let Some(preset) = relit_where_dark(flight, &mut scene)? {
+            if let Some(preset) = infer_lights_if_dark(flight, &mut scene)? {
                 notes.push(format!("the letters are those of {}", preset.name()));
             }
             if flight.lights.is_empty() {
@@ -42,20 +42,20 @@ impl Shoot {
 ///
 /// # Errors
 ///
-/// As [`relight`].
-pub fn relit_where_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
+/// As [`infer_lights`].
+pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
     // Lights are inferred from setpoints.
     let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);
     if !is_unlit || !scene.has_strokes() {
         return Ok(None);
     }
-    let Err(error) = relight(flight, &scene.strokes()?) else { return Ok(None) };
+    let Err(error) = infer_lights(flight, &scene.strokes()?) else { return Ok(None) };
     let presets = || Preset::ALL.iter().map(|preset| (*preset, Scene::preset(*preset).letters));
     let is_preset = presets().any(|(_, letters)| letters == scene.letters);
     for (preset, letters) in presets().filter(|_| is_preset) {
         let tried = Scene { letters, ..scene.clone() };
         let Ok(strokes) = tried.strokes() else { continue };
-        if relight(flight, &strokes).is_ok() {
+        if infer_lights(flight, &strokes).is_ok() {
             scene.letters = tried.letters;
             return Ok(Some(preset));
         }

@@ -22,7 +22,7 @@ const LEAST_FLOWN: f64 = 0.6;
 /// # Errors
 ///
 /// [`Error::Input`] where the flight has no setpoints, or hardly any on the strokes.
-pub fn relight(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
+pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let hint = "name the word that was flown, and the size of its letters under [letters]; a log \
                 without lights must write them stroke by stroke, as style team does";
     if !flight.has(Quantity::Design) {
@@ -112,7 +112,7 @@ mod tests {
             let mut bare = flown.clone();
             bare.lights.clear();
             bare.samples.iter_mut().for_each(|sample| sample.letter = None);
-            relight(&mut bare, &strokes).unwrap();
+            infer_lights(&mut bare, &strokes).unwrap();
             let pairs = flown.lights["headlights"].iter().zip(&bare.lights["headlights"]);
             let wrong = pairs.filter(|(a, b)| a != b).count();
             // At a corner from light to dark the setpoint lies on both moves for an instant.
@@ -127,9 +127,10 @@ mod tests {
         let plan = plan(&strokes("NO"), &PlanOptions::default()).unwrap();
         let mut flight = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
         for other in ["QUIZZICAL", "QUIZ", "ON", "NOOR", "N"] {
-            let error = relight(&mut flight.clone(), &strokes(other)).map_err(|e| e.to_string());
+            let error =
+                infer_lights(&mut flight.clone(), &strokes(other)).map_err(|e| e.to_string());
             assert!(error.is_err_and(|error| error.contains(other)), "{other}");
         }
-        relight(&mut flight, &strokes("NO")).unwrap();
+        infer_lights(&mut flight, &strokes("NO")).unwrap();
     }
 }
