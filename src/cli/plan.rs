@@ -68,10 +68,12 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
 /// A log knows its lights and no letters: it writes where it is lit.
 fn written_where_lit(mut flight: Flight) -> Flight {
     if flight.samples.iter().all(|sample| sample.letter.is_none()) {
-        for (index, sample) in flight.samples.iter_mut().enumerate() {
-            let is_lit = flight.lights.values().any(|levels| levels[index] > 0.0);
-            sample.letter = is_lit.then_some(0);
-        }
+        flight.edit(|flight| {
+            for (index, sample) in flight.samples.iter_mut().enumerate() {
+                let is_lit = flight.lights.values().any(|levels| levels[index] > 0.0);
+                sample.letter = is_lit.then_some(0);
+            }
+        });
     }
     flight
 }

@@ -294,6 +294,7 @@ mod tests {
     use nalgebra::Vector3;
     use noctograph_core::camera::CameraOptions;
     use noctograph_core::lamps::{Drive, Fixture, LightOptions};
+    use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, Setpoint, plan};
     use noctograph_sim::SimOptions;
@@ -439,7 +440,7 @@ mod tests {
             letter: Some(0),
         };
         fn times_s(rows: &[Setpoint]) -> Result<Vec<f64>> {
-            let plan = Plan { setpoints: rows.to_vec(), ..Plan::default() };
+            let plan = Plan::made(PlanData { setpoints: rows.to_vec(), ..PlanData::default() });
             let rows = setpoints(&plan, 9.0)?;
             Ok(rows.iter().map(|row| row[0].as_f64().unwrap()).collect())
         }
@@ -468,11 +469,10 @@ mod tests {
         let timing = |strokes: usize| {
             let light = LightOptions::default();
             let (_, mut plan, _) = exported_with("NO", &checks(), &options, &light);
-            let lit = plan.lights.get_mut("ring").unwrap();
-            let n = lit.len();
-            for (row, level) in lit.iter_mut().enumerate() {
-                *level = f64::from(u8::from(2 * strokes * row / n % 2 == 1 && row + 9 < n));
-            }
+            let n = plan.setpoints.len();
+            let is_lit = |row: usize| 2 * strokes * row / n % 2 == 1 && row + 9 < n;
+            let levels = (0..n).map(|row| f64::from(u8::from(is_lit(row)))).collect();
+            plan.edit(|plan| plan.lights = [("ring".to_owned(), levels)].into());
             exported_plan("NO", &checks(), &plan, &light).1["trajectory"]["timing"].clone()
         };
         let four = timing(4);
@@ -493,7 +493,10 @@ mod tests {
         assert_eq!(end_s(&plan, &stretch, &light(letters_s - 1.0)), letters_s);
         assert_eq!(end_s(&plan, &stretch, &light(letters_s + 1.0)), letters_s + 1.2);
         let mut low = plan.clone();
-        low.setpoints.retain(|setpoint| setpoint.time_s < letters_s - 0.3 || setpoint.on_floor());
+        low.edit(|low| {
+            low.setpoints
+                .retain(|setpoint| setpoint.time_s < letters_s - 0.3 || setpoint.on_floor())
+        });
         let in_the_air = low.setpoints.iter().rfind(|setpoint| !setpoint.on_floor()).unwrap();
         assert_eq!(end_s(&low, &stretch, &[]), in_the_air.time_s);
     }
@@ -570,12 +573,12 @@ mod tests {
         let mut both = exported("NO", &checks()).1;
         let dark = vec![0.0; both.setpoints.len()];
         for channel in &noctograph_core::lamps::CHANNELS {
-            both.lights = [(channel.name.to_owned(), dark.clone())].into();
+            both.edit(|both| both.lights = [(channel.name.to_owned(), dark.clone())].into());
             let decks = decks(&both, Positioning::Sweeps);
             assert_eq!(decks[1..], [(channel.deck.0, channel.deck.1.to_vec())], "{}", channel.name);
         }
-        both.lights.insert("ring".to_owned(), dark.clone());
-        both.lights.insert("headlights".to_owned(), dark);
+        both.edit(|both| both.lights.insert("ring".to_owned(), dark.clone()));
+        both.edit(|both| both.lights.insert("headlights".to_owned(), dark));
         let names: Vec<&str> =
             decks(&both, Positioning::Sweeps).iter().map(|(name, _)| *name).collect();
         assert_eq!(names.iter().filter(|name| **name == "the ring").count(), 1, "{names:?}");
@@ -590,8 +593,9 @@ mod tests {
             acceleration_m_s2: Vector3::zeros(),
             letter,
         };
-        let plan =
-            |setpoints: &[Setpoint]| Plan { setpoints: setpoints.to_vec(), ..Plan::default() };
+        let plan = |setpoints: &[Setpoint]| {
+            Plan::made(PlanData { setpoints: setpoints.to_vec(), ..PlanData::default() })
+        };
         let one = plan(&[
             setpoint(-3.0, 0.0, None),
             setpoint(-1.0, 0.5, Some(0)),

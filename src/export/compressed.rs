@@ -350,6 +350,7 @@ mod tests {
     use super::super::pieces::motion;
     use super::super::tests::{assert_same, checked_m, decoded, read, waves};
     use super::*;
+    use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, Setpoint, plan};
 
@@ -400,7 +401,7 @@ mod tests {
             setpoint(1.5, 0.1, 0.0, 0.5),
             setpoint(2.0, 0.1, 0.0, 0.5),
         ];
-        let plan = Plan { setpoints, ..Plan::default() };
+        let plan = Plan::made(PlanData { setpoints, ..PlanData::default() });
         let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
         let bytes = trajectory.to_bytes();
         let want: Vec<u8> = [
@@ -434,7 +435,7 @@ mod tests {
             setpoint(8.5, [0.1, 0.0, 0.5], 0.0, Some(0)),
             setpoint(9.0, [0.1, 0.0, 0.5], 0.0, Some(0)),
         ];
-        Plan { setpoints, ..Plan::default() }
+        Plan::made(PlanData { setpoints, ..PlanData::default() })
     }
 
     /// The flight of [`beside`] whose drone waits for a time before it writes.
@@ -613,7 +614,7 @@ mod tests {
     fn what_does_not_fit_the_form_is_refused() {
         fn refused(change: fn(&mut Setpoint)) -> String {
             let mut plan = noor();
-            plan.setpoints.iter_mut().for_each(change);
+            plan.edit(|plan| plan.setpoints.iter_mut().for_each(change));
             Compressed::encode(&plan, 0.002).unwrap_err().to_string()
         }
         assert!(refused(|s| s.position_m.x += 33.0).contains("32.767"));

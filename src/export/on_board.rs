@@ -10,7 +10,7 @@ use super::poly4d::Poly4d;
 use super::timeline::{Timeline, earliest_s};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
-use noctograph_plan::{Plan, Setpoint, conflict};
+use noctograph_plan::{Plan, PlanData, Setpoint, conflict};
 
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
 const STEP_S: f64 = 0.01;
@@ -122,7 +122,7 @@ fn flown_alone(
     times_s.sort_by(f64::total_cmp);
     times_s.dedup_by(|b, a| *b - *a < 1e-6);
     let lit = plan.lit();
-    let mut out = Plan { yaw_rad: plan.yaw_rad, ..Plan::default() };
+    let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     for time_s in times_s {
         let row = plan.setpoints.partition_point(|s| s.time_s <= time_s + zero_s + 1e-6);
         let row = row.checked_sub(1);
@@ -143,7 +143,7 @@ fn flown_alone(
             letter: row.and_then(|row| plan.setpoints[row].letter),
         });
     }
-    Ok(out)
+    Plan::new(out)
 }
 
 #[cfg(test)]
@@ -159,10 +159,12 @@ mod tests {
     /// A plan that begins later and stands farther to the right.
     fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
         let mut plan = plan.clone();
-        for setpoint in &mut plan.setpoints {
-            setpoint.time_s += later_s;
-            setpoint.position_m.x += right_m;
-        }
+        plan.edit(|plan| {
+            for setpoint in &mut plan.setpoints {
+                setpoint.time_s += later_s;
+                setpoint.position_m.x += right_m;
+            }
+        });
         plan
     }
 

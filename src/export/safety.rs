@@ -243,6 +243,7 @@ pub fn table() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_core::flight::FlightSample;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, plan};
@@ -288,7 +289,7 @@ mod tests {
             options.open_circuit_v(options.charge_frac - spent_frac(sample.time_s)) - drop_v
         };
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
-        let flight = Flight { samples, extra, ..Flight::default() };
+        let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
         let battery = Battery::new(&options, &flight, low_v).unwrap();
         // It may be low for the last 5 s: at 55 s, 3.7 V at no load, where the curve is steep.
         let idle_v = options.resistance_ohm * options.idle_current_a;

@@ -299,14 +299,16 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
 
 /// Replaces the position of a flight by its estimate.
 fn use_estimate(flight: &mut Flight) {
-    for sample in &mut flight.samples {
-        sample.position_m = sample.estimate_m;
-    }
-    if flight.unlogged.contains(&Quantity::Estimate) {
-        flight.unlogged.insert(Quantity::Position);
-    } else {
-        flight.unlogged.remove(&Quantity::Position);
-    }
+    flight.edit(|flight| {
+        for sample in &mut flight.samples {
+            sample.position_m = sample.estimate_m;
+        }
+        if flight.unlogged.contains(&Quantity::Estimate) {
+            flight.unlogged.insert(Quantity::Position);
+        } else {
+            flight.unlogged.remove(&Quantity::Position);
+        }
+    });
 }
 
 /// Inputs of a reader beside the bytes: the log's name in messages, options, and the work budget.

@@ -1,4 +1,4 @@
-//! Relight: letters and headlight schedule of a flight whose log has neither.
+//! Letters and headlight schedule of a flight whose log has neither.
 //!
 //! The team's logs hold the setpoints, and its letters know along which moves the headlights were
 //! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move at or
@@ -35,9 +35,10 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
     // Where along each move the setpoints began and ended.
     let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
-    for sample in &mut flight.samples {
+    let mut letters = Vec::with_capacity(flight.samples.len());
+    for sample in &flight.samples {
         let begun = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
-        sample.letter = begun.map(|(letter, _)| letter);
+        letters.push(begun.map(|(letter, _)| letter));
         levels.push(f64::from(begun.is_some_and(|(_, lit)| lit)));
         if begun.is_some() {
             let [from_m, to_m] = &mut flown_m[progress.index];
@@ -55,7 +56,12 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
         let place = format!("word {word}");
         return Err(Error::input(place, actual, "a flight that writes this word", hint));
     }
-    flight.lights.insert(HEADLIGHTS.to_owned(), levels);
+    flight.edit(|flight| {
+        for (sample, letter) in flight.samples.iter_mut().zip(letters) {
+            sample.letter = letter;
+        }
+        flight.lights.insert(HEADLIGHTS.to_owned(), levels);
+    });
     Ok(())
 }
 
@@ -110,8 +116,8 @@ mod tests {
             let plan = plan(&strokes, &PlanOptions::default()).unwrap();
             let flown = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
             let mut bare = flown.clone();
-            bare.lights.clear();
-            bare.samples.iter_mut().for_each(|sample| sample.letter = None);
+            bare.edit(|bare| bare.lights.clear());
+            bare.edit(|bare| bare.samples.iter_mut().for_each(|sample| sample.letter = None));
             infer_lights(&mut bare, &strokes).unwrap();
             let pairs = flown.lights["headlights"].iter().zip(&bare.lights["headlights"]);
             let wrong = pairs.filter(|(a, b)| a != b).count();

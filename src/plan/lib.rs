@@ -46,7 +46,7 @@ pub use lamp::LampTiming;
 pub use light_letters::light_letters;
 pub use light_timing::{Between, time_lights};
 pub use noctograph_core::lamps::HEADLIGHTS;
-pub use noctograph_core::plan::{Plan, Setpoint, csv};
+pub use noctograph_core::plan::{Plan, PlanData, Setpoint, csv};
 pub use options::{
     EvenStyle, Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
 };
@@ -75,7 +75,8 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
 /// The plan with its heading, on the clock that will pace it, moved against the mean error of
 /// earlier flights.
 fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
-    let plan = Plan { yaw_rad: options.yaw_rad, ..plan };
+    let mut plan = plan;
+    plan.edit(|plan| plan.yaw_rad = options.yaw_rad);
     let plan = match options.trajectory_clock {
         None | Some(1.0) => plan,
         Some(rate) => light_timing::on_trajectory_clock(plan, rate),

@@ -16,7 +16,7 @@ use super::{
 };
 use noctograph::error::{Error, Result};
 use noctograph::flight::table::MAX_DURATION_S;
-use noctograph::flight::{Flight, FlightSample, Quantity};
+use noctograph::flight::{Flight, FlightData, FlightSample, Quantity};
 use noctograph::geometry::Attitude;
 use noctograph::logs::{ImportOptions, import};
 use noctograph::plan::{LightClock, ReferenceKind, infer_lights};
@@ -118,7 +118,8 @@ impl PyFlight {
         let samples = samples.collect();
         let unlogged =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
-        Ok(Self::new(Flight { samples, lights, unlogged, ..Flight::default() }))
+        let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
+        flight.map(Self::new).map_err(|error| raised(py, &error))
     }
 
     /// Reads the flight that ``save`` or ``noctograph fly`` wrote to a file.

@@ -14,7 +14,7 @@ use noctograph::error::Error;
 use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
 use noctograph::photo::flip::difference;
-use noctograph::photo::{self, Photo};
+use noctograph::photo::{self, Photo, PhotoData};
 use noctograph::report::{escaped, photos::shrink};
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop};
@@ -288,5 +288,6 @@ fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
     };
     let bytes = image.call_method0("tobytes")?;
     let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();
-    Ok(Photo { width_px, height_px, rgb8, scene_toml: None })
+    Photo::new(PhotoData { width_px, height_px, rgb8, scene_toml: None })
+        .map_err(|error| raised(py, &error))
 }

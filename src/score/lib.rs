@@ -18,7 +18,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 use noctograph_core::error::{Error, Result, within};
-use noctograph_core::photo::Photo;
+use noctograph_core::photo::{Photo, PhotoData};
 use noctograph_core::settings::settings;
 use noctograph_core::strokes::Strokes;
 
@@ -143,7 +143,7 @@ fn check(strokes: &Strokes) -> Result<()> {
 }
 
 fn check_size(photo: &Photo, view: &View) -> Result<()> {
-    let Photo { width_px, height_px, .. } = *photo;
+    let PhotoData { width_px, height_px, .. } = **photo;
     let [width, height] = view.size_px();
     if [width_px, height_px] != [width, height] {
         let hint = "name the scene that the photo was taken with";

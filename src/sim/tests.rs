@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use noctograph_letters::{LetterOptions, write};
-use noctograph_plan::{Plan, PlanOptions, Setpoint, plan};
+use noctograph_plan::{Plan, PlanData, PlanOptions, Setpoint, plan};
 
 /// The plan of a word in the reference team's letters.
 pub(crate) fn written(word: &str, options: &PlanOptions) -> Plan {
@@ -16,5 +16,5 @@ pub(crate) fn hover(position_m: [f64; 3], end_s: f64) -> Plan {
     let setpoints =
         [0.0, end_s].map(|time_s| Setpoint { time_s, position_m, letter, ..Setpoint::default() });
     let lights = [("headlights".to_owned(), vec![1.0; 2])].into();
-    Plan { setpoints: setpoints.into(), lights, ..Plan::default() }
+    Plan::made(PlanData { setpoints: setpoints.into(), lights, ..PlanData::default() })
 }

@@ -16,7 +16,7 @@ use noctograph_core::strokes::{Source, SourceStroke, Strokes};
 use noctograph_export::zip::zip;
 use noctograph_export::{Form, Format as ExportFormat, Mode};
 use noctograph_picture::expose::BackendChoice;
-use noctograph_picture::photo::{Photo, jpeg};
+use noctograph_picture::photo::{PhotoData, jpeg};
 use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile};
 use noctograph_pipeline::scene::{Change, Scene};
 use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Watch};
@@ -246,7 +246,7 @@ fn refusal(error: &Error, subject: &Subject) -> Message {
 
 /// Adds what a photo of either size has: its size, the flight, problems, and the letters' places.
 fn describe(shot: &Shot, notes: Vec<Message>, json: &mut Value) {
-    let Photo { width_px, height_px, .. } = shot.photo;
+    let PhotoData { width_px, height_px, .. } = *shot.photo;
     let problems = |are: bool| -> Vec<Message> {
         let problems = shot.problems.iter().filter(|it| it.is_obstacle() == are);
         problems.filter(|it| !matches!(it, Problem::Flight(..))).map(Message::of_problem).collect()

@@ -207,8 +207,8 @@ def test_columns_say_which_row_is_wrong(product):
     for time_s, position_m, light, said in [
         ([0, 1], np.zeros((3, 3)), None, "3 rows.*2 rows, as time_s"),
         ([0, -1], rest, None, "time_s.*-1 after 0"),
-        ([0, np.nan], rest, None, "time_s.*NaN in row 1"),
-        ([0, 1], rest + [[0] * 3, [np.inf, 0, 0]], None, "position_m.*inf in row 1"),
+        ([0, np.nan], rest, None, "time_s.*NaN after 0 in row 1"),
+        ([0, 1], rest + [[0] * 3, [np.inf, 0, 0]], None, "x_m.*inf in row 1"),
         ([0, 1], rest, [0, 255], "255 in row 1.*from 0 to 1"),
         ([0, 1], rest, {"ring": [0, 1, 1]}, "ring.*3 rows"),
     ]:

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::{Plan, Setpoint};
+use super::{Plan, PlanData, Setpoint};
 use crate::error::{Error, Result};
 use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
 use crate::flight::table::{Table, write_table};
@@ -112,7 +112,7 @@ impl Plan {
             let hint = "turn the drone before take-off";
             return Err(Error::input(YAW_COLUMN, other, wanted, hint));
         }
-        Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m, yaw_rad })
+        Self::new(PlanData { setpoints, lights: light_columns(table)?, lit, sent_m, yaw_rad })
     }
 }
 
@@ -136,14 +136,15 @@ mod tests {
         });
         let setpoints: Vec<Setpoint> = setpoints.collect();
         let lights = [("headlights".to_owned(), vec![0.0, 1.0, 0.5, 0.0])].into();
-        let plan = Plan { setpoints, lights, ..Plan::default() };
+        let plan = PlanData { setpoints, lights, ..PlanData::default() };
         let n = plan.setpoints.len();
-        let led = Plan {
+        let led = PlanData {
             lit: vec![0.5; n],
             sent_m: vec![Vector3::x(); n],
             yaw_rad: -1.5,
             ..plan.clone()
         };
+        let [plan, led] = [plan, led].map(Plan::made);
         for plan in [plan, led.clone()] {
             assert_eq!(Plan::parse_csv(&written(&plan), "plan.csv").unwrap(), plan);
         }

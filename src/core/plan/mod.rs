@@ -4,13 +4,20 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use crate::error::Result;
 use crate::flight::table::on_grid;
+use crate::product::{
+    Rules, Valid, check_length, check_levels, check_times, is_number, odd_number,
+};
 
 pub mod csv;
 
 /// Everything that is sent to one drone, in order of time.
+pub type Plan = Valid<PlanData>;
+
+/// The data of a [`Plan`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plan {
+pub struct PlanData {
     /// Setpoints; each is held until the next. A setpoint at or below the floor (z ≤ 0) asks for
     /// motors off.
     pub setpoints: Vec<Setpoint>,
@@ -47,7 +54,7 @@ pub struct Setpoint {
     pub letter: Option<usize>,
 }
 
-impl Plan {
+impl PlanData {
     /// When the last setpoint is sent: the end of the plan.
     pub fn duration_s(&self) -> f64 {
         self.setpoints.last().map_or(0.0, |last| last.time_s)
@@ -128,6 +135,39 @@ impl Plan {
     pub fn push(&mut self, setpoint: Setpoint, level: f64) {
         self.setpoints.push(setpoint);
         self.lights.values_mut().for_each(|levels| levels.push(level));
+    }
+}
+
+impl Rules for PlanData {
+    fn check(&self) -> Result<()> {
+        let n = self.setpoints.len();
+        check_times(self.setpoints.iter().map(|setpoint| setpoint.time_s))?;
+        for (row, setpoint) in self.setpoints.iter().enumerate() {
+            let Setpoint { position_m, velocity_m_s, acceleration_m_s2, .. } = setpoint;
+            let vectors = [position_m, velocity_m_s, acceleration_m_s2];
+            let names = csv::COLUMNS[1..].chunks(3).zip(vectors);
+            let mut numbers = names.flat_map(|(names, vector)| names.iter().zip(vector.iter()));
+            if let Some((name, value)) = numbers.find(|(_, value)| !is_number(**value)) {
+                return Err(odd_number(name, row, *value));
+            }
+        }
+        for (channel, levels) in &self.lights {
+            check_levels(&format!("light.{channel}"), levels, n)?;
+        }
+        if !self.lit.is_empty() {
+            check_levels("lit", &self.lit, n)?;
+        }
+        if !self.sent_m.is_empty() {
+            check_length("sent_m", self.sent_m.len(), n)?;
+        }
+        let sent = self.sent_m.iter().flat_map(|sent_m| sent_m.iter());
+        match sent.chain(&[self.yaw_rad]).position(|value| !is_number(*value)) {
+            None => Ok(()),
+            Some(place) if place / 3 < self.sent_m.len() => {
+                Err(odd_number("sent_m", place / 3, self.sent_m[place / 3][place % 3]))
+            }
+            Some(_) => Err(odd_number("yaw_rad", 0, self.yaw_rad)),
+        }
     }
 }
 

@@ -125,7 +125,7 @@ impl Scene {
             }
             return Self::parse_with(&text, &file, settings);
         }
-        let Some(toml) = photo::read_with_notes(path)?.0.scene_toml else {
+        let Some(toml) = photo::read_with_notes(path)?.0.into_data().scene_toml else {
             let (actual, wanted) = ("a photo without a scene", "a photo of this program");
             return Err(Error::input(file, actual, wanted, "name the scene's own file"));
         };

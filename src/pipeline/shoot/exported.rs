@@ -31,7 +31,7 @@ impl Shoot {
     pub fn by_its_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();
         for Planned { plan, ends } in &mut self.plans {
-            *plan = std::mem::take(plan).paced(rate);
+            *plan = Plan::made(std::mem::take(plan).into_data().paced(rate));
             ends.iter_mut().for_each(|end| end.time_s /= rate);
         }
         self
@@ -62,25 +62,27 @@ impl Shoot {
 fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     let (lit, commanded) = (plan.lit(), plan.commanded());
     let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
-    for (channel, levels) in &mut plan.lights {
-        if lamps.contains(channel) {
-            levels.clone_from(&lit);
-            continue;
-        }
-        // A color where no light was commanded is that of the nearest command within the stroke.
-        let stretches = lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0));
-        let mut end = 0;
-        for stretch in stretches {
-            let rows = end..end + stretch.len();
-            end = rows.end;
-            let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
-            for row in rows {
-                let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
-                levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
+    plan.edit(|plan| {
+        for (channel, levels) in &mut plan.lights {
+            if lamps.contains(channel) {
+                levels.clone_from(&lit);
+                continue;
+            }
+            // A color where no light was commanded is that of the nearest command in the stroke.
+            let stretches = lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0));
+            let mut end = 0;
+            for stretch in stretches {
+                let rows = end..end + stretch.len();
+                end = rows.end;
+                let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
+                for row in rows {
+                    let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
+                    levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
+                }
             }
         }
-    }
-    plan.lit.clear();
+    });
+    plan.edit(|plan| plan.lit.clear());
     in_colors(plan, light)
 }
 

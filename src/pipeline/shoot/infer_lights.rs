@@ -70,6 +70,6 @@ pub fn light_all_along(flight: &mut Flight, scene: &Scene) {
     let levels = (0..flight.samples.len()).map(|i| f64::from(u8::from(air.contains(&i))));
     let levels: Vec<f64> = levels.collect();
     for channel in &scene.plan.lights {
-        flight.lights.insert(channel.clone(), levels.clone());
+        flight.edit(|flight| flight.lights.insert(channel.clone(), levels.clone()));
     }
 }

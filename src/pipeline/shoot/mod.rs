@@ -218,7 +218,7 @@ impl Shoot {
     /// together.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
         scene.check()?;
-        let whole_s = plans.iter().map(Plan::duration_s).sum::<f64>();
+        let whole_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();
         if whole_s > MAX_TOGETHER_S {
             let actual = format!("{} that last {whole_s:.0} s together", plans.len());
             let wanted = format!("at most {MAX_TOGETHER_S} s");

@@ -8,7 +8,6 @@ use super::{Judging, Lighting, Metered, Shoot};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
-use noctograph_letters::Strokes;
 use noctograph_picture::expose::{Backend, Developer, Exposure, Film, project};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::light::gaps::{Gap, dark};
@@ -115,7 +114,7 @@ impl Shoot {
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
-        photo.scene_toml = self.format.map(|_| scene.to_toml());
+        photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.to_toml()));
         let tracked = OnceLock::new();
         let read = || match reader {
             None => Ok(None),
@@ -175,7 +174,7 @@ impl Shoot {
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         Shown {
             flight_sha256: joined(digests),
-            strokes_sha256: strokes.map(Strokes::sha256),
+            strokes_sha256: strokes.map(|strokes| strokes.sha256()),
             log_gaps: flights.iter().flat_map(log_gaps).collect(),
         }
     }

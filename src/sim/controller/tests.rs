@@ -11,7 +11,7 @@ use crate::vehicle::Gusts;
 use crate::{ControllerKind, EstimatorKind, SimOptions};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_plan::tracking::{Part, track};
-use noctograph_plan::{Extent, Plan, PlanOptions, Setpoint};
+use noctograph_plan::{Extent, Plan, PlanData, PlanOptions, Setpoint};
 
 const PLACE_M: [f64; 3] = [0.2, -0.1, 0.8];
 
@@ -51,7 +51,7 @@ fn figure_eight() -> Plan {
             letter: (time_s >= 8.0).then_some(0),
         }
     });
-    Plan { setpoints: setpoints.collect(), ..Default::default() }
+    Plan::made(PlanData { setpoints: setpoints.collect(), ..Default::default() })
 }
 
 /// Samples that write a letter, in the plane of the word: (design, position).
@@ -95,7 +95,7 @@ fn contour_error_m(flight: &Flight) -> f64 {
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
     let mut flight = flown(&hover(PLACE_M, 20.0), &options, 0).unwrap();
-    flight.samples.retain(|sample| sample.time_s > 10.0);
+    flight.edit(|flight| flight.samples.retain(|sample| sample.time_s > 10.0));
     track(&flight, Part::Letters).unwrap().mean_error_m
 }
 
@@ -191,11 +191,11 @@ fn every_controller_flies_the_word_from_floor_to_floor() {
 
 #[test]
 fn every_controller_survives_a_climb_that_saturates_its_motors() {
-    let mut climb = Plan { lights: [].into(), ..hover(PLACE_M, 12.0) };
-    climb.setpoints[0].position_m.z = 0.5;
-    climb.setpoints.insert(1, Setpoint { time_s: 2.0, ..climb.setpoints[1] });
-    climb.setpoints[1].position_m.z = 1.7;
-    climb.setpoints[2].position_m.z = 1.7;
+    let mut climb = Plan::made(PlanData { lights: [].into(), ..hover(PLACE_M, 12.0).into_data() });
+    climb.edit(|climb| climb.setpoints[0].position_m.z = 0.5);
+    climb.edit(|climb| climb.setpoints.insert(1, Setpoint { time_s: 2.0, ..climb.setpoints[1] }));
+    climb.edit(|climb| climb.setpoints[1].position_m.z = 1.7);
+    climb.edit(|climb| climb.setpoints[2].position_m.z = 1.7);
     for &kind in ControllerKind::ALL {
         let flight = flown(&climb, &undisturbed(kind), 0)
             .unwrap_or_else(|error| panic!("{kind:?}: {error}"));

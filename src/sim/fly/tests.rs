@@ -1,4 +1,5 @@
 use nalgebra::Vector3;
+use noctograph_core::plan::PlanData;
 use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
@@ -26,7 +27,7 @@ fn plan(points: &[(f64, f64, f64)]) -> Plan {
     });
     let setpoints: Vec<_> = setpoints.collect();
     let lights = [("headlights".to_owned(), vec![0.5; setpoints.len()])].into();
-    Plan { setpoints, lights, ..Plan::default() }
+    Plan::made(PlanData { setpoints, lights, ..PlanData::default() })
 }
 
 fn fly_default(plan: &Plan) -> Result<Flight> {
@@ -63,7 +64,11 @@ fn every_drone_writes_the_same_with_its_nose_turned_and_keeps_the_heading() {
         options.vehicle.inertia_kg_m2[1] = options.vehicle.inertia_kg_m2[0];
         (options.controller.kind, options.observer.kind) = (controller, estimator);
         options.sensors.positioning = positioning;
-        let facing = |yaw_rad| flown(&Plan { yaw_rad, ..plan(&path) }, &options, 1).unwrap();
+        let facing = |yaw_rad| {
+            let mut plan = plan(&path);
+            plan.edit(|plan| plan.yaw_rad = yaw_rad);
+            flown(&plan, &options, 1).unwrap()
+        };
         let (ahead, turned) = (facing(0.0), facing(-2.0));
         for (a, b) in ahead.samples.iter().zip(&turned.samples) {
             let apart_m = (a.position_m - b.position_m).norm();
@@ -76,7 +81,7 @@ fn every_drone_writes_the_same_with_its_nose_turned_and_keeps_the_heading() {
             );
         }
     }
-    let error = flown(&Plan { yaw_rad: f64::NAN, ..plan(&path) }, &SimOptions::default(), 1);
+    let error = Plan::new(PlanData { yaw_rad: f64::NAN, ..plan(&path).into_data() });
     assert!(error.unwrap_err().to_string().contains("yaw_rad"));
 }
 
@@ -217,7 +222,7 @@ fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flie
     options.radio.drones = 1;
     options.radio.loss_frac = 1.0;
     let mut hover = plan(&[(0.0, 0.0, 0.8), (1.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
-    hover.lights.get_mut("headlights").unwrap()[0] = 0.0;
+    hover.edit(|hover| hover.lights.get_mut("headlights").unwrap()[0] = 0.0);
     let streamed = flown(&hover, &options, 1).unwrap();
     let sample_at =
         |flight: &Flight, time_s: f64| *flight.samples.iter().find(|s| s.time_s >= time_s).unwrap();

@@ -10,7 +10,6 @@ use super::plans::plan_view;
 use noctograph_core::camera::INFINITY_M;
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, Quantity};
-use noctograph_picture::expose::Film;
 use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
 use noctograph_pipeline::preflight::{Checked, ShotPlan};
@@ -97,7 +96,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     page =
         page.text(&(base + if changes.is_empty() { ": none." } else { ":" })).table(head, changes);
     let digests =
-        [("film", shot.film.as_ref().map(Film::sha256)), ("flight", shot.flight_sha256())];
+        [("film", shot.film.as_ref().map(|film| film.sha256())), ("flight", shot.flight_sha256())];
     let digests = digests.into_iter().filter_map(|(name, sha256)| Some([name.to_owned(), sha256?]));
     Ok(page.table(["digest", "SHA-256"], digests))
 }
