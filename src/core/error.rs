@@ -219,8 +219,8 @@ impl Error {
     }
 }
 
-/// Whether Windows refuses a name for a file: that of a device, with any ending, or with a sign that
-/// it does not allow.
+/// Whether Windows refuses a name for a file: that of a device, with any ending, or with a sign
+/// that it does not allow.
 fn is_reserved(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
     let numbered = ["COM", "LPT"].iter().find_map(|device| stem.strip_prefix(device));

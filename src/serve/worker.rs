@@ -39,7 +39,7 @@ const MEMORY: u64 = 1 << 30;
 /// hangs, and are long enough for a busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
-/// Longest wait for a killed worker's end, which takes less than a millisecond unless its disk hangs.
+/// Longest wait for a killed worker's end, which takes a millisecond unless its disk hangs.
 const END_TRIES: usize = 100;
 const END_PAUSE: Duration = Duration::from_millis(1);
 /// Longest answer: a photo of two megapixels with its files, in base64.
