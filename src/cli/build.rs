@@ -1,8 +1,6 @@
 //! The commit that the program is built from, in `NOCTOGRAPH_COMMIT`: that of the environment, else
 //! of the clone, else nothing.
 
-#![expect(clippy::print_stdout, reason = "what cargo is told")]
-
 use std::path::Path;
 use std::process::Command;
 

@@ -1,7 +1,6 @@
 //! Names the source that decides the outcome of a flight, in `NOCTOGRAPH_SOURCE`: two builds of one
 //! source have the same name, from a clone or an archive, on every system.
 
-#![expect(clippy::print_stdout, reason = "what cargo is told")]
 #![expect(clippy::disallowed_methods, reason = "the source")]
 
 use std::path::{Path, PathBuf};
