@@ -3,6 +3,7 @@
 
 use clap::Command;
 
+use super::started::words;
 use super::{Error, typefaces};
 use crate::scene::{Change, Scene};
 use noctograph_core::settings::{Described, paths};
@@ -89,7 +90,8 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     // A flag already given is not advised.
     fn is_typed(flag: &str) -> bool {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
-        std::env::args().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
+        let begins = format!("{flag}=");
+        words().iter().any(|word| *word == *flag || word.to_string_lossy().starts_with(&begins))
     }
     let special =
         FLAGS.iter().filter(|(place, flag, _)| *place == path && has(flag) && !is_typed(flag));

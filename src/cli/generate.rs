@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Command, Subcommand};
 use clap_complete::Shell;
 
-use super::{OutputFolder, Report, Result, json};
+use super::{Output, OutputFolder, Report, Result, json};
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
@@ -19,6 +19,9 @@ enum Kind {
     Completions {
         /// Shell that it is for
         shell: Shell,
+        /// File to write, instead of printing it
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
     },
     /// Open the graphics device and run the shader once
     #[command(hide = true)]
@@ -34,11 +37,15 @@ enum Kind {
 pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
     let mut command = super::command();
     match &args.kind {
-        Kind::Completions { shell } => {
+        Kind::Completions { shell, output } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut command, "noctograph", &mut script);
             let script = String::from_utf8(script).expect("scripts are text");
-            Ok(Report::new(script.clone(), json!({ "script": script })))
+            let Some(path) = output else {
+                return Ok(Report::new(script.clone(), json!({ "script": script })));
+            };
+            let file = Output::create(path)?.keep(script)?;
+            Ok(Report::with_layout(json!({}), "").with_files(&[file]))
         }
         Kind::Device => {
             let adapter = crate::expose::try_device()?;

@@ -4,6 +4,7 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde::Serialize;
 
+use super::started::words;
 use super::{Value, line, print};
 use noctograph_core::files::STANDARD_OUTPUT;
 
@@ -90,7 +91,8 @@ pub(super) fn shell_word(path: &Path) -> String {
 
 /// The command that is running, as one types it.
 pub(super) fn typed_command() -> String {
-    let words = std::env::args().skip(1).map(|word| shell_word(Path::new(&word)));
+    let words = words();
+    let words = words.iter().map(|word| shell_word(Path::new(word)));
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 

@@ -142,7 +142,7 @@ impl Gallery {
     /// until it is free.
     pub(crate) fn keep(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
         let failed = |source| Error::write(&self.folder, source);
-        let (staging, lock) = folder_in(&self.folder).map_err(failed)?;
+        let (staging, mut lock) = folder_in(&self.folder).map_err(failed)?;
         let mut files = files_of(&photo.answer);
         files.retain(|(name, _)| [PNG, SCENE].contains(&&**name));
         files.push((JPEG.into(), jpeg_of(&photo.answer).unwrap_or_default()));
@@ -156,6 +156,10 @@ impl Gallery {
             write(&staging.path().join(ENTRY), &pretty(entry))?;
             synced(staging.path()).map_err(failed)?;
             let folder = self.folder.join(entry.folder_name());
+            if cfg!(windows) {
+                // It renames no folder in which a file is open.
+                lock = None;
+            }
             match std::fs::rename(staging.path(), &folder) {
                 Ok(()) => {}
                 // Something that was put there by hand has the name.

@@ -39,6 +39,9 @@ const MEMORY: u64 = 1 << 30;
 /// hangs, and are long enough for a busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
+/// Longest wait for a killed worker's end, which takes a millisecond unless its disk hangs.
+const END_TRIES: usize = 100;
+const END_PAUSE: Duration = Duration::from_millis(1);
 /// Longest answer: a photo of two megapixels with its files, in base64.
 const MAX_LINE: u64 = 32 << 20;
 
@@ -106,7 +109,7 @@ impl Maker {
 /// A worker that runs. Dropped, it is killed.
 #[derive(Debug)]
 struct Worker {
-    _child: Child,
+    child: Child,
     jobs: ChildStdin,
     answers: BufReader<ChildStdout>,
     _folder: TempDir,
@@ -123,7 +126,7 @@ impl Worker {
         let mut child = command.current_dir(folder.path()).kill_on_drop(true).spawn()?;
         let jobs = child.stdin.take().expect("it is piped");
         let answers = BufReader::new(child.stdout.take().expect("it is piped"));
-        Ok(Self { _child: child, jobs, answers, _folder: folder })
+        Ok(Self { child, jobs, answers, _folder: folder })
     }
 
     async fn answer(&mut self, job: &Job) -> std::io::Result<String> {
@@ -134,6 +137,19 @@ impl Worker {
         match answer.pop() {
             Some('\n') => Ok(answer),
             _ => Err(std::io::ErrorKind::UnexpectedEof.into()),
+        }
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        let _ = self.child.start_kill();
+        // Windows removes no folder that is the present one of a process.
+        for _ in 0..END_TRIES {
+            match self.child.try_wait() {
+                Ok(None) => std::thread::sleep(END_PAUSE),
+                _ => break,
+            }
         }
     }
 }
@@ -162,8 +178,6 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
         // A job has nothing that outlives it: what a panic leaves broken is dropped.
         let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&own, &job)));
         let answer = made.unwrap_or_else(|_| Message::from(Key::Broken).json());
-        // Its folder can be removed.
-        let _ = std::env::set_current_dir(&own);
         let mut out = std::io::stdout().lock();
         if writeln!(out, "{answer}").and_then(|()| out.flush()).is_err() {
             break;
@@ -174,6 +188,27 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
 
 /// Most words whose typefaces are known: an evening's, letter by letter.
 const MOST_FACES: usize = 4096;
+
+/// The folder of a job, which is the present folder while this lives.
+struct JobFolder<'a> {
+    _folder: TempDir,
+    own: &'a Path,
+}
+
+impl<'a> JobFolder<'a> {
+    fn in_folder(own: &'a Path) -> std::io::Result<Self> {
+        let folder = tempfile::tempdir_in(own)?;
+        std::env::set_current_dir(folder.path())?;
+        Ok(Self { _folder: folder, own })
+    }
+}
+
+impl Drop for JobFolder<'_> {
+    fn drop(&mut self) {
+        // Windows removes no folder that is a present one.
+        let _ = std::env::set_current_dir(self.own);
+    }
+}
 
 struct JobMaker<'a> {
     program: Program,
@@ -186,10 +221,9 @@ impl JobMaker<'_> {
     /// Does a job in a folder of its own, in which all its files stand by their names: no path of
     /// this machine gets into what is made.
     fn make_in(&self, own: &Path, Job { product, subject }: &Job) -> Value {
-        let folder = tempfile::tempdir_in(own);
-        if !folder.as_ref().is_ok_and(|it| std::env::set_current_dir(it.path()).is_ok()) {
+        let Ok(_folder) = JobFolder::in_folder(own) else {
             return Message::from(Key::DiskFull).json();
-        }
+        };
         let studio = Studio {
             scene: &|settings| self.base(settings),
             typeface: &|word| self.face(word).map(|face| brought_here(&face)).transpose(),

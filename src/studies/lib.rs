@@ -39,6 +39,10 @@ mod tables;
 mod trial;
 mod tune;
 
+/// Names the source that decides an outcome, in 16 hexadecimal digits: the same from a clone and
+/// from an archive, on every system. Two builds of one version are told apart by it.
+pub const SOURCE: &str = env!("NOCTOGRAPH_SOURCE");
+
 pub use conditions::Conditions;
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use experiment::{Study, Trial, evaluate};
