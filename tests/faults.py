@@ -73,7 +73,7 @@ class Flight:
         self.clock.sleep(self.again_s)
         if self.again_s > 5.0:
             raise OSError("no drone answers")
-        self.radio = Radio(self.clock, body=self.first.body)
+        self.radio = self.radio.again()
         return self.radio
 
 

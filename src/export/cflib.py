@@ -11,7 +11,7 @@ far as the script says, and the positioning system runs. Its origin is the middl
 room in which the flight was checked. Before you press Enter the script reads what is connected,
 resets the position estimate, uploads, and shows a table of what it found beside what was checked: it
 goes on only when all is right. Ctrl-C, a closed window and `kill` land where the drone is; a second
-Ctrl-C stops the motors. Whatever fails in the air, landing comes first.
+Ctrl-C, half a second later or more, stops the motors. Whatever fails in the air, landing comes first.
 """
 
 import argparse
@@ -35,8 +35,11 @@ SINK_M_S = 0.3
 RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
 SETTLE_S = 10.0  # for the position estimate
 ANSWER_S = 1.0  # for anything that the drone is asked
-SILENT_S = 1.0  # without a packet of a log block: the script lands blindly
-RECONNECT_S = {"trajectory": 20.0}  # on board it flies on; else the motors stop after 2 s
+SILENT_S = 1.0  # without a packet of a log block: the script lands
+HEARD_S = 0.1  # a packet this long after a command came from a drone that has heard the command
+RECONNECT_S = 20.0  # for a new link
+WATCHDOG_S = 2.0  # without a setpoint: the firmware stops the motors
+PRESS_S = 0.5  # a key that bounces or is hit twice in fright is pressed once
 DOWN_M = 0.3  # below this it has landed
 LIFT_S = 0.25  # after its first command a drone is no higher than it may drop
 TAKE_OVER_S = 0.05  # in which the drone has begun to land, before it stops to wait for setpoints
@@ -45,7 +48,7 @@ LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
 RING_TIMING = 17  # ring.effect that plays the LED timing memory from its beginning
 VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
 # Bits of supervisor.info.
-CAN_BE_ARMED, CAN_FLY, TUMBLED, LOCKED, CRASHED, DECK_FAULT = 0, 3, 5, 6, 7, 11
+CAN_BE_ARMED, CAN_FLY, FLYING, TUMBLED, LOCKED, CRASHED, DECK_FAULT = 0, 3, 4, 5, 6, 7, 11
 
 # What noctograph's import and compare read, by type; 26 bytes a block at most.
 LOG = @LOG@
@@ -66,13 +69,20 @@ class LinkLost(Stopped):
 class Paper:
     """Stands in for a drone in a dry run: prints what would be sent, and takes no time."""
 
-    now_s, lifted_s, found_again, columns, about = 0.0, None, False, {}, {}
+    now_s, lifted_s, found_again, may_fly, columns, about = 0.0, None, False, False, {}, {}
 
     def clock(self):
         return self.now_s
 
     def wait_until(self, time_s, watching=True):
         self.now_s = max(self.now_s, time_s)
+
+    def stays_heard(self, seconds):
+        self.wait_until(self.now_s + seconds)
+        return True
+
+    def hears(self, sent_s):
+        return True
 
     def is_down(self):
         return True
@@ -88,6 +98,16 @@ class Paper:
         return send
 
 
+class Flag(set):
+    """What a signal may set at any moment: an Event has a lock that the interrupted line may hold."""
+
+    def set(self):
+        self.add(True)
+
+    def is_set(self):
+        return bool(self)
+
+
 class Drone:
     """A Crazyflie on the radio."""
 
@@ -97,15 +117,24 @@ class Drone:
         self.about = {"word": DATA["word"], "uri": DATA["uri"], **DATA["origin"]}
         self.latest, self.heard_s, self.wrong_since_s = {}, {}, {}
         self.lifted_s = None  # when the first command that lifts it was sent
+        self.landing_s = None  # when the last landing was sent
+        self.heard_last_s = -math.inf
+        self.armed = self.may_fly = False
         self.stamp_ms, self.stamped_s = None, 0.0
-        self.stopped, self.why = threading.Event(), "stopped by Ctrl-C"
-        self.killed = threading.Event()  # a second Ctrl-C
-        self.lost, self.found_again = threading.Event(), False
+        self.stopped, self.why = Flag(), "stopped by Ctrl-C"
+        self.killed = Flag()  # a second Ctrl-C
+        self.lost, self.found_again = Flag(), False
         self._listen()
 
     def _listen(self):
-        self.cf.disconnected.add_callback(lambda uri: self.lost.set())
-        self.cf.connection_lost.add_callback(lambda uri, message: self.lost.set())
+        cf = self.cf
+
+        def gone(*_):
+            if cf is self.cf:
+                self.lost.set()
+
+        cf.disconnected.add_callback(gone)
+        cf.connection_lost.add_callback(gone)
 
     # Time
 
@@ -135,6 +164,28 @@ class Drone:
                 return False
             self.wait_until(self.clock() + 0.05, watching=False)
         return True
+
+    def heard(self, sent_s):
+        """Whether the drone has heard what was sent until then: its packets are answers to ours."""
+        return self.heard_last_s > sent_s + HEARD_S
+
+    def hears(self, sent_s):
+        """Whether it hears what was just sent."""
+        with contextlib.suppress(LinkLost):
+            return self.wait_for(lambda: self.heard(sent_s), 4 * HEARD_S)
+        return False
+
+    def stays_heard(self, seconds):
+        """Waits; returns whether the drone's packets came to the end."""
+        begun_s = self.clock()
+
+        def is_silent():
+            now_s = self.clock()
+            return now_s - self.heard_last_s > SILENT_S and now_s - begun_s > 2 * HEARD_S
+
+        with contextlib.suppress(LinkLost):
+            return not self.wait_for(is_silent, seconds)
+        return False
 
     # Commands
 
@@ -187,6 +238,7 @@ class Drone:
         self.cf.high_level_commander.start_trajectory(1, 1.0)
 
     def arm(self, armed=True):
+        self.armed = armed
         # cflib before 0.1.32 has no supervisor.
         (getattr(self.cf, "supervisor", None) or self.cf.platform).send_arming_request(armed)
 
@@ -201,28 +253,44 @@ class Drone:
         self.cf.high_level_commander.land(0.0, duration_s, yaw=DATA["yaw_rad"])
 
     def is_down(self):
-        """Whether it reads a height near the floor; a drone that reports nothing counts as down."""
-        return self.latest.get("stateEstimate.z", 0.0) < DOWN_M
+        """Whether it reads a height near the floor."""
+        return self.latest.get("stateEstimate.z", math.inf) < DOWN_M
 
     def stop(self):
         self.cf.high_level_commander.stop()
         self.cf.commander.send_stop_setpoint()
 
     def reconnect(self, within_s):
-        """A new link to a drone that is in the air by itself."""
-        self.latest.clear()
-        self.heard_s.clear()
-        self.cf, end_s = None, self.clock() + within_s
-        while self.cf is None:
+        """A new link to a drone that may be in the air by itself."""
+        if not self.lost.is_set():
+            # As cflib does with a lost link. Its `close_link` would send a setpoint without thrust.
+            self.cf._link_error_cb("nothing is heard of the drone")
+        end_s, link = self.clock() + within_s, None
+        while link is None:
+            if self.killed.is_set():
+                raise KeyboardInterrupt
             try:
-                self.cf = self.connect(False)
+                link = self.connect(False)
             except Exception as error:
                 if self.clock() > end_s:
-                    raise LinkLost(f"the radio link was lost for good: {error}") from None
+                    raise LinkLost(f"no new link in {within_s:.0f} s: {error}") from None
                 time.sleep(0.2)
+        self.cf = link
+        self.blocks.clear()
+        self.heard_s.clear()
+        self.latest.clear()
         self.lost.clear()
         self.found_again = True
         self._listen()
+
+    def says(self):
+        """What a drone that was found again says of itself: its supervisor has an answer, or None."""
+        try:
+            self.start_watch()
+            self.wait_for(lambda: "supervisor.info" in self.latest, ANSWER_S)
+        except Exception as error:
+            say(f"asking the drone failed: {error!r}")
+        return self.latest.get("supervisor.info")
 
     # Parameters and lamps
 
@@ -260,7 +328,10 @@ class Drone:
         return all(value is None or same(value, wanted) for value, wanted in found)
 
     def put_back(self, lamps):
-        """Puts back what was changed, the lamps or all else, and waits until the drone has it."""
+        """Puts back what was changed, the lamps or all else, and waits until the drone has it. What
+        may be in the air keeps its controller, and cflib would wait for the names of a new link."""
+        if self.lost.is_set() or self.may_fly or not self.cf.param.is_updated:
+            return
         values = [(name, value) for name, value in reversed(list(self.changed.items())) if
                   (name in DATA["lamps"]) == lamps and value is not None]
         for name, value in values:
@@ -314,10 +385,13 @@ class Drone:
         self.cf.param.set_value("kalman.resetEstimation", 0)
         self.wait_until(self.clock() + 2.0)
 
-    def watch(self):
-        """Begins to read what the script judges by, and waits until the estimate has settled."""
+    def start_watch(self):
         for name, variables in WATCH.items():
             self.blocks.append(self._block(name, WATCH_PERIOD_MS, variables, self._heard))
+
+    def watch(self):
+        """Begins to read what the script judges by, and waits until the estimate has settled."""
+        self.start_watch()
         self.wait_for(lambda: self.sigma_m() < math.sqrt(LIMITS["variance_m2"]), SETTLE_S)
 
     def sigma_m(self):
@@ -347,6 +421,7 @@ class Drone:
 
     def _heard(self, stamp_ms, values, block):
         self.latest.update(values)
+        self.heard_last_s = self.clock()
         if block.name in self.heard_s:
             self.heard_s[block.name] = self.clock()
 
@@ -384,16 +459,26 @@ class Drone:
                 attempt("ending a log block", block.stop)
         if not attempt("writing the log", self._write, self.log_file):
             folder = tempfile.gettempdir()
-            attempt("writing it elsewhere", self._write,
-                    os.path.join(folder, os.path.basename(self.log_file)))
+            if not attempt("writing it elsewhere", self._write,
+                           os.path.join(folder, os.path.basename(self.log_file))):
+                say("the log of this flight is lost")
 
     def _write(self, log_file):
+        """Writes the log under another name first: its own is that of a whole file."""
         stem, ending = os.path.splitext(log_file)
         path, number = log_file, 2
         while os.path.exists(path):
             path, number = f"{stem}-{number}{ending}", number + 1
-        with open(path, "w", encoding="utf-8") as file:
-            json.dump({"noctograph": self.about, **self.columns}, file)
+        try:
+            with open(path + ".part", "w", encoding="utf-8") as file:
+                json.dump({"noctograph": self.about, **self.columns}, file)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(path + ".part", path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.remove(path + ".part")
+            raise
         say(f"log: {path}")
 
     # What ends a flight early
@@ -412,11 +497,12 @@ class Drone:
         place = [read(f"stateEstimate.{axis}", 0.0) for axis in "xyz"]
         target = [read(f"ctrltarget.{axis}", 0.0) for axis in "xyz"]
         low, high = LIMITS["fence_m"]
+        falls = "" if self.lifted_s is None else " falls"
         lasting = [  # what is wrong, whether it is, for how long it may be
             # The firmware has stopped the motors already.
-            ("a deck has a fault: the drone falls", self.has(DECK_FAULT), 0.0),
-            ("the drone has crashed: it falls", self.has(CRASHED) or self.has(TUMBLED), 0.0),
-            ("the firmware has locked the drone: it falls", self.has(LOCKED), 0.0),
+            ("a deck has a fault" + (falls and ": the drone" + falls), self.has(DECK_FAULT), 0.0),
+            ("the drone has crashed" + (falls and ": it" + falls), self.has(CRASHED) or self.has(TUMBLED), 0.0),
+            ("the firmware has locked the drone" + (falls and ": it" + falls), self.has(LOCKED), 0.0),
             ("the drone reports nothing of " + self.silent(), bool(self.silent()), 0.0),
             ("what the drone reports is no number", not all(map(math.isfinite, judged)),
              LIMITS["wrong_s"]),
@@ -702,36 +788,60 @@ def still_ready(drone, accepted=()):
         judge(rows, accepted)
 
 
-def fly(drone, mode, controller, clock=None, begin=lambda: None):
-    """Takes off, writes and lands. `begin` returns when all drones may start."""
+def fly(drone, mode, controller, clock=None, begin=lambda: None, ended=lambda: None):
+    """Takes off, writes and lands. `begin` returns when all drones may start, and `ended` hears of an
+    early end before this drone is landed."""
+    error = None
     try:
         ready_to_fly(drone, mode, controller)
         begin()
+        drone.wait_until(drone.clock())
         drone.arm()
         drone.wait_until(drone.clock() + 0.5)
         if not isinstance(drone, Paper) and not drone.wait_for(drone.can_fly, 3.0):
             raise Stopped("the drone does not arm")
         write(drone, mode, clock)
-    except LinkLost as lost:
-        if drone.lifted_s is None:
-            raise LinkLost(f"{lost}: {NOT_STARTED}") from None
-        if drone.connect and attempt("reconnecting", drone.reconnect, RECONNECT_S.get(mode, 2.0)):
-            raise Stopped(f"{lost}, and found again to land") from None
-        raise LinkLost(f"{lost}: {WITHOUT_LINK[mode == 'trajectory']}") from None
-    finally:
+    except BaseException as early:
+        error = early
+        ended()
+    try:
         # However the flight ends: down first, and only then all that may fail as well.
-        if not is_lost(drone):
-            come_down(drone, mode)
+        words = come_down(drone, mode)
+    finally:
         tidy_up(drone)
+    if words and (error is None or isinstance(error, Stopped)):
+        raise (LinkLost if drone.may_fly else Stopped)(f"{error or 'the word is written'}: {words}")
+    if words:
+        say(words)
+    if error:
+        raise error
 
 
-NOT_STARTED = "nothing was started, the drone stands on the floor; switch it off before you touch it"
+# What a drone does that nothing can be sent to anymore.
+ON_THE_FLOOR = [
+    "nothing was started, the drone stands on the floor; switch it off before you touch it",
+    "nothing was started, the drone stands on the floor, but it is armed: propellers of a brushless "
+    "one turn until the firmware disarms it after 30 s. Stay behind the net until they stand still, "
+    "and switch it off",
+]
+FOUND = "it was found again to land"
 WITHOUT_LINK = [
     "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls",
     "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself, and 2 s later "
-    "the firmware stops its motors and locks it. Stay behind the net until the propellers stand "
-    "still; should they not, wait until the battery is empty",
+    "the firmware stops its motors and locks it",
 ]
+STAY = ("Stay behind the net until the propellers stand still; should they not, wait until the "
+        "battery is empty")
+
+
+def without_link(drone, mode):
+    """What a drone does that nothing can be sent to anymore, as far as that is known."""
+    if drone.lifted_s is None:
+        return ON_THE_FLOOR[drone.armed]
+    ifs = [] if drone.heard(drone.lifted_s) else ["it has taken off"]
+    ifs += [] if drone.landing_s is None else ["it has not heard the landing"]
+    known = f"if {' and '.join(ifs)}, " if ifs else ""
+    return f"{known}{WITHOUT_LINK[mode == 'trajectory']}. {STAY}"
 
 
 def is_lost(drone):
@@ -757,7 +867,7 @@ def ready_to_fly(drone, mode, controller):
 def write(drone, mode, clock):
     """From the floor to the last letter."""
     on_its_own = mode == "trajectory"
-    drone.lifted_s = drone.clock()
+    drone.lifted_s, drone.may_fly = drone.clock(), True
     zero_s = drone.lifted_s - (DATA["trajectory"]["start_s"] if on_its_own else 0.0)
     if on_its_own:
         since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"])
@@ -777,31 +887,107 @@ def write(drone, mode, clock):
 
 
 def come_down(drone, mode):
-    """Lands where the drone is, if it is in the air. Nothing keeps the next step from being taken."""
-    duration_s = max(2.0, DATA["top_m"] / SINK_M_S)
+    """Lands what is in the air, then stops its motors and disarms it. Nothing keeps the next step from
+    being taken. Returns what is to be said of a drone that has not simply landed."""
+    words, killed = "", False
     try:
-        for _ in range(3 if is_up(drone) else 0):
-            lands = attempt("landing", drone.land, duration_s, times=3)
-            if mode != "trajectory" and lands:
-                # Without a landing the commander on board would stop the motors.
-                attempt("waiting", drone.wait_until, drone.clock() + TAKE_OVER_S, False)
-                attempt("handing over", drone.hand_over, times=3)
-            darken(drone, mode)
-            end_s = drone.clock() + duration_s + 0.5
-            attempt("waiting", drone.wait_until, end_s, False)
-            if is_lost(drone):
-                return say("the link was lost while landing: the firmware lands by itself")
-            if drone.is_down():
-                break
+        if is_up(drone):
+            words = land(drone, mode)
+        elif is_gone(drone):
+            words = without_link(drone, mode)
     except KeyboardInterrupt:
-        say("motors stopped")
-    attempt("stopping the motors", drone.stop, times=3)
+        killed = True
+        drone.killed.clear()  # what comes now may take its time
+    if drone.may_fly and not killed:
+        return words  # it may yet hear what is sent: no stop in the air
+    is_stopped = stop(drone)
     attempt("disarming", drone.arm, False)
+    if killed:
+        words = "motors stopped" if is_stopped else (
+            f"nothing is heard of the drone, maybe not the stop of its motors either. {STAY}")
+        say(words)
+    return words
 
 
 def is_up(drone):
-    """Whether it has been told to lift, for longer than a moment."""
-    return drone.lifted_s is not None and drone.clock() - drone.lifted_s >= LIFT_S
+    """Whether it may be in the air: it was told to lift, and not stopped within a moment of it."""
+    return drone.lifted_s is not None and (
+        drone.clock() - drone.lifted_s >= LIFT_S or not stop(drone))
+
+
+def is_gone(drone):
+    """Whether nothing is heard of it, be the link known to be lost or not."""
+    return is_lost(drone) or (not isinstance(drone, Paper) and bool(drone.silent())
+                              and not drone.hears(drone.clock()))
+
+
+def stop(drone):
+    """Stops the motors; returns whether they are known to be off."""
+    sent_s = drone.clock()
+    if attempt("stopping the motors", drone.stop, times=3) and drone.may_fly:
+        drone.may_fly = not drone.hears(sent_s)
+    return not drone.may_fly
+
+
+def land(drone, mode):
+    """Lands where the drone is, over a new link where the old one is dead. Returns what is to be said
+    of a drone that has not simply landed."""
+    words, landings = "", 0
+    while landings < 3:
+        if not is_lost(drone):
+            send_landing(drone, mode)
+            darken(drone, mode)
+            if drone.stays_heard(landing_s() + 0.5):
+                landings += 1
+                if drone.is_down():
+                    drone.may_fly = False
+                    return words
+                continue
+            if drone.landing_s is not None and drone.heard(drone.landing_s):
+                return f"the link was lost as it came down: it heard the landing, and lands by itself. {STAY}"
+        words = regain(drone, mode)
+        if words != FOUND:
+            return words
+    drone.may_fly = False
+    return f"after three landings it still reads {drone.latest['stateEstimate.z']:.2f} m: motors stopped"
+
+
+def landing_s():
+    return max(2.0, DATA["top_m"] / SINK_M_S)
+
+
+def send_landing(drone, mode):
+    if not attempt("landing", drone.land, landing_s(), times=3):
+        return
+    if mode != "trajectory":
+        # Without a landing the commander on board would stop the motors.
+        with contextlib.suppress(LinkLost):
+            drone.wait_until(drone.clock() + TAKE_OVER_S, watching=False)
+        attempt("handing over", drone.hand_over, times=3)
+    drone.landing_s = drone.clock()
+
+
+def regain(drone, mode):
+    """Seeks a new link to a drone that may be in the air, and lands it. Returns what it says of itself,
+    or what is known without."""
+    last_s, was_up = drone.heard_last_s, not drone.is_down()
+    say(f"nothing is heard of the drone. {STAY}")
+    if not drone.connect or not attempt("seeking a new link", drone.reconnect, RECONNECT_S):
+        return without_link(drone, mode)
+    asks_first = mode == "trajectory" or drone.clock() - last_s > WATCHDOG_S + HEARD_S
+    if not asks_first:
+        send_landing(drone, mode)  # there is no time to ask whether it still flies
+    if drone.says() is None:
+        if asks_first:
+            send_landing(drone, mode)
+        return f"there is a new link, but the drone says nothing. {STAY}"
+    if drone.has(FLYING):
+        return FOUND
+    drone.may_fly = False
+    if drone.has(LOCKED) or drone.has(CRASHED):
+        fell = ": it has fallen" if was_up and mode != "trajectory" else ""
+        return "it was found again, and the firmware has stopped its motors and locked it" + fell
+    return "it was found again, does not fly, and its motors are off"
 
 
 def darken(drone, mode):
@@ -819,22 +1005,29 @@ def tidy_up(drone):
     if isinstance(drone, Paper):
         return drone.finish()
     try:
-        if not drone.lost.is_set():
-            drone.put_back(lamps=False)
+        drone.put_back(lamps=False)
     finally:
         drone.finish()
 
 
 @contextlib.contextmanager
 def landing_on_signals(drones):
-    """From here on Ctrl-C, a closed window and `kill` land; the second one stops the motors."""
-    def received(number, frame):
-        for drone in drones:
-            (drone.killed if drone.stopped.is_set() else drone.stopped).set()
+    """From here on Ctrl-C, a closed window and `kill` land, and a second one stops the motors. What
+    ends a flight by itself, or for another drone's sake, is no press."""
+    ways = {"SIGINT": "Ctrl-C", "SIGTERM": "kill", "SIGHUP": "a closed window", "SIGBREAK": "Ctrl-Break"}
+    ways = {getattr(signal, name): way for name, way in ways.items() if hasattr(signal, name)}
+    pressed_s = []
 
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
-    before = [(getattr(signal, name), signal.signal(getattr(signal, name), received))
-              for name in names]
+    def received(number, frame):
+        pressed_s.append(drones[0].clock())
+        for drone in drones:
+            if not drone.stopped.is_set():
+                drone.why = f"stopped by {ways[number]}"
+            drone.stopped.set()
+            if pressed_s[-1] - pressed_s[0] >= PRESS_S:
+                drone.killed.set()
+
+    before = [(number, signal.signal(number, received)) for number in ways]
     try:
         yield
     finally:
@@ -928,6 +1121,8 @@ def opened(links, uri, wait=True):
 
     logging.getLogger("cflib").setLevel(logging.CRITICAL)  # its tracebacks: errors are said below
     link = SyncCrazyflie(uri, cf=Crazyflie(rw_cache="./cache"))
+    # A link that is lost before all tables are read: cflib waits for them without end.
+    link.cf.connection_lost.add_callback(link._connection_failed)
     try:
         links.enter_context(link)
     except Exception as error:
@@ -990,9 +1185,8 @@ def main():
                 with contextlib.suppress(EOFError, OSError):
                     input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
             finally:
-                if not drone.lost.is_set():
-                    drone.put_back(lamps=False)
-                    drone.put_back(lamps=True)
+                drone.put_back(lamps=False)
+                drone.put_back(lamps=True)
     except KeyboardInterrupt:
         raise SystemExit("stopped by Ctrl-C") from None
     except EOFError:
