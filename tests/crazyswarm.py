@@ -28,9 +28,13 @@ class TimeHelper:
     """Time that passes only while somebody sleeps; runs what is due then."""
 
     def __init__(self, node):
-        self.node, self.now_s, self.due = node, 100.0, []
+        self.node, self.now_s, self.due, self.skew_s = node, 100.0, [], 0.0
 
     def time(self):
+        """The clock of ROS, hence of the computer, which somebody may set."""
+        return self.now_s + self.skew_s
+
+    def monotonic(self):
         return self.now_s
 
     def sleep(self, duration):
@@ -198,7 +202,7 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
         "crazyflie_py.uav_trajectory": {"Trajectory": Trajectory},
         "crazyflie_interfaces": {}, "crazyflie_interfaces.msg": {"LogDataGeneric": object},
         "geometry_msgs": {}, "geometry_msgs.msg": {"PoseStamped": object},
-        "rclpy": {}, "rclpy.signals": {
+        "rclpy": {"spin_once": lambda node, timeout_sec: node.clock.sleep(timeout_sec)}, "rclpy.signals": {
             "uninstall_signal_handlers": lambda: setattr(ros, "handles_signals", False)},
     }
     for module, attributes in modules.items():
@@ -214,7 +218,7 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
             # The trajectory starts two seconds after the key.
             ros.clock.due.append((ros.clock.now_s + 2.0 + after_s, lambda event=event: event(ros)))
 
-    script.input = enter
+    script.input, script.time = enter, ros.clock
     printed, ended = io.StringIO(), None
     with contextlib.redirect_stdout(printed):
         try:

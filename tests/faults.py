@@ -14,6 +14,8 @@ import os
 import signal
 import sys
 import tempfile
+import threading
+import time
 import unittest
 import unittest.mock
 import warnings
@@ -21,6 +23,7 @@ import warnings
 import cflib.crazyflie.log
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from sentences import TRUE, sentences, untrue  # noqa: E402
 from drone import CFLIB, LOGS, PARAMS, Block, Clock, Radio, SharedClock, links, load_script  # noqa: E402
 
 WORK = sys.argv[1]
@@ -77,6 +80,232 @@ class Flight:
         return self.radio
 
 
+class Part:
+    """What the double did in one drone's part of a show."""
+
+    def __init__(self, show, script):
+        self.show, self.script, self.radios, self.mode = show, script, [], None
+        self.drone, self.is_dead_s, self.down_at_prompt, self.log_named = None, None, False, None
+        self.failed = self.pressed = False
+        make = script.Drone
+
+        def made(*values):
+            self.drone = make(*values)
+            return self.drone
+
+        script.Drone = made
+
+    @property
+    def radio(self):
+        return self.radios[-1]
+
+    @property
+    def body(self):
+        return self.radios[0].body
+
+    def link(self, uri, cf):
+        """Stands in for cflib's SyncCrazyflie: the first link to the drone, or a new one."""
+        return Link(self)
+
+    def judge(self, said):
+        """What was said of it and is not true; and what was not said, and had to be."""
+        self.body.move()
+        self.outcome = self.body.outcome()
+        self.told_to_arm = any(radio.was_armed for radio in self.radios)
+        self.lights_sent = len(self.radios[0].blocks) and self.noted()
+        logs = [line.split("log: ")[1] for line in said.splitlines() if "log: " in line]
+        self.log_named = logs[0] if logs else None
+        self.another_ended = len(self.show.parts) > 1
+        wrong = untrue(said, self)
+        if self.in_the_air_at_the_end and "Stay behind the net" not in said:
+            wrong.append("nobody is told to stay behind the net")
+        return wrong
+
+    def noted(self):
+        """Changes of the lights that the script has sent or noted."""
+        return sum(len(column["data"]) - 1 for name, column in self.drone.columns.items()
+                   if name.startswith("light."))
+
+
+class Link:
+    """A link that is opened at once, or after `again_s` to a drone that was lost."""
+
+    def __init__(self, part):
+        self.part, self.is_first = part, not part.radios
+        data = part.script.DATA
+        if self.is_first:
+            part.radios.append(Radio(part.show.clock, place=data["start_m"], gains=data["gains"],
+                                     **part.show.radio))
+            self.cf = part.radio
+        else:
+            self.cf = part.radios[0].again()
+
+    def __enter__(self):
+        again_s = self.part.show.again_s
+        if not self.is_first:
+            self.part.show.clock.sleep(min(again_s or 0.5, 5.0))
+            if again_s is None:
+                raise OSError("no drone answers")
+            self.part.radios.append(self.cf)
+        return self
+
+    def __exit__(self, *_):
+        self.cf.close_link()
+
+    def _connection_failed(self, uri, why):
+        pass
+
+    def is_params_updated(self):
+        return True
+
+
+class Show:
+    """An exported script from `main` on, of one drone or several: what happens at a moment after Enter,
+    how it ends, and what it says that is not true."""
+
+    def __init__(self, name, mode="position", at_s=None, do=None, again_s=None, **radio):
+        import cflib.crazyflie.syncCrazyflie
+        import cflib.crtp
+
+        script = load(name)
+        files = getattr(script, "SCRIPTS", None)
+        scripts = [load(os.path.join(os.path.dirname(name), file)) for file in files] if files else [script]
+        self.clock = SharedClock(len(scripts)) if files else Clock()
+        self.parts, self.again_s, self.radio = [Part(self, part) for part in scripts], again_s, radio
+        for part in self.parts:
+            part.mode, part.script.time = mode.replace("-", "_"), self.clock
+        script.load = lambda file: scripts[files.index(file)]
+        by_uri = {part.script.DATA["uri"]: part for part in self.parts}
+        self.do, self.at_s, self.script = do, at_s, script
+        cflib.crtp.init_drivers = lambda: None
+        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = lambda uri, cf: by_uri[uri].link(uri, cf)
+        script.input, before = self.pressed, (sys.argv, os.getcwd())
+        sys.argv = [name, "--mode", mode, "--controller", str(scripts[0].DATA["controller"])]
+        os.chdir(tempfile.mkdtemp(dir=WORK))
+        self.printed = io.StringIO()
+        try:
+            with contextlib.redirect_stdout(self.printed):
+                script.main()
+            self.ended = ""
+        except (SystemExit, Exception) as ended:
+            self.ended = str(ended)
+        finally:
+            sys.argv = before[0]
+        for part in self.parts:
+            part.body.move()
+            part.in_the_air_at_the_end = part.body.on
+        self.clock.n_threads = 1
+        self.clock.sleep(90.0)  # what the drones do when the script has ended
+        said = f"{self.printed.getvalue()}{self.ended}"
+        self.said, self.wrong = said, [f"{text!r} of {part.script.DATA['uri']}" for part in self.parts
+                                       for text in part.judge(self.of(part, said))]
+        os.chdir(before[1])
+        self.outcomes = [part.outcome for part in self.parts]
+
+    def of(self, part, said):
+        """What was said of one drone: lines of several begin with its address."""
+        lines, mine = [], len(self.parts) == 1
+        for line in said.splitlines():
+            for other in self.parts:
+                if other.script.DATA["uri"] + ":" in line:
+                    mine = other is part
+            if mine or "Landed." in line:
+                lines.append(line)
+        return "\n".join(lines)
+
+    def pressed(self, prompt):
+        print(prompt)
+        if "Landed" in prompt:
+            for part in self.parts:
+                part.body.move()
+                part.down_at_prompt = not part.body.on
+        elif self.do:
+            self.clock.after(self.at_s, lambda: self.do(self.parts))
+        return ""
+
+
+def press(number=signal.SIGINT, *later_s):
+    """A press of Ctrl-C or another signal, and more of them later."""
+    def do(parts):
+        for part in parts:
+            part.pressed = True
+        received = signal.getsignal(number)
+        if received in (signal.default_int_handler, signal.SIG_DFL):
+            return  # it has landed, or does not fly yet
+        for s in later_s:
+            parts[0].show.clock.after(s, lambda: press(number)(parts))
+        if threading.current_thread() is threading.main_thread():
+            return signal.raise_signal(number)
+        signal.raise_signal(number)
+        time.sleep(0.12)  # until the main thread has handled it
+
+    return do
+
+
+def broken(do):
+    """Something that silences the link of the last drone."""
+    def broken_link(parts):
+        parts[-1].is_dead_s = parts[-1].show.clock.now_s
+        do(parts[-1].radio)
+
+    return broken_link
+
+
+def last(do):
+    """Something that happens to the last drone."""
+    return lambda parts: do(parts[-1])
+
+
+def failing(call):
+    def fail(parts):
+        part = parts[-1]
+        part.failed = True
+        part.radio.failing[call] = part.radio.calls.get(call, 0) + 1
+
+    return fail
+
+
+def returns(notice_s, after_s):
+    """A link that is dead on both sides for a while and comes back by itself."""
+    def hushed(radio):
+        radio.hush(notice_s)
+        radio.clock.after(after_s, lambda: setattr(radio, "is_lost", radio.is_closed))
+
+    return hushed
+
+
+# What happens, to whom, and whether a new link is there and how soon. All drones are told of a signal.
+MOMENTS = {
+    "Ctrl-C": (press(), None), "SIGTERM": (press(signal.SIGTERM), None), "SIGHUP": (press(signal.SIGHUP), None),
+    "Ctrl-C twice": (press(signal.SIGINT, 1.0), None),
+    "Ctrl-C three times in 40 ms": (press(signal.SIGINT, 0.02, 0.04), None),
+    "link lost": (broken(Radio.lose), None), "link lost, new in 0.5 s": (broken(Radio.lose), 0.5),
+    "link lost, new in 1.5 s": (broken(Radio.lose), 1.5), "link lost, new in 2.5 s": (broken(Radio.lose), 2.5),
+    "link lost, new in 5 s": (broken(Radio.lose), 5.0),
+    **{f"dead for {s} s, {what}": (broken(lambda radio, s=s: radio.hush(s)), again_s)
+       for s in (0.3, 1.2, 3.0) for what, again_s in (("none new", None), ("new in 0.3 s", 0.3), ("new in 4 s", 4.0))},
+    "deaf for 0.3 s": (broken(lambda radio: radio.hush(0.3, passes=1)), None),
+    "deaf for 1.2 s": (broken(lambda radio: radio.hush(1.2, passes=2)), None),
+    "dead for 0.7 s, then well": (broken(returns(9.0, 0.7)), 0.3),
+    "dead for 1.4 s, then well": (broken(returns(9.0, 1.4)), 0.3),
+    "dead for 3 s, then well": (broken(returns(9.0, 3.0)), None),
+    "dead, and Ctrl-C at once": (lambda parts: (MOMENTS["dead for 1.2 s, none new"][0](parts), press()(parts)), None),
+    "dead, and Ctrl-C twice": (lambda parts: (MOMENTS["dead for 3.0 s, none new"][0](parts),
+                                              press(signal.SIGINT, 1.0)(parts)), None),
+    "battery empty": (last(lambda part: empty(part)), None), "battery low": (last(lambda part: low(part)), None),
+    "outside the fence": (last(lambda part: outside(part)), None), "drifts": (last(lambda part: drifts(part)), None),
+    "unsure": (last(lambda part: unsure(part)), None), "silent log": (broken(lambda radio: [
+        setattr(block, "on", False) for block in radio.blocks]), None),
+    "silent position": (broken(lambda radio: [setattr(block, "on", False) for block in radio.blocks
+                                              if block.name in ("position", "where")]), None),
+    "crash": (last(lambda part: part.radio.fault(7)), None), "tumbled": (last(lambda part: part.radio.fault(5)), None),
+    "deck fault": (last(lambda part: part.radio.fault(11)), None),
+    "no number": (last(lambda part: part.radio.values.update({"kalman.varPY": math.nan})), None),
+    "setpoint fails": (failing("commander.send_position_setpoint"), None),
+    "landing fails": (failing("high_level_commander.land"), None),
+}
+
+
 def lose(flight):
     flight.radio.lose()
 
@@ -98,9 +327,11 @@ def unsure(flight):
 
 
 def drifts(flight):
+    radio = flight.radio
+
     def step():
-        flight.radio.drift[0] += 0.02
-        flight.clock.after(0.05, step)
+        radio.drift[0] += 0.02
+        radio.clock.after(0.05, step)
 
     step()
 
@@ -233,8 +464,8 @@ class Faults(unittest.TestCase):
         for name in ("stateEstimate.x", "stateEstimate.z", "stateEstimate.yaw", "kalman.varPX",
                      "kalman.varPY", "kalman.varPZ", "pm.vbat", "ctrltarget.z"):
             in_the_air[f"{name} no number"] = (no_number(name), "no number")
-        cuts = {"tumbled": (bit(5), "crashed: it falls"), "crashed": (bit(7), "crashed: it falls"),
-                "locked": (bit(6), "locked the drone: it falls"), "deck": (bit(11), "the drone falls")}
+        cuts = {"tumbled": (bit(5), "tumbled"), "crashed": (bit(7), "crashed: it falls"),
+                "locked": (bit(6), "locked: it falls"), "deck": (bit(11), "fault: it falls")}
         for name, mode in (("I.py", "position"), ("I_trajectory.py", "trajectory")):
             later_s = 3.5 if mode == "trajectory" else 0.0
             for faults, outcome in ((in_the_air, LANDED), (cuts, FALLS)):

@@ -48,7 +48,8 @@ LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
 RING_TIMING = 17  # ring.effect that plays the LED timing memory from its beginning
 VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
 # Bits of supervisor.info.
-CAN_BE_ARMED, CAN_FLY, FLYING, TUMBLED, LOCKED, CRASHED, DECK_FAULT = 0, 3, 4, 5, 6, 7, 11
+CAN_BE_ARMED, CAN_FLY, FLYING = 0, 3, 4
+FAULTS = {5: "tumbled", 6: "locked", 7: "crashed", 11: "a deck's fault"}
 
 # What noctograph's import and compare read, by type; 26 bytes a block at most.
 LOG = @LOG@
@@ -66,10 +67,23 @@ class LinkLost(Stopped):
     """Nothing can be sent anymore."""
 
 
+class Flag(set):
+    """What a signal may set at any moment: an Event has a lock that the interrupted line may hold."""
+
+    def set(self):
+        self.add(True)
+
+    def is_set(self):
+        return bool(self)
+
+
 class Paper:
     """Stands in for a drone in a dry run: prints what would be sent, and takes no time."""
 
-    now_s, lifted_s, found_again, may_fly, columns, about = 0.0, None, False, False, {}, {}
+    now_s, lifted_s, found_again, columns, about = 0.0, None, False, {}, {}
+
+    def __init__(self):
+        self.lost, self.may_fly = Flag(), False
 
     def clock(self):
         return self.now_s
@@ -81,8 +95,10 @@ class Paper:
         self.wait_until(self.now_s + seconds)
         return True
 
-    def hears(self, sent_s):
-        return True
+    def silent(self):
+        return ""
+
+    faults = silent
 
     def is_down(self):
         return True
@@ -96,16 +112,6 @@ class Paper:
             print(f"{self.now_s:9.3f} s  {command}({text})")
 
         return send
-
-
-class Flag(set):
-    """What a signal may set at any moment: an Event has a lock that the interrupted line may hold."""
-
-    def set(self):
-        self.add(True)
-
-    def is_set(self):
-        return bool(self)
 
 
 class Drone:
@@ -127,14 +133,8 @@ class Drone:
         self._listen()
 
     def _listen(self):
-        cf = self.cf
-
-        def gone(*_):
-            if cf is self.cf:
-                self.lost.set()
-
-        cf.disconnected.add_callback(gone)
-        cf.connection_lost.add_callback(gone)
+        self.cf.disconnected.add_callback(lambda uri: self.lost.set())
+        self.cf.connection_lost.add_callback(lambda uri, message: self.lost.set())
 
     # Time
 
@@ -177,14 +177,10 @@ class Drone:
 
     def stays_heard(self, seconds):
         """Waits; returns whether the drone's packets came to the end."""
-        begun_s = self.clock()
-
-        def is_silent():
-            now_s = self.clock()
-            return now_s - self.heard_last_s > SILENT_S and now_s - begun_s > 2 * HEARD_S
-
+        least_s = self.clock() + 2 * HEARD_S
         with contextlib.suppress(LinkLost):
-            return not self.wait_for(is_silent, seconds)
+            return not self.wait_for(
+                lambda: self.clock() > max(least_s, self.heard_last_s + SILENT_S), seconds)
         return False
 
     # Commands
@@ -260,12 +256,15 @@ class Drone:
         self.cf.high_level_commander.stop()
         self.cf.commander.send_stop_setpoint()
 
-    def reconnect(self, within_s):
-        """A new link to a drone that may be in the air by itself."""
+    def give_up(self):
+        """Ends a link as cflib ends a lost one: `close_link` would send a setpoint without thrust."""
         if not self.lost.is_set():
-            # As cflib does with a lost link. Its `close_link` would send a setpoint without thrust.
-            self.cf._link_error_cb("nothing is heard of the drone")
-        end_s, link = self.clock() + within_s, None
+            self.cf._link_error_cb("given up")
+
+    def reconnect(self):
+        """A new link to a drone that may be in the air by itself."""
+        self.give_up()
+        end_s, link = self.clock() + RECONNECT_S, None
         while link is None:
             if self.killed.is_set():
                 raise KeyboardInterrupt
@@ -273,7 +272,7 @@ class Drone:
                 link = self.connect(False)
             except Exception as error:
                 if self.clock() > end_s:
-                    raise LinkLost(f"no new link in {within_s:.0f} s: {error}") from None
+                    raise LinkLost(f"no new link in {RECONNECT_S:.0f} s: {error}") from None
                 time.sleep(0.2)
         self.cf = link
         self.blocks.clear()
@@ -282,15 +281,6 @@ class Drone:
         self.lost.clear()
         self.found_again = True
         self._listen()
-
-    def says(self):
-        """What a drone that was found again says of itself: its supervisor has an answer, or None."""
-        try:
-            self.start_watch()
-            self.wait_for(lambda: "supervisor.info" in self.latest, ANSWER_S)
-        except Exception as error:
-            say(f"asking the drone failed: {error!r}")
-        return self.latest.get("supervisor.info")
 
     # Parameters and lamps
 
@@ -488,6 +478,10 @@ class Drone:
         info = self.latest.get("supervisor.info")
         return unknown if info is None else bool(int(info) >> bit & 1)
 
+    def faults(self):
+        """Why the firmware has stopped the motors; empty where it has not."""
+        return ", ".join(name for bit, name in FAULTS.items() if self.has(bit))
+
     def _watch(self):
         """Raises Stopped for what is wrong in the air for too long."""
         if "motor.m1" not in self.latest:
@@ -497,12 +491,9 @@ class Drone:
         place = [read(f"stateEstimate.{axis}", 0.0) for axis in "xyz"]
         target = [read(f"ctrltarget.{axis}", 0.0) for axis in "xyz"]
         low, high = LIMITS["fence_m"]
-        falls = "" if self.lifted_s is None else " falls"
+        falls = "" if self.lifted_s is None else ": it falls"
         lasting = [  # what is wrong, whether it is, for how long it may be
-            # The firmware has stopped the motors already.
-            ("a deck has a fault" + (falls and ": the drone" + falls), self.has(DECK_FAULT), 0.0),
-            ("the drone has crashed" + (falls and ": it" + falls), self.has(CRASHED) or self.has(TUMBLED), 0.0),
-            ("the firmware has locked the drone" + (falls and ": it" + falls), self.has(LOCKED), 0.0),
+            (f"the firmware has stopped the motors, {self.faults()}{falls}", bool(self.faults()), 0.0),
             ("the drone reports nothing of " + self.silent(), bool(self.silent()), 0.0),
             ("what the drone reports is no number", not all(map(math.isfinite, judged)),
              LIMITS["wrong_s"]),
@@ -629,10 +620,9 @@ def state(drone):
     missing = ", ".join(name for name in names if name not in drone.latest) or drone.silent()
     if missing:
         return [("log", f"nothing of {missing}", "packets of the drone", False)]
-    bad = [name for name, bit in (("locked", LOCKED), ("crashed", CRASHED), ("tumbled", TUMBLED),
-                                  ("a deck's fault", DECK_FAULT)) if drone.has(bit)]
+    bad = drone.faults()
     ready = drone.has(CAN_FLY) or drone.has(CAN_BE_ARMED)
-    rows = [("state", ", ".join(bad) or ("can fly" if ready else "cannot fly"), "can fly",
+    rows = [("state", bad or ("can fly" if ready else "cannot fly"), "can fly",
              ready and not bad)]
     sigma_m, most_m = drone.sigma_m(), math.sqrt(LIMITS["variance_m2"])
     rows.append(("position known within", f"{100 * sigma_m:.1f} cm", f"{100 * most_m:.0f} cm",
@@ -820,9 +810,8 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None, ended=lambda: N
 # What a drone does that nothing can be sent to anymore.
 ON_THE_FLOOR = [
     "nothing was started, the drone stands on the floor; switch it off before you touch it",
-    "nothing was started, the drone stands on the floor, but it is armed: propellers of a brushless "
-    "one turn until the firmware disarms it after 30 s. Stay behind the net until they stand still, "
-    "and switch it off",
+    "nothing was started, the drone stands on the floor, maybe armed: propellers of a brushless one "
+    "turn until the firmware disarms it after 30 s. Stay behind the net until they stand still",
 ]
 FOUND = "it was found again to land"
 WITHOUT_LINK = [
@@ -842,10 +831,6 @@ def without_link(drone, mode):
     ifs += [] if drone.landing_s is None else ["it has not heard the landing"]
     known = f"if {' and '.join(ifs)}, " if ifs else ""
     return f"{known}{WITHOUT_LINK[mode == 'trajectory']}. {STAY}"
-
-
-def is_lost(drone):
-    return not isinstance(drone, Paper) and drone.lost.is_set()
 
 
 def ready_to_fly(drone, mode, controller):
@@ -893,13 +878,14 @@ def come_down(drone, mode):
     try:
         if is_up(drone):
             words = land(drone, mode)
-        elif is_gone(drone):
+        elif drone.lost.is_set() or drone.silent() and not drone.hears(drone.clock()):
             words = without_link(drone, mode)
     except KeyboardInterrupt:
         killed = True
         drone.killed.clear()  # what comes now may take its time
     if drone.may_fly and not killed:
-        return words  # it may yet hear what is sent: no stop in the air
+        drone.give_up()  # it may yet hear what is sent: no stop in the air
+        return words
     is_stopped = stop(drone)
     attempt("disarming", drone.arm, False)
     if killed:
@@ -915,12 +901,6 @@ def is_up(drone):
         drone.clock() - drone.lifted_s >= LIFT_S or not stop(drone))
 
 
-def is_gone(drone):
-    """Whether nothing is heard of it, be the link known to be lost or not."""
-    return is_lost(drone) or (not isinstance(drone, Paper) and bool(drone.silent())
-                              and not drone.hears(drone.clock()))
-
-
 def stop(drone):
     """Stops the motors; returns whether they are known to be off."""
     sent_s = drone.clock()
@@ -934,15 +914,15 @@ def land(drone, mode):
     of a drone that has not simply landed."""
     words, landings = "", 0
     while landings < 3:
-        if not is_lost(drone):
+        if not drone.lost.is_set():
             send_landing(drone, mode)
             darken(drone, mode)
-            if drone.stays_heard(landing_s() + 0.5):
+            if drone.stays_heard(LANDING_S + 0.5):
                 landings += 1
-                if drone.is_down():
-                    drone.may_fly = False
-                    return words
-                continue
+                if not (drone.faults() or drone.is_down()):
+                    continue
+                drone.may_fly = False
+                return drone.faults() and f"the firmware stopped the motors, {drone.faults()}" or words
             if drone.landing_s is not None and drone.heard(drone.landing_s):
                 return f"the link was lost as it came down: it heard the landing, and lands by itself. {STAY}"
         words = regain(drone, mode)
@@ -952,12 +932,8 @@ def land(drone, mode):
     return f"after three landings it still reads {drone.latest['stateEstimate.z']:.2f} m: motors stopped"
 
 
-def landing_s():
-    return max(2.0, DATA["top_m"] / SINK_M_S)
-
-
 def send_landing(drone, mode):
-    if not attempt("landing", drone.land, landing_s(), times=3):
+    if not attempt("landing", drone.land, LANDING_S, times=3):
         return
     if mode != "trajectory":
         # Without a landing the commander on board would stop the motors.
@@ -970,23 +946,25 @@ def send_landing(drone, mode):
 def regain(drone, mode):
     """Seeks a new link to a drone that may be in the air, and lands it. Returns what it says of itself,
     or what is known without."""
-    last_s, was_up = drone.heard_last_s, not drone.is_down()
+    was_up = not drone.is_down()
     say(f"nothing is heard of the drone. {STAY}")
-    if not drone.connect or not attempt("seeking a new link", drone.reconnect, RECONNECT_S):
+    if not drone.connect or not attempt("seeking a new link", drone.reconnect):
         return without_link(drone, mode)
-    asks_first = mode == "trajectory" or drone.clock() - last_s > WATCHDOG_S + HEARD_S
-    if not asks_first:
-        send_landing(drone, mode)  # there is no time to ask whether it still flies
-    if drone.says() is None:
-        if asks_first:
-            send_landing(drone, mode)
+    # A drone that the watchdog has not stopped yet is not asked first whether it flies.
+    in_time = drone.clock() - drone.heard_last_s < WATCHDOG_S and drone.heard(drone.lifted_s)
+    if mode != "trajectory" and in_time:
+        send_landing(drone, mode)
+    attempt("asking the drone", drone.start_watch)
+    attempt("asking the drone", drone.wait_for, lambda: "supervisor.info" in drone.latest, ANSWER_S)
+    if "supervisor.info" not in drone.latest:
+        send_landing(drone, mode)
         return f"there is a new link, but the drone says nothing. {STAY}"
     if drone.has(FLYING):
         return FOUND
     drone.may_fly = False
-    if drone.has(LOCKED) or drone.has(CRASHED):
+    if drone.faults():
         fell = ": it has fallen" if was_up and mode != "trajectory" else ""
-        return "it was found again, and the firmware has stopped its motors and locked it" + fell
+        return f"it was found again, and the firmware has stopped its motors, {drone.faults()}{fell}"
     return "it was found again, does not fly, and its motors are off"
 
 
@@ -1198,6 +1176,7 @@ def main():
 # The plan, as `noctograph export` made it.
 DATA = json.loads(@DATA@)
 LIMITS = DATA["limits"]
+LANDING_S = max(2.0, DATA["top_m"] / SINK_M_S)
 
 if __name__ == "__main__":
     main()
