@@ -16,7 +16,7 @@ from cflib.crazyflie.mem import MemoryElement
 from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 
 CFLIB = tuple(int(part) for part in importlib.metadata.version("cflib").split(".")[:3])
-COMMANDER, HIGH_LEVEL = 7, 8
+RPYT, COMMANDER, HIGH_LEVEL = 3, 7, 8
 POSITION, FULL_STATE, STOP = 7, 6, 0
 LAND, DEFINE, HIGH_STOP = 8, 6, 3
 WATCHDOG_S, LEVEL_S, HYSTERESIS_S = 2.0, 0.5, 2.0
@@ -52,24 +52,31 @@ class Clock:
 
 
 class SharedClock(Clock):
-    """The same for several threads: time passes when all sleep, or when for a moment nobody else does."""
+    """The same for several threads: time passes when all that ever slept sleep, or when for a quarter of
+    a second one of them does not, which waits for something else then."""
 
     def __init__(self, n_threads):
         super().__init__()
-        self.n_threads, self.asleep, self.turn = n_threads, [], threading.Condition()
+        self.n_threads, self.asleep, self.turn, self.known = n_threads, [], threading.Condition(), set()
 
     def sleep(self, s):
         with self.turn:
             wake = (self.now_s + s, threading.get_ident())
+            self.known.add(threading.current_thread())
             self.asleep.append(wake)
             self.turn.notify_all()
-            end_s = time.monotonic() + 0.02
-            while wake != min(self.asleep) or (
-                    len(self.asleep) < self.n_threads and time.monotonic() < end_s):
+            begun_s = time.monotonic()
+            while wake != min(self.asleep) or time.monotonic() < begun_s + self.patience_s():
                 self.turn.wait(0.005)
             self.asleep.remove(wake)
             super().sleep(max(wake[0] - self.now_s, 0.0))
             self.turn.notify_all()
+
+    def patience_s(self):
+        """How long those that are awake are waited for; threads that are to come, for a moment."""
+        self.known = {thread for thread in self.known if thread.is_alive()}
+        awake = len(self.known) > len(self.asleep)
+        return 0.25 if awake else 0.02 * (len(self.asleep) < min(self.n_threads, threading.active_count() - 1))
 
 
 class Body:
@@ -311,7 +318,9 @@ class Radio:
             return self.clock.after(0.02, lambda: self.answer(data[0]))
         self.sent.append((self.clock.now_s, port, channel, data))
         self.body.move()
-        if port == COMMANDER and channel == 1:
+        if port == RPYT:
+            self.body.cut("cflib's end of the link")
+        elif port == COMMANDER and channel == 1:
             self.body.relax()
         elif port == COMMANDER and data[0] == POSITION:
             self.body.setpoint(struct.unpack_from("<fff", data, 1))

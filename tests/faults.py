@@ -11,6 +11,7 @@ import io
 import json
 import math
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -21,6 +22,9 @@ import unittest.mock
 import warnings
 
 import cflib.crazyflie.log
+import cflib.crazyflie.syncCrazyflie
+import cflib.crtp
+from cflib.crtp.crtpstack import CRTPPacket
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sentences import TRUE, sentences, untrue  # noqa: E402
@@ -29,6 +33,7 @@ from drone import CFLIB, LOGS, PARAMS, Block, Clock, Radio, SharedClock, links, 
 WORK = sys.argv[1]
 cflib.crazyflie.log.LogConfig = Block
 SEEN = []  # (fault, outcome, reason) of all
+ALL_MOMENTS = os.environ.get("NOCTOGRAPH_MOMENTS") == "all"
 
 
 def load(name):
@@ -103,10 +108,6 @@ class Part:
     def body(self):
         return self.radios[0].body
 
-    def link(self, uri, cf):
-        """Stands in for cflib's SyncCrazyflie: the first link to the drone, or a new one."""
-        return Link(self)
-
     def judge(self, said):
         """What was said of it and is not true; and what was not said, and had to be."""
         self.body.move()
@@ -128,7 +129,8 @@ class Part:
 
 
 class Link:
-    """A link that is opened at once, or after `again_s` to a drone that was lost."""
+    """Stands in for cflib's SyncCrazyflie: a link that is opened at once, or after `again_s` to a drone
+    that was lost."""
 
     def __init__(self, part):
         self.part, self.is_first = part, not part.radios
@@ -163,10 +165,8 @@ class Show:
     """An exported script from `main` on, of one drone or several: what happens at a moment after Enter,
     how it ends, and what it says that is not true."""
 
-    def __init__(self, name, mode="position", at_s=None, do=None, again_s=None, **radio):
-        import cflib.crazyflie.syncCrazyflie
-        import cflib.crtp
-
+    def __init__(self, name, mode="position", at_s=None, do=None, again_s=None, before_the_key=False,
+                 **radio):
         script = load(name)
         files = getattr(script, "SCRIPTS", None)
         scripts = [load(os.path.join(os.path.dirname(name), file)) for file in files] if files else [script]
@@ -176,15 +176,15 @@ class Show:
             part.mode, part.script.time = mode.replace("-", "_"), self.clock
         script.load = lambda file: scripts[files.index(file)]
         by_uri = {part.script.DATA["uri"]: part for part in self.parts}
-        self.do, self.at_s, self.script = do, at_s, script
-        cflib.crtp.init_drivers = lambda: None
-        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = lambda uri, cf: by_uri[uri].link(uri, cf)
+        self.do, self.at_s, self.before_the_key = do, at_s, before_the_key
+        stand_ins = [unittest.mock.patch("cflib.crtp.init_drivers", lambda: None), unittest.mock.patch(
+            "cflib.crazyflie.syncCrazyflie.SyncCrazyflie", lambda uri, cf: Link(by_uri[uri]))]
         script.input, before = self.pressed, (sys.argv, os.getcwd())
         sys.argv = [name, "--mode", mode, "--controller", str(scripts[0].DATA["controller"])]
         os.chdir(tempfile.mkdtemp(dir=WORK))
         self.printed = io.StringIO()
         try:
-            with contextlib.redirect_stdout(self.printed):
+            with contextlib.redirect_stdout(self.printed), stand_ins[0], stand_ins[1]:
                 script.main()
             self.ended = ""
         except (SystemExit, Exception) as ended:
@@ -219,6 +219,9 @@ class Show:
             for part in self.parts:
                 part.body.move()
                 part.down_at_prompt = not part.body.on
+        elif self.before_the_key:
+            self.do(self.parts)
+            self.clock.sleep(1.0)
         elif self.do:
             self.clock.after(self.at_s, lambda: self.do(self.parts))
         return ""
@@ -489,34 +492,78 @@ class Faults(unittest.TestCase):
                     said = flight.reason + flight.printed
                     self.assertIn(f"{call} failed", said, f"{call} at {nth} of {n}")
 
-    def test_a_link_lost_at_every_second_ends_on_the_floor(self):
-        # A trajectory ends on the floor by itself, and the firmware stops the motors there. With
-        # setpoints a new link has to come before it does so in the air, 2 s after the last.
-        watchdog = "falls by the firmware's watchdog"
-        for name, mode, again_s, outcomes in (
-                ("I.py", "position", 1.5, (LANDED, STAYED)),
-                ("I.py", "position", 60.0, (STAYED, watchdog)),
-                ("I_trajectory.py", "trajectory", 5.0, (LANDED, STAYED)),
-                ("I_trajectory.py", "trajectory", 60.0, (STAYED, LANDED))):
-            for second in range(24):
-                flight = Flight(name, mode, second + 0.3, lose, again_s=again_s)
-                if flight.error and "landing" not in flight.printed:
-                    fault = f"link lost at {second}.3 s, {mode}, a new one within {again_s} s"
-                    self.judged(fault, flight, outcomes, "link was lost")
-                    if not flight.drone.found_again:
-                        started = flight.drone.lifted_s is not None
-                        says = {(True, "trajectory"): "lands by itself, and 2 s later the firmware stops",
-                                (True, "position"): "stops its motors after 2 s: it falls"}
-                        self.assertIn(says.get((started, mode), "nothing was started"), flight.reason)
-                        self.assertEqual(started or flight.outcome == STAYED, True)
+    def test_a_second_ctrl_c_stops_the_motors_and_all_is_put_back(self):
+        for name, mode in (("I.py", "position"), ("ring.py", "trajectory")):
+            show = Show(name, mode, 6.0 + 3.0 * (mode == "trajectory"), press(signal.SIGINT, 1.0))
+            self.assertEqual((show.outcomes, show.wrong), (["falls by the script"], []))
+            self.assertIn("motors stopped", show.said)
+            changed = show.parts[0].radio.changed()
+            self.assertEqual(changed - {"ring.headlightEnable", "ring.fadeColor", "kalman.resetEstimation"}, set())
 
-    def test_a_second_ctrl_c_stops_the_motors(self):
-        def twice(flight):
-            flight.drone.stopped.set()
-            flight.clock.after(1.0, flight.drone.killed.set)
+    def test_a_log_on_a_full_disk_is_whole_elsewhere_or_not_there(self):
+        whole, dump = [], json.dump
 
-        flight = Flight("I.py", "position", 6.0, twice)
-        self.assertEqual(flight.outcome, "falls by the script")
+        def full(limit):
+            def dumped(value, file):
+                text = json.dumps(value)
+                file.write(text[:len(text) // 2] if len(whole) < limit else text)
+                whole.append(file.name)
+                if len(whole) <= limit:
+                    raise OSError(28, "No space left on device")
+            return dumped
+
+        for limit, said in ((1, "log: "), (2, "the log of this flight is lost")):
+            whole.clear()
+            script_json = unittest.mock.patch("json.dump", full(limit))
+            with script_json:
+                flight = Flight()
+            self.assertEqual(flight.outcome, LANDED)
+            self.assertIn(said, flight.printed)
+            folder = os.path.dirname(flight.drone.log_file)
+            self.assertEqual(os.listdir(folder), [], "no cut file is left")
+            named = re.findall("log: (.*)", flight.printed)
+            self.assertEqual(len(named), 2 - limit)
+            for path in named:
+                with open(path, encoding="utf-8") as file:
+                    self.assertIn("stateEstimate.z", json.load(file))
+                os.remove(path)
+        self.assertIs(json.dump, dump)
+
+    def test_a_link_that_is_lost_while_tables_are_read_is_an_error(self):
+        # cflib's own SyncCrazyflie waits for its tables without end.
+        script = load("I.py")
+        import cflib.crtp
+
+        class Driver:
+            needs_resending = False
+
+            def __init__(self, uri, statistics, error):
+                self.error = error
+
+            def send_packet(self, packet):
+                threading.Timer(0.05, self.first).start()
+                return True
+
+            def first(self):
+                self.packets.append(CRTPPacket(0xFF, [0]))
+                threading.Timer(0.05, lambda: self.error("Too many packets lost")).start()
+
+            packets = []
+
+            def receive_packet(self, wait=0):
+                time.sleep(0.01)
+                return self.packets.pop() if self.packets else None
+
+            def close(self):
+                pass
+
+        with unittest.mock.patch("cflib.crtp.get_link_driver", Driver), contextlib.ExitStack() as links_opened:
+            warnings.simplefilter("ignore")
+            thread = threading.Thread(target=lambda: self.assertRaises(
+                script.Stopped, script.opened, links_opened, "radio://0/80/2M/E7E7E7E7E7"), daemon=True)
+            thread.start()
+            thread.join(10.0)
+            self.assertFalse(thread.is_alive())
 
     def test_files_that_cannot_be_written_come_after_landing(self):
         flight = Flight(log=os.path.join(WORK, "no", "such", "folder", "fault-log.json"))
@@ -568,11 +615,16 @@ class Faults(unittest.TestCase):
         self.assertIn("Cannot find a Crazyradio Dongle: plug it in", str(ended.exception))
 
     def test_signals_land_and_the_second_one_stops(self):
-        script, before = load("I.py"), signal.getsignal(signal.SIGTERM)
-        drone = script.Drone(Radio(Clock()), os.path.join(WORK, "signal.json"))
+        script, before, clock = load("I.py"), signal.getsignal(signal.SIGTERM), Clock()
+        script.time = clock
+        drone = script.Drone(Radio(clock), os.path.join(WORK, "signal.json"))
         with script.landing_on_signals([drone]):
-            signal.raise_signal(signal.SIGTERM)
-            self.assertEqual((drone.stopped.is_set(), drone.killed.is_set()), (True, False))
+            for _ in range(3):  # a key that bounces
+                signal.raise_signal(signal.SIGTERM)
+                clock.sleep(0.02)
+                self.assertEqual((drone.stopped.is_set(), drone.killed.is_set()), (True, False))
+            self.assertEqual(drone.why, "stopped by kill")
+            clock.sleep(0.6)
             signal.raise_signal(signal.SIGINT)
             self.assertTrue(drone.killed.is_set())
         self.assertEqual(signal.getsignal(signal.SIGTERM), before)
@@ -630,72 +682,82 @@ class Faults(unittest.TestCase):
         self.assertIn("2 cm", str(error))
 
 
-class Fleet(unittest.TestCase):
-    """Several drones by their launcher: what ends one of them ends all."""
+class Moments(unittest.TestCase):
+    """Whatever happens at any moment: no drone falls by the script's doing, and what it says is true.
 
-    def fly(self, fault=None, refuse=False):
-        """Runs the launcher; `fault` is done to the radios when the first drone is at 0.3 m."""
-        import cflib.crazyflie.syncCrazyflie
-        import cflib.crtp
+    NOCTOGRAPH_MOMENTS=all tries all moments, else some of each kind."""
 
-        launcher, clock, radios = load("fleet/fly_NOOR.py"), SharedClock(2), []
-        parts = [load("fleet/" + part) for part in launcher.SCRIPTS]
-        launcher.load = lambda part: parts[launcher.SCRIPTS.index(part)]
-        for part in parts:
-            part.time = clock
+    OF_ONE = {"position": "I.py", "full-state": "I.py", "trajectory": "I_trajectory.py"}
+    # What ends on the floor or not, whatever the script does.
+    FATES = {"crash": FALLS, "tumbled": FALLS, "deck fault": FALLS, "Ctrl-C twice": "falls by the script",
+             "dead, and Ctrl-C twice": "falls by the script"}
 
-        def watch():
-            if radios[0].body.at[2] > 0.3:
-                fault(radios)
-            else:
-                clock.after(0.1, watch)
+    def tried(self, name, mode, what, at_s):
+        do, again_s = MOMENTS[what]
+        show = Show(name, mode, at_s, do, again_s)
+        kind = f"{name} {mode}: {what} at {at_s:.1f} s"
+        self.assertEqual(show.wrong, [], f"{kind}: {show.said}")
+        SEEN.extend((kind, outcome, show.ended.split("\n")[0]) for outcome in show.outcomes)
+        allowed = {LANDED, STAYED, self.FATES.get(what, LANDED)}
+        part = show.parts[-1]
+        if part.is_dead_s is not None and mode != "trajectory":
+            allowed.add("falls by the firmware's watchdog")
+        self.assertIn(part.outcome, allowed, f"{kind}: {show.said}")
+        for outcome in show.outcomes[:-1]:
+            others = {LANDED, STAYED, "falls by the script" if "twice" in what else LANDED}
+            self.assertIn(outcome, others, f"{kind}: {show.said}")
+        # A new link in time lands it.
+        if what in ("link lost, new in 0.5 s", "link lost, new in 1.5 s", "dead for 1.2 s, new in 0.3 s"):
+            self.assertIn(part.outcome, (LANDED, STAYED), f"{kind}: {show.said}")
+        return show
 
-        def pressed(prompt):
-            if "Enter takes off" in prompt and fault:
-                clock.after(0.1, watch)
-            if refuse:
-                radios[1].fixed["pm.vbat"] = 3.0
-                clock.sleep(1.0)
-            return ""
+    def test_every_text_of_the_scripts_has_a_claim(self):
+        sources = [os.path.join(os.path.dirname(__file__), "..", "src", "export", name)
+                   for name in ("cflib.py", "launcher.py")]
+        texts = set()
+        for source in sources:
+            with open(source, encoding="utf-8") as file:
+                texts |= sentences(file.read())
+        self.assertEqual((texts - set(TRUE), set(TRUE) - texts), (set(), set()))
 
-        cflib.crtp.init_drivers = lambda: None
-        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = links(parts, clock, radios)
-        launcher.input, before = pressed, (sys.argv, os.getcwd())
-        sys.argv = ["fly_NOOR.py"]
-        os.chdir(tempfile.mkdtemp(dir=WORK))
-        try:
-            with contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit) as ended:
-                launcher.main()
-                raise SystemExit("flown")
-        finally:
-            sys.argv = before[0]
-            os.chdir(before[1])
-        clock.sleep(30.0)
-        for radio in radios:
-            radio.body.move()
-        return [radio.body.outcome() for radio in radios], str(ended.exception)
+    def test_what_happens_to_one_drone(self):
+        # The moments of a kind differ from mode to mode and from kind to kind.
+        step_s = 0.9 if ALL_MOMENTS else 12.0
+        for k, (mode, name) in enumerate(self.OF_ONE.items()):
+            lasts_s = 21.0 if mode == "trajectory" else 13.0
+            for number, what in enumerate(MOMENTS):
+                at_s = 0.1 + (2.3 * number + 3.1 * k) % step_s
+                while at_s < lasts_s:
+                    self.tried(name, mode, what, at_s)
+                    at_s += step_s
 
-    def test_all_land_when_one_ends_early(self):
-        self.assertEqual(self.fly(), ([LANDED] * 2, "flown"))
+    def test_what_happens_to_one_drone_of_several(self):
+        folders = {2: "fleet/fly_NOOR.py", 5: "fleet5/fly_NOORI.py"}
+        whats = list(MOMENTS) if ALL_MOMENTS else [
+            "Ctrl-C", "Ctrl-C twice", "link lost", "dead for 1.2 s, none new", "crash"]
+        for n, name in folders.items():
+            for number, what in enumerate(whats):
+                for at_s in (2.2, 5.0, 9.5, 16.0) if ALL_MOMENTS and n == 2 else (5.0 + 0.7 * number % 4.0,):
+                    self.tried(name, "position", what, at_s)
 
-        def crash(radios):
-            radios[1].fault(7)
+    def test_the_first_press_lands_though_another_drone_has_ended_the_flight(self):
+        for s in (0.3, 1.5, 2.5):
+            def crash_and_press(parts, s=s):
+                parts[-1].radio.fault(7)
+                parts[0].show.clock.after(s, lambda: press()(parts))
 
-        def raises(radios):
-            radios[0].failing["commander.send_position_setpoint"] = (
-                radios[0].calls["commander.send_position_setpoint"] + 1)
-
-        for fault, reason, other in ((crash, "crashed: it falls", FALLS),
-                                     (raises, "send_position_setpoint failed", LANDED)):
-            outcomes, ended = self.fly(fault)
-            SEEN.append((f"one of two: {reason}", outcomes[0], ended))
-            self.assertEqual(outcomes, [LANDED, other])
-            self.assertIn(reason, ended)
+            show = Show("fleet/fly_NOOR.py", "position", 5.0, crash_and_press)
+            self.assertEqual((show.outcomes, show.wrong), ([LANDED, FALLS], []), show.said)
+            told_s = min(show.parts[0].body.landings) - show.parts[1].body.turned_s
+            self.assertLess(told_s, 0.5, "the others are told at once")
 
     def test_none_takes_off_when_one_is_not_ready(self):
-        outcomes, ended = self.fly(refuse=True)
-        self.assertEqual(outcomes, [STAYED] * 2)
-        self.assertIn("battery", ended)
+        def refuse(parts):
+            parts[-1].radio.fixed["pm.vbat"] = 3.0
+
+        show = Show("fleet/fly_NOOR.py", "position", 0.0, refuse, before_the_key=True)
+        self.assertEqual((show.outcomes, show.wrong), ([STAYED] * 2, []))
+        self.assertIn("battery", show.ended)
 
 
 def summary():

@@ -167,7 +167,8 @@ TRUE = {
     "nothing was started, the drone stands on the floor, maybe armed: propellers of a brushless one turn until the "
     "firmware disarms it after 30 s. Stay behind the net until they stand still":
         lambda d, before: stayed(d, "") and d.told_to_arm,
-    "it was found again to land": lambda d, before: bool(d.body.landings) and d.outcome == "landed",
+    "it was found again to land": lambda d, before: (
+        bool(d.body.landings) and not d.outcome.startswith("falls")),
     "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls": levels_and_falls,
     "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself, and 2 s later the firmware "
     "stops its motors and locks it": flies_to_its_end,
@@ -207,4 +208,58 @@ def untrue(said, d):
                 wrong.append(text)
             if len(text) > 20 and "…" not in text:
                 said = said[:match.start()] + "." * len(match[0]) + said[match.end():]
+    return wrong
+
+
+def swarm_stayed(ros, names):
+    return not any(ros.drones[name].flew for name in names)
+
+
+def swarm_reads(attribute, *values):
+    return lambda ros, names: any(getattr(ros.drones[name], attribute) != value
+                                  for name in names for value in values)
+
+
+def swarm_lands_alone(ros, names):
+    """It flies to the end of its trajectory and lands by itself, or has heard the landing."""
+    return all(ros.drones[name].outcome() in ("landed", "never took off") for name in names)
+
+
+# The same for the script of Crazyswarm2: claims about the double of its server and the drones named in a line.
+SWARM = {
+    "; if it took off and hears nothing, it flies to the end and lands by itself: stay behind the net until its "
+    "propellers stand still": swarm_lands_alone,
+    "…: no … topic for … s": swarm_reads("silent", ()),
+    "…: …: the firmware has stopped its motors": lambda ros, names: all(ros.drones[n].info & 2272 for n in names),
+    ", it falls": lambda ros, names: all(ros.drones[n].cut_by == "the firmware" or not ros.drones[n].started
+                                         for n in names),
+    "the battery is empty": swarm_reads("battery_v", 4.1),
+    "the position is lost": swarm_reads("sigma_m", 0.002),
+    "outside the volume that was checked": swarm_reads("carried", None),
+    "…: not known to be down, and not disarmed: stay behind the net until its propellers stand still":
+        lambda ros, names: not any(ros.drones[n].cut_by == "disarming" for n in names),
+    "…: armed, and still it cannot fly": swarm_stayed,
+    "the drones keep the controller and the gains of this flight until they restart": lambda ros, names: bool(
+        ros.of("setParam")),
+    "landing; Ctrl-C again cuts the motors": lambda ros, names: ros.pressed and bool(ros.of("land")),
+    "motors cut": lambda ros, names: bool(ros.of("emergency")),
+    "stopped by Ctrl-C or another signal": lambda ros, names: ros.pressed,
+    **dict.fromkeys("""warning: …: …|a deck has a fault|can fly|supervisor …|can fly or be armed|battery at rest|
+position settled|the server has no …: start it with the crazyflies.yaml beside this script|…: its firmware has no …|
+…: no … or status topic: start the server with the crazyflies.yaml beside this script|…………wanted: …|
+…: … is …, wanted …|by eye: the drones are …, carry the lamps of the plan, and stand with the room's middle as \
+x = y = 0|, a room of … m|wanted a release such as 2026.08|
+Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. |error: …""".replace("|\n", "|").split("|"),
+                    always),
+}
+
+
+def untrue_of_swarm(said, ros):
+    """The sentences in what the script of Crazyswarm2 said that are not true of what the double did."""
+    wrong = []
+    for text, claim in SWARM.items():
+        for line in said.splitlines() if claim is not always else ():
+            names = [name for name in ros.drones if f"{name}:" in line] or list(ros.drones)
+            if pattern(text).search(line) and not claim(ros, names):
+                wrong.append(text)
     return wrong

@@ -41,7 +41,6 @@ RECONNECT_S = 20.0  # for a new link
 WATCHDOG_S = 2.0  # without a setpoint: the firmware stops the motors
 PRESS_S = 0.5  # a key that bounces or is hit twice in fright is pressed once
 DOWN_M = 0.3  # below this it has landed
-LIFT_S = 0.25  # after its first command a drone is no higher than it may drop
 TAKE_OVER_S = 0.05  # in which the drone has begun to land, before it stops to wait for setpoints
 CONNECT_S = 60.0  # for all parameters, without a cache of their names
 LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
@@ -249,8 +248,8 @@ class Drone:
         self.cf.high_level_commander.land(0.0, duration_s, yaw=DATA["yaw_rad"])
 
     def is_down(self):
-        """Whether it reads a height near the floor."""
-        return self.latest.get("stateEstimate.z", math.inf) < DOWN_M
+        """Whether a drone that heard the landing is down; one that reports no height anymore is."""
+        return self.latest.get("stateEstimate.z", math.inf) < DOWN_M or "where" in self.silent()
 
     def stop(self):
         self.cf.high_level_commander.stop()
@@ -259,7 +258,7 @@ class Drone:
     def give_up(self):
         """Ends a link as cflib ends a lost one: `close_link` would send a setpoint without thrust."""
         if not self.lost.is_set():
-            self.cf._link_error_cb("given up")
+            self.cf._link_error_cb("silent")
 
     def reconnect(self):
         """A new link to a drone that may be in the air by itself."""
@@ -852,9 +851,9 @@ def ready_to_fly(drone, mode, controller):
 def write(drone, mode, clock):
     """From the floor to the last letter."""
     on_its_own = mode == "trajectory"
-    drone.lifted_s, drone.may_fly = drone.clock(), True
-    zero_s = drone.lifted_s - (DATA["trajectory"]["start_s"] if on_its_own else 0.0)
+    zero_s = drone.clock() - (DATA["trajectory"]["start_s"] if on_its_own else 0.0)
     if on_its_own:
+        drone.lifted_s, drone.may_fly = drone.clock(), True
         since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"])
         drone.start_trajectory()
         if clock is None:
@@ -866,6 +865,8 @@ def write(drone, mode, clock):
     clock = clock or 1.0
     for time_s, command, values in events(mode, clock):
         drone.wait_until(zero_s + time_s)
+        if command == mode and not drone.may_fly:
+            drone.lifted_s, drone.may_fly = drone.clock(), True
         getattr(drone, command)(*values)
     end_s = (DATA["trajectory"] if on_its_own else DATA)["end_s"]
     drone.wait_until(zero_s + paced(end_s, clock))
@@ -876,7 +877,7 @@ def come_down(drone, mode):
     being taken. Returns what is to be said of a drone that has not simply landed."""
     words, killed = "", False
     try:
-        if is_up(drone):
+        if drone.lifted_s is not None:
             words = land(drone, mode)
         elif drone.lost.is_set() or drone.silent() and not drone.hears(drone.clock()):
             words = without_link(drone, mode)
@@ -893,12 +894,6 @@ def come_down(drone, mode):
             f"nothing is heard of the drone, maybe not the stop of its motors either. {STAY}")
         say(words)
     return words
-
-
-def is_up(drone):
-    """Whether it may be in the air: it was told to lift, and not stopped within a moment of it."""
-    return drone.lifted_s is not None and (
-        drone.clock() - drone.lifted_s >= LIFT_S or not stop(drone))
 
 
 def stop(drone):
@@ -946,7 +941,7 @@ def send_landing(drone, mode):
 def regain(drone, mode):
     """Seeks a new link to a drone that may be in the air, and lands it. Returns what it says of itself,
     or what is known without."""
-    was_up = not drone.is_down()
+    was_up = drone.latest.get("stateEstimate.z", 0.0) > DOWN_M
     say(f"nothing is heard of the drone. {STAY}")
     if not drone.connect or not attempt("seeking a new link", drone.reconnect):
         return without_link(drone, mode)

@@ -140,8 +140,8 @@ class Member:
             if topic not in self.heard or stamp != self.heard[topic][0]:
                 self.heard[topic] = (stamp, now_s)
             if now_s - self.heard[topic][1] > DATA["silent_s"]:
-                alone = ("; if the drone hears nothing, it flies to the end and lands by itself: stay "
-                         "behind the net until its propellers stand still")
+                alone = ("; if it took off and hears nothing, it flies to the end and lands by itself: "
+                         "stay behind the net until its propellers stand still")
                 raise Stopped(f"{self.name()}: no {topic} topic for {DATA['silent_s']:.0f} s"
                               + alone * self.airborne)
         if self.faults():
