@@ -222,7 +222,7 @@ class Radio:
         self.sent, self.params, self.blocks, self.calls, self.failing = [], [], [], {}, {}
         self.platform_name, self.firmware, self.bits, self.missing = platform, firmware, bits, missing
         self.armed, self.is_lost, self.drift = auto_arm, False, [0.0] * 3
-        self.is_closed, self.passes, self.was_armed = False, 0, False
+        self.is_closed, self.passes = False, 0
         self.values, self.fixed = {}, {
             "pm.vbat": battery_v, "stateEstimate.yaw": nose, "stateEstimate.roll": lean,
             "kalman.varPX": variance, "kalman.varPY": variance, "kalman.varPZ": variance}
@@ -377,7 +377,6 @@ class Radio:
 
     def arm(self, armed):
         """An arming request; disarmed in the air its motors stop."""
-        self.was_armed = self.was_armed or armed
         if not self.is_lost:
             self.body.move()
             self.armed = armed

@@ -162,11 +162,8 @@ TRUE = {
     "the clock on board runs at … of true time: no firmware is known to": lambda d, before: min(
         abs(d.body.clock_rate - rate) for rate in (1.0, 84 / 85)) > 0.003,
     "the word is written": written,
-    "nothing was started, the drone stands on the floor; switch it off before you touch it":
-        lambda d, before: stayed(d, "") and not d.told_to_arm,
-    "nothing was started, the drone stands on the floor, maybe armed: propellers of a brushless one turn until the "
-    "firmware disarms it after 30 s. Stay behind the net until they stand still":
-        lambda d, before: stayed(d, "") and d.told_to_arm,
+    "nothing was started, the drone stands on the floor, maybe armed: where propellers turn, the firmware stops them "
+    "after 30 s. Switch it off before you touch it": stayed,
     "it was found again to land": lambda d, before: (
         bool(d.body.landings) and not d.outcome.startswith("falls")),
     "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls": levels_and_falls,
@@ -196,7 +193,7 @@ def pattern(text):
 
 # Longer sentences first: they hold shorter ones.
 PATTERNS = [(text, pattern(text), TRUE[text]) for text in sorted(TRUE, key=len, reverse=True)
-            if TRUE[text] not in (always, stayed)]
+            if TRUE[text] is not always and text not in FLOOR.replace("|\n", "|").split("|")]
 
 
 def untrue(said, d):

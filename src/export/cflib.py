@@ -124,7 +124,7 @@ class Drone:
         self.lifted_s = None  # when the first command that lifts it was sent
         self.landing_s = None  # when the last landing was sent
         self.heard_last_s = -math.inf
-        self.armed = self.may_fly = False
+        self.may_fly = False
         self.stamp_ms, self.stamped_s = None, 0.0
         self.stopped, self.why = Flag(), "stopped by Ctrl-C"
         self.killed = Flag()  # a second Ctrl-C
@@ -233,7 +233,6 @@ class Drone:
         self.cf.high_level_commander.start_trajectory(1, 1.0)
 
     def arm(self, armed=True):
-        self.armed = armed
         # cflib before 0.1.32 has no supervisor.
         (getattr(self.cf, "supervisor", None) or self.cf.platform).send_arming_request(armed)
 
@@ -807,11 +806,8 @@ def fly(drone, mode, controller, clock=None, begin=lambda: None, ended=lambda: N
 
 
 # What a drone does that nothing can be sent to anymore.
-ON_THE_FLOOR = [
-    "nothing was started, the drone stands on the floor; switch it off before you touch it",
-    "nothing was started, the drone stands on the floor, maybe armed: propellers of a brushless one "
-    "turn until the firmware disarms it after 30 s. Stay behind the net until they stand still",
-]
+ON_THE_FLOOR = ("nothing was started, the drone stands on the floor, maybe armed: where propellers turn, the "
+                "firmware stops them after 30 s. Switch it off before you touch it")
 FOUND = "it was found again to land"
 WITHOUT_LINK = [
     "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls",
@@ -825,7 +821,7 @@ STAY = ("Stay behind the net until the propellers stand still; should they not, 
 def without_link(drone, mode):
     """What a drone does that nothing can be sent to anymore, as far as that is known."""
     if drone.lifted_s is None:
-        return ON_THE_FLOOR[drone.armed]
+        return ON_THE_FLOOR
     ifs = [] if drone.heard(drone.lifted_s) else ["it has taken off"]
     ifs += [] if drone.landing_s is None else ["it has not heard the landing"]
     known = f"if {' and '.join(ifs)}, " if ifs else ""
@@ -887,21 +883,15 @@ def come_down(drone, mode):
     if drone.may_fly and not killed:
         drone.give_up()  # it may yet hear what is sent: no stop in the air
         return words
-    is_stopped = stop(drone)
+    sent_s = drone.clock()
+    attempt("stopping the motors", drone.stop, times=3)
     attempt("disarming", drone.arm, False)
     if killed:
-        words = "motors stopped" if is_stopped else (
+        drone.may_fly = drone.may_fly and not drone.hears(sent_s)
+        words = "motors stopped" if not drone.may_fly else (
             f"nothing is heard of the drone, maybe not the stop of its motors either. {STAY}")
         say(words)
     return words
-
-
-def stop(drone):
-    """Stops the motors; returns whether they are known to be off."""
-    sent_s = drone.clock()
-    if attempt("stopping the motors", drone.stop, times=3) and drone.may_fly:
-        drone.may_fly = not drone.hears(sent_s)
-    return not drone.may_fly
 
 
 def land(drone, mode):

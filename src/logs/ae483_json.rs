@@ -90,15 +90,14 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// Refuses the cut log of an exported script: it has its variables one after another, so that a part
+/// Refuses the cut log of an exported script, whose variables stand one after another: a part of it
 /// is no shorter flight but one without some of them.
 fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     let head = text.trim_ascii_start().strip_prefix(b"{").unwrap_or_default();
     if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
         return Ok(());
     }
-    let hint = "take the file that the script named after \"log:\"; on a full disk it is in the folder \
-                for temporary files";
+    let hint = "take the file that the script named; it may be in the folder for temporary files";
     let cut = format!("a script's log that is cut off at {place}");
     Err(Error::input(file, cut, "the whole log", hint))
 }
