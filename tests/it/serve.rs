@@ -264,6 +264,18 @@ fn only_a_page_of_this_server_is_let_in() {
         ("a long head", get(path, &format!("{own}X: {}\r\n", "x".repeat(20_000))), 431),
         ("a foreign origin", post(&format!("{json}Origin: http://evil.example\r\n")), 403),
         ("an opaque origin", post(&format!("{json}Origin: null\r\n")), 403),
+        (
+            "two origins",
+            post(&format!(
+                "{json}Origin: http://127.0.0.1:{port}\r\nOrigin: http://evil.example\r\n"
+            )),
+            403,
+        ),
+        (
+            "two sites",
+            post(&format!("{json}Sec-Fetch-Site: same-origin\r\nSec-Fetch-Site: cross-site\r\n")),
+            403,
+        ),
         ("a foreign site", post(&format!("{json}Sec-Fetch-Site: cross-site\r\n")), 403),
         ("a form", post("Content-Type: text/plain\r\nContent-Length: 2\r\n"), 415),
         ("no length", post(json), 411),

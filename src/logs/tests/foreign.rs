@@ -519,6 +519,19 @@ fn blocks_of_events_do_not_set_the_unit_of_the_clock() {
 }
 
 #[test]
+fn a_cut_log_of_a_script_is_refused_wherever_it_is_cut() {
+    let about = "{\"noctograph\": {\"word\": \"NO\"},";
+    let log = variables(&POSITION).replacen('{', about, 1);
+    read(log.as_bytes());
+    for end in (about.len() - 5..log.trim_end().len()).step_by(97) {
+        let error = parse(&log.as_bytes()[..end], "log", &ImportOptions::default()).unwrap_err();
+        assert!(error.to_string().contains("cut off"), "{end}: {error}");
+    }
+    // Others are read as far as they go.
+    says(&read(&variables(&POSITION).as_bytes()[..log.len() - 100]), "ends too early");
+}
+
+#[test]
 fn an_exported_scripts_log_has_its_words_without_a_warning() {
     let log = variables(&POSITION).replacen('{', "{\"noctograph\": {\"word\": \"NO\", \"uri\": \"radio://0/80/2M/E7E7E7E701\", \"plan_sha256\": \"ab\"},", 1);
     let flight = read(log.as_bytes());
