@@ -17,6 +17,9 @@ pub const FRAME_M: f64 = 0.15;
 /// Largest distance of the drone from the plan's start before take-off, m. Farther away, its path
 /// to the first letter is not the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
+/// Least distance of people from a flight, m, however slow it is: an arm's length, and a step back
+/// (an assumption).
+pub const LEAST_PEOPLE_M: f64 = 1.0;
 /// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside
 /// the ring by the turn's sine, and a nose along another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
@@ -216,7 +219,9 @@ pub fn table() -> String {
 | the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/pipeline/preflight/profile.rs` |
 | one frame: stations or anchors, take-off marks, a camera whose place is said | `check` | in the room (`--room`) to {FRAME_M} m; a camera outside is a warning | the room's middle on the floor is x = y = 0 |
 | a flight from the floor to the floor, its columns those of its places | `check` | velocities and places within a quarter of the way | `src/pipeline/preflight/plans.rs` |
-| people (`sensors.lighthouse.people_m`) beside take-off, flight and landing | `check` | the audience's distance: 2 s at the plan's greatest speed, and the fall | `COMMANDER_WDT_TIMEOUT_SHUTDOWN` |
+| people (`sensors.lighthouse.people_m`) beside take-off, flight and landing | `check` | the audience's distance: {MOTORS_STOP_S:.0} s at the greatest speed of the plan's places, or at that sideways of the flight, and the fall; {LEAST_PEOPLE_M:.0} m at least | `COMMANDER_WDT_TIMEOUT_SHUTDOWN` |
+| things beside them: camera, `floor.steps`, stations or anchors, mirrors and panes; on the floor at any height, for a drone lands straight down | `check` | the 0.2 m that walls have, and the drone's reach: 0.28 m from a Crazyflie | `src/pipeline/preflight/obstacles.rs` |
+| the room's unit | `--room`, `check` | a ceiling at 7.5 m and more is asked about, one from 6.5 m on is a warning | rooms in feet: 13x20x8 |
 | weight, wind, estimator, base stations close together, sunlight on Lighthouse | `check` | indoors 150 g and 1.5 m/s; below 100 g 4 m/s; 1 m | `src/pipeline/preflight/surroundings.rs` |
 | thrust to hover | `check` | 85 % of the greatest at the flight's end | the simulated flight |
 | the camera's place | `check` | some usual camera shows the whole word from within the room | `src/pipeline/preflight/placement.rs` |

@@ -36,6 +36,7 @@ mod road;
 mod safety;
 mod second_flight;
 mod serve;
+mod setups;
 mod study;
 mod team_data;
 mod twins;

@@ -124,7 +124,7 @@ fn plans_of(shoot: &Shoot) -> Vec<Plan> {
 }
 
 /// The box of the word, or of the plans.
-fn bounds_m(shoot: &Shoot) -> [f64; 4] {
+pub(super) fn bounds_m(shoot: &Shoot) -> [f64; 4] {
     if let Some(strokes) = &shoot.strokes {
         return strokes.bounds_m();
     }

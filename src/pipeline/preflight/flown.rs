@@ -95,17 +95,20 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
     let ((y_m, time_s), most_m) = (farthest.unwrap_or_default(), profile.corridor_m);
     let mean_m = strays.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
     let (room, beacons) = (&scene.sensors.lighthouse, &scene.sensors.positioning);
+    let by_light = matches!(beacons, Positioning::CrossingBeams | Positioning::Sweeps);
     Row::new("corridor", stop_if(y_m.abs() > most_m), y_m).within(most_m).timed(time_s).say(
         format!("strays by {y_m:+.2} m in depth{}", at_time(time_s)),
         format!("within ±{most_m} m of the design"),
         match beacons {
-            _ if !room.people_m.is_empty() => {
+            _ if by_light && !room.people_m.is_empty() => {
                 "let people stand out of the light ({sensors.lighthouse.people_m})"
             }
-            _ if !room.mirrors_m.is_empty() || !room.panes_m.is_empty() => {
+            _ if by_light && !(room.mirrors_m.is_empty() && room.panes_m.is_empty()) => {
                 "cover what reflects ({sensors.lighthouse.mirrors_m})"
             }
-            _ if !room.silent.is_empty() => "let every station send ({sensors.lighthouse.silent})",
+            _ if by_light && !room.silent.is_empty() => {
+                "let every station send ({sensors.lighthouse.silent})"
+            }
             Positioning::UwbTwr | Positioning::UwbTdoa => {
                 "hang the anchors around the flight, in front of it and behind \
                  ({sensors.uwb.anchors_m})"

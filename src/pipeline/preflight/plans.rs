@@ -118,12 +118,22 @@ fn legs(plan: &Plan) -> Vec<Leg> {
 /// setpoints miss its corners.
 const MOST_APART_FRAC: f64 = 0.25;
 
+/// Greatest speed of the places on a way, and when.
+fn fastest(legs: &[Leg]) -> (f64, f64) {
+    let whole = legs.iter().filter(|leg| leg.lasts_s >= LEG_S);
+    largest(whole.map(|leg| (leg.moved_m.norm() / leg.lasts_s, leg.time_s)))
+}
+
+/// Greatest speed of a plan's places.
+pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
+    fastest(&legs(plan)).0
+}
+
 /// Check of the plan's greatest speed.
 fn speed(plan: &Plan, profile: &Profile) -> Row {
     let told = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let legs = legs(plan);
-    let whole = legs.iter().filter(|leg| leg.lasts_s >= LEG_S);
-    let places = largest(whole.map(|leg| (leg.moved_m.norm() / leg.lasts_s, leg.time_s)));
+    let places = fastest(&legs);
     let apart_m: f64 = legs.iter().map(|leg| leg.apart_m.norm()).sum();
     let length_m = |leg: &Leg| leg.moved_m.norm().max((leg.moved_m - leg.apart_m).norm());
     let apart_frac = apart_m / legs.iter().map(length_m).sum::<f64>().max(1e-9);

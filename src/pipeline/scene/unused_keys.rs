@@ -105,8 +105,14 @@ const RULES: &[Rule] = &[
     ),
 ];
 
-/// A key that `coverage` and `check` use whatever the drone's sensors are.
-const ALWAYS_USED: &str = "sensors.lighthouse.stations";
+/// Keys that `coverage` and `check` use whatever the drone's sensors are: stations, and what stands
+/// in the flight's way.
+const ALWAYS_USED: [&str; 4] = [
+    "sensors.lighthouse.stations",
+    "sensors.lighthouse.people_m",
+    "sensors.lighthouse.mirrors_m",
+    "sensors.lighthouse.panes_m",
+];
 
 const NO_DRAG: &str =
     "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
@@ -173,7 +179,7 @@ pub(super) fn writes_in_color(scene: &Scene) -> bool {
 /// `None` if it has an effect.
 pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     let values = Value::Table(scene.to_table());
-    if key == ALWAYS_USED {
+    if ALWAYS_USED.contains(&key) {
         return None;
     }
     let mut reasons = Vec::new();

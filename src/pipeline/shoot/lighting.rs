@@ -128,7 +128,9 @@ impl Shoot {
         let lamps = problems::writing(&flights, &all, &self.scene.light);
         let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
         writing.dedup();
-        problems.splice(..0, problems::before(&flights, &lamps, &camera));
+        let glyph = self.strokes.as_ref().and_then(|strokes| strokes.glyphs.first());
+        let cap_height_m = glyph.map_or(0.0, |glyph| glyph.cell.cap_height_m);
+        problems.splice(..0, problems::before(&flights, &lamps, &camera, cap_height_m));
         Ok(Lighting { flights, trace: all, writing, camera, metered, problems })
     }
 
