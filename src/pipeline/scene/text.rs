@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
+use super::carried::take_digests;
 use super::{Preset, Scene, implied};
 use noctograph_core::error::{Error, Place, Result, Segment};
 use noctograph_core::settings::{
@@ -160,12 +161,14 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
 ///
 /// [`Error::Input`] with the line of a syntax error, an unknown key or an unknown name.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
-    let table: Table = toml.parse().map_err(|error: toml::de::Error| {
+    let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
         let actual = error.message().replace('\n', "; ");
         Error::input("", actual, "keys and values of a scene", HINT).in_file(file, line)
     })?;
-    check_keys(&table).map_err(|error| with_line(error, toml, file))?;
+    take_digests(&mut table)
+        .and_then(|_digests| check_keys(&table))
+        .map_err(|error| with_line(error, toml, file))?;
     Ok(table)
 }
 
