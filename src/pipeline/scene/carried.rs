@@ -7,9 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use toml::{Table, Value};
-
-use super::{LIMIT, Scene};
+use super::{LIMIT, Scene, text};
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Limit;
@@ -18,10 +16,6 @@ use noctograph_logs::scene_in;
 /// Ending of the scene file of a plan or a flight, in the place of theirs, and name of the one of
 /// all plans and flights in a folder.
 const SCENE: &str = "scene.toml";
-
-/// Table of a scene file: names of the files that it was written with, and their SHA-256. It is no
-/// setting.
-const DIGESTS: &str = "sha256";
 
 /// Largest plan or flight beside a scene: as large as their reader takes.
 const FILE: Limit =
@@ -64,7 +58,7 @@ impl CarriedScene {
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = LIMIT.read_text(&file)?;
         let file = file.display().to_string();
-        let digests = digests(&toml, &file)?;
+        let digests = text::digests(&toml, &file)?;
         let carried = Self { toml, file, is_in_log: false, is_bound: !digests.is_empty() };
         if carried.is_bound {
             carried.check_digest(path, &digests)?;
@@ -116,7 +110,7 @@ impl CarriedScene {
     ///
     /// [`Error::Input`] with the plan that is missing.
     pub fn check_folder(&self, folder: &Path) -> Result<()> {
-        let digests = digests(&self.toml, &self.file)?;
+        let digests = text::digests(&self.toml, &self.file)?;
         let mut plans = digests.keys().filter(|name| name.starts_with("plan-"));
         let Some(name) = plans.find(|name| !folder.join(name).is_file()) else { return Ok(()) };
         let hint = "plan again, or name the plans one by one to fly without that drone";
@@ -162,14 +156,7 @@ impl CarriedScene {
 
     /// The text of a scene file beside files of these names and digests.
     pub fn text(scene: &Scene, files: impl IntoIterator<Item = (String, String)>) -> String {
-        let files = files.into_iter().map(|(name, sha256)| (name, Value::String(sha256)));
-        let files: Table = files.collect();
-        let digests = Table::from_iter([(DIGESTS.to_owned(), Value::Table(files))]);
-        format!(
-            "{}\n# Files that this scene was written with, by SHA-256. This is no setting: beside\n\
-             # other files the scene is refused.\n{digests}",
-            scene.to_toml()
-        )
+        scene.to_toml() + &text::of_digests(files.into_iter().collect())
     }
 
     /// The scene with settings laid over it, see [`Scene::parse_with`].
@@ -205,31 +192,6 @@ impl CarriedScene {
 
 fn name(path: &Path) -> &str {
     path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
-}
-
-/// The digests of a scene file's text; none of a text that is no TOML, which its reader refuses.
-fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>> {
-    let mut table = toml.parse().unwrap_or_default();
-    take_digests(&mut table).map_err(|error| super::text::with_line(error, toml, file))
-}
-
-/// Takes the digests out of a scene file's table, which then has nothing but settings.
-///
-/// # Errors
-///
-/// [`Error::Input`] for what is no digest.
-pub(super) fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
-    let digests = match table.remove(DIGESTS) {
-        None => return Ok(BTreeMap::new()),
-        Some(digests) => digests.try_into::<BTreeMap<String, String>>().ok(),
-    };
-    let is_digest =
-        |text: &String| text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
-    digests.filter(|digests| digests.values().all(is_digest)).ok_or_else(|| {
-        let wanted = "names of files, each with 64 hexadecimal digits";
-        let hint = "leave the table as it was written: it has no settings";
-        Error::input(DIGESTS, "something else", wanted, hint)
-    })
 }
 
 #[cfg(test)]
