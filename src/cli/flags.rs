@@ -69,6 +69,7 @@ impl SceneFlags {
             (Some(named), _) => find_scene(named, &settings)?.scene,
             (None, Some(carried)) => {
                 message("note: ", &format!("the scene is {}", carried.file));
+                warn_of_unbound(carried);
                 carried.distrusted_scene(&borrowed(&settings))?
             }
             (None, None) => Scene::parse_with("", "scene", &borrowed(&settings))?,
@@ -77,10 +78,14 @@ impl SceneFlags {
         Ok(scene)
     }
 
-    /// The one scene that came with files; `None` of several where another is named.
-    fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
+    /// The one scene that came with files; `None`, with a warning of files that are not its own,
+    /// where another is named.
+    pub(super) fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
         match CarriedScene::of_all(files) {
-            Err(_) if self.scene.is_some() => Ok(None),
+            Err(_) if self.scene.is_some() => {
+                warn(files.iter().filter_map(|file| CarriedScene::read(file).err()));
+                Ok(None)
+            }
             carried => carried,
         }
     }
@@ -196,6 +201,7 @@ impl DesignFlags {
         let mut scene = self.scene.load_from(carried, &settings, &[])?;
         // A plan keeps its room where another scene has none.
         if let Some(carried) = carried.filter(|_| is_planned && scene.expose.room_m.is_none()) {
+            warn_of_unbound(carried);
             scene.expose.room_m = carried.scene(&[])?.expose.room_m;
         }
         let room_m = scene.expose.room_m.filter(|_| is_planned).or(self.letters.room);
@@ -285,13 +291,17 @@ impl SubjectFlags {
     ) -> Result<Shoot> {
         if let Some(plans) = self.plans() {
             let carried = self.design.scene.carried(&plans)?;
+            if let Some(carried) = &carried {
+                let mut folders = self.inputs.iter().map(Path::new).filter(|path| path.is_dir());
+                folders.try_for_each(|folder| carried.check_folder(folder))?;
+            }
             let mut scene = self.unfitted(carried.as_ref(), carried.is_some())?;
             if carried.is_none() {
                 self.design.fit(&mut scene)?;
             }
             change(&mut scene)?;
             frame(&mut scene)?;
-            return Shoot::with_plans(scene, read_plans(&plans)?);
+            return Shoot::with_plans(scene, read_plans(&plans, carried.as_ref())?);
         }
         let scene = self.ready(change)?;
         let strokes = scene.strokes()?;
@@ -312,9 +322,23 @@ pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     }
 }
 
-pub(super) fn read_plans(paths: &[PathBuf]) -> Result<Vec<Plan>> {
+/// Reads plans, whose scene was read before.
+pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> Result<Vec<Plan>> {
     PLANS.check_all(paths)?;
-    paths.iter().map(|path| Plan::read_csv(path)).collect()
+    let plans = paths.iter().map(|path| Plan::read_csv(path)).collect::<Result<_>>()?;
+    carried.map_or(Ok(()), |carried| carried.check_still(paths))?;
+    Ok(plans)
+}
+
+/// Warns of a scene of which nothing shows whose it is.
+fn warn_of_unbound(carried: &CarriedScene) {
+    if !carried.is_bound {
+        warn([format!(
+            "{}: it has no digest of the file beside it (table sha256), so that it may be the scene of \
+             another plan or flight, with another room: write both again, or name it with --scene",
+            carried.file
+        )]);
+    }
 }
 
 /// Limits that a flight is checked against.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Error, Result};
 use crate::scene::{CarriedScene, Scene};
+use noctograph_core::files::WholeFile;
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 
 /// Whether a path names an SVG drawing.
@@ -59,22 +60,33 @@ impl Outputs {
     ) -> Result<Vec<PathBuf>> {
         match self {
             Self::One(file, beside) => {
-                let mut files = vec![file.keep_with(|out| write(&items[0], out))?];
-                match (beside, scene) {
-                    (Some(beside), Some(scene)) => {
-                        files.push(beside.keep(scene.to_toml())?);
+                let file = file.write_with(|out| write(&items[0], out))?;
+                let has_place = beside.is_some();
+                let Some((beside, scene)) = beside.zip(scene) else {
+                    let file = file.keep()?;
+                    if has_place {
+                        forget_scene(&file);
                     }
-                    (Some(_), None) => forget_scene(&files[0]),
-                    (None, _) => {}
-                }
+                    return Ok(vec![file]);
+                };
+                let digest = (file.name(), file.sha256().to_owned());
+                let toml = CarriedScene::text(scene, [digest]);
+                let scene = beside.write_with(|out| out.write_all(toml.as_bytes()))?;
+                // A kill between the names leaves the new scene, which no other plan fits: never a
+                // plan without the scene that it has.
+                let mut files = WholeFile::keep_all(vec![scene, file])?;
+                files.reverse();
                 Ok(files)
             }
             Self::Several(mut folder, kind) => {
+                let mut digests = Vec::new();
                 for (number, item) in (1..).zip(items) {
-                    folder.write_with(&format!("{kind}-{number}.csv"), |out| write(item, out))?;
+                    let name = format!("{kind}-{number}.csv");
+                    let sha256 = folder.write_with(&name, |out| write(item, out))?;
+                    digests.push((name, sha256));
                 }
                 if let Some(scene) = scene {
-                    folder.write(SCENE, scene.to_toml())?;
+                    folder.write_first(SCENE, CarriedScene::text(scene, digests))?;
                 }
                 folder.keep()
             }

@@ -14,6 +14,7 @@ use super::{
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
+use crate::scene::CarriedScene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
@@ -145,13 +146,17 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
 fn write(shot: &Shot, verdict: &Value, folder: &mut OutputFolder) -> Result<()> {
     let png = shot.file.as_deref().expect("a format was asked for");
     folder.write("photo.png", png)?;
+    let mut digests = Vec::new();
     for (index, (flight, planned)) in shot.flights.iter().zip(&shot.shoot.plans).enumerate() {
         let number =
             if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        folder.write_with(&format!("flight{number}.csv"), |out| flight.write_csv(out))?;
-        folder.write_with(&format!("plan{number}.csv"), |out| planned.plan.write_csv(out))?;
+        let [flown, plan] = ["flight", "plan"].map(|kind| format!("{kind}{number}.csv"));
+        let sha256 = folder.write_with(&flown, |out| flight.write_csv(out))?;
+        digests.push((flown, sha256));
+        let sha256 = folder.write_with(&plan, |out| planned.plan.write_csv(out))?;
+        digests.push((plan, sha256));
     }
-    folder.write(SCENE, shot.shoot.scene.to_toml())?;
+    folder.write_first(SCENE, CarriedScene::text(&shot.shoot.scene, digests))?;
     if shot.verdict.is_some() {
         folder.write("verdict.json", format!("{verdict:#}\n"))?;
     }

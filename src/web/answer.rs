@@ -10,6 +10,7 @@ use super::PreparedScene;
 use super::messages::Message;
 use super::replay::{boxes, end_s, replay};
 use super::request::{LOG, Product, Subject};
+use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{bounds, simplify};
 use noctograph_core::strokes::{Source, SourceStroke, Strokes};
@@ -18,7 +19,7 @@ use noctograph_export::{Form, Format as ExportFormat, Mode};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::{PhotoData, jpeg};
 use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile};
-use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::scene::{CarriedScene, Change, Scene};
 use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Watch};
 
 /// Pixels of the photo while one types, and of the large photo.
@@ -190,10 +191,7 @@ impl Studio<'_> {
 
 /// The photo's files as `preview` names them.
 fn files(shot: &Shot) -> BTreeMap<String, Vec<u8>> {
-    let mut files = BTreeMap::from([
-        ("photo.png".to_owned(), shot.file.clone().expect("a format was asked for")),
-        ("scene.toml".to_owned(), shot.shoot.scene.to_toml().into_bytes()),
-    ]);
+    let mut files = BTreeMap::new();
     for (index, planned) in shot.shoot.plans.iter().enumerate() {
         let number =
             if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
@@ -201,6 +199,10 @@ fn files(shot: &Shot) -> BTreeMap<String, Vec<u8>> {
         planned.plan.write_csv(&mut csv).expect("memory takes it");
         files.insert(format!("plan{number}.csv"), csv);
     }
+    let digests = files.iter().map(|(name, csv)| (name.clone(), sha256(csv)));
+    let scene = CarriedScene::text(&shot.shoot.scene, digests);
+    files.insert("scene.toml".to_owned(), scene.into_bytes());
+    files.insert("photo.png".to_owned(), shot.file.clone().expect("a format was asked for"));
     files
 }
 

@@ -27,6 +27,7 @@ mod locate;
 mod log_gaps;
 mod obstacles;
 mod outputs;
+mod pairs;
 mod photos;
 mod plan;
 mod readme;

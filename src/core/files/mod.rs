@@ -26,7 +26,7 @@ pub use csv_reader::{Head, RowRules, Separator, Sheet, SheetColumn};
 pub use folder::OutputFolder;
 pub use input::{Limit, entries_in, files_in};
 pub use jpeg::JpegFrame;
-pub use output::{Output, STANDARD_OUTPUT};
+pub use output::{Buffer, Output, STANDARD_OUTPUT, WholeFile};
 pub use staging::folder_in;
 pub use text::Text;
 pub use titles::{DEGREE, bracketed, simplified, unit};

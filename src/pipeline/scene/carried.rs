@@ -1,15 +1,25 @@
 //! The scene that came with a file: in the head of an exported script's log, or in a scene file
 //! beside a plan or a flight. Room, camera and drone go with a flight so.
+//!
+//! A scene file names the files that it was written with by their digests. Here is the one place
+//! that compares them: a plan beside the scene of another one would be checked in another room.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::{LIMIT, Scene};
+use super::{LIMIT, Scene, text};
+use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Place, Result};
+use noctograph_core::files::Limit;
 use noctograph_logs::scene_in;
 
 /// Ending of the scene file of a plan or a flight, in the place of theirs, and name of the one of
 /// all plans and flights in a folder.
 const SCENE: &str = "scene.toml";
+
+/// Largest plan or flight beside a scene: as large as their reader takes.
+const FILE: Limit =
+    Limit { bytes: 128 << 20, what: "a plan or a flight", hint: "cut it, or thin it out" };
 
 /// The text of a scene that came with a file.
 #[derive(Clone, Debug)]
@@ -20,6 +30,9 @@ pub struct CarriedScene {
     pub file: String,
     /// Whether it is in a log, which may come from anywhere.
     pub is_in_log: bool,
+    /// Whether it is the scene of its file beyond doubt: in a log, or with the file's digest, which
+    /// scenes of earlier versions and scenes written by hand have not.
+    pub is_bound: bool,
 }
 
 impl CarriedScene {
@@ -27,7 +40,8 @@ impl CarriedScene {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a scene file that cannot be read.
+    /// [`Error::Io`] for a file that cannot be read; [`Error::Input`] for a scene that was written
+    /// with other files.
     pub fn read(path: &Path) -> Result<Option<Self>> {
         // A pipe can be read once.
         if !path.is_file() {
@@ -43,13 +57,71 @@ impl CarriedScene {
         let mut files = std::iter::once(Self::place(path)).chain(of_folder);
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = LIMIT.read_text(&file)?;
-        Ok(Some(Self { toml, file: file.display().to_string(), is_in_log: false }))
+        let file = file.display().to_string();
+        let digests = text::digests(&toml, &file)?;
+        let carried = Self { toml, file, is_in_log: false, is_bound: !digests.is_empty() };
+        if carried.is_bound {
+            carried.check_digest(path, &digests)?;
+        }
+        Ok(Some(carried))
+    }
+
+    /// Checks that a file is one of those that the scene was written with.
+    fn check_digest(&self, path: &Path, digests: &BTreeMap<String, String>) -> Result<()> {
+        let mut digest = Digest::default();
+        std::io::copy(&mut FILE.open(path)?, &mut digest)
+            .map_err(|source| Error::read(path, source))?;
+        let actual = digest.hex();
+        if digests.values().any(|known| *known == actual) {
+            return Ok(());
+        }
+        let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
+        let wanted = match digests.get(name(path)).or(digests.values().next()) {
+            Some(known) if digests.len() == 1 || digests.contains_key(name(path)) => {
+                format!("the one that {scene} was written with, of digest {known}")
+            }
+            _ => format!("one of those that {scene} was written with, {names}"),
+        };
+        let hint = format!(
+            "write both again, or name the scene: {scene} is the right one only if you edited {} \
+             yourself",
+            name(path)
+        );
+        Err(Error::input(path.display(), format!("a file of digest {actual}"), wanted, hint))
+    }
+
+    /// Checks that the scene still is that of files, which were read after it: another program may
+    /// have written both anew meanwhile.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] where it is not; as [`Self::of_all`].
+    pub fn check_still(&self, files: &[PathBuf]) -> Result<()> {
+        if Self::of_all(files)?.is_some_and(|now| now.toml == self.toml) {
+            return Ok(());
+        }
+        let (actual, wanted) = ("a scene that has just changed", "a scene and files at rest");
+        Err(Error::input(&*self.file, actual, wanted, "try again"))
+    }
+
+    /// Checks that a folder has all plans that its scene was written with.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`] with the plan that is missing.
+    pub fn check_folder(&self, folder: &Path) -> Result<()> {
+        let digests = text::digests(&self.toml, &self.file)?;
+        let mut plans = digests.keys().filter(|name| name.starts_with("plan-"));
+        let Some(name) = plans.find(|name| !folder.join(name).is_file()) else { return Ok(()) };
+        let hint = "plan again, or name the plans one by one to fly without that drone";
+        let wanted = format!("all plans that {} was written with", self.file);
+        Err(Error::input(folder.display(), format!("no {name}"), wanted, hint))
     }
 
     /// The scene in a log's head.
     pub fn in_log(path: &Path) -> Option<Self> {
         let file = format!("{} (scene)", path.display());
-        Some(Self { toml: scene_in(path)?, file, is_in_log: true })
+        Some(Self { toml: scene_in(path)?, file, is_in_log: true, is_bound: true })
     }
 
     /// The one scene that came with some of several files; seeds may differ.
@@ -73,12 +145,18 @@ impl CarriedScene {
                 hint,
             ));
         }
-        Ok(all.into_iter().next())
+        let is_bound = all.iter().all(|carried| carried.is_bound);
+        Ok(all.into_iter().next().map(|first| Self { is_bound, ..first }))
     }
 
     /// Where the scene of a plan or a flight is written.
     pub fn place(path: &Path) -> PathBuf {
         path.with_extension(SCENE)
+    }
+
+    /// The text of a scene file beside files of these names and digests.
+    pub fn text(scene: &Scene, files: impl IntoIterator<Item = (String, String)>) -> String {
+        scene.to_toml() + &text::of_digests(files.into_iter().collect())
     }
 
     /// The scene with settings laid over it, see [`Scene::parse_with`].
@@ -110,6 +188,10 @@ impl CarriedScene {
         }
         Ok(scene)
     }
+}
+
+fn name(path: &Path) -> &str {
+    path.file_name().and_then(|name| name.to_str()).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The scene file as text: the commented file that is printed, unknown keys, and the line
 //! numbers of errors.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
@@ -14,6 +14,9 @@ use noctograph_core::settings::{
 
 /// Columns of the printed file.
 const WIDTH: usize = 80;
+/// Table of a scene file: names of the files that it was written with, and their SHA-256. It is no
+/// setting.
+const DIGESTS: &str = "sha256";
 /// Advice on a broken scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
 
@@ -160,13 +163,50 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
 ///
 /// [`Error::Input`] with the line of a syntax error, an unknown key or an unknown name.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
-    let table: Table = toml.parse().map_err(|error: toml::de::Error| {
+    let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
         let actual = error.message().replace('\n', "; ");
         Error::input("", actual, "keys and values of a scene", HINT).in_file(file, line)
     })?;
-    check_keys(&table).map_err(|error| with_line(error, toml, file))?;
+    take_digests(&mut table)
+        .and_then(|_digests| check_keys(&table))
+        .map_err(|error| with_line(error, toml, file))?;
     Ok(table)
+}
+
+/// The digests of a scene file's text; none of a text that is no TOML, which its reader refuses.
+pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>> {
+    let mut table = toml.parse().unwrap_or_default();
+    take_digests(&mut table).map_err(|error| with_line(error, toml, file))
+}
+
+/// Takes the digests out of a scene file's table, which then has nothing but settings.
+///
+/// # Errors
+///
+/// [`Error::Input`] for what is no digest.
+fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
+    let digests = match table.remove(DIGESTS) {
+        None => return Ok(BTreeMap::new()),
+        Some(digests) => digests.try_into::<BTreeMap<String, String>>().ok(),
+    };
+    let is_digest =
+        |text: &String| text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    digests.filter(|digests| digests.values().all(is_digest)).ok_or_else(|| {
+        let wanted = "names of files, each with 64 hexadecimal digits";
+        let hint = "leave the table as it was written: it has no settings";
+        Error::input(DIGESTS, "something else", wanted, hint)
+    })
+}
+
+/// The table of digests, behind a scene's settings.
+pub(super) fn of_digests(digests: BTreeMap<String, String>) -> String {
+    let digests = Value::try_from(digests).expect("texts are a table");
+    let table = Table::from_iter([(DIGESTS.to_owned(), digests)]);
+    format!(
+        "\n# Files that this scene was written with, by SHA-256. This is no setting: beside\n\
+         # other files the scene is refused.\n{table}"
+    )
 }
 
 /// Checks that all keys and names of a scene's table exist.
