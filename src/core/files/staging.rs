@@ -4,9 +4,10 @@
 //! A temporary file is locked while its program lives, so that the next program can tell one that
 //! was left behind. Where a file system has no locks, files that are left behind stay.
 
-use std::fs::{File, FileType, OpenOptions, Permissions};
+use std::fs::{File, FileType, OpenOptions, Permissions, TryLockError};
 use std::io::Result;
 use std::path::Path;
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
@@ -60,6 +61,20 @@ pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
 /// has no such locks.
 pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
+}
+
+/// The same for a moment at most: whoever runs the program under a lock of the folder would wait
+/// forever.
+pub(super) fn locked_soon(folder: &Path) -> Option<File> {
+    let folder = File::open(folder).ok()?;
+    for _ in 0..500 {
+        match folder.try_lock() {
+            Ok(()) => return Some(folder),
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            Err(TryLockError::Error(_)) => return None,
+        }
+    }
+    None
 }
 
 /// Removes temporary files of ended processes.
