@@ -11,13 +11,34 @@ type Setup = (&'static str, &'static str);
 /// A flight that meets something.
 const OBSTACLES: &[Setup] = &[
     // Tables: on the mark, below and through the word, low below it, beside it, at its end.
-    (r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[0.3,0.9],y_m=[-0.3,0.3],height_m=0.75}]"#, "error floor's 0.75 m"),
-    (r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[0.3,0.9],y_m=[-0.3,0.3],height_m=0.4}]"#, "stop obstacles"),
-    (r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-0.3,0.3],y_m=[-1,1],height_m=0.6}]"#, "stop obstacles"),
-    (r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-0.3,0.3],y_m=[-1,1],height_m=0.2}]"#, "stop obstacles"),
-    (r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-2,2],y_m=[0.2,0.8],height_m=0.75}]"#, "stop obstacles"),
-    (r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-1.2,-0.9],y_m=[-0.3,0.3],height_m=0.1}]"#, "stop obstacles"),
-    (r#"NO --drones 2 --room 4x6x2.5 --set floor.steps=[{x_m=[-0.9,-0.5],y_m=[-0.3,0.3],height_m=0.3}]"#, "stop obstacles"),
+    (
+        r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[0.3,0.9],y_m=[-0.3,0.3],height_m=0.75}]"#,
+        "error floor's 0.75 m",
+    ),
+    (
+        r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[0.3,0.9],y_m=[-0.3,0.3],height_m=0.4}]"#,
+        "stop obstacles",
+    ),
+    (
+        r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-0.3,0.3],y_m=[-1,1],height_m=0.6}]"#,
+        "stop obstacles",
+    ),
+    (
+        r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-0.3,0.3],y_m=[-1,1],height_m=0.2}]"#,
+        "stop obstacles",
+    ),
+    (
+        r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-2,2],y_m=[0.2,0.8],height_m=0.75}]"#,
+        "stop obstacles",
+    ),
+    (
+        r#"HI --room 4x6x2.5 --set floor.steps=[{x_m=[-1.2,-0.9],y_m=[-0.3,0.3],height_m=0.1}]"#,
+        "stop obstacles",
+    ),
+    (
+        r#"NO --drones 2 --room 4x6x2.5 --set floor.steps=[{x_m=[-0.9,-0.5],y_m=[-0.3,0.3],height_m=0.3}]"#,
+        "stop obstacles",
+    ),
     // The camera on the mark, before and behind the word, beside the landing, below the word.
     ("I --room 4x6x2.5 --camera-at 0,0,0", "stop obstacles"),
     ("I --room 4x6x2.5 --camera-at 0,-0.3,1.15", "stop obstacles"),
@@ -26,9 +47,18 @@ const OBSTACLES: &[Setup] = &[
     ("HI --room 4x6x2.5 --camera-at=0.1,-0.1,0.05", "stop obstacles"),
     ("I --camera-at=0.1,-0.35,1 --set letters.canvas_m=[1,1]", "stop obstacles"),
     // A station on a stand, one that hangs low, an anchor, a mirror across the word, a window.
-    (r#"HI --room 4x6x2.5 --set sensors.lighthouse.stations=[{generation="v2",position_m=[0.2,0,1.1],yaw_rad=0,pitch_rad=0,roll_rad=0},{generation="v2",position_m=[2,2.5,2.4],yaw_rad=-2.4,pitch_rad=0.4,roll_rad=0}]"#, "stop obstacles"),
-    (r#"HI --room 4x6x2.5 --set sensors.lighthouse.stations=[{generation="v2",position_m=[-0.7,0.1,1.9],yaw_rad=0,pitch_rad=0,roll_rad=0},{generation="v2",position_m=[2,2.5,2.4],yaw_rad=-2.4,pitch_rad=0.4,roll_rad=0}]"#, "stop obstacles"),
-    ("HI --room 6x6x2.5 --set sensors.positioning=uwb-tdoa --set sensors.uwb.anchors_m=[[0,0.2,0.2],[-2.5,-2.5,2.4],[2.5,2.5,0.2],[2.5,-2.5,2.4],[-2.5,2.5,2.4],[2.5,2.5,2.4]]", "stop obstacles"),
+    (
+        r#"HI --room 4x6x2.5 --set sensors.lighthouse.stations=[{generation="v2",position_m=[0.2,0,1.1],yaw_rad=0,pitch_rad=0,roll_rad=0},{generation="v2",position_m=[2,2.5,2.4],yaw_rad=-2.4,pitch_rad=0.4,roll_rad=0}]"#,
+        "stop obstacles",
+    ),
+    (
+        r#"HI --room 4x6x2.5 --set sensors.lighthouse.stations=[{generation="v2",position_m=[-0.7,0.1,1.9],yaw_rad=0,pitch_rad=0,roll_rad=0},{generation="v2",position_m=[2,2.5,2.4],yaw_rad=-2.4,pitch_rad=0.4,roll_rad=0}]"#,
+        "stop obstacles",
+    ),
+    (
+        "HI --room 6x6x2.5 --set sensors.positioning=uwb-tdoa --set sensors.uwb.anchors_m=[[0,0.2,0.2],[-2.5,-2.5,2.4],[2.5,2.5,0.2],[2.5,-2.5,2.4],[-2.5,2.5,2.4],[2.5,2.5,2.4]]",
+        "stop obstacles",
+    ),
     ("HI --room 4x6x2.5 --set sensors.lighthouse.mirrors_m=[[[0,0,1],[1,0,0]]]", "stop obstacles"),
     ("HI --room 4x6x2.5 --set sensors.lighthouse.panes_m=[[[0,0.2,1],[0,-1,0]]]", "stop obstacles"),
 ];
@@ -37,10 +67,22 @@ const OBSTACLES: &[Setup] = &[
 const PEOPLE: &[Setup] = &[
     ("HI --room 4x6x2.5 --set sensors.lighthouse.people_m=[[0.58,0,0.25]]", "stop people"),
     ("NOOR --room 4x6x2.5 --set sensors.lighthouse.people_m=[[1.5,-1.04,0.25]]", "stop people"),
-    ("HI --room 4x6x2.5 --set sensors.positioning=uwb-tdoa --set sensors.lighthouse.people_m=[[1.6,0.8,0.25]]", "stop people"),
-    ("HI --room 4x6x2.5 --set sensors.positioning=gnss --set sensors.lighthouse.people_m=[[1.6,0.8,0.25]]", "stop people"),
-    ("LOG --room 5x5x2.7 --scene ae483-2022 --set sensors.lighthouse.people_m=[[0,-1.2,0.25]]", "stop people"),
-    ("I --room 4x6x2.5 --profile careful --set plan.style.dark_speed_m_s=0.21 --set sensors.lighthouse.people_m=[[0.4,-1.1,0.25]]", "stop people"),
+    (
+        "HI --room 4x6x2.5 --set sensors.positioning=uwb-tdoa --set sensors.lighthouse.people_m=[[1.6,0.8,0.25]]",
+        "stop people",
+    ),
+    (
+        "HI --room 4x6x2.5 --set sensors.positioning=gnss --set sensors.lighthouse.people_m=[[1.6,0.8,0.25]]",
+        "stop people",
+    ),
+    (
+        "LOG --room 5x5x2.7 --scene ae483-2022 --set sensors.lighthouse.people_m=[[0,-1.2,0.25]]",
+        "stop people",
+    ),
+    (
+        "I --room 4x6x2.5 --profile careful --set plan.style.dark_speed_m_s=0.21 --set sensors.lighthouse.people_m=[[0.4,-1.1,0.25]]",
+        "stop people",
+    ),
 ];
 
 /// Rooms in another unit.
@@ -97,11 +139,17 @@ const ORDINARY: &[Setup] = &[
     ("HI --room 4x6x2.5 --scene cf-brushless", ""),
     ("HI --room 6x6x2.5 --set sensors.positioning=uwb-tdoa", ""),
     ("HI --room 6x8x3 --set sensors.lighthouse.people_m=[[0,-3.6,0.25]]", ""),
-    ("HI --room 6x8x3 --set sensors.positioning=uwb-tdoa --set sensors.lighthouse.people_m=[[0,-3.6,0.25]]", ""),
+    (
+        "HI --room 6x8x3 --set sensors.positioning=uwb-tdoa --set sensors.lighthouse.people_m=[[0,-3.6,0.25]]",
+        "",
+    ),
     // A table at the wall, a stage below all, a mirror on the wall, a floor that reflects.
     ("HI --room 4x6x2.5 --set floor.steps=[{x_m=[1.3,2],y_m=[1,2.4],height_m=0.75}]", ""),
     ("HI --room 4x6x2.5 --set floor.steps=[{x_m=[-2,2],y_m=[-1,3],height_m=0.15}]", ""),
-    ("HI --room 4x6x2.5 --set sensors.lighthouse.mirrors_m=[[[2,0,1],[-1,0,0]],[[0,0,0],[0,0,1]]]", ""),
+    (
+        "HI --room 4x6x2.5 --set sensors.lighthouse.mirrors_m=[[[2,0,1],[-1,0,0]],[[0,0,0],[0,0,1]]]",
+        "",
+    ),
     ("HI --set camera.framing=fixed", ""),
 ];
 
@@ -116,7 +164,8 @@ fn said(setup: &str) -> Vec<String> {
         _ => None,
     };
     let rows = report["findings"].as_array().into_iter().flatten();
-    let rows = rows.filter_map(|row| Some(format!("{} {}", severity(row)?, row["check"].as_str()?)));
+    let rows =
+        rows.filter_map(|row| Some(format!("{} {}", severity(row)?, row["check"].as_str()?)));
     let rows: Vec<String> = rows.collect();
     let stops = rows.iter().any(|row| row.starts_with("stop"));
     assert_eq!(code, if report["findings"].is_null() { 2 } else { i32::from(stops) }, "{setup}");

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use super::staging::{Place, file_in, locked};
+use super::staging::{Place, file_in, locked_soon};
 use crate::digest::Digested;
 use crate::error::{Error, Result};
 use crate::input_error;
@@ -166,7 +166,7 @@ impl WholeFile {
     /// As [`Self::keep`].
     pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
         let mut staged = files.iter().filter_map(|file| file.staged.as_ref());
-        let _lock = staged.next().and_then(|(_, place)| locked(folder(place)));
+        let _lock = staged.next().and_then(|(_, place)| locked_soon(folder(place)));
         files.into_iter().map(Self::keep).collect()
     }
 }
@@ -302,6 +302,30 @@ mod tests {
         symlink("b", path("a")).unwrap();
         symlink("a", path("b")).unwrap();
         assert!(write(&path("a"), b"").is_err(), "a circle");
+    }
+
+    /// Two writers of a pair, and a lock of their folder that neither waits for in vain.
+    #[test]
+    fn files_that_belong_together_are_of_one_writer() {
+        let parent = tempfile::tempdir().unwrap();
+        let names = ["plan.csv", "plan.scene.toml"].map(|name| parent.path().join(name));
+        let write = |writer: &str| {
+            let outputs = names.each_ref().map(|path| Output::create(path).unwrap());
+            let whole = outputs.map(|it| it.write_with(|out| out.write_all(writer.as_bytes())));
+            let whole = whole.map(Result::unwrap);
+            assert_eq!(whole[0].sha256(), crate::digest::sha256(writer.as_bytes()));
+            assert_eq!(WholeFile::keep_all(whole.into()).unwrap(), names);
+        };
+        for round in 0..50 {
+            std::thread::scope(|scope| {
+                ["a", "bb"].map(|writer| scope.spawn(move || write(writer)));
+            });
+            assert_eq!(text(&names[0]), text(&names[1]), "round {round}");
+        }
+        let folder = File::open(parent.path()).unwrap();
+        folder.lock().unwrap();
+        write("c");
+        assert_eq!(text(&names[1]), "c");
     }
 
     #[test]

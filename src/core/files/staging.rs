@@ -7,6 +7,7 @@
 use std::fs::{File, FileType, OpenOptions, Permissions};
 use std::io::Result;
 use std::path::Path;
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
@@ -19,7 +20,7 @@ const LOCK: &str = ".noctograph-lock";
 #[cfg(windows)]
 const LOCK_TRIES: usize = 5000;
 #[cfg(windows)]
-const LOCK_PAUSE: std::time::Duration = std::time::Duration::from_millis(2);
+const LOCK_PAUSE: Duration = Duration::from_millis(2);
 
 /// Mode of a new file before the umask.
 #[cfg(unix)]
@@ -81,6 +82,24 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return None,
             Err(_) => std::thread::sleep(LOCK_PAUSE),
             file => return file.ok(),
+        }
+    }
+    None
+}
+
+#[cfg(windows)]
+pub(super) use locked as locked_soon;
+
+/// A lock as [`locked`] gives it, for a moment at most: whoever runs the program under a lock of the
+/// folder would wait forever.
+#[cfg(not(windows))]
+pub(super) fn locked_soon(folder: &Path) -> Option<File> {
+    let folder = File::open(folder).ok()?;
+    for _ in 0..500 {
+        match folder.try_lock() {
+            Ok(()) => return Some(folder),
+            Err(std::fs::TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            Err(std::fs::TryLockError::Error(_)) => return None,
         }
     }
     None

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::{LIMIT, Scene, text};
+use super::{Scene, text};
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Limit;
@@ -56,7 +56,7 @@ impl CarriedScene {
         let of_folder = number.is_some_and(is_number).then(|| path.with_file_name(SCENE));
         let mut files = std::iter::once(Self::place(path)).chain(of_folder);
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
-        let toml = LIMIT.read_text(&file)?;
+        let toml = text::of_file(&file)?;
         let file = file.display().to_string();
         let digests = text::digests(&toml, &file)?;
         let carried = Self { toml, file, is_in_log: false, is_bound: !digests.is_empty() };
@@ -197,6 +197,7 @@ fn name(path: &Path) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::digest::sha256;
 
     #[test]
     fn a_scene_comes_with_a_log_a_file_of_its_own_or_its_folder() {
@@ -222,11 +223,43 @@ mod tests {
         assert_eq!(words.map(Option::unwrap), ["NO", "OWN", "ALL", "ALL"]);
         let none = ["other.json", "planned.csv", "missing.csv", "."].map(word);
         assert_eq!(none, [const { None }; 4]);
+        std::fs::write(path("planned.scene.toml"), "\n").unwrap();
+        assert!(CarriedScene::read(&path("planned.csv")).is_err(), "a scene that was cut off");
+        std::fs::remove_file(path("planned.scene.toml")).unwrap();
         // `--scene` takes them as well.
         let named = |name: &str| Scene::read(&path(name)).map(|scene| scene.word);
         assert_eq!(named("NO_flight.json").unwrap(), "NO");
         assert!(
             named("planned.csv").is_err_and(|error| error.to_string().contains("without a scene"))
         );
+    }
+
+    #[test]
+    fn a_scene_with_digests_is_that_of_its_files_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let scene = Scene::parse("word = \"NO\"", "scene").unwrap();
+        let files = [("plan.csv", "1"), ("flight.csv", "2")];
+        let digests = files.map(|(name, text)| (name.to_owned(), sha256(text.as_bytes())));
+        let text = CarriedScene::text(&scene, digests);
+        assert!(text.starts_with(&scene.to_toml()), "settings as they are");
+        std::fs::write(path("scene.toml"), text).unwrap();
+        files.iter().for_each(|(name, text)| std::fs::write(path(name), text).unwrap());
+        std::fs::write(path("plan-2.csv"), "3").unwrap();
+        for (name, _) in files {
+            let carried = CarriedScene::read(&path(name)).unwrap().unwrap();
+            assert!(carried.is_bound && carried.scene(&[]).unwrap() == scene, "{name}");
+            carried.check_still(&[path(name)]).unwrap();
+        }
+        let error = CarriedScene::read(&path("plan-2.csv")).unwrap_err().to_string();
+        assert!(error.contains(&sha256(b"3")) && error.contains("flight.csv, plan.csv"), "{error}");
+        assert!(Scene::read(&path("plan-2.csv")).is_err(), "named as the scene, too");
+        // Another program writes both anew between the scene and its plan.
+        let carried = CarriedScene::read(&path("plan.csv")).unwrap().unwrap();
+        std::fs::write(path("plan.csv"), "4").unwrap();
+        let digests = [("plan.csv".to_owned(), sha256(b"4"))];
+        std::fs::write(path("scene.toml"), CarriedScene::text(&scene, digests)).unwrap();
+        let error = carried.check_still(&[path("plan.csv")]).unwrap_err().to_string();
+        assert!(error.contains("has just changed"), "{error}");
     }
 }

@@ -118,12 +118,7 @@ impl Scene {
             return carried.scene(settings);
         }
         if !ends_in("png") {
-            let text = LIMIT.read_text(path)?;
-            if text.trim().is_empty() {
-                let hint = "what printed it may have failed: print it again";
-                return Err(Error::input(file, "an empty file", "a scene", hint));
-            }
-            return Self::parse_with(&text, &file, settings);
+            return Self::parse_with(&text::of_file(path)?, &file, settings);
         }
         let Some(toml) = photo::read_with_notes(path)?.0.into_data().scene_toml else {
             let (actual, wanted) = ("a photo without a scene", "a photo of this program");

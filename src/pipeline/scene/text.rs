@@ -2,11 +2,12 @@
 //! numbers of errors.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use super::{Preset, Scene, implied};
+use super::{LIMIT, Preset, Scene, implied};
 use noctograph_core::error::{Error, Place, Result, Segment};
 use noctograph_core::settings::{
     Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
@@ -172,6 +173,20 @@ pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
         .and_then(|_digests| check_keys(&table))
         .map_err(|error| with_line(error, toml, file))?;
     Ok(table)
+}
+
+/// The text of a scene file.
+///
+/// # Errors
+///
+/// [`Error::Io`] where it cannot be read, [`Error::Input`] where it is empty.
+pub(super) fn of_file(path: &Path) -> Result<String> {
+    let text = LIMIT.read_text(path)?;
+    if text.trim().is_empty() {
+        let hint = "what printed it may have failed: print it again";
+        return Err(Error::input(path.display(), "an empty file", "a scene", hint));
+    }
+    Ok(text)
 }
 
 /// The digests of a scene file's text; none of a text that is no TOML, which its reader refuses.
