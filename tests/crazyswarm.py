@@ -269,7 +269,10 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
             ended = error
     ros.script, ros.ended, ros.printed = script, ended, printed.getvalue()
     ros.ended_in_the_air = [cf.outcome() == "in the air" for cf in ros.drones.values()]
-    ros.clock.sleep(90.0)  # what the drones do when the script has ended
+    end_s = ros.clock.now_s + 90.0
+    while ros.clock.now_s < end_s:  # what the drones do when the script has ended
+        with contextlib.suppress(KeyboardInterrupt):
+            ros.clock.sleep(end_s - ros.clock.now_s)
     for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)
     ros.outcomes = {name: cf.outcome() for name, cf in ros.drones.items()}

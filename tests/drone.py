@@ -88,7 +88,8 @@ class Body:
         self.at, self.target, self.top_m, self.fell_m = [*place, 0.0], [0.0] * 3, 0.0, 0.0
         self.low_s, self.leg, self.on, self.locked, self.cut_by = None, None, False, False, None
         # What the firmware did by itself and what it heard, for what the script says of it.
-        self.leveled, self.turned_s, self.landings, self.took_over = False, -math.inf, [], False
+        self.moved_s, self.leveled, self.turned_s = clock.now_s, False, -math.inf
+        self.landings, self.took_over = [], False
 
     def setpoint(self, place):
         """A setpoint by radio, which stops the planner on board."""
@@ -149,7 +150,8 @@ class Body:
 
     def move(self):
         """Brings it to the present: setpoints come before the commander on board."""
-        now_s = self.clock.now_s
+        now_s, moved_s = self.clock.now_s, self.moved_s
+        self.moved_s = now_s
         if self.low_s is not None:
             self.leveled = self.leveled or self.on and now_s - self.low_s > LEVEL_S
             if now_s - self.low_s > WATCHDOG_S:
@@ -157,6 +159,10 @@ class Body:
         elif self.leg:
             begin_s, way, lasts_s, then = self.leg
             time_s = (now_s - begin_s) * self.clock_rate
+            # Where nobody looked for longer, the way between counts as well.
+            steps = min(int(4 * (now_s - moved_s)), 400)
+            heights = [way(min(time_s - k / 4, lasts_s))[2] for k in range(1, steps + 1) if time_s > k / 4]
+            self.top_m = max([self.top_m, *heights])
             self.target, self.on = way(min(time_s, lasts_s)), True
             self._be_there()
             if then == "stop" and time_s > lasts_s:
