@@ -22,8 +22,8 @@ export CARGO_ENCODED_RUSTFLAGS
 # Fails where a file names a folder of this machine.
 names_nobody() {
   local folder
-  for folder in "$HOME/" "$(native "$HOME")" "$PWD/" "$(native "$PWD")"; do
-    [ "$folder" = / ] || ! grep -aqF -- "$folder" "$1" || fail "$1 names the folder $folder"
+  for folder in "$HOME/" "$(native "$HOME")\\" "$PWD/" "$(native "$PWD")\\"; do
+    ! grep -aqF -- "$folder" "$1" || fail "$1 names the folder $folder"
   done
 }
 

@@ -55,9 +55,10 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
             let mut folder = OutputFolder::create(output)?;
             let mut command = command.disable_help_subcommand(true);
             command.build();
-            let verbs = || command.get_subcommands().filter(|verb| !verb.is_hide_set());
-            let nested = verbs().flat_map(Command::get_subcommands);
-            for page in std::iter::once(&command).chain(verbs()).chain(nested) {
+            let verbs = || command.get_subcommands();
+            let pages = verbs().chain(verbs().flat_map(Command::get_subcommands));
+            let shown = pages.filter(|verb| !verb.is_hide_set());
+            for page in std::iter::once(&command).chain(shown) {
                 let page = clap_mangen::Man::new(page.clone());
                 folder.write_with(&page.get_filename(), |out| page.render(out))?;
             }

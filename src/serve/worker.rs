@@ -33,6 +33,7 @@ use noctograph_web::request::{Product, Subject};
 /// Most jobs that wait for a worker.
 const MAX_WAITING: usize = 64;
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
+#[cfg(unix)]
 const MEMORY: u64 = 1 << 30;
 /// Longest time of a photo while one types, and of a large one: a word that does not read is flown
 /// some thirty times for advice. What a wish may ask for is bounded by its work; these end what

@@ -215,6 +215,9 @@ fn completions_and_man_pages_are_generated() {
     noctograph(folder.path()).args(["generate", "man"]).assert().success();
     let page = std::fs::read_to_string(folder.path().join("man/noctograph-rank.1")).unwrap();
     assert!(page.contains("shard"), "{page}");
+    let names = names_in(&folder.path().join("man"));
+    assert!(names.iter().any(|name| name == "noctograph-generate-man.1"), "{names:?}");
+    assert!(!names.iter().any(|name| name.contains("device")), "what is hidden: {names:?}");
 }
 
 #[test]
