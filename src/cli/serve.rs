@@ -106,7 +106,8 @@ fn worker() -> std::io::Result<Command> {
 }
 
 fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
-    Ok(remedies_for(shot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
+    let remedies = remedies_for(shot)?.into_iter();
+    Ok(remedies.filter_map(|remedy| Suggestion::new(remedy.changes, remedy.gain)).collect())
 }
 
 /// Prints the addresses, and opens the page if asked to.

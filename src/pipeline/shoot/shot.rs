@@ -1,5 +1,6 @@
 //! The photograph with every product on the way to it.
 
+use std::io::Write;
 use std::sync::OnceLock;
 
 use super::file::{Format, Shown, encode};
@@ -69,7 +70,33 @@ impl Shot {
     pub fn flight_sha256(&self) -> Option<String> {
         joined(self.digests())
     }
+
+    /// Hands out the files of the photograph by their names: the photo (PNG), a flight and a plan
+    /// of each drone, numbered if there are several, and the scene. A file is written when `put`
+    /// asks for it.
+    ///
+    /// # Errors
+    ///
+    /// Those of `put`.
+    pub fn each_file(&self, mut put: impl FnMut(&str, &WriteFile<'_>) -> Result<()>) -> Result<()> {
+        if let Some(png) = &self.file {
+            put("photo.png", &|out| out.write_all(png))?;
+        }
+        for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
+            let number = match self.shoot.plans.len() {
+                1 => String::new(),
+                _ => format!("-{}", index + 1),
+            };
+            put(&format!("flight{number}.csv"), &|mut out| flight.write_csv(&mut out))?;
+            put(&format!("plan{number}.csv"), &|mut out| planned.plan.write_csv(&mut out))?;
+        }
+        let scene = self.shoot.scene.to_toml();
+        put("scene.toml", &|out| out.write_all(scene.as_bytes()))
+    }
 }
+
+/// Writes the content of a file.
+pub type WriteFile<'a> = dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a;
 
 /// SHA-256 of flights, separated by spaces; `None` where there are none.
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
