@@ -36,17 +36,17 @@ pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
             is_apart = true;
             continue;
         }
-        let list = strip(line, '|', '|').or(strip(line, '*', ' ')).map(|(path, _)| path);
-        let part = if let Some(path) = list.filter(|path| value(path, scopes).is_none()) {
-            unknown(path) + "\n"
-        } else if let Some((path, head)) = strip(line, '|', '|') {
+        let part = if let Some((path, head)) = strip(line, '|', '|') {
             let cells: Vec<&str> = lines.next().unwrap_or_default().split('|').collect();
             let row = |scopes: &[&Value]| {
                 cells.iter().map(|cell| fill(cell, scopes).unwrap_or("-".to_owned())).collect()
             };
-            table(&fill(head, scopes).unwrap_or_default(), &each(path, scopes, row))
+            let rows = each(path, scopes, row);
+            let head = fill(head, scopes).unwrap_or_default();
+            rows.map_or_else(|| unknown(path) + "\n", |rows| table(&head, &rows))
         } else if let Some((path, line)) = strip(line, '*', ' ') {
-            each(path, scopes, |scopes| filled(line, scopes)).concat()
+            let parts = each(path, scopes, |scopes| filled(line, scopes));
+            parts.map_or_else(|| unknown(path) + "\n", |parts| parts.concat())
         } else {
             filled(line, scopes)
         };
@@ -63,14 +63,14 @@ fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// Template for each item of a list.
-fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Vec<T> {
-    let items = value(path, scopes).and_then(Value::as_array).into_iter().flatten();
-    let items = items.enumerate().map(|(index, value)| {
+/// Template for each item of a list; `None` where no scope knows the list.
+fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Option<Vec<T>> {
+    let items = value(path, scopes)?.as_array().into_iter().flatten().enumerate();
+    let items = items.map(|(index, value)| {
         let index = json!({ "#": index.to_string() });
         item(&[scopes, &[&index, value]].concat())
     });
-    items.collect()
+    Some(items.collect())
 }
 
 /// A line of a layout with its values; empty where it is left out.

@@ -315,7 +315,8 @@ impl Entries {
             list.entries[index].entry.clone();
         let flies = |it: &&Stored| !matches!(it.entry.state, State::Flown | State::Rejected);
         let ahead = list.entries[..index].iter().filter(flies);
-        let ahead_s = ahead.clone().map(|it| it.entry.figures.flight_s + BETWEEN_S).sum();
+        let ahead_s =
+            ahead.clone().fold(0.0, |sum, it| sum + it.entry.figures.flight_s + BETWEEN_S);
         let made = made.get(..10).unwrap_or_default().to_owned();
         let (ahead, Figures { flight_s, read, legible, .. }) = (ahead.count(), figures);
         Ok(ForVisitor {
