@@ -40,7 +40,8 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// The page's module, which src/web/build writes: visitors' browsers make their photos by it
+    /// The page's module, which `src/photo_service/build` writes: visitors' browsers make their
+    /// photos by it
     #[arg(long, value_name = "FILE")]
     module: Option<PathBuf>,
     /// Open the page in the browser

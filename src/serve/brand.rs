@@ -12,7 +12,7 @@ use std::path::Path;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
-use noctograph_web::about::Brand as Words;
+use noctograph_photo_service::about::Brand as Words;
 
 const TABLE: Limit = Limit { bytes: 64 << 10, what: "a brand", hint: "shorten its sentences" };
 const LOGO: Limit = Limit { bytes: 256 << 10, what: "a logo", hint: "simplify its paths" };

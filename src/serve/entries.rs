@@ -12,8 +12,8 @@ use tokio::time::timeout;
 
 use super::gallery::{self, Entry, Figures, ForOperator, Gallery, Order, Photo, State, regular};
 use noctograph_core::error::Result;
-use noctograph_web::messages::{Key, KeyResult};
-use noctograph_web::request::Subject;
+use noctograph_photo_service::messages::{Key, KeyResult};
+use noctograph_photo_service::request::Subject;
 
 /// Most entries that wait: all, and those of an address.
 const MOST: usize = 1000;

@@ -16,11 +16,11 @@ use super::timestamp::now;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, Output, entries_in, folder_in};
 use noctograph_export::stem;
+pub(crate) use noctograph_photo_service::answer::JPEG;
+use noctograph_photo_service::answer::{LargeFacts, PhotoFacts};
+use noctograph_photo_service::messages::Message;
+use noctograph_photo_service::request::Subject;
 use noctograph_score::{LetterVerdict, Reason};
-pub(crate) use noctograph_web::answer::JPEG;
-use noctograph_web::answer::{LargeFacts, PhotoFacts};
-use noctograph_web::messages::Message;
-use noctograph_web::request::Subject;
 
 const ENTRY: &str = "entry.json";
 const SUBJECT: &str = "wish.json";

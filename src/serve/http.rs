@@ -21,7 +21,7 @@ use hyper::header::HeaderValue;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use noctograph_web::messages::{Key, Message};
+use noctograph_photo_service::messages::{Key, Message};
 use serde::Serialize;
 use serde_json::json;
 use tokio::net::TcpListener;

@@ -9,8 +9,8 @@ use super::http::{self, Reply};
 use super::routes::{Posted, Server, ZIP, sent};
 use super::worker::Job;
 use noctograph_export::{File, stem, zip::zip};
-use noctograph_web::messages::{Key, KeyResult, Message};
-use noctograph_web::request::Product;
+use noctograph_photo_service::messages::{Key, KeyResult, Message};
+use noctograph_photo_service::request::Product;
 
 impl Server {
     pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {

@@ -18,11 +18,11 @@ use super::page::FILES;
 use super::qr;
 use super::worker::{Job, Maker, Parcel};
 use noctograph_core::digest::sha256;
+use noctograph_photo_service::about::{About, Host, Limits, Role, WallRule, colors};
+use noctograph_photo_service::answer::{Asked, PageAnswer};
+use noctograph_photo_service::messages::{Key, KeyResult, Message};
+use noctograph_photo_service::request::{MAX_WORD, PhotoRequest, Product};
 use noctograph_pipeline::scene::Scene;
-use noctograph_web::about::{About, Host, Limits, Role, WallRule, colors};
-use noctograph_web::answer::{Asked, PageAnswer};
-use noctograph_web::messages::{Key, KeyResult, Message};
-use noctograph_web::request::{MAX_WORD, PhotoRequest, Product};
 
 /// What answers the requests.
 #[derive(Debug)]

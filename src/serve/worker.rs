@@ -28,10 +28,10 @@ use super::gallery::{Figures, REPLAY};
 use super::{Program, no_thread};
 use noctograph_core::error::{Error, Result};
 use noctograph_export::File;
+use noctograph_photo_service::answer::{Answer, Asked, Facts, Made, PageAnswer, Studio};
+use noctograph_photo_service::messages::{Key, Message};
+use noctograph_photo_service::request::{Product, Subject};
 use noctograph_pipeline::scene::Scene;
-use noctograph_web::answer::{Answer, Asked, Facts, Made, PageAnswer, Studio};
-use noctograph_web::messages::{Key, Message};
-use noctograph_web::request::{Product, Subject};
 
 /// Most jobs that wait for a worker.
 const MAX_WAITING: usize = 64;

@@ -21,10 +21,10 @@ const FILES: [&str; 13] = [
     "studies/outcome.rs",
     "studies/statistics.rs",
     "studies/tune.rs",
-    "web/about.rs",
-    "web/answer.rs",
-    "web/messages.rs",
-    "web/replay.rs",
+    "photo_service/about.rs",
+    "photo_service/answer.rs",
+    "photo_service/messages.rs",
+    "photo_service/replay.rs",
 ];
 
 /// What page and package read, with what is within: the file, its head and the types.

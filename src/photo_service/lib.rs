@@ -4,7 +4,8 @@
 //! A [`request`] is read and checked, its subject prepared as a scene, flown and photographed
 //! ([`answer`]); where it is refused, a message says why ([`messages`]). The crate `serve` answers
 //! the requests of its visitors so. Compiled to WebAssembly, it answers them in the browser: `door`
-//! has the functions that a page's worker calls, and `src/web/build` writes the page around it.
+//! has the functions that a page's worker calls, and `src/photo_service/build` writes the page
+//! around it.
 
 #![deny(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
