@@ -11,9 +11,9 @@ use crate::export::{Form, Format, Length, Mode, check_memory, end_heights_m, ste
 use crate::plan::Plan;
 use crate::preflight::{
     Checked, CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, Severity,
+    make_exportable,
 };
 use crate::shoot::Shoot;
-use crate::sim::SetpointKind;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
@@ -47,14 +47,8 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_m = tolerance_mm / 1e3;
     let shoot = args.subject.shoot(
         |scene| {
-            args.profile.slow(&args.subject, scene);
-            // The scripts find the clock of the drone, and pace by it.
-            if scene.trajectory_clock() != 1.0 {
-                scene.plan.trajectory_clock.get_or_insert(1.0);
-            }
-            if args.to == Format::Cflib && args.mode == Mode::FullState {
-                scene.controller.setpoints = SetpointKind::FullState;
-            }
+            let slow = args.profile.limits(&args.subject);
+            make_exportable(scene, slow.as_ref(), args.to, args.mode);
             Ok(())
         },
         &|plans| match trajectory {

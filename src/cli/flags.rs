@@ -353,10 +353,15 @@ pub(super) struct ProfileFlags {
 impl ProfileFlags {
     /// Plans as slowly as the profile, unless a speed was typed.
     pub(super) fn slow(&self, subject: &SubjectFlags, scene: &mut Scene) {
-        let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
-        if !keys.iter().any(|key| subject.design.scene.sets(key)) {
-            self.named().slow(scene);
+        if let Some(profile) = self.limits(subject) {
+            profile.slow(scene);
         }
+    }
+
+    /// The profile that a plan is as slow as; `None` if a speed was typed.
+    pub(super) fn limits(&self, subject: &SubjectFlags) -> Option<Profile> {
+        let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
+        (!keys.iter().any(|key| subject.design.scene.sets(key))).then(|| self.named())
     }
 
     fn named(&self) -> Profile {

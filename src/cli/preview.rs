@@ -14,7 +14,6 @@ use super::{
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
-use crate::scene::CarriedScene;
 use crate::score::Verdict;
 use crate::shoot::{Format, Problem, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
@@ -142,21 +141,10 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
     }));
 }
 
-/// Writes photo, flights, plans, scene and, of a word, the verdict.
+/// Writes the files of the photograph and, of a word, the verdict.
 fn write(shot: &Shot, verdict: &Value, folder: &mut OutputFolder) -> Result<()> {
-    let png = shot.file.as_deref().expect("a format was asked for");
-    folder.write("photo.png", png)?;
-    let mut digests = Vec::new();
-    for (index, (flight, planned)) in shot.flights.iter().zip(&shot.shoot.plans).enumerate() {
-        let number =
-            if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        let [flown, plan] = ["flight", "plan"].map(|kind| format!("{kind}{number}.csv"));
-        let sha256 = folder.write_with(&flown, |out| flight.write_csv(out))?;
-        digests.push((flown, sha256));
-        let sha256 = folder.write_with(&plan, |out| planned.plan.write_csv(out))?;
-        digests.push((plan, sha256));
-    }
-    folder.write_first(SCENE, CarriedScene::text(&shot.shoot.scene, digests))?;
+    let scene = shot.each_file(|name, write| folder.write_with(name, |out| write(out)))?;
+    folder.write_first(SCENE, scene)?;
     if shot.verdict.is_some() {
         folder.write("verdict.json", format!("{verdict:#}\n"))?;
     }

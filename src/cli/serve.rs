@@ -42,7 +42,8 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// The page's module, which src/web/build writes: visitors' browsers make their photos by it
+    /// The page's module, which `src/photo_service/build` writes: visitors' browsers make their
+    /// photos by it
     #[arg(long, value_name = "FILE")]
     module: Option<PathBuf>,
     /// Open the page in the browser
@@ -113,7 +114,8 @@ fn worker() -> std::io::Result<Command> {
 }
 
 fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
-    Ok(remedies_for(shot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
+    let remedies = remedies_for(shot)?.into_iter();
+    Ok(remedies.filter_map(|remedy| Suggestion::new(remedy.changes, remedy.gain)).collect())
 }
 
 /// Prints the addresses, and opens the page if asked to.

@@ -59,7 +59,8 @@ impl PyShot {
         self.image.bind(py).clone()
     }
 
-    /// dict or None: The verdict with the keys of ``verdict.json``; None for a drawing.
+    /// noctograph.answers.Verdict or None: The verdict, a dict with the keys of ``verdict.json``; None for a
+    /// drawing.
     #[getter]
     fn verdict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.shot.verdict)
@@ -208,8 +209,8 @@ pub(super) fn photograph(
 ///
 /// Returns
 /// -------
-/// dict
-///     The verdict with the keys of ``verdict.json``.
+/// noctograph.answers.Verdict
+///     The verdict, a dict with the keys of ``verdict.json``.
 #[pyfunction]
 pub(super) fn score<'py>(
     py: Python<'py>,

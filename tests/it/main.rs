@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
+mod answer_types;
 mod camera;
 mod cli;
 mod compare;

@@ -1,12 +1,14 @@
 //! An export with its checks: the exported flights, their findings, and the files.
 
 use super::{Checked, Profile, Severity, checks, flown, of_flights, preflight};
+use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::error::Result;
 use noctograph_core::geometry::bounds;
 use noctograph_export::safety::Checks;
 use noctograph_export::{File, Form, Format, Job, Length, Mode, deviation_m, export};
 use noctograph_plan::Plan;
+use noctograph_sim::SetpointKind;
 
 /// Format of the export and limits of its checks.
 #[derive(Clone, Debug)]
@@ -42,6 +44,21 @@ pub struct ExportedFiles {
     pub files: Vec<File>,
     /// Largest distance of a trajectory from the design.
     pub deviation_m: Option<f64>,
+}
+
+/// Makes a scene the one that an export flies: as slow as a profile where one is given, paced by a
+/// clock that its script can set, and with the setpoints of the script.
+pub fn make_exportable(scene: &mut Scene, slow: Option<&Profile>, format: Format, mode: Mode) {
+    if let Some(profile) = slow {
+        profile.slow(scene);
+    }
+    // The scripts find the clock of the drone, and pace by it.
+    if scene.trajectory_clock() != 1.0 {
+        scene.plan.trajectory_clock.get_or_insert(1.0);
+    }
+    if format == Format::Cflib && mode == Mode::FullState {
+        scene.controller.setpoints = SetpointKind::FullState;
+    }
 }
 
 impl CheckedExport {

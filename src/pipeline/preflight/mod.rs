@@ -29,7 +29,7 @@ mod room;
 mod row;
 mod surroundings;
 
-pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles};
+pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles, make_exportable};
 pub use flown::MAX_SATURATED_S;
 use flown::check_flight;
 use letters::check_letters;

@@ -58,7 +58,7 @@ use planned::plan;
 pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
 pub use response::step_responses;
-pub use shot::{Shot, flight_sha256, known};
+pub use shot::{Shot, WriteFile, flight_sha256, known};
 
 /// Longest time of all plans together: a fleet of sixteen for 22 minutes. All pairs of plans are
 /// compared, and an hour of flight takes seconds.

@@ -1,10 +1,12 @@
 //! The photograph with every product on the way to it.
 
+use std::io::Write;
 use std::sync::OnceLock;
 
 use super::file::{Format, Shown, encode};
 use super::problems::{self, Problem};
 use super::{Judging, Lighting, Metered, Shoot};
+use crate::scene::CarriedScene;
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
@@ -68,7 +70,39 @@ impl Shot {
     pub fn flight_sha256(&self) -> Option<String> {
         joined(self.digests())
     }
+
+    /// Hands out the photo (PNG), and a flight and a plan of each drone, numbered if there are
+    /// several. `put` writes a file and returns its SHA-256. Returns the text of the scene, which
+    /// has the digests of flights and plans.
+    ///
+    /// # Errors
+    ///
+    /// Those of `put`.
+    pub fn each_file(
+        &self,
+        mut put: impl FnMut(&str, &WriteFile<'_>) -> Result<String>,
+    ) -> Result<String> {
+        if let Some(png) = &self.file {
+            put("photo.png", &|out| out.write_all(png))?;
+        }
+        let mut digests = Vec::new();
+        for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
+            let number = match self.shoot.plans.len() {
+                1 => String::new(),
+                _ => format!("-{}", index + 1),
+            };
+            let [flown, plan] = ["flight", "plan"].map(|kind| format!("{kind}{number}.csv"));
+            let sha256 = put(&flown, &|mut out| flight.write_csv(&mut out))?;
+            digests.push((flown, sha256));
+            let sha256 = put(&plan, &|mut out| planned.plan.write_csv(&mut out))?;
+            digests.push((plan, sha256));
+        }
+        Ok(CarriedScene::text(&self.shoot.scene, digests))
+    }
 }
+
+/// Writes the content of a file.
+pub type WriteFile<'a> = dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a;
 
 /// SHA-256 of flights, separated by spaces; `None` where there are none.
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
@@ -76,7 +110,7 @@ pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
 }
 
 fn digests(flights: &[Flight]) -> Vec<String> {
-    flights.iter().map(Flight::sha256).collect()
+    flights.iter().map(|flight| flight.sha256()).collect()
 }
 
 fn tracking(flights: &[Flight]) -> Vec<Option<Tracking>> {

@@ -7,13 +7,12 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use super::about::{About, Brand, Host, Limits, Role, WallRule, colors};
+use super::answer::{Asked, PageAnswer, Studio};
+use super::request::{Asker, MAX_WORD, PhotoRequest, Product};
 use noctograph_pipeline::scene::{Preset, Scene};
 use noctograph_pipeline::shoot::Stage;
-use serde_json::{Value, json};
-
-use super::answer::{Studio, archived};
-use super::colors;
-use super::request::{Asker, MAX_WORD, PhotoRequest, Product};
+use serde_json::json;
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
@@ -44,7 +43,7 @@ extern "C" fn output() -> *const u8 {
 extern "C" fn base() -> usize {
     let text = String::from_utf8(input()).unwrap_or_default();
     *BASE.lock().unwrap_or_else(PoisonError::into_inner) = text;
-    told(&json!({}))
+    told("{}".to_owned())
 }
 
 /// What a page without a server has to know: colors, limits, and the scene that its controls begin
@@ -52,12 +51,21 @@ extern "C" fn base() -> usize {
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
-    told(&json!({
-        "role": "visitor", "boot": "", "brand": { "title": null, "logo": false }, "home": true,
-        "alone": true, "kiosk": false, "network": false, "wall": "approved", "paused": false,
-        "limits": { "letters": MAX_WORD, "body_bytes": 256 << 10 }, "colors": colors(),
-        "deck": scene.light.deck, "scene": scene,
-    }))
+    let about = About {
+        host: Host { role: Role::Visitor, boot: "", brand: &Brand::default() },
+        alone: true,
+        home: true,
+        kiosk: false,
+        network: false,
+        paused: false,
+        wall: WallRule::Approved,
+        limits: Limits { letters: MAX_WORD, body_bytes: 256 << 10 },
+        colors: colors(),
+        deck: scene.light.deck,
+        base: None,
+        scene: Some(&scene),
+    };
+    told(json!(about).to_string())
 }
 
 /// The photo while one types.
@@ -82,7 +90,7 @@ extern "C" fn script() -> usize {
 fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
     let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
         Ok(photo) => photo,
-        Err(message) => return told(&message.json()),
+        Err(message) => return told(message.json().to_string()),
     };
     let base = BASE.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let studio = Studio {
@@ -92,13 +100,8 @@ fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
         has_audience: !base.is_empty(),
         watch: &|stage, share| progress(u32::from(stage == Stage::Exposing), share),
     };
-    let product = product(&photo);
-    let mut answer = studio.make(product, &photo.subject);
-    if product == Product::Script {
-        answer = archived(answer);
-    }
-    answer["number"] = photo.number.into();
-    told(&answer)
+    let made = studio.make(product(&photo), &photo.subject);
+    told(PageAnswer::new(Asked { id: None, number: photo.number }, made).json())
 }
 
 fn input() -> Vec<u8> {
@@ -106,9 +109,8 @@ fn input() -> Vec<u8> {
 }
 
 /// Puts an answer where the page reads it; returns its bytes.
-fn told(answer: &Value) -> usize {
-    let text = answer.to_string().into_bytes();
-    let bytes = text.len();
-    *OUTPUT.lock().unwrap_or_else(PoisonError::into_inner) = text;
+fn told(answer: String) -> usize {
+    let bytes = answer.len();
+    *OUTPUT.lock().unwrap_or_else(PoisonError::into_inner) = answer.into_bytes();
     bytes
 }

@@ -116,20 +116,10 @@ impl Message {
         Self { text, ..Key::PageOld.into() }
     }
 
-    /// Reads a message.
-    ///
-    /// # Errors
-    ///
-    /// [`Key::Broken`] for what is none.
-    pub fn parse(json: &Value) -> KeyResult<Self> {
-        serde_json::from_value(json.clone()).map_err(|_broken| Key::Broken)
-    }
-
     /// A flight that is not safe.
-    pub fn of_stops(stops: &Value) -> Self {
+    pub fn of_stops(stops: &[Self]) -> Self {
         let key = Key::NotSafe;
-        let texts = stops.as_array().into_iter().flatten().filter_map(|stop| stop["text"].as_str());
-        let texts: Vec<&str> = texts.collect();
+        let texts: Vec<&str> = stops.iter().map(|stop| &*stop.text).collect();
         let text = format!("{}: {}", key.sentences()[0], texts.join("; "));
         Self { text, ..Self::from(key).with_values(json!({ "stops": stops })) }
     }
