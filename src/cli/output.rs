@@ -4,12 +4,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::{Error, Result};
-use crate::scene::{CarriedScene, Scene};
+use crate::scene::{CarriedScene, Scene, SceneFiles};
+use noctograph_core::files::ending;
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 
 /// Whether a path names an SVG drawing.
 pub(super) fn is_svg(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"))
+    ending(path) == "svg"
 }
 
 /// Name of the scene file in a folder.
@@ -17,7 +18,7 @@ pub(super) const SCENE: &str = "scene.toml";
 
 /// Whether a path names a plan or a flight.
 pub(super) fn is_csv(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end == "csv")
+    ending(path) == "csv"
 }
 
 /// Files of one kind, one for each drone, with their scene: a file and its scene's, or numbered
@@ -25,7 +26,7 @@ pub(super) fn is_csv(path: &Path) -> bool {
 #[derive(Debug)]
 pub(super) enum Outputs {
     One(Output, Option<Output>),
-    Several(OutputFolder, &'static str),
+    Several(PathBuf, OutputFolder, &'static str),
 }
 
 impl Outputs {
@@ -46,7 +47,11 @@ impl Outputs {
                 let scene = file.is_staged().then(|| Output::create(&CarriedScene::place(&path)));
                 Self::One(file, scene.transpose()?)
             }
-            _ => Self::Several(OutputFolder::create(&path(format!("{kind}s")))?, kind),
+            _ => {
+                let path = path(format!("{kind}s"));
+                let folder = OutputFolder::create(&path)?;
+                Self::Several(path, folder, kind)
+            }
         })
     }
 
@@ -62,24 +67,39 @@ impl Outputs {
                 let mut files = vec![file.keep_with(|out| write(&items[0], out))?];
                 match (beside, scene) {
                     (Some(beside), Some(scene)) => {
-                        files.push(beside.keep(scene.to_toml())?);
+                        let scene = scene.beside(&files[0])?;
+                        files.extend(keep_copies(&files[0], &scene)?);
+                        files.push(beside.keep(scene.toml)?);
                     }
                     (Some(_), None) => forget_scene(&files[0]),
                     (None, _) => {}
                 }
                 Ok(files)
             }
-            Self::Several(mut folder, kind) => {
+            Self::Several(path, mut folder, kind) => {
                 for (number, item) in (1..).zip(items) {
                     folder.write_with(&format!("{kind}-{number}.csv"), |out| write(item, out))?;
                 }
                 if let Some(scene) = scene {
-                    folder.write(SCENE, scene.to_toml())?;
+                    write_scene(scene, &path, &mut folder)?;
                 }
                 folder.keep()
             }
         }
     }
+}
+
+/// Writes a scene into a folder, with the files that it names.
+pub(super) fn write_scene(scene: &Scene, path: &Path, folder: &mut OutputFolder) -> Result<()> {
+    let files = scene.in_folder(path, "")?;
+    files.copies.iter().try_for_each(|(name, bytes)| folder.write(name, bytes))?;
+    folder.write(SCENE, files.toml)
+}
+
+/// Writes the files that a scene beside a file names.
+pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf>> {
+    let copies = scene.copies.iter();
+    copies.map(|(name, bytes)| Output::create(&path.with_file_name(name))?.keep(bytes)).collect()
 }
 
 /// Removes the scene of a flight or plan that is written anew in another one.

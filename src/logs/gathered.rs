@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{LIMIT, cfclient_csv};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Head, Text, entries_in};
+use noctograph_core::files::{Head, Text, ending, entries_in};
 
 /// Most logs of a folder.
 const MAX_LOGS: usize = 2000;
@@ -55,7 +55,7 @@ pub fn logs_in(folder: &Path) -> Result<Vec<GatheredLog>> {
     let (mut logs, mut folders) = (Vec::new(), vec![(folder.to_owned(), 0)]);
     while let Some((inside, depth)) = folders.pop() {
         for path in entries_in(&inside)? {
-            let end = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+            let end = ending(&path);
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if name.starts_with('.') || (path.is_file() && OTHERS.contains(&&*end)) {
                 continue;
@@ -104,7 +104,7 @@ fn named_drone(path: &Path) -> Option<String> {
 /// The scene (TOML) that an exported script keeps in its log.
 pub fn scene_in(log: &Path) -> Option<String> {
     let head = LIMIT.beginning(log, HEAD_BYTES).ok()?;
-    let is_json = json_of(&head).starts_with(b"{");
+    let is_json = Text::of_unicode(&head).trim_ascii_start().starts_with(b"{");
     let about = is_json.then(|| about(&LIMIT.read(log).ok()?)).flatten()?;
     Some(about.get("scene")?.as_str()?.to_owned())
 }
@@ -113,16 +113,12 @@ pub fn scene_in(log: &Path) -> Option<String> {
 /// log.
 fn about(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
-    let log = json_of(log).strip_prefix(b"{")?;
+    let log = Text::of_unicode(log);
+    let log = log.trim_ascii_start().strip_prefix(b"{")?;
     let mut values = (0..log.len()).filter_map(|place| log[place..].strip_prefix(KEY));
     let about = values.find_map(|value| value.trim_ascii_start().strip_prefix(b":"))?;
     let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
     values.next()?.ok()
-}
-
-/// A text from its first character on.
-fn json_of(text: &[u8]) -> &[u8] {
-    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text).trim_ascii_start()
 }
 
 /// Address of a drone as delivered.

@@ -192,7 +192,7 @@ impl Studio<'_> {
 fn files(shot: &Shot) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::from([
         ("photo.png".to_owned(), shot.file.clone().expect("a format was asked for")),
-        ("scene.toml".to_owned(), shot.shoot.scene.to_toml().into_bytes()),
+        ("scene.toml".to_owned(), shot.shoot.scene.portable().to_toml().into_bytes()),
     ]);
     for (index, planned) in shot.shoot.plans.iter().enumerate() {
         let number =

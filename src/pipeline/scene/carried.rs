@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{LIMIT, Scene};
+use super::{LIMIT, Scene, folder_of};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_logs::scene_in;
 
@@ -18,6 +18,8 @@ pub struct CarriedScene {
     pub toml: String,
     /// Where it was found, in messages.
     pub file: String,
+    /// The folder from which it names files.
+    pub folder: PathBuf,
     /// Whether it is in a log, which may come from anywhere.
     pub is_in_log: bool,
 }
@@ -36,20 +38,21 @@ impl CarriedScene {
         if let Some(carried) = Self::in_log(path) {
             return Ok(Some(carried));
         }
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
         let is_number = |text: &str| text.bytes().all(|it| it.is_ascii_digit() || it == b'-');
         let of_folder = number.is_some_and(is_number).then(|| path.with_file_name(SCENE));
         let mut files = std::iter::once(Self::place(path)).chain(of_folder);
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = LIMIT.read_text(&file)?;
-        Ok(Some(Self { toml, file: file.display().to_string(), is_in_log: false }))
+        let (folder, file) = (folder_of(&file), file.display().to_string());
+        Ok(Some(Self { toml, file, folder, is_in_log: false }))
     }
 
     /// The scene in a log's head.
     pub fn in_log(path: &Path) -> Option<Self> {
         let file = format!("{} (scene)", path.display());
-        Some(Self { toml: scene_in(path)?, file, is_in_log: true })
+        Some(Self { toml: scene_in(path)?, file, folder: folder_of(path), is_in_log: true })
     }
 
     /// The one scene that came with some of several files; seeds may differ.
@@ -87,7 +90,7 @@ impl CarriedScene {
     ///
     /// As [`Scene::parse_with`].
     pub fn scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
-        Scene::parse_with(&self.toml, &self.file, settings)
+        Scene::parse_in(&self.toml, &self.file, &self.folder, settings)
     }
 
     /// The same; of a log, without files other than those that settings name, since its author

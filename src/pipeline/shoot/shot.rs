@@ -115,7 +115,7 @@ impl Shoot {
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
-        photo.scene_toml = self.format.map(|_| scene.to_toml());
+        photo.scene_toml = self.format.map(|_| scene.portable().to_toml());
         let tracked = OnceLock::new();
         let read = || match reader {
             None => Ok(None),
