@@ -117,6 +117,20 @@ mod tests {
 
     #[cfg(not(windows))]
     #[test]
+    fn a_typed_path_loses_its_folders_if_they_are_of_this_machine() {
+        for (typed, told) in [
+            ("/home/jane/logo.svg", "logo.svg"),
+            ("--drawing=/home/jane/logo.svg", "--drawing=logo.svg"),
+            ("letters.font=\"/home/jane/a.ttf\"", "letters.font=a.ttf"),
+            ("art/logo.svg", "art/logo.svg"),
+            ("NOOR", "NOOR"),
+        ] {
+            assert_eq!(without_folders(typed), told);
+        }
+    }
+
+    #[cfg(not(windows))]
+    #[test]
     fn a_path_can_be_pasted_into_a_shell() {
         for (path, in_shell) in [
             ("out/photo-1.png", "out/photo-1.png"),

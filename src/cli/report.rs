@@ -8,7 +8,7 @@ use crate::photo;
 use crate::report::Page;
 use crate::report::photos::shrink;
 use crate::scene::Scene;
-use noctograph_core::files::{Limit, Text, ending, file_name as name, files_in};
+use noctograph_core::files::{Limit, Text, ending, entries_in, file_name as name, files_in};
 
 #[derive(Debug, Args)]
 #[command(after_help = "The folders of rank, tune, hold, locate and preview. \
@@ -38,13 +38,16 @@ const QUALITY: u8 = 82;
 pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
-    let title = name(&std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
+    let title = name(std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
     // Photos first, then drawings, settings and tables.
     fn rank(path: &&PathBuf) -> Option<usize> {
         let order = ["png", "svg", "toml", "csv"];
         order.iter().position(|end| *end == ending(path))
     }
+    let others = entries_in(&args.folder)?;
+    let others = others.iter().filter(|path| !files.contains(path) || !shows(path)).map(name);
+    let others: Vec<String> = others.collect();
     let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
     files.sort_by_key(rank);
     let n_more = files.len().saturating_sub(MAX_FILES);
@@ -60,8 +63,12 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
         return Err(Error::input("folder", actual, wanted, hint));
     }
     let more = Some(n_more).filter(|n| *n > 0);
-    let words = json!({ "names": shown.join(", "), "more": more, "most": MAX_FILES });
-    let report = Report::with_words(json!({ "shown": shown }), &words, LAYOUT);
+    let words = json!({
+        "names": shown.join(", "), "more": more, "most": MAX_FILES,
+        "others": Some(others.join(", ")).filter(|others| !others.is_empty()),
+    });
+    let product = json!({ "shown": shown, "not_shown": others });
+    let report = Report::with_words(product, &words, LAYOUT);
     if let Some(more) = more {
         page = page.text(&format!("Left out: {more} files more than the {MAX_FILES} of a page"));
     }
@@ -72,6 +79,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
 const LAYOUT: &str = "\
 shown     {names}
 left out  {more} files more than the {most} of a page
+not shown\t{others}
 ";
 
 /// Whether a page shows a file.

@@ -39,6 +39,7 @@ mod serve;
 mod study;
 mod team_data;
 mod twins;
+mod words;
 
 /// Whether a missing graphics device is a failure; else the checks that need one are left out.
 fn gpu_required() -> bool {
