@@ -131,7 +131,7 @@ deviation\tup to {deviation_mm:.1} mm from the design
 /// Refuses plans whose room is not known: their fence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
-    let plans = args.subject.plans().filter(|_| has_walls && profile.room_m.is_none());
+    let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
     let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
     let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
                 `plan` and `preview` write that beside a plan";

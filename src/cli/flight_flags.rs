@@ -105,7 +105,7 @@ impl FlightFlags {
         lit: bool,
     ) -> Result<Shoot> {
         if let Some(word) = word {
-            set_word(&mut scene, word)?;
+            set_word(&mut scene, word);
         }
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();

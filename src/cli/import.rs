@@ -50,7 +50,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
     if let Some(word) = &args.word {
-        set_word(&mut scene, word)?;
+        set_word(&mut scene, word);
         infer_lights_if_dark(&mut flight, &mut scene, &args.log)?;
         if flight.lights.is_empty() {
             warn([

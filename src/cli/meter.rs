@@ -35,7 +35,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         paths => {
             let mut scene = args.subject.scene_of(paths)?;
             args.picture.apply(&mut scene)?;
-            args.flights.shoot(scene, args.subject.typed_word(), paths, false)?
+            args.flights.shoot(scene, args.subject.typed_word()?, paths, false)?
         }
     };
     let scene = shoot.scene.clone();

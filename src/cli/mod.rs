@@ -19,7 +19,7 @@ use noctograph_core::digest::sha256;
 // Common imports of the verbs.
 use flags::{
     DesignFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting, SubjectFlags, find_scene,
-    frame, read_plans, set_word, warn_of, warn_of_fewer_drones, warn_of_unused_keys,
+    frame, read_plans, set_word, typed_word, warn_of, warn_of_fewer_drones, warn_of_unused_keys,
 };
 use flight_flags::{FLIGHTS, FlightFlags};
 use names::{Corners, named, names, numbers};

@@ -16,7 +16,7 @@ use crate::scene::{NamedScene, Scene};
 use crate::studies::{
     Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv, ranking_csv,
 };
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, is_file_name};
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]
@@ -87,9 +87,7 @@ impl StudyFlags {
 
 /// Whether a word looks like the name of a file.
 fn is_path(named: &str) -> bool {
-    let lower = named.to_lowercase();
-    named.contains(['/', '\\'])
-        || [".txt", ".csv", ".tsv", ".lst"].iter().any(|end| lower.ends_with(end))
+    named.contains(['/', '\\']) || is_file_name(named)
 }
 
 const LIST: Limit = Limit {

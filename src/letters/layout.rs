@@ -7,6 +7,7 @@ use super::shape::{Fit, Shape};
 use super::shaping::{MAX_POINTS, Unset, is_shaped};
 use super::{Cell, Glyph, StrokeOrder, Strokes, StrokesData};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::files::file_name;
 use noctograph_core::input_error;
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
@@ -183,7 +184,7 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let word = word.to_owned();
     let lost = glyphs.iter().map(|glyph| glyph.character);
     let lost = lost.filter_map(|character| Some((character, fonts.lost(character)?))).collect();
-    let (font, order) = (Some(fonts.main().name().to_owned()), StrokeOrder::Free);
+    let (font, order) = (Some(file_name(fonts.main().name())), StrokeOrder::Free);
     Strokes::made(StrokesData { word, font, lost, glyphs, order, ..StrokesData::default() })
 }
 

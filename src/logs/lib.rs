@@ -41,7 +41,7 @@ use std::path::Path;
 
 use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Budget, Head, Limit, Text, files_in};
+use noctograph_core::files::{Budget, Head, Limit, Text, entries_in, file_name};
 use noctograph_core::flight::table::Table;
 use noctograph_core::flight::{Flight, Quantity};
 use noctograph_core::settings::{Described, settings};
@@ -350,7 +350,14 @@ fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
 fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
     let Job { budget, .. } = job;
     let mut all = Recording::new(job.file);
-    for path in files_in(path)?.iter().filter(|path| cfclient_csv::may_be_its_own(path)) {
+    let (files, others) =
+        entries_in(path)?.into_iter().partition::<Vec<_>, _>(|path| path.is_file());
+    let mut others: Vec<String> = others.iter().map(file_name).collect();
+    for path in &files {
+        if !cfclient_csv::may_be_its_own(path) {
+            others.push(file_name(path));
+            continue;
+        }
         let bytes = read(path)?;
         budget.steps(bytes.len())?;
         budget.bytes(bytes.len())?;
@@ -365,12 +372,18 @@ fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
             all.wrap_s = one.wrap_s;
             // The limit is for all files together.
             all.check_variables()?;
+        } else {
+            others.push(file_name(path));
         }
         budget.free(bytes.len() as u64);
     }
     if all.blocks.is_empty() {
         let content = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
         return Err(unknown(job.file, content));
+    }
+    if !others.is_empty() {
+        let others = others.join(", ");
+        all.warnings.push(format!("not read, as they are no files of cfclient's: {others}"));
     }
     Ok(all)
 }

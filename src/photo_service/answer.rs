@@ -20,7 +20,7 @@ use noctograph_export::{File, Form, Format as ExportFormat, Mode};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::jpeg;
 use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile, make_exportable};
-use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::scene::{CarriedScene, Change, Scene};
 use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Watch};
 use noctograph_score::Verdict;
 use noctograph_sim::ControllerOptions;
@@ -316,7 +316,7 @@ impl Studio<'_> {
         let remedies = advice.then(|| (self.advice)(&shot)).transpose().map_err(told)?;
         let mut files = vec![photo(&shot, LARGE_QUALITY)];
         if format.is_some() {
-            let scene = shot.each_file(|name, write| {
+            let digests = shot.each_file(|name, write| {
                 let mut bytes = Vec::new();
                 write(&mut bytes).expect("memory takes it");
                 let digest = sha256(&bytes);
@@ -326,7 +326,8 @@ impl Studio<'_> {
                 }
                 Ok(digest)
             });
-            let bytes = scene.map_err(told)?.into_bytes();
+            let scene = shot.shoot.scene.portable().to_toml();
+            let bytes = CarriedScene::text(&scene, digests.map_err(told)?).into_bytes();
             files.push(File { name: "scene.toml".into(), bytes });
         }
         let facts = LargeFacts {

@@ -132,7 +132,12 @@ impl PyScene {
     /// Writes ``to_toml`` to a file, which appears when it is whole; ``Scene(FILE)`` reads it
     /// again.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        save(py, &path, self.to_toml().as_bytes())
+        let scene = self.0.beside(&path).map_err(|error| raised(py, &error))?;
+        let copies = scene.copies.iter();
+        copies
+            .map(|(name, bytes)| save(py, &path.with_file_name(name), bytes))
+            .collect::<PyResult<()>>()?;
+        save(py, &path, scene.toml.as_bytes())
     }
 
     fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {

@@ -168,7 +168,7 @@ impl Evening {
         options.check("import", None)?;
         let sample_rate_hz = options.sample_rate_hz.max(LEAST_RATE_HZ);
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
-        let (logs, count) = (logs_in(folder)?, counter(done));
+        let (logs, count) = (logs_in(folder)?.0, counter(done));
         LOGS.check_all(logs.iter().map(|log| &log.path))?;
         // Links may lead to one file several times: it is one flight, and is read once.
         let mut firsts = HashMap::new();

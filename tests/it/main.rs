@@ -42,6 +42,7 @@ mod setups;
 mod study;
 mod team_data;
 mod twins;
+mod words;
 
 /// Whether a missing graphics device is a failure; else the checks that need one are left out.
 fn gpu_required() -> bool {

@@ -140,6 +140,11 @@ impl WholeFile {
         self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Digest of its content.
     pub fn sha256(&self) -> &str {
         &self.sha256

@@ -15,7 +15,7 @@ use bitmap::Traced;
 use detail::reduced;
 use layers::Color;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, ending};
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 use noctograph_core::input_error;
 use noctograph_core::strokes::{Source, SourceStroke, StrokesData};
@@ -110,9 +110,8 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
 
 fn drawn(path: &Path, options: &LetterOptions, ink: Ink) -> Result<StrokesData> {
     let file = path.display().to_string();
-    let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
-    match kind.as_deref() {
-        Some("svg") => {
+    match &*ending(path) {
+        "svg" => {
             let drawing = svg::read(&LIMIT.read(path)?, &file)?;
             let mut placing = Placing::new(drawing.bounds(), options, &file)
                 .map_err(|error| with_reasons(error, &drawing.warnings))?;
@@ -132,7 +131,7 @@ fn drawn(path: &Path, options: &LetterOptions, ink: Ink) -> Result<StrokesData> 
             let strokes = by_color(&lines, &placing, ink, &file)?;
             Ok(StrokesData { left_out, warnings, source, ..strokes })
         }
-        Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
+        "png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp" => {
             let size =
                 |extent| Ok(Placing::new(extent, options, &file)?.scale / options.cap_height_m);
             let Traced { lines, warnings, corners_px, in_file } =
@@ -153,14 +152,14 @@ fn drawn(path: &Path, options: &LetterOptions, ink: Ink) -> Result<StrokesData> 
             let strokes = by_color(&lines, &placing, ink, &file)?;
             Ok(StrokesData { left_out, warnings, source, ..strokes })
         }
-        Some("json") => {
+        "json" => {
             let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
             let strokes = all(traces.iter().map(|it| (&it.points, it.color)), |point| point);
             let traces = chosen(traces, |trace| trace.color, options, &file)?;
             let source = Source { strokes, ..Source::default() };
             Ok(StrokesData { source, ..write(traces, canvas, options, ink, &file)? })
         }
-        kind => Err(foreign(kind.unwrap_or(""), &file)),
+        kind => Err(foreign(kind, &file)),
     }
 }
 

@@ -293,7 +293,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         volume_m: profile.volume_m,
         room_m: profile.room_m,
         batteries: flown.iter().map(battery).collect(),
-        scene_sha256: sha256(scene.to_toml().as_bytes()),
+        scene_sha256: sha256(scene.portable().to_toml().as_bytes()),
         scene_toml: scene.to_portable_toml(),
     }
 }

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::{Scene, text};
+use super::{Scene, folder_of, text};
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Limit;
@@ -28,6 +28,8 @@ pub struct CarriedScene {
     pub toml: String,
     /// Where it was found, in messages.
     pub file: String,
+    /// The folder from which it names files.
+    pub folder: PathBuf,
     /// Whether it is in a log, which may come from anywhere.
     pub is_in_log: bool,
     /// Whether it is the scene of its file beyond doubt: in a log, or with the file's digest, which
@@ -50,16 +52,17 @@ impl CarriedScene {
         if let Some(carried) = Self::in_log(path) {
             return Ok(Some(carried));
         }
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
         let is_number = |text: &str| text.bytes().all(|it| it.is_ascii_digit() || it == b'-');
         let of_folder = number.is_some_and(is_number).then(|| path.with_file_name(SCENE));
         let mut files = std::iter::once(Self::place(path)).chain(of_folder);
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = text::of_file(&file)?;
-        let file = file.display().to_string();
+        let (folder, file) = (folder_of(&file), file.display().to_string());
         let digests = text::digests(&toml, &file)?;
-        let carried = Self { toml, file, is_in_log: false, is_bound: !digests.is_empty() };
+        let is_bound = !digests.is_empty();
+        let carried = Self { toml, file, folder, is_in_log: false, is_bound };
         if carried.is_bound {
             carried.check_digest(path, &digests)?;
         }
@@ -121,7 +124,8 @@ impl CarriedScene {
     /// The scene in a log's head.
     pub fn in_log(path: &Path) -> Option<Self> {
         let file = format!("{} (scene)", path.display());
-        Some(Self { toml: scene_in(path)?, file, is_in_log: true, is_bound: true })
+        let (toml, folder) = (scene_in(path)?, folder_of(path));
+        Some(Self { toml, file, folder, is_in_log: true, is_bound: true })
     }
 
     /// The one scene that came with some of several files; seeds may differ.
@@ -155,8 +159,8 @@ impl CarriedScene {
     }
 
     /// The text of a scene file beside files of these names and digests.
-    pub fn text(scene: &Scene, files: impl IntoIterator<Item = (String, String)>) -> String {
-        scene.to_toml() + &text::of_digests(files.into_iter().collect())
+    pub fn text(toml: &str, files: impl IntoIterator<Item = (String, String)>) -> String {
+        toml.to_owned() + &text::of_digests(files.into_iter().collect())
     }
 
     /// The scene with settings laid over it, see [`Scene::parse_with`].
@@ -165,7 +169,7 @@ impl CarriedScene {
     ///
     /// As [`Scene::parse_with`].
     pub fn scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
-        Scene::parse_with(&self.toml, &self.file, settings)
+        Scene::parse_in(&self.toml, &self.file, &self.folder, settings)
     }
 
     /// The same; of a log, without files other than those that settings name, since its author
@@ -241,7 +245,7 @@ mod tests {
         let scene = Scene::parse("word = \"NO\"", "scene").unwrap();
         let files = [("plan.csv", "1"), ("flight.csv", "2")];
         let digests = files.map(|(name, text)| (name.to_owned(), sha256(text.as_bytes())));
-        let text = CarriedScene::text(&scene, digests);
+        let text = CarriedScene::text(&scene.to_toml(), digests);
         assert!(text.starts_with(&scene.to_toml()), "settings as they are");
         std::fs::write(path("scene.toml"), text).unwrap();
         files.iter().for_each(|(name, text)| std::fs::write(path(name), text).unwrap());
@@ -258,7 +262,7 @@ mod tests {
         let carried = CarriedScene::read(&path("plan.csv")).unwrap().unwrap();
         std::fs::write(path("plan.csv"), "4").unwrap();
         let digests = [("plan.csv".to_owned(), sha256(b"4"))];
-        std::fs::write(path("scene.toml"), CarriedScene::text(&scene, digests)).unwrap();
+        std::fs::write(path("scene.toml"), CarriedScene::text(&scene.to_toml(), digests)).unwrap();
         let error = carried.check_still(&[path("plan.csv")]).unwrap_err().to_string();
         assert!(error.contains("has just changed"), "{error}");
     }

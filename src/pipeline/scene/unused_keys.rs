@@ -4,6 +4,7 @@
 use toml::{Table, Value};
 
 use super::Scene;
+use noctograph_core::files::ending;
 use noctograph_core::settings::{Described, Need, Setting, Shape, joined, of_kind};
 use noctograph_picture::expose::meter::is_colored;
 use noctograph_picture::light::{COLOR_LED, Drive, Fixture, RING, RingEffect};
@@ -119,23 +120,18 @@ const NO_DRAG: &str =
 
 fn is_typeface(scene: &Scene) -> bool {
     scene.letters.drawing.is_empty()
-        && std::iter::once(&scene.letters.font).chain(&scene.letters.fallback).any(|name| {
-            let name = name.to_lowercase();
-            [".ttf", ".otf", ".ttc", ".otc"].iter().any(|end| name.ends_with(end))
-        })
+        && std::iter::once(&scene.letters.font)
+            .chain(&scene.letters.fallback)
+            .any(|name| ["ttf", "otf", "ttc", "otc"].contains(&&*ending(name)))
 }
 
 fn is_handwriting(scene: &Scene) -> bool {
-    is_drawing(scene, &[".json"])
+    ending(&scene.letters.drawing) == "json"
 }
 
 fn is_bitmap(scene: &Scene) -> bool {
-    is_drawing(scene, &[".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp"])
-}
-
-fn is_drawing(scene: &Scene, ends: &[&str]) -> bool {
-    let drawing = scene.letters.drawing.to_lowercase();
-    ends.iter().any(|end| drawing.ends_with(end))
+    let kinds = ["png", "jpg", "jpeg", "webp", "gif", "bmp"];
+    kinds.contains(&&*ending(&scene.letters.drawing))
 }
 
 fn has_rotor_speeds(vehicle: &VehicleOptions) -> bool {

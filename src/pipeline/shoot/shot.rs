@@ -6,7 +6,6 @@ use std::sync::OnceLock;
 use super::file::{Format, Shown, encode};
 use super::problems::{self, Problem};
 use super::{Judging, Lighting, Metered, Shoot};
-use crate::scene::CarriedScene;
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
@@ -72,8 +71,8 @@ impl Shot {
     }
 
     /// Hands out the photo (PNG), and a flight and a plan of each drone, numbered if there are
-    /// several. `put` writes a file and returns its SHA-256. Returns the text of the scene, which
-    /// has the digests of flights and plans.
+    /// several. `put` writes a file and returns its SHA-256. Returns the digests of flights and
+    /// plans, which their scene takes.
     ///
     /// # Errors
     ///
@@ -81,7 +80,7 @@ impl Shot {
     pub fn each_file(
         &self,
         mut put: impl FnMut(&str, &WriteFile<'_>) -> Result<String>,
-    ) -> Result<String> {
+    ) -> Result<Vec<(String, String)>> {
         if let Some(png) = &self.file {
             put("photo.png", &|out| out.write_all(png))?;
         }
@@ -97,7 +96,7 @@ impl Shot {
             let sha256 = put(&plan, &|mut out| planned.plan.write_csv(&mut out))?;
             digests.push((plan, sha256));
         }
-        Ok(CarriedScene::text(&self.shoot.scene, digests))
+        Ok(digests)
     }
 }
 
@@ -148,7 +147,7 @@ impl Shoot {
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
-        photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.to_toml()));
+        photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
         let tracked = OnceLock::new();
         let read = || match reader {
             None => Ok(None),
