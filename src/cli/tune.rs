@@ -127,7 +127,9 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
 
     let [scene, candidates, front] = FILES;
     let files = tuned.scene.in_folder(&args.output, "")?;
-    files.copies.iter().try_for_each(|(name, bytes)| results.write(name, bytes))?;
+    for (name, bytes) in &files.copies {
+        results.write(name, bytes)?;
+    }
     results.write(scene, origin(args, &tuned) + &files.toml)?;
     let csv = candidates_csv(&tuned, &options.knobs);
     results.write(candidates, csv)?;
