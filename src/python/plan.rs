@@ -75,7 +75,7 @@ impl PyPlan {
         let setpoints = setpoints.collect();
         let sent_m = sent_m.unwrap_or_default();
         // The file's reader is the one check of times, levels and reach.
-        let plan = Self(Plan { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad });
+        let plan = Self(Plan { setpoints, lights, sent_m, yaw_rad, ..Plan::default() });
         Self::from_csv(py, &plan.to_csv())
     }
 

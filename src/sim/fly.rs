@@ -200,6 +200,7 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let n = plan.setpoints.len();
     assert!(plan.lights.values().all(|column| column.len() == n), "a light for every setpoint");
     assert!([0, n].contains(&plan.sent_m.len()), "a position sent for every setpoint, or none");
+    assert!([0, n].contains(&plan.jerk_m_s3.len()), "a jerk for every setpoint, or none");
     let hint = "plan the word again, or correct the file that the plan was read from";
     if !plan.yaw_rad.is_finite() {
         return Err(Error::input("plan.yaw_rad", plan.yaw_rad, "an angle in radians", hint));

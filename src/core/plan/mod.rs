@@ -24,6 +24,9 @@ pub struct Plan {
     /// Positions that are sent in place of the setpoints' own (feedforward); as long as
     /// `setpoints`, or empty. See [`Plan::sent_m()`].
     pub sent_m: Vec<Vector3<f64>>,
+    /// Jerk of a trajectory on board at each setpoint, m/s³; as long as `setpoints`, or empty:
+    /// setpoints that are sent carry none. See [`Plan::jerk_m_s3()`].
+    pub jerk_m_s3: Vec<Vector3<f64>>,
     /// Heading of the nose over the whole flight, from world x toward y.
     pub yaw_rad: f64,
 }
@@ -61,12 +64,20 @@ impl Plan {
             setpoint.velocity_m_s = (setpoint.velocity_m_s * rate).map(on_grid);
             setpoint.acceleration_m_s2 = (setpoint.acceleration_m_s2 * (rate * rate)).map(on_grid);
         }
+        for jerk_m_s3 in &mut self.jerk_m_s3 {
+            *jerk_m_s3 = (*jerk_m_s3 * (rate * rate * rate)).map(on_grid);
+        }
         self
     }
 
     /// The position that is sent with a setpoint.
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
+    }
+
+    /// The jerk that the drone knows of at a setpoint.
+    pub fn jerk_m_s3(&self, row: usize) -> Vector3<f64> {
+        self.jerk_m_s3.get(row).copied().unwrap_or_default()
     }
 
     /// Row of the setpoint in force at a time; before the first one, its row.
