@@ -201,11 +201,11 @@ class Flights(unittest.TestCase):
     def test_full_states_are_rounded_not_truncated(self):
         cf, _, _ = flight(self.script, "full_state")
         packets = cf.packets(COMMANDER, FULL_STATE)
-        t, _, p, v, a = self.data["setpoints"][40]
+        t, sent, v, a = self.data["setpoints"][40]
         zero_s = packets[0][0] - self.data["setpoints"][0][0]
         near = min(packets, key=lambda s: abs(s[0] - zero_s - t))
         found = struct.unpack("<hhhhhhhhh", near[1][1:19])
-        want = [1000 * value for vector in (p, v, a) for value in vector]
+        want = [1000 * value for vector in (sent, v, a) for value in vector]
         self.assertTrue(all(abs(f - w) <= 0.5001 for f, w in zip(found, want)), (found, want))
 
     def test_a_trajectory_is_uploaded_started_and_left_by_landing(self):

@@ -734,12 +734,12 @@ def events(mode, clock):
     """Everything that is sent while writing: (time in s, command, values), in order of time."""
     listed = lights(mode, clock)
     rows = DATA["setpoints"] if mode != "trajectory" else []
-    for index, (time_s, sent, p, v, a) in enumerate(rows):
+    for index, (time_s, sent, v, a) in enumerate(rows):
         until_s = rows[index + 1][0] if index + 1 < len(rows) else time_s
         since_s = 0.0
         while since_s == 0.0 or time_s + since_s < until_s - RESEND_S / 2:
             moved = [(x + vx * since_s + ax * since_s**2 / 2, vx + ax * since_s)
-                     for x, vx, ax in zip(p, v, a)]
+                     for x, vx, ax in zip(sent, v, a)]
             values = tuple(sent) if mode == "position" else (
                 [x for x, _ in moved], [vx for _, vx in moved], a)
             listed.append((time_s + since_s, mode, values))

@@ -252,7 +252,7 @@ fn continues(plan: &Plan, from: usize, to: usize) -> bool {
 }
 
 /// The setpoints for the radio: the plan in the air without the setpoints that only carry a light
-/// command, each as `[time, position sent, position, velocity, acceleration]`.
+/// command, each as `[time, position sent, velocity, acceleration]`.
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
@@ -280,9 +280,9 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     }
     let rows = kept.into_iter().map(|row| {
         let s = &plan.setpoints[row];
-        let [sent, p, v, a] = [plan.sent_m(row), s.position_m, s.velocity_m_s, s.acceleration_m_s2]
+        let [sent, v, a] = [plan.sent_m(row), s.velocity_m_s, s.acceleration_m_s2]
             .map(|vector| [vector.x, vector.y, vector.z]);
-        json!([s.time_s, sent, p, v, a])
+        json!([s.time_s, sent, v, a])
     });
     Ok(rows.collect())
 }

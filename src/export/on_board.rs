@@ -9,13 +9,16 @@ use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::Poly4d;
 use super::timeline::{Timeline, earliest_s};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::table::on_grid;
 use noctograph_core::settings::settings;
 use noctograph_plan::{Plan, PlanData, Setpoint, conflict};
 
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
 const STEP_S: f64 = 0.01;
-/// Step of the differences for velocity and acceleration, s.
+/// Step of the differences for velocity and acceleration, and for the jerk, s: pieces end at whole
+/// milliseconds.
 const DIFFERENCE_S: f64 = 5e-4;
+const JERK_DIFFERENCE_S: f64 = 1e-3 / 3.0;
 
 settings! {
     /// A trajectory that is stored on board.
@@ -135,6 +138,10 @@ fn flown_alone(
         let h = DIFFERENCE_S;
         let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h]
             .map(|time_s| timeline.position_m(time_s, &position_m));
+        let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0]
+            .map(|step| timeline.position_m(time_s + step * JERK_DIFFERENCE_S, &position_m));
+        let jerk_m_s3 = (3.0 * (j1 - j2) + j3 - j0) / JERK_DIFFERENCE_S.powi(3);
+        out.jerk_m_s3.push(jerk_m_s3.map(on_grid));
         out.setpoints.push(Setpoint {
             time_s,
             position_m: a,
@@ -194,6 +201,25 @@ mod tests {
             }
             // Where no piece begins they agree: an acceleration of the other sign is 8 mm/s off.
             assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
+        }
+    }
+
+    #[test]
+    fn the_jerk_of_a_flown_plan_is_how_its_acceleration_changes() {
+        for plan in flown_of(&[planned("NO")]) {
+            assert_eq!(plan.jerk_m_s3.len(), plan.setpoints.len());
+            let (mut changes, mut n) = (Vec::new(), 0.0);
+            for (row, pair) in plan.setpoints.windows(2).enumerate() {
+                let step_s = pair[1].time_s - pair[0].time_s;
+                let changed = pair[1].acceleration_m_s2 - pair[0].acceleration_m_s2;
+                let told = (plan.jerk_m_s3[row] + plan.jerk_m_s3[row + 1]) * (0.5 * step_s);
+                changes.push((changed - told).norm());
+                n += f64::from(u8::from(changed.norm() > 0.01));
+            }
+            changes.sort_by(f64::total_cmp);
+            // Where no piece begins.
+            let most = changes[changes.len() * 8 / 10];
+            assert!(most < 2e-3 && n > 100.0, "{most} m/s2, {n}");
         }
     }
 

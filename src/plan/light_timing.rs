@@ -103,6 +103,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             if has_sent {
                 out.sent_m.push(sent_m);
             }
+            out.jerk_m_s3.extend(plan.jerk_m_s3.get(row));
         };
         let last = row + 1 == plan.setpoints.len();
         push(*setpoint, plan.sent_m(row), if last { 0.0 } else { level });

@@ -74,7 +74,8 @@ impl PyPlan {
         });
         let setpoints = setpoints.collect();
         let sent_m = sent_m.unwrap_or_default();
-        let plan = Plan::new(PlanData { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad });
+        let plan =
+            Plan::new(PlanData { setpoints, lights, sent_m, yaw_rad, ..PlanData::default() });
         // On the grid of the file, so that a plan that is saved and read is the same.
         Self::from_csv(py, &Self(plan.map_err(|error| raised(py, &error))?).to_csv())
     }

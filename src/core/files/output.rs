@@ -323,7 +323,9 @@ mod tests {
         };
         for round in 0..50 {
             std::thread::scope(|scope| {
-                ["a", "bb"].map(|writer| scope.spawn(move || write(writer)));
+                for writer in ["a", "bb"] {
+                    scope.spawn(move || write(writer));
+                }
             });
             assert_eq!(text(&names[0]), text(&names[1]), "round {round}");
         }

@@ -31,6 +31,9 @@ pub struct PlanData {
     /// Positions that are sent in place of the setpoints' own (feedforward); as long as
     /// `setpoints`, or empty. See [`Plan::sent_m()`].
     pub sent_m: Vec<Vector3<f64>>,
+    /// Jerk of a trajectory on board at each setpoint, m/s³; as long as `setpoints`, or empty:
+    /// setpoints that are sent carry none. See [`Plan::jerk_m_s3()`].
+    pub jerk_m_s3: Vec<Vector3<f64>>,
     /// Heading of the nose over the whole flight, from world x toward y.
     pub yaw_rad: f64,
 }
@@ -68,12 +71,20 @@ impl PlanData {
             setpoint.velocity_m_s = (setpoint.velocity_m_s * rate).map(on_grid);
             setpoint.acceleration_m_s2 = (setpoint.acceleration_m_s2 * (rate * rate)).map(on_grid);
         }
+        for jerk_m_s3 in &mut self.jerk_m_s3 {
+            *jerk_m_s3 = (*jerk_m_s3 * (rate * rate * rate)).map(on_grid);
+        }
         self
     }
 
     /// The position that is sent with a setpoint.
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
+    }
+
+    /// The jerk that the drone knows of at a setpoint.
+    pub fn jerk_m_s3(&self, row: usize) -> Vector3<f64> {
+        self.jerk_m_s3.get(row).copied().unwrap_or_default()
     }
 
     /// Row of the setpoint in force at a time; before the first one, its row.
@@ -157,16 +168,19 @@ impl Rules for PlanData {
         if !self.lit.is_empty() {
             check_levels("lit", &self.lit, n)?;
         }
-        if !self.sent_m.is_empty() {
-            check_length("sent_m", self.sent_m.len(), n)?;
-        }
-        let sent = self.sent_m.iter().flat_map(|sent_m| sent_m.iter());
-        match sent.chain(&[self.yaw_rad]).position(|value| !is_number(*value)) {
-            None => Ok(()),
-            Some(place) if place / 3 < self.sent_m.len() => {
-                Err(odd_number("sent_m", place / 3, self.sent_m[place / 3][place % 3]))
+        for (name, vectors) in [("sent_m", &self.sent_m), ("jerk_m_s3", &self.jerk_m_s3)] {
+            if !vectors.is_empty() {
+                check_length(name, vectors.len(), n)?;
             }
-            Some(_) => Err(odd_number("yaw_rad", 0, self.yaw_rad)),
+            for (row, vector) in vectors.iter().enumerate() {
+                if let Some(value) = vector.iter().find(|value| !is_number(**value)) {
+                    return Err(odd_number(name, row, *value));
+                }
+            }
+        }
+        match is_number(self.yaw_rad) {
+            true => Ok(()),
+            false => Err(odd_number("yaw_rad", 0, self.yaw_rad)),
         }
     }
 }

@@ -161,7 +161,7 @@ impl PidCascade {
             velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
             attitude: with_bounds(attitude, [20.0, 20.0, 360.0], f64::INFINITY),
             rate,
-            most: if options.battery.is_compensated() { f64::INFINITY } else { vehicle.motor_max },
+            most: options.most_command(),
             scale: options.vehicle.motor_max / FULL,
             ticks_per_position: fast_hz / slow_hz,
             ticks: 0,

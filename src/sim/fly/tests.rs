@@ -246,6 +246,23 @@ fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flie
 }
 
 #[test]
+fn without_setpoints_lees_law_goes_on_as_the_last_one_said() {
+    let mut options = SimOptions::default();
+    options.controller.kind = ControllerKind::Geometric;
+    (options.radio.drones, options.radio.loss_frac) = (1, 1.0);
+    let mut hover = plan(&[(0.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
+    // Of a speed that it does not follow, the controller makes a distance.
+    hover.setpoints[0].velocity_m_s.x = 0.2;
+    hover.setpoints[1].position_m.x = 1.0;
+    let flight = flown(&hover, &options, 1).unwrap();
+    let x_m =
+        |time_s: f64| flight.samples.iter().find(|s| s.time_s >= time_s).unwrap().position_m.x;
+    let went_m = x_m(1.9) - x_m(0.5);
+    assert!((0.035..0.06).contains(&went_m), "{went_m} m: level it would stop");
+    assert!(matches!(flight.warnings[..], [Warning::HostSilent(s)] if (s - 2.0).abs() < 0.01));
+}
+
+#[test]
 fn a_landing_after_full_states_drops_by_more_than_a_decimeter_since_release_2026_08() {
     let written = written("I", &PlanOptions::even());
     let last = written.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some()).unwrap();

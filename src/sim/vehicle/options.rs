@@ -128,6 +128,8 @@ settings! {
         compensation: Compensation = Compensation::Firmware;
         /// Thrust below which the firmware's compensation stops a motor, N.
         least_thrust_n: f64 = 0.0, in 0.0..=1e3, for "battery.compensation" = "firmware";
+        /// Least duty cycle of an armed motor in the air, as a share of a full one.
+        idle_frac: f64 = 0.0, in 0.0..=1.0, for "battery.compensation" = "firmware";
         /// Voltage under load below which, after 5 s, the motors stop for good; 0: never.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
     }
@@ -136,8 +138,8 @@ settings! {
     pub enum Compensation {
         /// A command is a thrust: the duty cycle rises as the voltage falls. Where one motor's is
         /// full, all four are lowered by the same amount: attitude has priority over thrust. The
-        /// controller `pid` may thus command more than `vehicle.motor_max`, which a full battery
-        /// gives.
+        /// controllers `pid` and `geometric` may thus command more than `vehicle.motor_max`, which
+        /// a full battery gives.
         ///
         /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
         /// `powerDistributionCap`, `power_distribution_quadrotor.c`.
