@@ -134,7 +134,8 @@ class Body:
             return [casteljau(curve, u) / 1000 for curve in curves]
 
         lasts_s = sum(duration_s for duration_s, _ in pieces)
-        self.leg = (self.clock.now_s, way, lasts_s, "no goal" if header else "hold")
+        if not self.locked:  # a setpoint of it is not executed then
+            self.leg = (self.clock.now_s, way, lasts_s, "no goal" if header else "hold")
 
     def relax(self):
         """Setpoints are over: a planner that is stopped wants the motors off."""

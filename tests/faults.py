@@ -176,14 +176,17 @@ class Show:
         script.load = lambda file: scripts[files.index(file)]
         by_uri = {part.script.DATA["uri"]: part for part in self.parts}
         self.do, self.at_s, self.before_the_key = do, at_s, before_the_key
-        stand_ins = [unittest.mock.patch("cflib.crtp.init_drivers", lambda: None), unittest.mock.patch(
-            "cflib.crazyflie.syncCrazyflie.SyncCrazyflie", lambda uri, cf: Link(by_uri[uri]))]
+        # Each Crazyflie of cflib is some threads that do not end.
+        stand_ins = contextlib.ExitStack()
+        for what, with_what in (("crtp.init_drivers", lambda: None), ("crazyflie.Crazyflie", lambda rw_cache: None),
+                                ("crazyflie.syncCrazyflie.SyncCrazyflie", lambda uri, cf: Link(by_uri[uri]))):
+            stand_ins.enter_context(unittest.mock.patch(f"cflib.{what}", with_what))
         script.input, before = self.pressed, (sys.argv, os.getcwd())
         sys.argv = [name, "--mode", mode, "--controller", str(scripts[0].DATA["controller"])]
         os.chdir(tempfile.mkdtemp(dir=WORK))
         self.printed = io.StringIO()
         try:
-            with contextlib.redirect_stdout(self.printed), stand_ins[0], stand_ins[1]:
+            with contextlib.redirect_stdout(self.printed), stand_ins:
                 script.main()
             self.ended = ""
         except (SystemExit, Exception) as ended:
@@ -727,7 +730,8 @@ class Moments(unittest.TestCase):
             for number, what in enumerate(MOMENTS):
                 at_s = 0.1 + (2.3 * number + 3.1 * k) % min(step_s, lasts_s)
                 while at_s < lasts_s:
-                    self.tried(name, mode, what, at_s)
+                    with self.subTest(what):
+                        self.tried(name, mode, what, at_s)
                     at_s += step_s
 
     def test_what_happens_to_one_drone_of_several(self):
@@ -737,7 +741,8 @@ class Moments(unittest.TestCase):
         for n, name in folders.items():
             for number, what in enumerate(kinds):
                 for at_s in (2.2, 5.0, 9.5, 16.0) if ALL_MOMENTS and n == 2 else (5.0 + 0.7 * number % 4.0,):
-                    self.tried(name, "position", what, at_s)
+                    with self.subTest(what):
+                        self.tried(name, "position", what, at_s)
 
     def test_the_first_press_lands_though_another_drone_has_ended_the_flight(self):
         for s in (0.3, 1.5, 2.5):

@@ -40,7 +40,7 @@ HEARD_S = 0.1  # a packet this long after a command came from a drone that has h
 RECONNECT_S = 20.0  # for a new link
 WATCHDOG_S = 2.0  # without a setpoint: the firmware stops the motors
 PRESS_S = 0.5  # a key that bounces or is hit twice in fright is pressed once
-DOWN_M = 0.3  # below this it has landed
+LIFTED_M, DOWN_M = 0.1, 0.3  # above the one it has taken off, below the other it has landed
 TAKE_OVER_S = 0.05  # in which the drone has begun to land, before it stops to wait for setpoints
 CONNECT_S = 60.0  # for all parameters, without a cache of their names
 LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
@@ -852,10 +852,13 @@ def write(drone, mode, clock):
         drone.lifted_s, drone.may_fly = drone.clock(), True
         since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"])
         drone.start_trajectory()
+        if not isinstance(drone, Paper):
+            drone.wait_until(drone.lifted_s + TAKE_OFF_S + 0.5)
+            if drone.latest.get("stateEstimate.z", 0.0) < LIFTED_M:
+                raise Stopped("the drone has not taken off")
         if clock is None:
             clock = known_clock(drone.about.get("firmware"))
         if clock is None:
-            drone.wait_until(drone.lifted_s + TAKE_OFF_S + 0.5)
             clock = measured_clock(drone, since)
         drone.about["clock"] = clock
     clock = clock or 1.0
@@ -897,7 +900,7 @@ def come_down(drone, mode):
 def land(drone, mode):
     """Lands where the drone is, over a new link where the old one is dead. Returns what is to be said
     of a drone that has not simply landed."""
-    words, landings = "", 0
+    words, landings, before = "", 0, drone.faults()
     while landings < 3:
         if not drone.lost.is_set():
             send_landing(drone, mode)
@@ -907,7 +910,8 @@ def land(drone, mode):
                 if not (drone.faults() or drone.is_down()):
                     continue
                 drone.may_fly = False
-                return drone.faults() and f"the firmware stopped the motors, {drone.faults()}" or words
+                fell = drone.faults() if not before else ""
+                return f"the firmware stopped the motors, {fell}" if fell else words
             if drone.landing_s is not None and drone.heard(drone.landing_s):
                 return f"the link was lost as it came down: it heard the landing, and lands by itself. {STAY}"
         words = regain(drone, mode)
