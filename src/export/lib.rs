@@ -13,12 +13,12 @@
 use serde_json::Value;
 
 use noctograph_core::camera::Camera;
-use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
-use noctograph_core::error::Result;
-use noctograph_core::lamps::LightOptions;
+use noctograph_core::crazyflie::{Difference, Release, TRAJECTORY_MEMORY_BYTES};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::lamps::{COLOR_LED, LightOptions};
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
-use noctograph_sim::SimOptions;
+use noctograph_sim::{Law, SimOptions};
 use unicode_normalization::UnicodeNormalization;
 
 mod cflib;
@@ -202,14 +202,17 @@ impl File {
 /// # Errors
 ///
 /// [`noctograph_core::error::Error::Input`] for plans without letters and lamps that the format
-/// does not know; [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
+/// does not know, and for what the scene's release of the firmware lacks;
+/// [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
+    check_release(format, job)?;
+    let release = job.sim.vehicle.firmware;
     match format {
         Format::Cflib => scripts(job),
         Format::Compressed => per_drone(job, "traj", |_, plan| {
-            Ok(compressed::Compressed::encode(plan, job.tolerance_m)?.to_bytes())
+            Ok(compressed::Compressed::encode_for(release, plan, job.tolerance_m)?.to_bytes())
         }),
         Format::Poly4d => per_drone(job, "poly4d", |_, plan| {
             Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes())
@@ -220,6 +223,31 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
         Format::Gains => gains::files(job.sim),
         Format::LogConfig => Ok(log_config::files()),
     }
+}
+
+/// Refuses a script for a controller, a lamp or a drone that the scene's release does not have.
+fn check_release(format: Format, job: &Job<'_>) -> Result<()> {
+    let Job { sim, plans, checks, .. } = job;
+    let is_script = matches!(format, Format::Cflib | Format::Crazyswarm2);
+    let is_lee = matches!(sim.controller.kind.law(), Law::Geometric);
+    let mut lamps = plans.iter().flat_map(Plan::lamps);
+    let has_color_led = lamps.any(|(lamp, _)| lamp == COLOR_LED.name);
+    let is_brushless = checks.platform == Some(safety::Platform::Brushless);
+    let needs = [
+        (is_lee, Difference::LEE, "fly PID (controller.kind)"),
+        (has_color_led, Difference::COLOR_LED, "light the ring (light.deck)"),
+        (is_brushless, Difference::BRUSHLESS, "name the preset of the drone that flies"),
+    ];
+    let release = sim.vehicle.firmware;
+    for (is_needed, difference, hint) in needs {
+        let (what, since) = (difference.what, difference.since.name());
+        if is_script && is_needed && !release.has(&difference) {
+            let wanted = format!("{since} or newer for {what}");
+            let hint = format!("{hint}, or set vehicle.firmware to what the drone has");
+            return Err(Error::input("vehicle.firmware", release.name(), wanted, hint));
+        }
+    }
+    Ok(())
 }
 
 /// Heights above the floor at which the trajectories of a plan's letters begin and end, m.
@@ -237,6 +265,8 @@ pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
 pub struct Memory {
     /// Bytes as a compressed trajectory, of [`TRAJECTORY_MEMORY_BYTES`].
     pub bytes: usize,
+    /// Whether the release flies the heading of a compressed trajectory.
+    pub flies_heading: bool,
     /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
     /// Names of the formats in which it fits: the memory as either trajectory, and the radio as the
@@ -246,24 +276,25 @@ pub struct Memory {
     pub fits_all: bool,
 }
 
-/// The trajectory memory that a plan takes.
+/// The trajectory memory that a plan takes, and the formats that a release flies.
 ///
 /// # Errors
 ///
-/// As [`compressed::Compressed::encode`], but for the length.
-pub fn memory(plan: &Plan) -> Result<Memory> {
+/// As [`compressed::Compressed::encode_for`], but for length and heading.
+pub fn memory(release: Release, plan: &Plan) -> Result<Memory> {
+    let flies_heading = compressed::flies_heading(release, plan.yaw_rad);
     let (stretch, within_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
     let bytes = compressed::Compressed::of_any_length(&stretch, within_m)?.to_bytes().len();
     let all = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?;
     let pieces = all.pieces.len();
     let fits = [
-        (Format::Compressed, bytes <= TRAJECTORY_MEMORY_BYTES),
+        (Format::Compressed, flies_heading && bytes <= TRAJECTORY_MEMORY_BYTES),
         (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
         (Format::Cflib, cflib::fits_the_radio(plan)),
     ];
     let formats = fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name());
     let fits_all = fits.iter().all(|(_, fits)| *fits);
-    Ok(Memory { bytes, pieces, formats: formats.collect(), fits_all })
+    Ok(Memory { bytes, flies_heading, pieces, formats: formats.collect(), fits_all })
 }
 
 /// The cflib script of each drone, and a launcher for several.
@@ -332,8 +363,9 @@ fn per_drone(
 /// As [`export`].
 pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
     let Some((form, _)) = format.trajectory(job.mode) else { return Ok(None) };
+    let release = job.sim.vehicle.firmware;
     let deviations_m = job.plans.iter().map(|plan| -> Result<f64> {
-        let pieces = on_board::pieces(plan, form, job.tolerance_m, Length::Any)?;
+        let pieces = on_board::pieces(release, plan, form, job.tolerance_m, Length::Any)?;
         Ok(pieces::Stretch::new(plan)?.worst_m(&pieces))
     });
     let deviations_m = deviations_m.collect::<Result<Vec<f64>>>()?;
@@ -350,7 +382,8 @@ mod format_tests {
     fn the_memory_names_the_forms_that_hold_a_word() {
         fn memory_of(word: &str) -> Memory {
             let strokes = write(word, &LetterOptions::default()).unwrap();
-            memory(&plan(&strokes, &PlanOptions::even()).unwrap()).unwrap()
+            let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+            memory(Release::MODELED, &plan).unwrap()
         }
         let short = memory_of("NO");
         assert_eq!(
