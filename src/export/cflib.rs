@@ -13,7 +13,7 @@ use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
 use super::timeline::{Timeline, zero_s};
 use super::{Job, ascii, gains, stem, with_caution};
-use noctograph_core::crazyflie::{Difference, RING_TIMING_ENTRIES, Release, SLOW_CLOCK};
+use noctograph_core::crazyflie::{Feature, RING_TIMING_ENTRIES, Release, SLOW_CLOCK};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
@@ -176,8 +176,8 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         "oldest_firmware": Release::OLDEST.name(),
         "platforms": platform.map_or(&[] as &[_], safety::Platform::names),
         "decks": decks(&job.plans[drone], checks.positioning),
-        "slow_release": Difference::CLOCK.last_without().name(),
-        "heading_release": Difference::HEADING.since.name(),
+        "slow_release": Feature::CLOCK.last_without().name(),
+        "heading_release": Feature::HEADING.since.name(),
         "slow_clock": SLOW_CLOCK,
         "start_radius_m": safety::START_RADIUS_M,
         "nose_rad": safety::NOSE_RAD,

@@ -11,11 +11,13 @@
 //! and for each axis in turn 0, 1, 3 or 7 further control points as int16; at the end three zero
 //! bytes. The first control point of a piece is the last of the piece before.
 
+use std::f64::consts::TAU;
+
 use nalgebra::Vector3;
 
 use super::pieces::{Polynomials, Rounding, Stretch, pieces};
 use super::timeline::{Leg, Timeline};
-use noctograph_core::crazyflie::{Difference, Release, TRAJECTORY_MEMORY_BYTES};
+use noctograph_core::crazyflie::{Feature, Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
@@ -72,7 +74,7 @@ pub(super) enum Axis {
 }
 
 impl Compressed {
-    /// Encodes the letters of a plan for a release of the firmware, within a distance of its design.
+    /// Encodes the letters of a plan for a release, within a distance of its design.
     ///
     /// # Errors
     ///
@@ -330,28 +332,27 @@ fn tenths(yaw_rad: f64) -> i16 {
 
 /// Whether a release flies the heading of a compressed trajectory: any, or 0 alone.
 pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
-    release.has(&Difference::HEADING) || tenths(yaw_rad) == 0
+    release.has(&Feature::HEADING) || tenths(yaw_rad) == 0
 }
 
-/// Refuses a heading that a release misreads ([`Difference::HEADING`]).
+/// Refuses a heading that a release misreads ([`Feature::HEADING`]).
 fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     if flies_heading(release, yaw_rad) {
         return Ok(());
     }
-    let stored = f64::from(tenths(yaw_rad));
-    let turned_deg = (10.0 * stored).to_degrees();
-    let flown_deg = turned_deg - 360.0 * (turned_deg / 360.0).round();
-    let (since, yaw_deg) = (Difference::HEADING.since.name(), stored / 10.0);
+    let (stored, since) = (f64::from(tenths(yaw_rad)), Feature::HEADING.since.name());
+    let flown_turns = 10.0 * stored / TAU;
     let actual = format!(
-        "{}, which flies a compressed trajectory with a heading of {yaw_deg}° (plan.yaw_rad) at \
-         {flown_deg:.0}°",
-        release.name()
+        "{}, which flies a compressed trajectory with a heading of {}° (plan.yaw_rad) at {:.0}°",
+        release.name(),
+        stored / 10.0,
+        360.0 * (flown_turns - flown_turns.round()),
     );
-    let wanted = format!("{since} or newer, or a heading of 0");
     let hint = format!(
         "export poly4d, or the script for cflib with setpoints (--mode position); or update the \
          drone's firmware and set vehicle.firmware = \"{since}\"; or set plan.yaw_rad = 0"
     );
+    let wanted = format!("{since} or newer, or a heading of 0");
     Err(Error::input("vehicle.firmware", actual, wanted, hint))
 }
 
@@ -437,14 +438,12 @@ mod tests {
             assert!((since_rad - yaw_rad).abs() < 1e-6 && before_rad == 10.0 * stored, "{line}");
             let plan = Plan { yaw_rad, ..beside() };
             for release in Release::ALL.iter().copied() {
-                let is_right = release.has(&Difference::HEADING);
+                let is_right = release.has(&Feature::HEADING);
                 let flown_rad = if is_right { since_rad } else { before_rad };
-                let (said, is_flown) = (
-                    Compressed::encode_for(release, &plan, 0.0001),
-                    (flown_rad - yaw_rad).abs() < 1e-6,
-                );
-                assert_eq!(said.is_ok(), is_flown, "{release:?}: {line}");
-                assert!(said.is_err() || said.unwrap().yaw == tenths(yaw_rad));
+                let is_flown = (flown_rad - yaw_rad).abs() < 1e-6;
+                let encoded = Compressed::encode_for(release, &plan, 0.0001);
+                assert_eq!(encoded.is_ok(), is_flown, "{release:?}: {line}");
+                assert!(encoded.is_err() || encoded.unwrap().yaw == tenths(yaw_rad));
             }
         }
         let turned = Plan { yaw_rad: -1.5708, ..beside() };

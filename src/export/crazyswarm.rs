@@ -20,7 +20,7 @@ use super::safety::{
 };
 use super::timeline::{Timeline, earliest_s, zero_s};
 use super::{File, Job, ascii, gains, per_drone, stem, with_caution};
-use noctograph_core::crazyflie::{Difference, MOTORS_STOP_S, SLOW_CLOCK};
+use noctograph_core::crazyflie::{Feature, MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
@@ -85,7 +85,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         // As long as the firmware waits for setpoints.
         "silent_s": MOTORS_STOP_S,
         "slow_clock": SLOW_CLOCK,
-        "last_slow_release": Difference::CLOCK.last_without().name(),
+        "last_slow_release": Feature::CLOCK.last_without().name(),
         "drones": drones,
     });
     let literal = serde_json::to_string(&ascii(&data)).expect("text is serializable");

@@ -13,12 +13,12 @@
 use serde_json::Value;
 
 use noctograph_core::camera::Camera;
-use noctograph_core::crazyflie::{Difference, Release, TRAJECTORY_MEMORY_BYTES};
-use noctograph_core::error::{Error, Result};
-use noctograph_core::lamps::{COLOR_LED, LightOptions};
+use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
+use noctograph_core::error::Result;
+use noctograph_core::lamps::LightOptions;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
-use noctograph_sim::{Law, SimOptions};
+use noctograph_sim::SimOptions;
 use unicode_normalization::UnicodeNormalization;
 
 mod cflib;
@@ -202,12 +202,10 @@ impl File {
 /// # Errors
 ///
 /// [`noctograph_core::error::Error::Input`] for plans without letters and lamps that the format
-/// does not know, and for what the scene's release of the firmware lacks;
-/// [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
+/// does not know; [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
-    check_release(format, job)?;
     let release = job.sim.vehicle.firmware;
     match format {
         Format::Cflib => scripts(job),
@@ -223,31 +221,6 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
         Format::Gains => gains::files(job.sim),
         Format::LogConfig => Ok(log_config::files()),
     }
-}
-
-/// Refuses a script for a controller, a lamp or a drone that the scene's release does not have.
-fn check_release(format: Format, job: &Job<'_>) -> Result<()> {
-    let Job { sim, plans, checks, .. } = job;
-    let is_script = matches!(format, Format::Cflib | Format::Crazyswarm2);
-    let is_lee = matches!(sim.controller.kind.law(), Law::Geometric);
-    let mut lamps = plans.iter().flat_map(Plan::lamps);
-    let has_color_led = lamps.any(|(lamp, _)| lamp == COLOR_LED.name);
-    let is_brushless = checks.platform == Some(safety::Platform::Brushless);
-    let needs = [
-        (is_lee, Difference::LEE, "fly PID (controller.kind)"),
-        (has_color_led, Difference::COLOR_LED, "light the ring (light.deck)"),
-        (is_brushless, Difference::BRUSHLESS, "name the preset of the drone that flies"),
-    ];
-    let release = sim.vehicle.firmware;
-    for (is_needed, difference, hint) in needs {
-        let (what, since) = (difference.what, difference.since.name());
-        if is_script && is_needed && !release.has(&difference) {
-            let wanted = format!("{since} or newer for {what}");
-            let hint = format!("{hint}, or set vehicle.firmware to what the drone has");
-            return Err(Error::input("vehicle.firmware", release.name(), wanted, hint));
-        }
-    }
-    Ok(())
 }
 
 /// Heights above the floor at which the trajectories of a plan's letters begin and end, m.

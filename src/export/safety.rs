@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use noctograph_core::crazyflie::{Difference, LEVEL_OUT_S, MOTORS_STOP_S, Release};
+use noctograph_core::crazyflie::{Feature, LEVEL_OUT_S, MOTORS_STOP_S, Release};
 use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
@@ -203,7 +203,7 @@ pub fn table() -> String {
         .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
     let [nose, level] = [NOSE_RAD, LEVEL_RAD].map(|rad| rad.to_degrees().round());
     let corner = 100.0 * CORNER_M;
-    let releases = [Release::OLDEST, Difference::CLOCK.last_without(), Difference::HEADING.since];
+    let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
     let [oldest, slow, heading] = releases.map(Release::name);
     format!(
         "\

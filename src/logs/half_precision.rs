@@ -1,6 +1,6 @@
 //! Log values of half precision that lost the carry of their rounding.
 //!
-//! Firmware without [`Difference::HALF_PRECISION`] rounds the mantissa up without a carry into an
+//! Firmware without [`Feature::HALF_PRECISION`] rounds the mantissa up without a carry into an
 //! exponent that is odd: a value that rounds to 0.5, 2, 8 or another 2·4ⁿ is logged as exactly half
 //! of it. All other values are right. A sample that is half of both its neighbors is such a value,
 //! and twice the sample is what had to be logged. Logs on the card have no half precision.
@@ -8,15 +8,15 @@
 use half::f16;
 
 use super::recording::{Column, Recording, shortened};
-use noctograph_core::crazyflie::{Difference, Release};
+use noctograph_core::crazyflie::{Feature, Release};
 
 /// Largest distance of each neighbor from twice the sample, and of their mean, relative to it.
 const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
 /// Most samples in a row: the values that lose their carry are 0.12 mm at half a meter.
 const LONGEST: usize = 4;
-/// Most decimals of a text; more are those of a binary number.
-const DECIMALS: i32 = 7;
+/// Steps to a unit of the decimals of a text; more are those of a binary number.
+const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
 /// Least steps of a column below a value: numbers that are counted in whole ones are no halves.
 const STEPS: f64 = 64.0;
 
@@ -24,7 +24,7 @@ const STEPS: f64 = 64.0;
 /// keeps it.
 pub(super) fn restore(recording: &mut Recording) {
     let release = recording.firmware.as_deref().and_then(Release::parse);
-    if release.is_some_and(|release| release.has(&Difference::HALF_PRECISION)) {
+    if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
         return;
     }
     let mut restored = Vec::new();
@@ -41,10 +41,10 @@ pub(super) fn restore(recording: &mut Recording) {
         }
     }
     if !restored.is_empty() {
-        let (last, list) = (Difference::HALF_PRECISION.last_without().name(), shortened(&restored));
+        let (last, list) = (Feature::HALF_PRECISION.last_without().name(), shortened(&restored));
         recording.warnings.push(format!(
-            "samples are half of both their neighbors, as firmware up to {last} logs values of half \
-             precision (FP16) that lost a carry: doubled: {list}"
+            "samples that are half of both their neighbors are doubled, as values of half precision \
+             (FP16) that lost a carry in firmware up to {last}: {list}"
         ));
     }
 }
@@ -85,7 +85,7 @@ fn may_be_half(values: &[f64], value: f64) -> bool {
             (scaled - scaled.round()).abs() <= 1e-9 * scaled.abs().max(1.0)
         })
     };
-    let step = (0..=DECIMALS).map(|n| 10_f64.powi(n)).find(are_whole).map_or(0.0, f64::recip);
+    let step = DECIMALS.into_iter().find(are_whole).map_or(0.0, f64::recip);
     let is_half =
         |value: &f64| (value - f64::from(f16::from_f64(*value))).abs() <= 0.5 * step * (1.0 + 1e-6);
     step <= value.abs() / STEPS && finite().all(is_half)
@@ -164,8 +164,8 @@ mod tests {
             assert!(jumps(&seen) > 1 && said.contains("up to 2026.04"), "{amplitude}: {said}");
             assert_eq!(jumps(&values), 0, "{amplitude}");
             for (value, true_value) in values.iter().zip(&true_values) {
-                let off = (value - f64::from(*true_value)).abs();
-                assert!(off <= 0.5e-3 * value.abs(), "{value} of {true_value}");
+                let error = (value - f64::from(*true_value)).abs();
+                assert!(error <= 0.5e-3 * value.abs(), "{value} of {true_value}");
             }
             assert_eq!(restored(&seen, Some("2026.04")).0, values);
             assert_eq!(restored(&seen, Some("2026.08")), (seen.clone(), String::new()));

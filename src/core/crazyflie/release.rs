@@ -2,26 +2,27 @@
 //! scripts, simulator and log readers go by.
 //!
 //! The history of `bitcraze/crazyflie-firmware` was read from tag 2023.11 to 2026.08 and to
-//! [`super::FIRMWARE_REVISION`]. What differs and is not in [`Difference::ALL`] is listed in
+//! [`super::FIRMWARE_REVISION`]. What differs and is not in [`Feature::ALL`] is listed in
 //! `docs/fly.md`.
 
 use super::SLOW_CLOCK;
 use crate::settings::settings;
 
 settings! {
-    /// Releases of the Crazyflie's firmware, from the oldest that exported scripts fly with.
+    /// Releases of the Crazyflie's firmware, from the oldest that exported scripts fly with. Each
+    /// stands for its patches, too.
     pub enum Release {
-        /// 2023.11 to 2024.10, 2025.02 and so on: a release with its patches (2024.10.2).
+        /// Neither the Brushless nor Lee's controller.
         "2023.11" => R2023_11,
-        /// From here on the Brushless and Lee's controller.
+        /// The Brushless and Lee's controller.
         "2024.10" => R2024_10,
         /// Flies as 2024.10.
         "2025.02" => R2025_02,
         /// Flies as 2024.10.
         "2025.09" => R2025_09,
-        /// From here on the color LED deck.
+        /// The color LED deck.
         "2025.12" => R2025_12,
-        /// As all before: the controller keeps its integrals when the host falls silent.
+        /// As in all before, the controller keeps its integrals when the host falls silent.
         "2026.04" => R2026_04,
         /// All loops of `pid` begin anew when the kind of setpoint changes: when the drone levels
         /// out after an outage of the radio, and back, and when it lands after full states. The
@@ -35,7 +36,7 @@ settings! {
 
 /// What a release has, and those before do not.
 #[derive(Debug)]
-pub struct Difference {
+pub struct Feature {
     /// What it is.
     pub what: &'static str,
     /// The first release that has it.
@@ -48,7 +49,7 @@ pub struct Difference {
     pub here: &'static str,
 }
 
-impl Difference {
+impl Feature {
     /// Reset of the PID loops at a change of the kind of setpoint.
     pub const RESET: Self = Self {
         what: "all loops of PID begin anew when the kind of setpoint changes",
@@ -157,19 +158,19 @@ impl Release {
     }
 
     /// Whether it has what releases before have not.
-    pub fn has(self, difference: &Difference) -> bool {
-        self as usize >= difference.since as usize
+    pub fn has(self, feature: &Feature) -> bool {
+        self as usize >= feature.since as usize
     }
 
     /// Whether this program does the same by both.
     pub fn is_like(self, other: Self) -> bool {
-        Difference::ALL.iter().all(|difference| self.has(difference) == other.has(difference))
+        Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
     /// Rate of the clock that stamps logs on the card and paces trajectories on board, in true
     /// seconds a second.
     pub fn clock(self) -> f64 {
-        if self.has(&Difference::CLOCK) { 1.0 } else { SLOW_CLOCK }
+        if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
     }
 }
 
@@ -220,21 +221,20 @@ mod tests {
 
     #[test]
     fn each_release_has_what_the_table_says_and_those_before_have_not() {
-        let n_of = |release: &Release| {
-            Difference::ALL.iter().filter(|difference| release.has(difference)).count()
-        };
+        let n_of =
+            |release: &Release| Feature::ALL.iter().filter(|feature| release.has(feature)).count();
         let counts: Vec<usize> = Release::ALL.iter().map(n_of).collect();
         assert_eq!(counts, [0, 2, 2, 2, 3, 3, 6, 7], "of {:?}", Release::ALL);
-        for difference in &Difference::ALL {
-            let last = difference.last_without();
-            assert!(!last.has(difference) && difference.since.has(difference), "{difference:?}");
+        for feature in &Feature::ALL {
+            let last = feature.last_without();
+            assert!(!last.has(feature) && feature.since.has(feature), "{feature:?}");
         }
-        assert_eq!(Difference::CLOCK.last_without(), Release::R2026_08);
-        assert_eq!(Difference::HEADING.last_without(), Release::R2026_04);
+        assert_eq!(Feature::CLOCK.last_without(), Release::R2026_08);
+        assert_eq!(Feature::HEADING.last_without(), Release::R2026_04);
         assert!(Release::R2026_08.clock() < 0.99 && Release::After2026_08.clock() == 1.0);
         assert!(Release::R2025_12.is_like(Release::R2026_04));
         assert!(!Release::R2025_09.is_like(Release::R2026_04), "no color LED deck");
-        let since = Difference::ALL.map(|difference| difference.since as usize);
+        let since = Feature::ALL.map(|feature| feature.since as usize);
         assert!(since.is_sorted_by(|a, b| a >= b), "the newest first: {since:?}");
     }
 }
