@@ -1,5 +1,6 @@
 //! `noctograph export`: plans for drones and other programs.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 
 use super::advice::mentioned;
@@ -14,6 +15,7 @@ use crate::preflight::{
     make_exportable,
 };
 use crate::shoot::Shoot;
+use noctograph_core::crazyflie::Release;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
@@ -45,14 +47,16 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
+    let release = Cell::new(Release::MODELED);
     let shoot = args.subject.shoot(
         |scene| {
+            release.set(scene.vehicle.firmware);
             let slow = args.profile.limits(&args.subject);
             make_exportable(scene, slow.as_ref(), args.to, args.mode);
             Ok(())
         },
         &|plans| match trajectory {
-            Some((form, Length::OnBoard)) => check_memory(plans, form, tolerance_m),
+            Some((form, Length::OnBoard)) => check_memory(release.get(), plans, form, tolerance_m),
             _ => Ok(()),
         },
     )?;
