@@ -437,7 +437,7 @@ mod tests {
             let yaw_rad = (stored / 10.0).to_radians();
             assert_eq!(f64::from(tenths(yaw_rad)), stored);
             assert!((since_rad - yaw_rad).abs() < 1e-6 && before_rad == 10.0 * stored, "{line}");
-            let plan = Plan { yaw_rad, ..beside() };
+            let plan = Plan::made(PlanData { yaw_rad, ..beside().into_data() });
             for release in Release::ALL.iter().copied() {
                 let is_right = release.has(&Feature::HEADING);
                 let flown_rad = if is_right { since_rad } else { before_rad };
@@ -447,7 +447,7 @@ mod tests {
                 assert!(encoded.is_err() || encoded.unwrap().yaw == tenths(yaw_rad));
             }
         }
-        let turned = Plan { yaw_rad: -1.5708, ..beside() };
+        let turned = Plan::made(PlanData { yaw_rad: -1.5708, ..beside().into_data() });
         let error = Compressed::encode_for(Release::R2025_12, &turned, 0.0001).unwrap_err();
         let wanted = "vehicle.firmware: found 2025.12, which flies a compressed trajectory with a \
                       heading of -90° (plan.yaw_rad) at -142°, wanted 2026.08 or newer, or a \

@@ -339,6 +339,7 @@ fn light_of_level() -> [u32; 256] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::photo::PhotoData;
 
     #[test]
     fn the_sky_is_the_quantile_of_the_means_around() {
@@ -361,7 +362,7 @@ mod tests {
         // Its pixels are next to nothing, and all of the photo may show it.
         let [width_px, height_px] = [1920, 1080];
         let rgb8 = vec![90; 3 * 1920 * 1080];
-        let photo = Photo { width_px, height_px, rgb8, scene_toml: None };
+        let photo = Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None });
         let start = std::time::Instant::now();
         let (light, _) = Light::decode(&photo, None, 1e-9).unwrap();
         assert!(light.values.iter().flatten().all(|light| light.abs() < 1e-6), "an even sky");

@@ -90,8 +90,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 #[cfg(windows)]
 pub(super) use locked as locked_soon;
 
-/// A lock as [`locked`] gives it, for a moment at most: whoever runs the program under a lock of the
-/// folder would wait forever.
+/// A lock as [`locked`] gives it, for a moment at most: whoever runs the program under a lock of
+/// the folder would wait forever.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok()?;

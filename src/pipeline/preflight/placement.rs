@@ -387,7 +387,8 @@ mod tests {
         let shoot = Shoot::new(scene).unwrap();
         let lighting = shoot.clone().lighting(&|_, _| {}).unwrap();
         let end_s = lighting.camera.shutter_close_s;
-        let placement = place(&shoot, &lighting.trace, end_s, &profile).unwrap().unwrap();
+        let ways = Ways::new(&shoot, &lighting.flights);
+        let placement = place(&shoot, &lighting.trace, end_s, &profile, &ways).unwrap().unwrap();
         (shoot, lighting, placement)
     }
 

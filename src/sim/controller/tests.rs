@@ -193,7 +193,8 @@ fn the_geometric_law_holds_a_full_state_until_the_next_and_turns_with_the_jerk_o
         let (cos, cos2) = (libm::cos(w * s.time_s), libm::cos(2.0 * w * s.time_s));
         Vector3::new(-0.5 * w * w * w * cos, 0.0, -2.0 * w * w * w * cos2)
     });
-    on_board.jerk_m_s3 = jerk_m_s3.collect();
+    let jerk_m_s3 = jerk_m_s3.collect();
+    on_board.edit(|on_board| on_board.jerk_m_s3 = jerk_m_s3);
     let with = flown(&on_board, &options, 0).unwrap();
     let pairs = with.samples.iter().zip(&without.samples);
     let apart_m = pairs.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);

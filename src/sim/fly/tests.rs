@@ -252,8 +252,8 @@ fn without_setpoints_lees_law_goes_on_as_the_last_one_said() {
     (options.radio.drones, options.radio.loss_frac) = (1, 1.0);
     let mut hover = plan(&[(0.0, 0.0, 0.8), (5.0, 0.0, 0.8)]);
     // Of a speed that it does not follow, the controller makes a distance.
-    hover.setpoints[0].velocity_m_s.x = 0.2;
-    hover.setpoints[1].position_m.x = 1.0;
+    hover.edit(|hover| hover.setpoints[0].velocity_m_s.x = 0.2);
+    hover.edit(|hover| hover.setpoints[1].position_m.x = 1.0);
     let flight = flown(&hover, &options, 1).unwrap();
     let x_m =
         |time_s: f64| flight.samples.iter().find(|s| s.time_s >= time_s).unwrap().position_m.x;
@@ -319,7 +319,7 @@ fn a_plan_through_the_floor_is_refused_and_one_from_table_to_table_flies() {
     let mut ramps = plan(&there);
     let error = flown(&ramps, &options, 1).unwrap_err().to_string();
     assert!(error.starts_with("plan, setpoint 4: found a height of 0.4 m"), "{error}");
-    ramps.setpoints.iter_mut().for_each(|setpoint| setpoint.letter = None);
+    ramps.edit(|ramps| ramps.setpoints.iter_mut().for_each(|setpoint| setpoint.letter = None));
     let flight = flown(&ramps, &options, 1).unwrap();
     let [start, end] = [0, flight.samples.len() - 1].map(|i| &flight.samples[i]);
     assert_eq!((start.position_m.z, end.position_m.z), (0.5, 0.5), "on the tables");
