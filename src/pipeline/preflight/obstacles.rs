@@ -12,17 +12,17 @@ use nalgebra::Vector3;
 
 use super::Profile;
 use super::checked_export::bounds_m;
-use super::placement::stations;
 use super::plans::greatest_speed_m_s;
 use super::profile::ROOM_MARGIN_M;
-use super::row::{Row, at_time, stop_if};
+use super::row::{Row, Severity, at_time, stop_if};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::MOTORS_STOP_S;
 use noctograph_core::flight::Flight;
-use noctograph_core::geometry::segment_distance;
+use noctograph_core::geometry::{Solid, segment_distance};
 use noctograph_core::plan::{Plan, Setpoint};
 use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
+use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
 
 /// Standard gravity, m/s².
@@ -99,83 +99,39 @@ pub(super) fn check_people(shoot: &Shoot, ways: &Ways) -> Option<Row> {
     ))
 }
 
-/// The shape of a thing. Each is convex, so that its distance has one minimum along a piece.
-enum Shape<'a> {
-    /// On the floor, around an axis.
-    Pillar([f64; 2], f64),
-    /// On the floor.
-    Step(&'a FloorStep),
-    /// The one on which a drone takes off, which may fly above it.
-    Stand(&'a FloorStep),
-    /// Around a place in the air.
-    Ball(Vector3<f64>, f64),
-    /// A point and the normal of a wall.
-    Wall(Vector3<f64>, Vector3<f64>),
+/// A thing in the room.
+struct Thing {
+    name: String,
+    shape: Solid,
+    /// Whether a drone takes off from it, and may fly above it.
+    is_stand: bool,
+    advice: &'static str,
 }
-
-impl Shape<'_> {
-    fn distance_m(&self, place_m: &Vector3<f64>) -> f64 {
-        let beside_m = |FloorStep { x_m, y_m, .. }: &FloorStep| {
-            let beyond_m = |[low, high]: [f64; 2], m: f64| (low - m).max(m - high).max(0.0);
-            libm::hypot(beyond_m(*x_m, place_m.x), beyond_m(*y_m, place_m.y))
-        };
-        match self {
-            Self::Pillar([x, y], radius_m) => libm::hypot(place_m.x - x, place_m.y - y) - radius_m,
-            Self::Step(step) => beside_m(step),
-            Self::Stand(step) => libm::hypot(beside_m(step), (place_m.z - step.height_m).max(0.0)),
-            Self::Ball(middle_m, radius_m) => (place_m - middle_m).norm() - radius_m,
-            Self::Wall(point_m, normal) => (place_m - point_m).dot(normal).abs(),
-        }
-        .max(0.0)
-    }
-
-    /// The least distance along a piece, by ternary search; `None` if it is not below `most_m`.
-    fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
-        let along_m = |share: f64| self.distance_m(&from_m.lerp(&to_m, share));
-        if along_m(0.0) - (to_m - from_m).norm() >= most_m {
-            return None;
-        }
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..40 {
-            let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];
-            if along_m(a) < along_m(b) { high = b } else { low = a }
-        }
-        let least_m = [0.0, low, 1.0].map(along_m).into_iter().fold(f64::INFINITY, f64::min);
-        (least_m < most_m).then_some(least_m)
-    }
-}
-
-/// A thing in the room: its name, its shape, and advice.
-type Thing<'a> = (String, Shape<'a>, &'static str);
 
 /// How near the plans come to the camera and to the things that the scene names.
 pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Row {
     // Motors are at the corners of a square, and propellers that do not overlap reach half of its
     // side beyond them.
     let limit_m = ROOM_MARGIN_M + (1.0 + SQRT_2) * shoot.scene.vehicle.arm_m;
+    let wanted =
+        format!("{limit_m:.2} m or more from take-off to landing, and straight down from there");
     let (mut least_m, mut nearest) = (f64::INFINITY, None);
     for plan in shoot.plans.iter().map(|planned| &planned.plan) {
         let ramps = ramps(&plan.setpoints);
-        for (name, shape, advice) in things(shoot, plan, profile) {
-            let is_stand = matches!(shape, Shape::Stand(_));
-            let clear = pieces(plan).enumerate().filter(|(row, _)| !is_stand || !ramps(*row));
-            for (piece, time_s) in clear.map(|(_, piece)| piece) {
-                if let Some(m) = shape.nearer_m(piece, least_m) {
-                    (least_m, nearest) = (m, Some((name.clone(), time_s, advice)));
+        for thing in things(shoot, plan, profile) {
+            for (row, (piece, time_s)) in pieces(plan).enumerate() {
+                let is_left = thing.is_stand && ramps(row);
+                if let Some(m) = thing.shape.nearer_m(piece, least_m).filter(|_| !is_left) {
+                    (least_m, nearest) = (m, Some((thing.name.clone(), time_s, thing.advice)));
                 }
             }
         }
     }
-    let wanted = format!(
-        "{limit_m:.2} m or more from take-off to landing, and where a drone comes straight down"
-    );
     let Some((name, time_s, advice)) = nearest else {
-        return Row::new("obstacles", stop_if(false), None).say("none is named", wanted, "");
+        return Row::new("obstacles", Severity::Fine, None).say("none is named", wanted, "");
     };
-    let is_near = least_m < limit_m;
-    let row = Row::new("obstacles", stop_if(is_near), least_m).within(limit_m).timed(time_s);
-    let row = row.detailed(name.as_str());
-    let when = at_time(time_s);
+    let row = Row::new("obstacles", stop_if(least_m < limit_m), least_m).within(limit_m);
+    let (row, when) = (row.timed(time_s).detailed(name.as_str()), at_time(time_s));
     row.say(format!("{name} is {least_m:.2} m from the flight, nearest{when}"), wanted, advice)
 }
 
@@ -193,48 +149,64 @@ fn ramps(setpoints: &[Setpoint]) -> impl Fn(usize) -> bool + use<> {
 }
 
 /// The camera, and what the scene puts into the room of a plan.
-fn things<'a>(shoot: &'a Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing<'a>> {
+fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let scene = &shoot.scene;
-    let mut things = Vec::new();
-    if let Ok(camera) = scene.camera.camera(bounds_m(shoot), 0.0) {
-        let shape = Shape::Pillar([camera.position_m.x, camera.position_m.y], TRIPOD_M);
-        let advice = "stand the camera farther off ({camera.framing})";
-        things.push(("the camera on its tripod".to_owned(), shape, advice));
-    }
-    things.extend(beacons(scene, profile));
+    let ceiling_m = profile.room_m.map_or(profile.volume_m[1][2], |room_m| room_m[2]);
     let mark_m = plan.setpoints.first().map_or(Vector3::zeros(), |first| first.position_m);
     let stand_m = scene.floor.height_m(mark_m.x, mark_m.y);
-    things.extend(scene.floor.steps.iter().enumerate().map(|(number, step)| {
-        let is_stand = step.height_m == stand_m;
-        let shape = if is_stand { Shape::Stand(step) } else { Shape::Step(step) };
+    let mut things = Vec::new();
+    let mut add = |name: String, shape, is_stand, advice| {
+        things.push(Thing { name, shape, is_stand, advice });
+    };
+    if let Ok(camera) = scene.camera.camera(bounds_m(shoot), 0.0) {
+        let shape = Solid::pillar([camera.position_m.x, camera.position_m.y], TRIPOD_M);
+        let advice = "stand the camera farther off ({camera.framing})";
+        add("the camera on its tripod".to_owned(), shape, false, advice);
+    }
+    let (beacon, places_m) = stations(scene);
+    for (index, [x, y, z]) in places_m.into_iter().enumerate() {
+        // In the lower half of a room they stand, above it they hang.
+        let shape = match z < 0.5 * ceiling_m {
+            true => Solid::pillar([x, y], BEACON_M),
+            false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
+        };
+        let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
+        add(format!("{beacon} {}", index + 1), shape, false, advice);
+    }
+    for (number, FloorStep { x_m, y_m, height_m }) in scene.floor.steps.iter().enumerate() {
+        let is_stand = *height_m == stand_m;
+        let top_m = if is_stand { *height_m } else { f64::INFINITY };
+        let ends_m = [*x_m, *y_m, [f64::NEG_INFINITY, top_m]];
         let advice = "move it out of the flight's way ({floor.steps}), or write smaller or higher \
                       ({letters.canvas_m}, {letters.baseline_m})";
-        (format!("floor.steps[{number}]"), shape, advice)
-    }));
+        let shape = Solid::Block { ends_m, radius_m: 0.0 };
+        add(format!("floor.steps[{number}]"), shape, is_stand, advice);
+    }
     let lighthouse = &scene.sensors.lighthouse;
     for (key, planes) in [("mirrors_m", &lighthouse.mirrors_m), ("panes_m", &lighthouse.panes_m)] {
-        things.extend(planes.iter().enumerate().filter_map(|(number, [point_m, normal])| {
-            let normal = Vector3::from(*normal).try_normalize(0.0)?;
-            let shape = Shape::Wall(Vector3::from(*point_m), normal);
-            let advice = "fly in front of it ({sensors.lighthouse.mirrors_m})";
-            (normal.z.abs() < LEVEL_COS)
-                .then(|| (format!("sensors.lighthouse.{key}[{number}]"), shape, advice))
-        }));
+        for (number, [point_m, normal]) in planes.iter().enumerate() {
+            let normal = Vector3::from(*normal).normalize();
+            // One on the floor is flown above; a normal of zero is no plane and no number here.
+            if normal.z.abs() < LEVEL_COS {
+                let name = format!("sensors.lighthouse.{key}[{number}]");
+                let advice = "fly in front of it ({sensors.lighthouse.mirrors_m})";
+                add(name, Solid::Plane(Vector3::from(*point_m), normal), false, advice);
+            }
+        }
     }
     things
 }
 
-/// Base stations or anchors: in the lower half of the room they stand, above it they hang.
-fn beacons<'a>(scene: &Scene, profile: &Profile) -> impl Iterator<Item = Thing<'a>> {
-    let ceiling_m = profile.room_m.map_or(profile.volume_m[1][2], |room_m| room_m[2]);
-    let (name, places_m) = stations(scene);
-    places_m.into_iter().enumerate().map(move |(index, place_m)| {
-        let [x, y, z] = place_m;
-        let shape = match z < 0.5 * ceiling_m {
-            true => Shape::Pillar([x, y], BEACON_M),
-            false => Shape::Ball(place_m.into(), BEACON_M),
-        };
-        let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
-        (format!("{name} {}", index + 1), shape, advice)
-    })
+/// Beacons of the scene's positioning in the room: names and places.
+pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
+    let stations = &scene.sensors.lighthouse.stations;
+    match scene.sensors.positioning {
+        Positioning::UwbTwr | Positioning::UwbTdoa => {
+            ("anchor", scene.sensors.uwb.anchors_m.clone())
+        }
+        Positioning::Gnss => ("", Vec::new()),
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+            ("station", stations.iter().map(|station| station.position_m).collect())
+        }
+    }
 }

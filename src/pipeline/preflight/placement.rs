@@ -8,7 +8,7 @@
 
 use serde::Serialize;
 
-use super::obstacles::Ways;
+use super::obstacles::{Ways, stations};
 use super::row::{Row, Severity};
 use super::{Profile, cap_height_m};
 use crate::scene::Scene;
@@ -19,11 +19,14 @@ use noctograph_core::camera::{
 use noctograph_core::error::Result;
 use noctograph_export::safety::FRAME_M;
 use noctograph_picture::light::LightTrace;
-use noctograph_sim::sensors::Positioning;
 
 /// Least distance of a tripod from the wall behind it, an assumption: its legs, and a hand at the
 /// release. Less would show more of the word from a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
+
+/// Least distance of a camera from the word, where the room has it: small letters in a small room
+/// would else be taken from within the flight's way.
+const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
 /// Most of the picture's width or height that the word may fill: the rest is for its glow, and for
 /// a tripod that stands a little aside.
@@ -148,20 +151,6 @@ pub(super) fn place(
     }))
 }
 
-/// Beacons of the scene's positioning in the room: names and places.
-pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
-    let stations = &scene.sensors.lighthouse.stations;
-    match scene.sensors.positioning {
-        Positioning::UwbTwr | Positioning::UwbTdoa => {
-            ("anchor", scene.sensors.uwb.anchors_m.clone())
-        }
-        Positioning::Gnss => ("", Vec::new()),
-        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-            ("station", stations.iter().map(|station| station.position_m).collect())
-        }
-    }
-}
-
 /// Where each drone takes off.
 fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     let starts = shoot.plans.iter().filter_map(|planned| planned.plan.setpoints.first());
@@ -252,7 +241,8 @@ fn usual(scene: &Scene, body: BodyModel, lens: LensModel) -> CameraOptions {
 }
 
 /// A camera square in front of the word, moved nearer where it would stand behind the wall of the
-/// room and the whole word stays in the picture; and its least distance from the word.
+/// room and the whole word stays in the picture, and farther off where it would stand in the
+/// flight's way; and its least distance from the word.
 fn framed(
     options: CameraOptions,
     word_m: [f64; 4],
@@ -268,8 +258,12 @@ fn framed(
     };
     let (least_m, most_m) =
         (-filled(MOST_FILLED).camera(word_m, 0.0)?.position_m.y, most_m(room_m));
-    let nearest = if least_m <= most_m { MOST_FILLED * least_m / most_m } else { word.fill_frac };
-    Ok((filled(word.fill_frac.max(nearest)), least_m))
+    if least_m > most_m {
+        return Ok((filled(word.fill_frac), least_m));
+    }
+    let fill_from = |distance_m: f64| MOST_FILLED * least_m / distance_m;
+    let [most_frac, least_frac] = [TRIPOD_FROM_WORD_M.min(most_m), most_m].map(fill_from);
+    Ok((filled(word.fill_frac.min(most_frac).max(least_frac)), least_m))
 }
 
 /// Frames the scene's word from within a room, where the scene's camera stands square in front of
@@ -393,7 +387,8 @@ mod tests {
         let shoot = Shoot::new(scene).unwrap();
         let lighting = shoot.clone().lighting(&|_, _| {}).unwrap();
         let end_s = lighting.camera.shutter_close_s;
-        let placement = place(&shoot, &lighting.trace, end_s, &profile).unwrap().unwrap();
+        let ways = Ways::new(&shoot, &lighting.flights);
+        let placement = place(&shoot, &lighting.trace, end_s, &profile, &ways).unwrap().unwrap();
         (shoot, lighting, placement)
     }
 
@@ -448,9 +443,17 @@ mod tests {
 
     #[test]
     fn the_audience_is_beyond_what_a_drone_flies_and_falls() {
-        let (_, _, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
+        let (mut shoot, lighting, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
         assert!((1.0..4.0).contains(&hall.audience_from_m), "{}", hall.audience_from_m);
         assert!(hall.audience_y_m.unwrap() <= -hall.audience_from_m);
+        // Its columns may say what they will, and at a crawl people keep a meter.
+        let setpoints = &mut shoot.plans[0].plan.setpoints;
+        setpoints.iter_mut().for_each(|setpoint| setpoint.velocity_m_s *= 0.1);
+        let told = Ways::new(&shoot, &lighting.flights).audience_from_m;
+        assert_eq!(told, hall.audience_from_m);
+        let setpoints = &mut shoot.plans[0].plan.setpoints;
+        setpoints.iter_mut().for_each(|setpoint| setpoint.time_s *= 20.0);
+        assert_eq!(Ways::new(&shoot, &[]).audience_from_m, 1.0);
         let (_, _, closet) = placed("I", 0.5, [2.0, 2.0, 2.5]);
         assert_eq!(closet.audience_y_m, None);
         assert!(closet.rows().iter().any(|[_, place]| place.starts_with("outside")));
