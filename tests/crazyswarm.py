@@ -19,6 +19,9 @@ import sys
 import types
 import unittest
 
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from sentences import SWARM, sentences, untrue_of_swarm  # noqa: E402
+
 WORK = sys.argv[1]
 SLOW = 84 / 85
 FLYING, CAN_FLY, CAN_BE_ARMED, TUMBLED, LOCKED = 16, 8, 1, 32, 64
@@ -28,9 +31,13 @@ class TimeHelper:
     """Time that passes only while somebody sleeps; runs what is due then."""
 
     def __init__(self, node):
-        self.node, self.now_s, self.due = node, 100.0, []
+        self.node, self.now_s, self.due, self.skew_s = node, 100.0, [], 0.0
 
     def time(self):
+        """The clock of ROS, hence of the computer, which somebody may set."""
+        return self.now_s + self.skew_s
+
+    def monotonic(self):
         return self.now_s
 
     def sleep(self, duration):
@@ -48,7 +55,7 @@ class Ros:
 
     def __init__(self, fault):
         self.clock, self.sent, self.up, self.handles_signals = TimeHelper(self), [], True, True
-        self.fault = fault
+        self.fault, self.pressed = fault, False
 
     def call(self, name, method, *values):
         if not self.up:
@@ -84,29 +91,72 @@ class Crazyflie:
         self.sigma_m, self.roll_deg, self.yaw_deg, self.battery_v = 0.002, 0.5, 0.0, 4.1
         self.place, self.info, self.arms_well = [0.0, 0.0, 0.0], CAN_BE_ARMED | CAN_FLY, True
         self.clock_rate, self.started, self.trajectory = SLOW, None, None
-        self.status = {}
+        self.status, self.deaf, self.landing, self.flew = {}, False, None, False
+        self.cut_by, self.fell_m, self.told = None, 0.0, [0.0] * 3
 
     def _call(self, method, *values):
         self.node.call(self.name, method, *values)
+        return not self.deaf
 
     def land(self, targetHeight, duration, groupMask=0):
-        self._call("land", targetHeight, duration)
-        self.started, self.place[2] = None, targetHeight
+        if self._call("land", targetHeight, duration) and not self.landing and not self.cut_by:
+            self.place, self.started = self._at(), None
+            self.landing = (self.node.clock.now_s, duration / self.clock_rate, self.place[2], targetHeight)
+
+    def _cut(self, by):
+        """Stops the motors, as an emergency, disarming and the firmware's own supervisor do."""
+        if self.cut_by is None and self.started and not self._is_over():
+            self.cut_by, self.fell_m, self.place = by, self._at()[2], [*self._at()[:2], 0.0]
+            self.started = None
+        elif self.cut_by is None and self.landing and not self._is_over():
+            self.cut_by, self.fell_m, self.landing = by, self._at()[2], None
+
+    def _is_over(self):
+        """Whether it has landed, by the script's command or at the end of its trajectory."""
+        if self.landing:
+            return self.node.clock.now_s >= self.landing[0] + self.landing[1]
+        return not self.started or self._on_board_s() > sum(p.duration for p in self.trajectory.polynomials)
+
+    def _on_board_s(self):
+        """Seconds on board since the start, as the trajectory counts them."""
+        start_s, timescale = self.started
+        return (self.node.clock.now_s - start_s) * self.clock_rate / timescale
+
+    def _at(self):
+        if self.landing:
+            begun_s, lasts_s, from_m, to_m = self.landing
+            share = min(max((self.node.clock.now_s - begun_s) / lasts_s, 0.0), 1.0)
+            share = share**4 * (35 - 84 * share + 70 * share**2 - 20 * share**3)
+            return [*self.place[:2], from_m + share * (to_m - from_m)]
+        if self.started:
+            place = self.trajectory.at(self._on_board_s())
+            return place if math.isfinite(place[2]) else [*self.place[:2], 0.0]
+        return self.place
+
+    def outcome(self):
+        if not self.flew:
+            return "never took off"
+        if self.cut_by and self.fell_m > 0.3:
+            return f"falls by {self.cut_by}"
+        return "landed" if self.cut_by or self._is_over() else "in the air"
 
     def uploadTrajectory(self, trajectoryId, pieceOffset, trajectory):
-        self._call("uploadTrajectory", trajectoryId, pieceOffset)
-        self.trajectory = trajectory
+        if self._call("uploadTrajectory", trajectoryId, pieceOffset):
+            self.trajectory = trajectory
 
     def startTrajectory(self, trajectoryId, timescale=1.0, reverse=False, relative=True, groupMask=0):
-        self._call("startTrajectory", trajectoryId, timescale, reverse, relative)
-        self.started = (self.node.clock.now_s, timescale)
+        if self._call("startTrajectory", trajectoryId, timescale, reverse, relative):
+            self.started, self.flew = (self.node.clock.now_s, timescale), True
 
     def arm(self, arm=True):
-        self._call("arm", arm)
-        self.info = (self.info | CAN_FLY) if arm and self.arms_well else self.info & ~CAN_FLY
+        if self._call("arm", arm):
+            self.info = (self.info | CAN_FLY) if arm and self.arms_well else self.info & ~CAN_FLY
+            if not arm:
+                self._cut("disarming")
 
     def emergency(self):
-        self._call("emergency")
+        if self._call("emergency"):
+            self._cut("the script")
 
     def getParam(self, name):
         return float("nan")  # the server reads no values unless it is configured to
@@ -124,13 +174,9 @@ class Crazyflie:
         return self.status
 
     def get_position(self):
-        if self.carried:
-            return self.carried
-        if self.started:
-            start_s, timescale = self.started
-            # Seconds on board since the start, as the trajectory counts them.
-            return self.trajectory.at((self.node.clock.now_s - start_s) * self.clock_rate / timescale)
-        return self.place
+        if True not in self.silent and "pose" not in self.silent:
+            self.told = self.carried or self._at()
+        return self.told
 
 
 class Trajectory:
@@ -198,7 +244,7 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
         "crazyflie_py.uav_trajectory": {"Trajectory": Trajectory},
         "crazyflie_interfaces": {}, "crazyflie_interfaces.msg": {"LogDataGeneric": object},
         "geometry_msgs": {}, "geometry_msgs.msg": {"PoseStamped": object},
-        "rclpy": {}, "rclpy.signals": {
+        "rclpy": {"spin_once": lambda node, timeout_sec: node.clock.sleep(timeout_sec)}, "rclpy.signals": {
             "uninstall_signal_handlers": lambda: setattr(ros, "handles_signals", False)},
     }
     for module, attributes in modules.items():
@@ -214,7 +260,7 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
             # The trajectory starts two seconds after the key.
             ros.clock.due.append((ros.clock.now_s + 2.0 + after_s, lambda event=event: event(ros)))
 
-    script.input = enter
+    script.input, script.time = enter, ros.clock
     printed, ended = io.StringIO(), None
     with contextlib.redirect_stdout(printed):
         try:
@@ -222,6 +268,14 @@ def flight(name, firmware="2026.08", fault=None, lacks=(), events=(), keys=None,
         except BaseException as error:
             ended = error
     ros.script, ros.ended, ros.printed = script, ended, printed.getvalue()
+    ros.ended_in_the_air = [cf.outcome() == "in the air" for cf in ros.drones.values()]
+    end_s = ros.clock.now_s + 90.0
+    while ros.clock.now_s < end_s:  # what the drones do when the script has ended
+        with contextlib.suppress(KeyboardInterrupt):
+            ros.clock.sleep(end_s - ros.clock.now_s)
+    for number in SIGNALS:
+        signal.signal(number, signal.default_int_handler)
+    ros.outcomes = {name: cf.outcome() for name, cf in ros.drones.items()}
     return ros
 
 
@@ -229,7 +283,52 @@ def change(**attributes):
     def event(ros):
         for cf in ros.drones.values():
             vars(cf).update(attributes)
+            if cf.info & (TUMBLED | LOCKED):
+                cf._cut("the firmware")
     return event
+
+
+SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")]
+
+
+def press(number=signal.SIGINT, *later_s):
+    """Ctrl-C or another signal, and more of them later."""
+    def event(ros):
+        for s in later_s:
+            ros.clock.due.append((ros.clock.now_s + s, lambda: press(number)(ros)))
+        if signal.getsignal(number) is not signal.default_int_handler:
+            ros.pressed = True
+            signal.raise_signal(number)
+    return event
+
+
+def set_clock(by_s, then):
+    """The computer's clock is set, and a second later something goes wrong."""
+    def event(ros):
+        ros.clock.skew_s = by_s
+        ros.clock.due.append((ros.clock.now_s + 1.0, lambda: then(ros)))
+    return event
+
+
+def dead(ros):
+    change(silent=(True,), deaf=True)(ros)
+
+
+# What happens at a moment, how drones that fly may end, and what is to be said.
+MOMENTS = {
+    "Ctrl-C": (press(), "landed", ""), "kill": (press(signal.SIGTERM), "landed", ""),
+    "a closed window": (press(signal.SIGHUP), "landed", ""),
+    "Ctrl-C three times in 40 ms": (press(signal.SIGINT, 0.02, 0.04), "landed", ""),
+    "Ctrl-C twice": (press(signal.SIGINT, 1.0), "falls by the script", ""),
+    "battery empty": (change(battery_v=2.9), "landed", "battery"),
+    "tumbled": (change(info=TUMBLED), "falls by the firmware", "tumbled"),
+    "no link": (dead, "landed", "topic"), "no topics": (change(silent=(True,)), "landed", "topic"),
+    "no pose": (change(silent=("pose",)), "landed", "topic"),
+    "clock back, battery empty": (set_clock(-60.0, change(battery_v=2.9)), "landed", "battery"),
+    "clock forth, battery empty": (set_clock(60.0, change(battery_v=2.9)), "landed", "battery"),
+    "clock back": (set_clock(-60.0, lambda ros: None), "landed", None),
+    "clock forth": (set_clock(60.0, lambda ros: None), "landed", None),
+}
 
 
 def lamp_fails(ros, name, method, values):
@@ -392,6 +491,63 @@ class Flights(unittest.TestCase):
             text = file.read()
         for wanted in ("pose:", "status:", "noctograph:", "kalman.varPX", "stateEstimate.yaw"):
             self.assertIn(wanted, text)
+
+
+class Moments(unittest.TestCase):
+    """Whatever happens at any moment: no drone falls by the script's doing, and what it says is true."""
+
+    def judged(self, ros, kind, outcome="landed"):
+        for name, found in ros.outcomes.items():
+            self.assertIn(found, ("landed", "never took off", outcome), f"{kind}: {ros.printed}{ros.ended}")
+        said = ros.printed + str(ros.ended or "")
+        self.assertEqual(untrue_of_swarm(said, ros), [], f"{kind}: {said}")
+        if any(ros.ended_in_the_air):
+            self.assertIn("stay behind the net", said, kind)
+
+    def test_every_text_of_the_script_has_a_claim(self):
+        with open(os.path.join(os.path.dirname(__file__), "..", "src", "export", "crazyswarm.py"),
+                  encoding="utf-8") as file:
+            texts = sentences(file.read())
+        self.assertEqual((texts - set(SWARM), set(SWARM) - texts), (set(), set()))
+
+    def test_what_happens_at_any_moment(self):
+        n = 0
+        often = 4.0 if os.environ.get("NOCTOGRAPH_MOMENTS") == "all" else 1.0
+        for folder, step_s in (("pid", 2.3), ("lee", 8.9), ("pair", 4.7), ("five", 11.9)):
+            for number, (what, (event, outcome, reason)) in enumerate(MOMENTS.items()):
+                at_s = -2.9 + 0.17 * number
+                while at_s < 21.0:
+                    ros = flight(folder, events=[(at_s, event)])
+                    kind = f"{folder}: {what} at {at_s:.1f} s"
+                    self.judged(ros, kind, outcome)
+                    if reason is None:
+                        self.assertIsNone(ros.ended, kind)
+                    elif reason and ros.ended:
+                        self.assertIn(reason, str(ros.ended), kind)
+                        flown_s = ros.of("land")[0][0] - ros.entered_s - 7.0 - at_s if ros.of("land") else 0.0
+                        self.assertLess(flown_s, 4.5, f"{kind}: noticed late")
+                    at_s, n = at_s + step_s / often, n + 1
+        print(f"{n} flights with what happens at a moment")
+
+    def test_a_press_at_every_call_lands(self):
+        for folder in ("pid", "pair"):
+            calls = len(flight(folder).sent)
+            for nth in range(calls):
+                def pressed(ros, name, method, values, nth=nth):
+                    if len(ros.sent) == nth and not ros.pressed:
+                        press()(ros)
+
+                def raised(ros, name, method, values, nth=nth):
+                    # Where ROS or another library has its own handler.
+                    if len(ros.sent) == nth and not ros.pressed and ros.of("arm"):
+                        ros.pressed = True
+                        raise KeyboardInterrupt
+
+                for fault in (pressed, raised):
+                    ros = flight(folder, fault=fault)
+                    self.judged(ros, f"{folder}: Ctrl-C at call {nth} of {calls}")
+                    if ros.of("arm"):
+                        self.assertEqual({ros.of("arm", name)[-1][1] for name in ros.drones}, {(False,)})
 
 
 class Source(unittest.TestCase):

@@ -16,10 +16,10 @@ from cflib.crazyflie.mem import MemoryElement
 from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 
 CFLIB = tuple(int(part) for part in importlib.metadata.version("cflib").split(".")[:3])
-COMMANDER, HIGH_LEVEL = 7, 8
+RPYT, COMMANDER, HIGH_LEVEL = 3, 7, 8
 POSITION, FULL_STATE, STOP = 7, 6, 0
 LAND, DEFINE, HIGH_STOP = 8, 6, 3
-WATCHDOG_S = 2.0
+WATCHDOG_S, LEVEL_S, HYSTERESIS_S = 2.0, 0.5, 2.0
 START = 13 if CFLIB >= (0, 1, 29) else 5
 
 with open(os.path.join(os.path.dirname(__file__), "firmware-names.txt"), encoding="utf-8") as file:
@@ -52,24 +52,31 @@ class Clock:
 
 
 class SharedClock(Clock):
-    """The same for several threads: time passes when all sleep, or when for a moment nobody else does."""
+    """The same for several threads: time passes when all that ever slept sleep, or when for a quarter of
+    a second one of them does not, which waits for something else then."""
 
     def __init__(self, n_threads):
         super().__init__()
-        self.n_threads, self.asleep, self.turn = n_threads, [], threading.Condition()
+        self.n_threads, self.asleep, self.turn, self.known = n_threads, [], threading.Condition(), set()
 
     def sleep(self, s):
         with self.turn:
             wake = (self.now_s + s, threading.get_ident())
+            self.known.add(threading.current_thread())
             self.asleep.append(wake)
             self.turn.notify_all()
-            end_s = time.monotonic() + 0.02
-            while wake != min(self.asleep) or (
-                    len(self.asleep) < self.n_threads and time.monotonic() < end_s):
+            begun_s = time.monotonic()
+            while wake != min(self.asleep) or time.monotonic() < begun_s + self.patience_s():
                 self.turn.wait(0.005)
             self.asleep.remove(wake)
             super().sleep(max(wake[0] - self.now_s, 0.0))
             self.turn.notify_all()
+
+    def patience_s(self):
+        """How long those that are awake are waited for; threads that are to come, for a moment."""
+        self.known = {thread for thread in self.known if thread.is_alive()}
+        awake = len(self.known) > len(self.asleep)
+        return 0.25 if awake else 0.02 * (len(self.asleep) < min(self.n_threads, threading.active_count() - 1))
 
 
 class Body:
@@ -80,6 +87,9 @@ class Body:
         self.clock, self.clock_rate = clock, clock_rate
         self.at, self.target, self.top_m, self.fell_m = [*place, 0.0], [0.0] * 3, 0.0, 0.0
         self.low_s, self.leg, self.on, self.locked, self.cut_by = None, None, False, False, None
+        # What the firmware did by itself and what it heard, for what the script says of it.
+        self.moved_s, self.leveled, self.turned_s = clock.now_s, False, -math.inf
+        self.landings, self.took_over = [], False
 
     def setpoint(self, place):
         """A setpoint by radio, which stops the planner on board."""
@@ -95,8 +105,9 @@ class Body:
             share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
             return [*start[:2], start[2] * (1 - share)]
 
-        if not self.locked:
+        if not self.locked and not (self.leg and self.leg[3] == "stop"):
             self.leg = (self.clock.now_s, way, duration_s, "stop")
+            self.landings.append(self.clock.now_s)
 
     def fly_pieces(self, data):
         """A compressed trajectory, as `pptraj_compressed.c` reads it; at its end it is held, or has no
@@ -123,29 +134,36 @@ class Body:
             return [casteljau(curve, u) / 1000 for curve in curves]
 
         lasts_s = sum(duration_s for duration_s, _ in pieces)
-        self.leg = (self.clock.now_s, way, lasts_s, "no goal" if header else "hold")
+        if not self.locked:  # a setpoint of it is not executed then
+            self.leg = (self.clock.now_s, way, lasts_s, "no goal" if header else "hold")
 
     def relax(self):
         """Setpoints are over: a planner that is stopped wants the motors off."""
-        self.low_s = None
+        self.low_s, self.took_over = None, self.leg is not None
         if self.leg is None:
             self.cut("a null setpoint")
 
     def cut(self, by, locks=False):
         if self.on:
-            self.fell_m, self.cut_by = self.at[2], by
+            self.fell_m, self.cut_by, self.turned_s = self.at[2], by, self.clock.now_s
         self.on, self.leg, self.low_s, self.locked = False, None, None, self.locked or locks
         self.at[2] = self.target[2] = 0.0
 
     def move(self):
         """Brings it to the present: setpoints come before the commander on board."""
-        now_s = self.clock.now_s
+        now_s, moved_s = self.clock.now_s, self.moved_s
+        self.moved_s = now_s
         if self.low_s is not None:
+            self.leveled = self.leveled or self.on and now_s - self.low_s > LEVEL_S
             if now_s - self.low_s > WATCHDOG_S:
                 return self.cut("the firmware's watchdog", locks=True)
         elif self.leg:
             begin_s, way, lasts_s, then = self.leg
             time_s = (now_s - begin_s) * self.clock_rate
+            # Where nobody looked for longer, the way between counts as well.
+            steps = min(int(4 * (now_s - moved_s)), 400)
+            heights = [way(min(time_s - k / 4, lasts_s))[2] for k in range(1, steps + 1) if time_s > k / 4]
+            self.top_m = max([self.top_m, *heights])
             self.target, self.on = way(min(time_s, lasts_s)), True
             self._be_there()
             if then == "stop" and time_s > lasts_s:
@@ -158,6 +176,10 @@ class Body:
     def _be_there(self):
         self.at = [*self.target[:2], max(self.target[2], 0.0)]
         self.top_m = max(self.top_m, self.at[2])
+
+    def is_flying(self):
+        """Bit 4 of `supervisor.info`: thrust, or thrust within two seconds."""
+        return not self.locked and (self.on or self.clock.now_s - self.turned_s < HYSTERESIS_S)
 
     def outcome(self):
         if self.top_m < 0.05:
@@ -207,6 +229,7 @@ class Radio:
         self.sent, self.params, self.blocks, self.calls, self.failing = [], [], [], {}, {}
         self.platform_name, self.firmware, self.bits, self.missing = platform, firmware, bits, missing
         self.armed, self.is_lost, self.drift = auto_arm, False, [0.0] * 3
+        self.is_closed, self.passes = False, 0
         self.values, self.fixed = {}, {
             "pm.vbat": battery_v, "stateEstimate.yaw": nose, "stateEstimate.roll": lean,
             "kalman.varPX": variance, "kalman.varPY": variance, "kalman.varPZ": variance}
@@ -219,7 +242,7 @@ class Radio:
         self.commander = Counted(self, "commander", Commander(self))
         self.high_level_commander = Counted(self, "high_level_commander", HighLevelCommander(self))
         self.param = Counted(self, "param", types.SimpleNamespace(
-            set_value=self.set_value, get_value=self.get_value, toc=self.toc(PARAMS)))
+            set_value=self.set_value, get_value=self.get_value, toc=self.toc(PARAMS), is_updated=True))
         arming = types.SimpleNamespace(send_arming_request=self.arm)
         self.platform = types.SimpleNamespace(get_protocol_version=lambda: 12, **vars(arming))
         if CFLIB >= (0, 1, 32):
@@ -252,9 +275,39 @@ class Radio:
     # Link
 
     def lose(self):
-        self.is_lost = True
-        for callback in self.connection_lost:
-            callback("radio://", "lost")
+        """What cflib does where it notices: no more packets, and whoever wants is told."""
+        if not self.is_closed:
+            self.is_lost = self.is_closed = True
+            for callback in list(self.connection_lost):
+                callback("radio://", "lost")
+
+    def _link_error_cb(self, why):
+        self.lose()
+
+    def hush(self, notice_s, passes=0):
+        """Nothing is heard on either side, and cflib notices later: after 100 packets, 0.3 s with one
+        drone. Where only its acknowledgments are lost the drone hears one more packet, that which the
+        driver repeats."""
+        self.is_lost, self.passes = True, passes
+        self.clock.after(notice_s, lambda: self.lose() if self.is_lost else None)
+
+    def close_link(self):
+        """cflib's end of a link: a setpoint without thrust goes before it."""
+        if not self.is_lost:
+            self.body.move()
+            self.body.cut("cflib's end of the link")
+        self.is_lost = self.is_closed = True
+
+    def again(self):
+        """A new link to the same drone, whose parameters cflib reads for a second."""
+        radio = Radio(self.clock, body=self.body)
+        for name in ("memory_of_params", "was", "values", "fixed", "drift", "bits", "armed", "missing",
+                     "platform_name", "firmware", "params", "sent"):
+            setattr(radio, name, getattr(self, name))
+        updated = radio.param._part
+        updated.is_updated = False
+        self.clock.after(1.0, lambda: setattr(updated, "is_updated", True))
+        return radio
 
     def add_port_callback(self, port, callback):
         self.ports.append((port, callback))
@@ -263,15 +316,18 @@ class Radio:
         self.ports.remove((port, callback))
 
     def send_packet(self, packet, *_, **__):
-        if self.is_lost:
+        if self.is_lost and (self.is_closed or not self.passes):
             return
+        self.passes -= self.is_lost
         port, channel, data = packet.port, packet.channel, bytes(packet.data)
         if port == CRTPPort.PLATFORM:
             self.touch("version port")
             return self.clock.after(0.02, lambda: self.answer(data[0]))
         self.sent.append((self.clock.now_s, port, channel, data))
         self.body.move()
-        if port == COMMANDER and channel == 1:
+        if port == RPYT:
+            self.body.cut("cflib's end of the link")
+        elif port == COMMANDER and channel == 1:
             self.body.relax()
         elif port == COMMANDER and data[0] == POSITION:
             self.body.setpoint(struct.unpack_from("<fff", data, 1))
@@ -301,6 +357,7 @@ class Radio:
 
     def set_value(self, name, value):
         assert isinstance(value, (int, float)), f"{name} = {value!r}"
+        self.wait_for_params()
         if self.toc(PARAMS).get_element_by_complete_name(name) is None:
             raise KeyError(f"{name} not in param TOC")
         if not self.is_lost:
@@ -308,7 +365,14 @@ class Radio:
             stored = struct.unpack("<f", struct.pack("<f", value))[0] if value % 1 else value
             self.clock.after(0.02, lambda: self.memory_of_params.update({name: stored}))
 
+    def wait_for_params(self):
+        """cflib waits for all parameters of a new link, up to a minute."""
+        for _ in range(600):
+            if not self.param._part.is_updated:
+                self.clock.sleep(0.1)
+
     def get_value(self, name):
+        self.wait_for_params()
         if self.toc(PARAMS).get_element_by_complete_name(name) is None:
             raise KeyError(name)
         return str(self.memory_of_params[name])
@@ -319,7 +383,12 @@ class Radio:
                 if not math.isclose(value, self.was[name], rel_tol=1e-6)}
 
     def arm(self, armed):
-        self.armed = armed
+        """An arming request; disarmed in the air its motors stop."""
+        if not self.is_lost:
+            self.body.move()
+            self.armed = armed
+            if not armed and self.body.is_flying():
+                self.body.cut("disarming")
 
     def add_timing(self, duration, rgb):
         self.led.timings.append((duration, rgb["r"], rgb["g"], rgb["b"]))
@@ -353,7 +422,8 @@ class Radio:
             default = self.body.target["xyz".index(variable)]
         elif name == "supervisor.info":
             can_fly = self.armed and not self.body.locked and not self.bits & 0xE0
-            default = self.bits | 1 | self.armed << 1 | can_fly << 3 | self.body.locked << 6
+            default = (self.bits | 1 | self.armed << 1 | can_fly << 3 | self.body.is_flying() << 4
+                       | self.body.locked << 6)
         return self.values.get(name, default)
 
 
@@ -375,11 +445,12 @@ class Block:
         self.on = True
 
         def row():
-            if not self.on or radio.is_lost:
+            if not self.on or radio.is_closed:
                 return
-            values = {name: radio.read(name) for name, _ in self.variables}
-            for callback in self.data_received_cb:
-                callback(round(1000 * (radio.clock.now_s - 50)), values, self)
+            if not radio.is_lost:
+                values = {name: radio.read(name) for name, _ in self.variables}
+                for callback in self.data_received_cb:
+                    callback(round(1000 * (radio.clock.now_s - 50)), values, self)
             radio.clock.after(self.period_s, row)
 
         radio.clock.after(self.period_s, row)
@@ -410,7 +481,10 @@ def links(parts, clock, radios):
             return self
 
         def __exit__(self, *_):
-            return None
+            self.cf.close_link()
+
+        def _connection_failed(self, uri, why):
+            pass
 
         def is_params_updated(self):
             return True

@@ -11,21 +11,29 @@ import io
 import json
 import math
 import os
+import re
 import signal
 import sys
 import tempfile
+import threading
+import time
 import unittest
 import unittest.mock
 import warnings
 
 import cflib.crazyflie.log
+import cflib.crazyflie.syncCrazyflie
+import cflib.crtp
+from cflib.crtp.crtpstack import CRTPPacket
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from sentences import TRUE, sentences, untrue  # noqa: E402
 from drone import CFLIB, LOGS, PARAMS, Block, Clock, Radio, SharedClock, links, load_script  # noqa: E402
 
 WORK = sys.argv[1]
 cflib.crazyflie.log.LogConfig = Block
 SEEN = []  # (fault, outcome, reason) of all
+ALL_MOMENTS = os.environ.get("NOCTOGRAPH_MOMENTS") == "all"
 
 
 def load(name):
@@ -73,8 +81,234 @@ class Flight:
         self.clock.sleep(self.again_s)
         if self.again_s > 5.0:
             raise OSError("no drone answers")
-        self.radio = Radio(self.clock, body=self.first.body)
+        self.radio = self.radio.again()
         return self.radio
+
+
+class Part:
+    """What the double did in one drone's part of a show."""
+
+    def __init__(self, show, script):
+        self.show, self.script, self.radios, self.mode = show, script, [], None
+        self.drone, self.is_dead_s, self.down_at_prompt, self.log_named = None, None, False, None
+        self.failed = self.pressed = False
+        make = script.Drone
+
+        def made(*values):
+            self.drone = make(*values)
+            return self.drone
+
+        script.Drone = made
+
+    @property
+    def radio(self):
+        return self.radios[-1]
+
+    @property
+    def body(self):
+        return self.radios[0].body
+
+    def judge(self, said):
+        """What was said of it and is not true; and what was not said, and had to be."""
+        self.body.move()
+        self.outcome = self.body.outcome()
+        self.lights_sent = len(self.radios[0].blocks) and self.noted()
+        logs = [line.split("log: ")[1] for line in said.splitlines() if "log: " in line]
+        self.log_named = logs[0] if logs else None
+        self.another_ended = len(self.show.parts) > 1
+        wrong = untrue(said, self)
+        if self.in_the_air_at_the_end and "Stay behind the net" not in said:
+            wrong.append("nobody is told to stay behind the net")
+        return wrong
+
+    def noted(self):
+        """Changes of the lights that the script has sent or noted."""
+        return sum(len(column["data"]) - 1 for name, column in self.drone.columns.items()
+                   if name.startswith("light."))
+
+
+class Link:
+    """Stands in for cflib's SyncCrazyflie: a link that is opened at once, or after `again_s` to a drone
+    that was lost."""
+
+    def __init__(self, part):
+        self.part, self.is_first = part, not part.radios
+        data = part.script.DATA
+        if self.is_first:
+            part.radios.append(Radio(part.show.clock, place=data["start_m"], gains=data["gains"],
+                                     **part.show.radio))
+            self.cf = part.radio
+        else:
+            self.cf = part.radios[0].again()
+
+    def __enter__(self):
+        again_s = self.part.show.again_s
+        if not self.is_first:
+            self.part.show.clock.sleep(min(again_s or 0.5, 5.0))
+            if again_s is None:
+                raise OSError("no drone answers")
+            self.part.radios.append(self.cf)
+        return self
+
+    def __exit__(self, *_):
+        self.cf.close_link()
+
+    def _connection_failed(self, uri, why):
+        pass
+
+    def is_params_updated(self):
+        return True
+
+
+class Show:
+    """An exported script from `main` on, of one drone or several: what happens at a moment after Enter,
+    how it ends, and what it says that is not true."""
+
+    def __init__(self, name, mode="position", at_s=None, do=None, again_s=None, before_the_key=False,
+                 **radio):
+        script = load(name)
+        files = getattr(script, "SCRIPTS", None)
+        scripts = [load(os.path.join(os.path.dirname(name), file)) for file in files] if files else [script]
+        self.clock = SharedClock(len(scripts)) if files else Clock()
+        self.parts, self.again_s, self.radio = [Part(self, part) for part in scripts], again_s, radio
+        for part in self.parts:
+            part.mode, part.script.time = mode.replace("-", "_"), self.clock
+        script.load = lambda file: scripts[files.index(file)]
+        by_uri = {part.script.DATA["uri"]: part for part in self.parts}
+        self.do, self.at_s, self.before_the_key = do, at_s, before_the_key
+        # Each Crazyflie of cflib is some threads that do not end.
+        stand_ins = contextlib.ExitStack()
+        for what, with_what in (("crtp.init_drivers", lambda: None), ("crazyflie.Crazyflie", lambda rw_cache: None),
+                                ("crazyflie.syncCrazyflie.SyncCrazyflie", lambda uri, cf: Link(by_uri[uri]))):
+            stand_ins.enter_context(unittest.mock.patch(f"cflib.{what}", with_what))
+        script.input, before = self.pressed, (sys.argv, os.getcwd())
+        sys.argv = [name, "--mode", mode, "--controller", str(scripts[0].DATA["controller"])]
+        os.chdir(tempfile.mkdtemp(dir=WORK))
+        self.printed = io.StringIO()
+        try:
+            with contextlib.redirect_stdout(self.printed), stand_ins:
+                script.main()
+            self.ended = ""
+        except (SystemExit, Exception) as ended:
+            self.ended = str(ended)
+        finally:
+            sys.argv = before[0]
+        for part in self.parts:
+            part.body.move()
+            part.in_the_air_at_the_end = part.body.on
+        self.clock.n_threads = 1
+        self.clock.sleep(90.0)  # what the drones do when the script has ended
+        said = f"{self.printed.getvalue()}{self.ended}"
+        self.said, self.wrong = said, [f"{text!r} of {part.script.DATA['uri']}" for part in self.parts
+                                       for text in part.judge(self.of(part, said))]
+        os.chdir(before[1])
+        self.outcomes = [part.outcome for part in self.parts]
+
+    def of(self, part, said):
+        """What was said of one drone: lines of several begin with its address."""
+        lines, mine = [], len(self.parts) == 1
+        for line in said.splitlines():
+            for other in self.parts:
+                if other.script.DATA["uri"] + ":" in line:
+                    mine = other is part
+            if mine or "Landed." in line:
+                lines.append(line)
+        return "\n".join(lines)
+
+    def pressed(self, prompt):
+        print(prompt)
+        if "Landed" in prompt:
+            for part in self.parts:
+                part.body.move()
+                part.down_at_prompt = not part.body.on
+        elif self.before_the_key:
+            self.do(self.parts)
+            self.clock.sleep(1.0)
+        elif self.do:
+            self.clock.after(self.at_s, lambda: self.do(self.parts))
+        return ""
+
+
+def press(number=signal.SIGINT, *later_s):
+    """A press of Ctrl-C or another signal, and more of them later."""
+    def do(parts):
+        for part in parts:
+            part.pressed = True
+        received = signal.getsignal(number)
+        if received in (signal.default_int_handler, signal.SIG_DFL):
+            return  # it has landed, or does not fly yet
+        for s in later_s:
+            parts[0].show.clock.after(s, lambda: press(number)(parts))
+        if threading.current_thread() is threading.main_thread():
+            return signal.raise_signal(number)
+        signal.raise_signal(number)
+        time.sleep(0.12)  # until the main thread has handled it
+
+    return do
+
+
+def broken(do):
+    """Something that silences the link of the last drone."""
+    def broken_link(parts):
+        parts[-1].is_dead_s = parts[-1].show.clock.now_s
+        do(parts[-1].radio)
+
+    return broken_link
+
+
+def last(do):
+    """Something that happens to the last drone."""
+    return lambda parts: do(parts[-1])
+
+
+def failing(call):
+    def fail(parts):
+        part = parts[-1]
+        part.failed = True
+        part.radio.failing[call] = part.radio.calls.get(call, 0) + 1
+
+    return fail
+
+
+def returns(notice_s, after_s):
+    """A link that is dead on both sides for a while and comes back by itself."""
+    def hushed(radio):
+        radio.hush(notice_s)
+        radio.clock.after(after_s, lambda: setattr(radio, "is_lost", radio.is_closed))
+
+    return hushed
+
+
+# What happens, to whom, and whether a new link is there and how soon. All drones are told of a signal.
+MOMENTS = {
+    "Ctrl-C": (press(), None), "SIGTERM": (press(signal.SIGTERM), None), "SIGHUP": (press(signal.SIGHUP), None),
+    "Ctrl-C twice": (press(signal.SIGINT, 1.0), None),
+    "Ctrl-C three times in 40 ms": (press(signal.SIGINT, 0.02, 0.04), None),
+    "link lost": (broken(Radio.lose), None), "link lost, new in 0.5 s": (broken(Radio.lose), 0.5),
+    "link lost, new in 1.5 s": (broken(Radio.lose), 1.5), "link lost, new in 2.5 s": (broken(Radio.lose), 2.5),
+    "link lost, new in 5 s": (broken(Radio.lose), 5.0),
+    **{f"dead for {s} s, {what}": (broken(lambda radio, s=s: radio.hush(s)), again_s)
+       for s in (0.3, 1.2, 3.0) for what, again_s in (("none new", None), ("new in 0.3 s", 0.3), ("new in 4 s", 4.0))},
+    "deaf for 0.3 s": (broken(lambda radio: radio.hush(0.3, passes=1)), None),
+    "deaf for 1.2 s": (broken(lambda radio: radio.hush(1.2, passes=2)), None),
+    "dead for 0.7 s, then well": (broken(returns(9.0, 0.7)), 0.3),
+    "dead for 1.4 s, then well": (broken(returns(9.0, 1.4)), 0.3),
+    "dead for 3 s, then well": (broken(returns(9.0, 3.0)), None),
+    "dead, and Ctrl-C at once": (lambda parts: (MOMENTS["dead for 1.2 s, none new"][0](parts), press()(parts)), None),
+    "dead, and Ctrl-C twice": (lambda parts: (MOMENTS["dead for 3.0 s, none new"][0](parts),
+                                              press(signal.SIGINT, 1.0)(parts)), None),
+    "battery empty": (last(lambda part: empty(part)), None), "battery low": (last(lambda part: low(part)), None),
+    "outside the fence": (last(lambda part: outside(part)), None), "drifts": (last(lambda part: drifts(part)), None),
+    "unsure": (last(lambda part: unsure(part)), None), "silent log": (broken(lambda radio: [
+        setattr(block, "on", False) for block in radio.blocks]), None),
+    "silent position": (broken(lambda radio: [setattr(block, "on", False) for block in radio.blocks
+                                              if block.name in ("position", "where")]), None),
+    "crash": (last(lambda part: part.radio.fault(7)), None), "tumbled": (last(lambda part: part.radio.fault(5)), None),
+    "deck fault": (last(lambda part: part.radio.fault(11)), None),
+    "no number": (last(lambda part: part.radio.values.update({"kalman.varPY": math.nan})), None),
+    "setpoint fails": (failing("commander.send_position_setpoint"), None),
+    "landing fails": (failing("high_level_commander.land"), None),
+}
 
 
 def lose(flight):
@@ -98,9 +332,11 @@ def unsure(flight):
 
 
 def drifts(flight):
+    radio = flight.radio
+
     def step():
-        flight.radio.drift[0] += 0.02
-        flight.clock.after(0.05, step)
+        radio.drift[0] += 0.02
+        radio.clock.after(0.05, step)
 
     step()
 
@@ -233,8 +469,8 @@ class Faults(unittest.TestCase):
         for name in ("stateEstimate.x", "stateEstimate.z", "stateEstimate.yaw", "kalman.varPX",
                      "kalman.varPY", "kalman.varPZ", "pm.vbat", "ctrltarget.z"):
             in_the_air[f"{name} no number"] = (no_number(name), "no number")
-        cuts = {"tumbled": (bit(5), "crashed: it falls"), "crashed": (bit(7), "crashed: it falls"),
-                "locked": (bit(6), "locked the drone: it falls"), "deck": (bit(11), "the drone falls")}
+        cuts = {"tumbled": (bit(5), "tumbled"), "crashed": (bit(7), "crashed: it falls"),
+                "locked": (bit(6), "locked: it falls"), "deck": (bit(11), "fault: it falls")}
         for name, mode in (("I.py", "position"), ("I_trajectory.py", "trajectory")):
             later_s = 3.5 if mode == "trajectory" else 0.0
             for faults, outcome in ((in_the_air, LANDED), (cuts, FALLS)):
@@ -258,34 +494,78 @@ class Faults(unittest.TestCase):
                     said = flight.reason + flight.printed
                     self.assertIn(f"{call} failed", said, f"{call} at {nth} of {n}")
 
-    def test_a_link_lost_at_every_second_ends_on_the_floor(self):
-        # A trajectory ends on the floor by itself, and the firmware stops the motors there. With
-        # setpoints a new link has to come before it does so in the air, 2 s after the last.
-        watchdog = "falls by the firmware's watchdog"
-        for name, mode, again_s, outcomes in (
-                ("I.py", "position", 1.5, (LANDED, STAYED)),
-                ("I.py", "position", 60.0, (STAYED, watchdog)),
-                ("I_trajectory.py", "trajectory", 5.0, (LANDED, STAYED)),
-                ("I_trajectory.py", "trajectory", 60.0, (STAYED, LANDED))):
-            for second in range(24):
-                flight = Flight(name, mode, second + 0.3, lose, again_s=again_s)
-                if flight.error and "landing" not in flight.printed:
-                    fault = f"link lost at {second}.3 s, {mode}, a new one within {again_s} s"
-                    self.judged(fault, flight, outcomes, "link was lost")
-                    if not flight.drone.found_again:
-                        started = flight.drone.lifted_s is not None
-                        says = {(True, "trajectory"): "lands by itself, and 2 s later the firmware stops",
-                                (True, "position"): "stops its motors after 2 s: it falls"}
-                        self.assertIn(says.get((started, mode), "nothing was started"), flight.reason)
-                        self.assertEqual(started or flight.outcome == STAYED, True)
+    def test_a_second_ctrl_c_stops_the_motors_and_all_is_put_back(self):
+        for name, mode in (("I.py", "position"), ("ring.py", "trajectory")):
+            show = Show(name, mode, 6.0 + 3.0 * (mode == "trajectory"), press(signal.SIGINT, 1.0))
+            self.assertEqual((show.outcomes, show.wrong), (["falls by the script"], []))
+            self.assertIn("motors stopped", show.said)
+            changed = show.parts[0].radio.changed()
+            self.assertEqual(changed - {"ring.headlightEnable", "ring.fadeColor", "kalman.resetEstimation"}, set())
 
-    def test_a_second_ctrl_c_stops_the_motors(self):
-        def twice(flight):
-            flight.drone.stopped.set()
-            flight.clock.after(1.0, flight.drone.killed.set)
+    def test_a_log_on_a_full_disk_is_whole_elsewhere_or_not_there(self):
+        whole, dump = [], json.dump
 
-        flight = Flight("I.py", "position", 6.0, twice)
-        self.assertEqual(flight.outcome, "falls by the script")
+        def full(limit):
+            def dumped(value, file):
+                text = json.dumps(value)
+                file.write(text[:len(text) // 2] if len(whole) < limit else text)
+                whole.append(file.name)
+                if len(whole) <= limit:
+                    raise OSError(28, "No space left on device")
+            return dumped
+
+        for limit, said in ((1, "log: "), (2, "the log of this flight is lost")):
+            whole.clear()
+            script_json = unittest.mock.patch("json.dump", full(limit))
+            with script_json:
+                flight = Flight()
+            self.assertEqual(flight.outcome, LANDED)
+            self.assertIn(said, flight.printed)
+            folder = os.path.dirname(flight.drone.log_file)
+            self.assertEqual(os.listdir(folder), [], "no cut file is left")
+            named = re.findall("log: (.*)", flight.printed)
+            self.assertEqual(len(named), 2 - limit)
+            for path in named:
+                with open(path, encoding="utf-8") as file:
+                    self.assertIn("stateEstimate.z", json.load(file))
+                os.remove(path)
+        self.assertIs(json.dump, dump)
+
+    def test_a_link_that_is_lost_while_tables_are_read_is_an_error(self):
+        # cflib's own SyncCrazyflie waits for its tables without end.
+        script = load("I.py")
+        import cflib.crtp
+
+        class Driver:
+            needs_resending = False
+
+            def __init__(self, uri, statistics, error):
+                self.error = error
+
+            def send_packet(self, packet):
+                threading.Timer(0.05, self.first).start()
+                return True
+
+            def first(self):
+                self.packets.append(CRTPPacket(0xFF, [0]))
+                threading.Timer(0.05, lambda: self.error("Too many packets lost")).start()
+
+            packets = []
+
+            def receive_packet(self, wait=0):
+                time.sleep(0.01)
+                return self.packets.pop() if self.packets else None
+
+            def close(self):
+                pass
+
+        with unittest.mock.patch("cflib.crtp.get_link_driver", Driver), contextlib.ExitStack() as links_opened:
+            warnings.simplefilter("ignore")
+            thread = threading.Thread(target=lambda: self.assertRaises(
+                script.Stopped, script.opened, links_opened, "radio://0/80/2M/E7E7E7E7E7"), daemon=True)
+            thread.start()
+            thread.join(10.0)
+            self.assertFalse(thread.is_alive())
 
     def test_files_that_cannot_be_written_come_after_landing(self):
         flight = Flight(log=os.path.join(WORK, "no", "such", "folder", "fault-log.json"))
@@ -337,11 +617,16 @@ class Faults(unittest.TestCase):
         self.assertIn("Cannot find a Crazyradio Dongle: plug it in", str(ended.exception))
 
     def test_signals_land_and_the_second_one_stops(self):
-        script, before = load("I.py"), signal.getsignal(signal.SIGTERM)
-        drone = script.Drone(Radio(Clock()), os.path.join(WORK, "signal.json"))
+        script, before, clock = load("I.py"), signal.getsignal(signal.SIGTERM), Clock()
+        script.time = clock
+        drone = script.Drone(Radio(clock), os.path.join(WORK, "signal.json"))
         with script.landing_on_signals([drone]):
-            signal.raise_signal(signal.SIGTERM)
-            self.assertEqual((drone.stopped.is_set(), drone.killed.is_set()), (True, False))
+            for _ in range(3):  # a key that bounces
+                signal.raise_signal(signal.SIGTERM)
+                clock.sleep(0.02)
+                self.assertEqual((drone.stopped.is_set(), drone.killed.is_set()), (True, False))
+            self.assertEqual(drone.why, "stopped by kill")
+            clock.sleep(0.6)
             signal.raise_signal(signal.SIGINT)
             self.assertTrue(drone.killed.is_set())
         self.assertEqual(signal.getsignal(signal.SIGTERM), before)
@@ -399,72 +684,84 @@ class Faults(unittest.TestCase):
         self.assertIn("2 cm", str(error))
 
 
-class Fleet(unittest.TestCase):
-    """Several drones by their launcher: what ends one of them ends all."""
+class Moments(unittest.TestCase):
+    """Whatever happens at any moment: no drone falls by the script's doing, and what it says is true.
 
-    def fly(self, fault=None, refuse=False):
-        """Runs the launcher; `fault` is done to the radios when the first drone is at 0.3 m."""
-        import cflib.crazyflie.syncCrazyflie
-        import cflib.crtp
+    NOCTOGRAPH_MOMENTS=all tries all moments, else some of each kind."""
 
-        launcher, clock, radios = load("fleet/fly_NOOR.py"), SharedClock(2), []
-        parts = [load("fleet/" + part) for part in launcher.SCRIPTS]
-        launcher.load = lambda part: parts[launcher.SCRIPTS.index(part)]
-        for part in parts:
-            part.time = clock
+    OF_ONE = {"position": "I.py", "full-state": "I.py", "trajectory": "I_trajectory.py"}
+    # What ends on the floor or not, whatever the script does.
+    FATES = {"crash": FALLS, "tumbled": FALLS, "deck fault": FALLS, "Ctrl-C twice": "falls by the script",
+             "dead, and Ctrl-C twice": "falls by the script"}
 
-        def watch():
-            if radios[0].body.at[2] > 0.3:
-                fault(radios)
-            else:
-                clock.after(0.1, watch)
+    def tried(self, name, mode, what, at_s):
+        do, again_s = MOMENTS[what]
+        show = Show(name, mode, at_s, do, again_s)
+        kind = f"{name} {mode}: {what} at {at_s:.1f} s"
+        self.assertEqual(show.wrong, [], f"{kind}: {show.said}")
+        SEEN.extend((kind, outcome, show.ended.split("\n")[0]) for outcome in show.outcomes)
+        allowed = {LANDED, STAYED, self.FATES.get(what, LANDED)}
+        part = show.parts[-1]
+        if part.is_dead_s is not None and mode != "trajectory":
+            allowed.add("falls by the firmware's watchdog")
+        self.assertIn(part.outcome, allowed, f"{kind}: {show.said}")
+        for outcome in show.outcomes[:-1]:
+            others = {LANDED, STAYED, "falls by the script" if "twice" in what else LANDED}
+            self.assertIn(outcome, others, f"{kind}: {show.said}")
+        # A new link in time lands it.
+        if what in ("link lost, new in 0.5 s", "link lost, new in 1.5 s", "dead for 1.2 s, new in 0.3 s"):
+            self.assertIn(part.outcome, (LANDED, STAYED), f"{kind}: {show.said}")
+        return show
 
-        def pressed(prompt):
-            if "Enter takes off" in prompt and fault:
-                clock.after(0.1, watch)
-            if refuse:
-                radios[1].fixed["pm.vbat"] = 3.0
-                clock.sleep(1.0)
-            return ""
+    def test_every_text_of_the_scripts_has_a_claim(self):
+        sources = [os.path.join(os.path.dirname(__file__), "..", "src", "export", name)
+                   for name in ("cflib.py", "launcher.py")]
+        texts = set()
+        for source in sources:
+            with open(source, encoding="utf-8") as file:
+                texts |= sentences(file.read())
+        self.assertEqual((texts - set(TRUE), set(TRUE) - texts), (set(), set()))
 
-        cflib.crtp.init_drivers = lambda: None
-        cflib.crazyflie.syncCrazyflie.SyncCrazyflie = links(parts, clock, radios)
-        launcher.input, before = pressed, (sys.argv, os.getcwd())
-        sys.argv = ["fly_NOOR.py"]
-        os.chdir(tempfile.mkdtemp(dir=WORK))
-        try:
-            with contextlib.redirect_stdout(io.StringIO()), self.assertRaises(SystemExit) as ended:
-                launcher.main()
-                raise SystemExit("flown")
-        finally:
-            sys.argv = before[0]
-            os.chdir(before[1])
-        clock.sleep(30.0)
-        for radio in radios:
-            radio.body.move()
-        return [radio.body.outcome() for radio in radios], str(ended.exception)
+    def test_what_happens_to_one_drone(self):
+        # The moments of a kind differ from mode to mode and from kind to kind.
+        step_s = 0.9 if ALL_MOMENTS else 30.0
+        for k, (mode, name) in enumerate(self.OF_ONE.items()):
+            lasts_s = 21.0 if mode == "trajectory" else 13.0
+            for number, what in enumerate(MOMENTS):
+                at_s = 0.1 + (2.3 * number + 3.1 * k) % min(step_s, lasts_s)
+                while at_s < lasts_s:
+                    with self.subTest(what):
+                        self.tried(name, mode, what, at_s)
+                    at_s += step_s
 
-    def test_all_land_when_one_ends_early(self):
-        self.assertEqual(self.fly(), ([LANDED] * 2, "flown"))
+    def test_what_happens_to_one_drone_of_several(self):
+        folders = {2: "fleet/fly_NOOR.py", 5: "fleet5/fly_NOORI.py"}
+        kinds = list(MOMENTS) if ALL_MOMENTS else [
+            "Ctrl-C", "Ctrl-C twice", "link lost", "dead for 1.2 s, none new", "crash"]
+        for n, name in folders.items():
+            for number, what in enumerate(kinds):
+                for at_s in (2.2, 5.0, 9.5, 16.0) if ALL_MOMENTS and n == 2 else (5.0 + 0.7 * number % 4.0,):
+                    with self.subTest(what):
+                        self.tried(name, "position", what, at_s)
 
-        def crash(radios):
-            radios[1].fault(7)
+    def test_the_first_press_lands_though_another_drone_has_ended_the_flight(self):
+        for s in (0.3, 1.5, 2.5):
+            def crash_and_press(parts, s=s):
+                parts[-1].radio.fault(7)
+                parts[0].show.clock.after(s, lambda: press()(parts))
 
-        def raises(radios):
-            radios[0].failing["commander.send_position_setpoint"] = (
-                radios[0].calls["commander.send_position_setpoint"] + 1)
-
-        for fault, reason, other in ((crash, "crashed: it falls", FALLS),
-                                     (raises, "send_position_setpoint failed", LANDED)):
-            outcomes, ended = self.fly(fault)
-            SEEN.append((f"one of two: {reason}", outcomes[0], ended))
-            self.assertEqual(outcomes, [LANDED, other])
-            self.assertIn(reason, ended)
+            show = Show("fleet/fly_NOOR.py", "position", 5.0, crash_and_press)
+            self.assertEqual((show.outcomes, show.wrong), ([LANDED, FALLS], []), show.said)
+            told_s = min(show.parts[0].body.landings) - show.parts[1].body.turned_s
+            self.assertLess(told_s, 0.5, "the others are told at once")
 
     def test_none_takes_off_when_one_is_not_ready(self):
-        outcomes, ended = self.fly(refuse=True)
-        self.assertEqual(outcomes, [STAYED] * 2)
-        self.assertIn("battery", ended)
+        def refuse(parts):
+            parts[-1].radio.fixed["pm.vbat"] = 3.0
+
+        show = Show("fleet/fly_NOOR.py", "position", 0.0, refuse, before_the_key=True)
+        self.assertEqual((show.outcomes, show.wrong), ([STAYED] * 2, []))
+        self.assertIn("battery", show.ended)
 
 
 def summary():

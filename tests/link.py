@@ -19,6 +19,7 @@ import unittest
 from zlib import crc32
 
 import cflib.crtp
+from cflib.crazyflie.mem import MemoryElement
 from cflib.crtp.crtpdriver import CRTPDriver
 from cflib.crtp.crtpstack import CRTPPacket
 from cflib.crtp.exceptions import WrongUriType
@@ -33,27 +34,37 @@ WIDE = [f"cpu.id{k}" for k in range(3)]
 
 
 class RealClock:
-    """Time as it is."""
+    """Time as it is, or twice as fast: for the script and the drone, not for cflib."""
+
+    def __init__(self, rate=1.0):
+        self.rate = rate
 
     @property
     def now_s(self):
-        return time.monotonic()
+        return self.rate * time.monotonic()
+
+    def monotonic(self):
+        return self.now_s
+
+    def sleep(self, s):
+        time.sleep(s / self.rate)
 
     def after(self, s, action):
-        threading.Timer(s, action).start()
+        threading.Timer(s / self.rate, action).start()
 
 
 class FakeLink(CRTPDriver):
     """Answers cflib as the firmware does, of protocol 12."""
 
-    radio = None
+    radio, opened = None, []
 
     def connect(self, uri, statistics, link_error):
         if not uri.startswith("fake://"):
             raise WrongUriType()
         self.uri, self.answers, self.open = uri, queue.Queue(), True
         self.params, self.logs, self.blocks = sorted(PARAMS), sorted(LOGS), {}
-        self.radio.clock = self.radio.body.clock = RealClock()
+        self.dead, self.link_error = False, link_error
+        self.opened.append(self)
         threading.Thread(target=self.log_rows, daemon=True).start()
 
     def get_name(self):
@@ -65,6 +76,11 @@ class FakeLink(CRTPDriver):
     def close(self):
         self.open = False
 
+    def die(self, notice_s):
+        """Nothing comes or goes anymore, and the driver notices later."""
+        self.dead = True
+        self.radio.clock.after(notice_s, lambda: self.open and self.link_error("Too many packets lost"))
+
     def receive_packet(self, wait=0):
         try:
             return self.answers.get(wait != 0, None if wait < 0 else wait)
@@ -75,10 +91,13 @@ class FakeLink(CRTPDriver):
         packet = CRTPPacket()
         packet.set_header(port, channel)
         packet.data = bytearray(data)
-        self.answers.put(packet)
+        if not self.dead:
+            self.answers.put(packet)
 
     def send_packet(self, packet):
         port, channel, data = packet.port, packet.channel, bytes(packet.data)
+        if self.dead or not self.open:
+            return True
         if port == LINK and channel == 1:
             self.answer(port, channel, b"Bitcraze Crazyflie\0")
         elif port == VERSION and channel == 1:
@@ -91,11 +110,24 @@ class FakeLink(CRTPDriver):
             self.parameter(channel, data)
         elif port == LOG:
             self.block(data)
-        elif port == MEMORY and channel == 0:
-            self.answer(port, channel, bytes([data[0], 0]))
-        elif port in (7, 8):
+        elif port == MEMORY:
+            self.memory(channel, data)
+        elif port in (3, 7, 8):
             self.radio.send_packet(packet)
         return True
+
+    def memory(self, channel, data):
+        """One memory, that of trajectories (crtp_mem.c)."""
+        if channel == 2:
+            place = struct.unpack_from("<I", data, 1)[0]
+            upload = bytearray(self.radio.upload or bytes(4096))
+            upload[place:place + len(data) - 5] = data[5:]
+            self.radio.upload = bytes(upload)
+            self.answer(MEMORY, channel, data[:5] + b"\0")
+        elif data[0] == 1:
+            self.answer(MEMORY, channel, bytes([1, 1]))
+        else:
+            self.answer(MEMORY, channel, data[:2] + struct.pack("<BI8s", MemoryElement.TYPE_TRAJ, 4096, bytes(8)))
 
     def contents(self, port, data):
         names = self.params if port == PARAM else self.logs
@@ -138,8 +170,8 @@ class FakeLink(CRTPDriver):
     def log_rows(self):
         forms = {2: "<H", 7: "<f"}
         while self.open:
-            time.sleep(0.01)
-            now_s = time.monotonic()
+            time.sleep(0.005)
+            now_s = self.radio.clock.now_s
             for number, block in list(self.blocks.items()):
                 if block[0] and now_s >= block[1]:
                     block[1] = now_s + block[0]
@@ -151,29 +183,43 @@ class FakeLink(CRTPDriver):
 
 
 class WholeScript(unittest.TestCase):
-    def test_a_word_is_flown_through_cflib_itself(self):
-        path = os.path.join(WORK, "I.py")
-        spec = importlib.util.spec_from_file_location("I", path)
+    def flown(self, name, rate=1.0, watch=lambda: None):
+        """Runs a script's main; returns the radio, what it said, and what it asked."""
+        spec = importlib.util.spec_from_file_location("I", os.path.join(WORK, name))
         script = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(script)
-        # In real time here: a machine that stalls for a second is no drone that falls silent.
-        script.SILENT_S = 10.0
-        folder, prompts = tempfile.mkdtemp(dir=WORK), []
-        radio = FakeLink.radio = Radio(RealClock(), place=script.DATA["start_m"],
-                                       gains=script.DATA["gains"])
+        clock, prompts = RealClock(rate), []
+        radio = FakeLink.radio = Radio(clock, place=script.DATA["start_m"], gains=script.DATA["gains"])
         cflib.crtp.init_drivers = lambda: None
         cflib.crtp.CLASSES[:] = [FakeLink]
-        script.input = lambda prompt: prompts.append(prompt) or ""
+        FakeLink.opened.clear()
+        script.time = clock
+
+        def pressed(prompt):
+            prompts.append(prompt)
+            threading.Thread(target=watch, daemon=True).start()
+            return ""
+
+        script.input = pressed
+        if watch.__name__ == "<lambda>":
+            # In real time here: a machine that stalls for a second is no drone that falls silent.
+            script.SILENT_S = 10.0
+        folder = tempfile.mkdtemp(dir=WORK)
         os.chdir(folder)
-        sys.argv = ["I.py", "--uri", "fake://0", "--log", os.path.join(folder, "flight.json")]
-        printed = io.StringIO()
+        sys.argv = [name, "--uri", "fake://0", "--log", os.path.join(folder, "flight.json")]
+        printed, ended = io.StringIO(), ""
         with contextlib.redirect_stdout(printed):
             try:
                 script.main()
-            except SystemExit as ended:
-                self.fail(f"{ended}\n{printed.getvalue()}")
-        self.assertEqual(radio.body.outcome(), "landed", printed.getvalue())
-        self.assertEqual(len(prompts), 2)
+            except SystemExit as error:
+                ended = str(error)
+        radio.body.move()
+        return script, radio, printed.getvalue() + ended, prompts
+
+    def test_a_word_is_flown_through_cflib_itself(self):
+        script, radio, said, prompts = self.flown("I.py")
+        self.assertEqual(radio.body.outcome(), "landed", said)
+        self.assertEqual(len(prompts), 2, said)
         gains = {name for name, _ in script.DATA["gains"]}
         self.assertEqual({name for _, name, _ in radio.params} & gains, set())
         self.assertEqual(radio.changed() - {"kalman.resetEstimation", "ring.headlightEnable"}, set())
@@ -184,6 +230,19 @@ class WholeScript(unittest.TestCase):
         self.assertGreater(len(log["stateEstimate.z"]["data"]), 100)
         self.assertIn(1.0, log["light.headlights"]["data"])
         print(f"cflib {'.'.join(map(str, CFLIB))}: flown through its own link")
+
+    def test_a_trajectory_is_uploaded_and_landed_over_a_new_link(self):
+        def dies_at_half_a_meter():
+            body, link = FakeLink.radio.body, FakeLink.opened[0]
+            while body.at[2] < 0.5:
+                time.sleep(0.01)
+            link.die(1.5)
+
+        script, radio, said, prompts = self.flown("I_trajectory.py", 2.0, dies_at_half_a_meter)
+        self.assertIn("it was found again to land", said)
+        self.assertEqual((radio.body.outcome(), radio.body.cut_by), ("landed", "the end of a landing"), said)
+        self.assertEqual((len(FakeLink.opened), len(prompts)), (2, 1))
+        self.assertTrue(radio.upload.startswith(bytes.fromhex(script.DATA["trajectory"]["hex"])[8:20], 8))
 
 
 if __name__ == "__main__":

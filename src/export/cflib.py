@@ -11,7 +11,7 @@ far as the script says, and the positioning system runs. Its origin is the middl
 room in which the flight was checked. Before you press Enter the script reads what is connected,
 resets the position estimate, uploads, and shows a table of what it found beside what was checked: it
 goes on only when all is right. Ctrl-C, a closed window and `kill` land where the drone is; a second
-Ctrl-C stops the motors. Whatever fails in the air, landing comes first.
+Ctrl-C, half a second later or more, stops the motors. Whatever fails in the air, landing comes first.
 """
 
 import argparse
@@ -35,17 +35,20 @@ SINK_M_S = 0.3
 RESEND_S = 0.1  # the firmware levels the drone after 0.5 s without a setpoint
 SETTLE_S = 10.0  # for the position estimate
 ANSWER_S = 1.0  # for anything that the drone is asked
-SILENT_S = 1.0  # without a packet of a log block: the script lands blindly
-RECONNECT_S = {"trajectory": 20.0}  # on board it flies on; else the motors stop after 2 s
-DOWN_M = 0.3  # below this it has landed
-LIFT_S = 0.25  # after its first command a drone is no higher than it may drop
+SILENT_S = 1.0  # without a packet of a log block: the script lands
+HEARD_S = 0.1  # a packet this long after a command came from a drone that has heard the command
+RECONNECT_S = 20.0  # for a new link
+WATCHDOG_S = 2.0  # without a setpoint: the firmware stops the motors
+PRESS_S = 0.5  # a key that bounces or is hit twice in fright is pressed once
+LIFTED_M, DOWN_M = 0.1, 0.3  # above the one it has taken off, below the other it has landed
 TAKE_OVER_S = 0.05  # in which the drone has begun to land, before it stops to wait for setpoints
 CONNECT_S = 60.0  # for all parameters, without a cache of their names
 LOG_PERIOD_MS, WATCH_PERIOD_MS = 20, 100
 RING_TIMING = 17  # ring.effect that plays the LED timing memory from its beginning
 VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
 # Bits of supervisor.info.
-CAN_BE_ARMED, CAN_FLY, TUMBLED, LOCKED, CRASHED, DECK_FAULT = 0, 3, 5, 6, 7, 11
+CAN_BE_ARMED, CAN_FLY, FLYING = 0, 3, 4
+FAULTS = {5: "tumbled", 6: "locked", 7: "crashed", 11: "a deck's fault"}
 
 # What noctograph's import and compare read, by type; 26 bytes a block at most.
 LOG = @LOG@
@@ -63,16 +66,38 @@ class LinkLost(Stopped):
     """Nothing can be sent anymore."""
 
 
+class Flag(set):
+    """What a signal may set at any moment: an Event has a lock that the interrupted line may hold."""
+
+    def set(self):
+        self.add(True)
+
+    def is_set(self):
+        return bool(self)
+
+
 class Paper:
     """Stands in for a drone in a dry run: prints what would be sent, and takes no time."""
 
     now_s, lifted_s, found_again, columns, about = 0.0, None, False, {}, {}
+
+    def __init__(self):
+        self.lost, self.may_fly = Flag(), False
 
     def clock(self):
         return self.now_s
 
     def wait_until(self, time_s, watching=True):
         self.now_s = max(self.now_s, time_s)
+
+    def stays_heard(self, seconds):
+        self.wait_until(self.now_s + seconds)
+        return True
+
+    def silent(self):
+        return ""
+
+    faults = silent
 
     def is_down(self):
         return True
@@ -97,10 +122,13 @@ class Drone:
         self.about = {"word": DATA["word"], "uri": DATA["uri"], **DATA["origin"]}
         self.latest, self.heard_s, self.wrong_since_s = {}, {}, {}
         self.lifted_s = None  # when the first command that lifts it was sent
+        self.landing_s = None  # when the last landing was sent
+        self.heard_last_s = -math.inf
+        self.may_fly = False
         self.stamp_ms, self.stamped_s = None, 0.0
-        self.stopped, self.why = threading.Event(), "stopped by Ctrl-C"
-        self.killed = threading.Event()  # a second Ctrl-C
-        self.lost, self.found_again = threading.Event(), False
+        self.stopped, self.why = Flag(), "stopped by Ctrl-C"
+        self.killed = Flag()  # a second Ctrl-C
+        self.lost, self.found_again = Flag(), False
         self._listen()
 
     def _listen(self):
@@ -135,6 +163,24 @@ class Drone:
                 return False
             self.wait_until(self.clock() + 0.05, watching=False)
         return True
+
+    def heard(self, sent_s):
+        """Whether the drone has heard what was sent until then: its packets are answers to ours."""
+        return self.heard_last_s > sent_s + HEARD_S
+
+    def hears(self, sent_s):
+        """Whether it hears what was just sent."""
+        with contextlib.suppress(LinkLost):
+            return self.wait_for(lambda: self.heard(sent_s), 4 * HEARD_S)
+        return False
+
+    def stays_heard(self, seconds):
+        """Waits; returns whether the drone's packets came to the end."""
+        least_s = self.clock() + 2 * HEARD_S
+        with contextlib.suppress(LinkLost):
+            return not self.wait_for(
+                lambda: self.clock() > max(least_s, self.heard_last_s + SILENT_S), seconds)
+        return False
 
     # Commands
 
@@ -201,25 +247,35 @@ class Drone:
         self.cf.high_level_commander.land(0.0, duration_s, yaw=DATA["yaw_rad"])
 
     def is_down(self):
-        """Whether it reads a height near the floor; a drone that reports nothing counts as down."""
-        return self.latest.get("stateEstimate.z", 0.0) < DOWN_M
+        """Whether a drone that heard the landing is down; one that reports no height anymore is."""
+        return self.latest.get("stateEstimate.z", math.inf) < DOWN_M or "where" in self.silent()
 
     def stop(self):
         self.cf.high_level_commander.stop()
         self.cf.commander.send_stop_setpoint()
 
-    def reconnect(self, within_s):
-        """A new link to a drone that is in the air by itself."""
-        self.latest.clear()
-        self.heard_s.clear()
-        self.cf, end_s = None, self.clock() + within_s
-        while self.cf is None:
+    def give_up(self):
+        """Ends a link as cflib ends a lost one: `close_link` would send a setpoint without thrust."""
+        if not self.lost.is_set():
+            self.cf._link_error_cb("silent")
+
+    def reconnect(self):
+        """A new link to a drone that may be in the air by itself."""
+        self.give_up()
+        end_s, link = self.clock() + RECONNECT_S, None
+        while link is None:
+            if self.killed.is_set():
+                raise KeyboardInterrupt
             try:
-                self.cf = self.connect(False)
+                link = self.connect(False)
             except Exception as error:
                 if self.clock() > end_s:
-                    raise LinkLost(f"the radio link was lost for good: {error}") from None
+                    raise LinkLost(f"no new link in {RECONNECT_S:.0f} s: {error}") from None
                 time.sleep(0.2)
+        self.cf = link
+        self.blocks.clear()
+        self.heard_s.clear()
+        self.latest.clear()
         self.lost.clear()
         self.found_again = True
         self._listen()
@@ -260,7 +316,10 @@ class Drone:
         return all(value is None or same(value, wanted) for value, wanted in found)
 
     def put_back(self, lamps):
-        """Puts back what was changed, the lamps or all else, and waits until the drone has it."""
+        """Puts back what was changed, the lamps or all else, and waits until the drone has it. What
+        may be in the air keeps its controller, and cflib would wait for the names of a new link."""
+        if self.lost.is_set() or self.may_fly or not self.cf.param.is_updated:
+            return
         values = [(name, value) for name, value in reversed(list(self.changed.items())) if
                   (name in DATA["lamps"]) == lamps and value is not None]
         for name, value in values:
@@ -314,10 +373,13 @@ class Drone:
         self.cf.param.set_value("kalman.resetEstimation", 0)
         self.wait_until(self.clock() + 2.0)
 
-    def watch(self):
-        """Begins to read what the script judges by, and waits until the estimate has settled."""
+    def start_watch(self):
         for name, variables in WATCH.items():
             self.blocks.append(self._block(name, WATCH_PERIOD_MS, variables, self._heard))
+
+    def watch(self):
+        """Begins to read what the script judges by, and waits until the estimate has settled."""
+        self.start_watch()
         self.wait_for(lambda: self.sigma_m() < math.sqrt(LIMITS["variance_m2"]), SETTLE_S)
 
     def sigma_m(self):
@@ -347,6 +409,7 @@ class Drone:
 
     def _heard(self, stamp_ms, values, block):
         self.latest.update(values)
+        self.heard_last_s = self.clock()
         if block.name in self.heard_s:
             self.heard_s[block.name] = self.clock()
 
@@ -384,16 +447,26 @@ class Drone:
                 attempt("ending a log block", block.stop)
         if not attempt("writing the log", self._write, self.log_file):
             folder = tempfile.gettempdir()
-            attempt("writing it elsewhere", self._write,
-                    os.path.join(folder, os.path.basename(self.log_file)))
+            if not attempt("writing it elsewhere", self._write,
+                           os.path.join(folder, os.path.basename(self.log_file))):
+                say("the log of this flight is lost")
 
     def _write(self, log_file):
+        """Writes the log under another name first: its own is that of a whole file."""
         stem, ending = os.path.splitext(log_file)
         path, number = log_file, 2
         while os.path.exists(path):
             path, number = f"{stem}-{number}{ending}", number + 1
-        with open(path, "w", encoding="utf-8") as file:
-            json.dump({"noctograph": self.about, **self.columns}, file)
+        try:
+            with open(path + ".part", "w", encoding="utf-8") as file:
+                json.dump({"noctograph": self.about, **self.columns}, file)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(path + ".part", path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.remove(path + ".part")
+            raise
         say(f"log: {path}")
 
     # What ends a flight early
@@ -402,6 +475,10 @@ class Drone:
         """Whether the supervisor sets a bit."""
         info = self.latest.get("supervisor.info")
         return unknown if info is None else bool(int(info) >> bit & 1)
+
+    def faults(self):
+        """Why the firmware has stopped the motors; empty where it has not."""
+        return ", ".join(name for bit, name in FAULTS.items() if self.has(bit))
 
     def _watch(self):
         """Raises Stopped for what is wrong in the air for too long."""
@@ -412,11 +489,9 @@ class Drone:
         place = [read(f"stateEstimate.{axis}", 0.0) for axis in "xyz"]
         target = [read(f"ctrltarget.{axis}", 0.0) for axis in "xyz"]
         low, high = LIMITS["fence_m"]
+        falls = "" if self.lifted_s is None else ": it falls"
         lasting = [  # what is wrong, whether it is, for how long it may be
-            # The firmware has stopped the motors already.
-            ("a deck has a fault: the drone falls", self.has(DECK_FAULT), 0.0),
-            ("the drone has crashed: it falls", self.has(CRASHED) or self.has(TUMBLED), 0.0),
-            ("the firmware has locked the drone: it falls", self.has(LOCKED), 0.0),
+            (f"the firmware has stopped the motors, {self.faults()}{falls}", bool(self.faults()), 0.0),
             ("the drone reports nothing of " + self.silent(), bool(self.silent()), 0.0),
             ("what the drone reports is no number", not all(map(math.isfinite, judged)),
              LIMITS["wrong_s"]),
@@ -522,6 +597,10 @@ def connected(drone, mode, controller, set_gains):
         rate = known_clock(firmware)
         rows.append(("clock on board", f"{rate:.5f}" if rate else "measured at take-off",
                      "known or measured", True))
+        if DATA["trajectory"]["turns"]:
+            since, number = LIMITS["heading_release"], release(firmware)
+            rows.append(("heading on board", firmware or "no answer", f"{since} or newer, which reads it",
+                         bool(number and number >= release(since))))
     for what, decks in LIMITS["decks"]:
         found = [d for d in decks if drone.knows_param(f"deck.{d}") and drone.value(f"deck.{d}")]
         rows.append((f"deck for {what}", " ".join(found) or "none", " or ".join(decks), bool(found)))
@@ -543,10 +622,9 @@ def state(drone):
     missing = ", ".join(name for name in names if name not in drone.latest) or drone.silent()
     if missing:
         return [("log", f"nothing of {missing}", "packets of the drone", False)]
-    bad = [name for name, bit in (("locked", LOCKED), ("crashed", CRASHED), ("tumbled", TUMBLED),
-                                  ("a deck's fault", DECK_FAULT)) if drone.has(bit)]
+    bad = drone.faults()
     ready = drone.has(CAN_FLY) or drone.has(CAN_BE_ARMED)
-    rows = [("state", ", ".join(bad) or ("can fly" if ready else "cannot fly"), "can fly",
+    rows = [("state", bad or ("can fly" if ready else "cannot fly"), "can fly",
              ready and not bad)]
     sigma_m, most_m = drone.sigma_m(), math.sqrt(LIMITS["variance_m2"])
     rows.append(("position known within", f"{100 * sigma_m:.1f} cm", f"{100 * most_m:.0f} cm",
@@ -571,6 +649,7 @@ def state(drone):
 HINTS = {
     "drone": "export for this drone: --scene cf21 or cf-brushless",
     "firmware": "update it with cfclient",
+    "heading on board": "update the firmware with cfclient, or fly --mode position",
     "names in the firmware": "fly the release for which this was made",
     "gains": "export with the drone's gains, or fly with --set-gains, which puts them back later",
     "state": "set it upright; switch it off and on again",
@@ -660,12 +739,12 @@ def events(mode, clock):
     """Everything that is sent while writing: (time in s, command, values), in order of time."""
     listed = lights(mode, clock)
     rows = DATA["setpoints"] if mode != "trajectory" else []
-    for index, (time_s, sent, p, v, a) in enumerate(rows):
+    for index, (time_s, sent, v, a) in enumerate(rows):
         until_s = rows[index + 1][0] if index + 1 < len(rows) else time_s
         since_s = 0.0
         while since_s == 0.0 or time_s + since_s < until_s - RESEND_S / 2:
             moved = [(x + vx * since_s + ax * since_s**2 / 2, vx + ax * since_s)
-                     for x, vx, ax in zip(p, v, a)]
+                     for x, vx, ax in zip(sent, v, a)]
             values = tuple(sent) if mode == "position" else (
                 [x for x, _ in moved], [vx for _, vx in moved], a)
             listed.append((time_s + since_s, mode, values))
@@ -702,40 +781,56 @@ def still_ready(drone, accepted=()):
         judge(rows, accepted)
 
 
-def fly(drone, mode, controller, clock=None, begin=lambda: None):
-    """Takes off, writes and lands. `begin` returns when all drones may start."""
+def fly(drone, mode, controller, clock=None, begin=lambda: None, ended=lambda: None):
+    """Takes off, writes and lands. `begin` returns when all drones may start, and `ended` hears of an
+    early end before this drone is landed."""
+    error = None
     try:
         ready_to_fly(drone, mode, controller)
         begin()
+        drone.wait_until(drone.clock())
         drone.arm()
         drone.wait_until(drone.clock() + 0.5)
         if not isinstance(drone, Paper) and not drone.wait_for(drone.can_fly, 3.0):
             raise Stopped("the drone does not arm")
         write(drone, mode, clock)
-    except LinkLost as lost:
-        if drone.lifted_s is None:
-            raise LinkLost(f"{lost}: {NOT_STARTED}") from None
-        if drone.connect and attempt("reconnecting", drone.reconnect, RECONNECT_S.get(mode, 2.0)):
-            raise Stopped(f"{lost}, and found again to land") from None
-        raise LinkLost(f"{lost}: {WITHOUT_LINK[mode == 'trajectory']}") from None
-    finally:
+    except BaseException as early:
+        error = early
+        ended()
+    try:
         # However the flight ends: down first, and only then all that may fail as well.
-        if not is_lost(drone):
-            come_down(drone, mode)
+        words = come_down(drone, mode)
+    finally:
         tidy_up(drone)
+    if words and (error is None or isinstance(error, Stopped)):
+        raise (LinkLost if drone.may_fly else Stopped)(f"{error or 'the word is written'}: {words}")
+    if words:
+        say(words)
+    if error:
+        raise error
 
 
-NOT_STARTED = "nothing was started, the drone stands on the floor; switch it off before you touch it"
+# What a drone does that nothing can be sent to anymore.
+ON_THE_FLOOR = ("nothing was started, the drone stands on the floor, maybe armed: where propellers turn, the "
+                "firmware stops them after 30 s. Switch it off before you touch it")
+FOUND = "it was found again to land"
 WITHOUT_LINK = [
     "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls",
     "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself, and 2 s later "
-    "the firmware stops its motors and locks it. Stay behind the net until the propellers stand "
-    "still; should they not, wait until the battery is empty",
+    "the firmware stops its motors and locks it",
 ]
+STAY = ("Stay behind the net until the propellers stand still; should they not, wait until the "
+        "battery is empty")
 
 
-def is_lost(drone):
-    return not isinstance(drone, Paper) and drone.lost.is_set()
+def without_link(drone, mode):
+    """What a drone does that nothing can be sent to anymore, as far as that is known."""
+    if drone.lifted_s is None:
+        return ON_THE_FLOOR
+    ifs = [] if drone.heard(drone.lifted_s) else ["it has taken off"]
+    ifs += [] if drone.landing_s is None else ["it has not heard the landing"]
+    known = f"if {' and '.join(ifs)}, " if ifs else ""
+    return f"{known}{WITHOUT_LINK[mode == 'trajectory']}. {STAY}"
 
 
 def ready_to_fly(drone, mode, controller):
@@ -757,51 +852,114 @@ def ready_to_fly(drone, mode, controller):
 def write(drone, mode, clock):
     """From the floor to the last letter."""
     on_its_own = mode == "trajectory"
-    drone.lifted_s = drone.clock()
-    zero_s = drone.lifted_s - (DATA["trajectory"]["start_s"] if on_its_own else 0.0)
+    zero_s = drone.clock() - (DATA["trajectory"]["start_s"] if on_its_own else 0.0)
     if on_its_own:
+        drone.lifted_s, drone.may_fly = drone.clock(), True
         since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"])
         drone.start_trajectory()
+        if not isinstance(drone, Paper):
+            drone.wait_until(drone.lifted_s + TAKE_OFF_S + 0.5)
+            if drone.latest.get("stateEstimate.z", 0.0) < LIFTED_M:
+                raise Stopped("the drone has not taken off")
         if clock is None:
             clock = known_clock(drone.about.get("firmware"))
         if clock is None:
-            drone.wait_until(drone.lifted_s + TAKE_OFF_S + 0.5)
             clock = measured_clock(drone, since)
         drone.about["clock"] = clock
     clock = clock or 1.0
     for time_s, command, values in events(mode, clock):
         drone.wait_until(zero_s + time_s)
+        if command == mode and not drone.may_fly:
+            drone.lifted_s, drone.may_fly = drone.clock(), True
         getattr(drone, command)(*values)
     end_s = (DATA["trajectory"] if on_its_own else DATA)["end_s"]
     drone.wait_until(zero_s + paced(end_s, clock))
 
 
 def come_down(drone, mode):
-    """Lands where the drone is, if it is in the air. Nothing keeps the next step from being taken."""
-    duration_s = max(2.0, DATA["top_m"] / SINK_M_S)
+    """Lands what is in the air, then stops its motors and disarms it. Nothing keeps the next step from
+    being taken. Returns what is to be said of a drone that has not simply landed."""
+    words, killed = "", False
     try:
-        for _ in range(3 if is_up(drone) else 0):
-            lands = attempt("landing", drone.land, duration_s, times=3)
-            if mode != "trajectory" and lands:
-                # Without a landing the commander on board would stop the motors.
-                attempt("waiting", drone.wait_until, drone.clock() + TAKE_OVER_S, False)
-                attempt("handing over", drone.hand_over, times=3)
-            darken(drone, mode)
-            end_s = drone.clock() + duration_s + 0.5
-            attempt("waiting", drone.wait_until, end_s, False)
-            if is_lost(drone):
-                return say("the link was lost while landing: the firmware lands by itself")
-            if drone.is_down():
-                break
+        if drone.lifted_s is not None:
+            words = land(drone, mode)
+        elif drone.lost.is_set() or drone.silent() and not drone.hears(drone.clock()):
+            words = without_link(drone, mode)
     except KeyboardInterrupt:
-        say("motors stopped")
+        killed = True
+        drone.killed.clear()  # what comes now may take its time
+    if drone.may_fly and not killed:
+        drone.give_up()  # it may yet hear what is sent: no stop in the air
+        return words
+    sent_s = drone.clock()
     attempt("stopping the motors", drone.stop, times=3)
     attempt("disarming", drone.arm, False)
+    if killed:
+        drone.may_fly = drone.may_fly and not drone.hears(sent_s)
+        words = "motors stopped" if not drone.may_fly else (
+            f"nothing is heard of the drone, maybe not the stop of its motors either. {STAY}")
+        say(words)
+    return words
 
 
-def is_up(drone):
-    """Whether it has been told to lift, for longer than a moment."""
-    return drone.lifted_s is not None and drone.clock() - drone.lifted_s >= LIFT_S
+def land(drone, mode):
+    """Lands where the drone is, over a new link where the old one is dead. Returns what is to be said
+    of a drone that has not simply landed."""
+    words, landings, before = "", 0, drone.faults()
+    while landings < 3:
+        if not drone.lost.is_set():
+            send_landing(drone, mode)
+            darken(drone, mode)
+            if drone.stays_heard(LANDING_S + 0.5):
+                landings += 1
+                if not (drone.faults() or drone.is_down()):
+                    continue
+                drone.may_fly = False
+                fell = drone.faults() if not before else ""
+                return f"the firmware stopped the motors, {fell}" if fell else words
+            if drone.landing_s is not None and drone.heard(drone.landing_s):
+                return f"the link was lost as it came down: it heard the landing, and lands by itself. {STAY}"
+        words = regain(drone, mode)
+        if words != FOUND:
+            return words
+    drone.may_fly = False
+    return f"after three landings it still reads {drone.latest['stateEstimate.z']:.2f} m: motors stopped"
+
+
+def send_landing(drone, mode):
+    if not attempt("landing", drone.land, LANDING_S, times=3):
+        return
+    if mode != "trajectory":
+        # Without a landing the commander on board would stop the motors.
+        with contextlib.suppress(LinkLost):
+            drone.wait_until(drone.clock() + TAKE_OVER_S, watching=False)
+        attempt("handing over", drone.hand_over, times=3)
+    drone.landing_s = drone.clock()
+
+
+def regain(drone, mode):
+    """Seeks a new link to a drone that may be in the air, and lands it. Returns what it says of itself,
+    or what is known without."""
+    was_up = drone.latest.get("stateEstimate.z", 0.0) > DOWN_M
+    say(f"nothing is heard of the drone. {STAY}")
+    if not drone.connect or not attempt("seeking a new link", drone.reconnect):
+        return without_link(drone, mode)
+    # A drone that the watchdog has not stopped yet is not asked first whether it flies.
+    in_time = drone.clock() - drone.heard_last_s < WATCHDOG_S and drone.heard(drone.lifted_s)
+    if mode != "trajectory" and in_time:
+        send_landing(drone, mode)
+    attempt("asking the drone", drone.start_watch)
+    attempt("asking the drone", drone.wait_for, lambda: "supervisor.info" in drone.latest, ANSWER_S)
+    if "supervisor.info" not in drone.latest:
+        send_landing(drone, mode)
+        return f"there is a new link, but the drone says nothing. {STAY}"
+    if drone.has(FLYING):
+        return FOUND
+    drone.may_fly = False
+    if drone.faults():
+        fell = ": it has fallen" if was_up and mode != "trajectory" else ""
+        return f"it was found again, and the firmware has stopped its motors, {drone.faults()}{fell}"
+    return "it was found again, does not fly, and its motors are off"
 
 
 def darken(drone, mode):
@@ -819,22 +977,29 @@ def tidy_up(drone):
     if isinstance(drone, Paper):
         return drone.finish()
     try:
-        if not drone.lost.is_set():
-            drone.put_back(lamps=False)
+        drone.put_back(lamps=False)
     finally:
         drone.finish()
 
 
 @contextlib.contextmanager
 def landing_on_signals(drones):
-    """From here on Ctrl-C, a closed window and `kill` land; the second one stops the motors."""
-    def received(number, frame):
-        for drone in drones:
-            (drone.killed if drone.stopped.is_set() else drone.stopped).set()
+    """From here on Ctrl-C, a closed window and `kill` land, and a second one stops the motors. What
+    ends a flight by itself, or for another drone's sake, is no press."""
+    ways = {"SIGINT": "Ctrl-C", "SIGTERM": "kill", "SIGHUP": "a closed window", "SIGBREAK": "Ctrl-Break"}
+    ways = {getattr(signal, name): way for name, way in ways.items() if hasattr(signal, name)}
+    pressed_s = []
 
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
-    before = [(getattr(signal, name), signal.signal(getattr(signal, name), received))
-              for name in names]
+    def received(number, frame):
+        pressed_s.append(drones[0].clock())
+        for drone in drones:
+            if not drone.stopped.is_set():
+                drone.why = f"stopped by {ways[number]}"
+            drone.stopped.set()
+            if pressed_s[-1] - pressed_s[0] >= PRESS_S:
+                drone.killed.set()
+
+    before = [(number, signal.signal(number, received)) for number in ways]
     try:
         yield
     finally:
@@ -928,6 +1093,8 @@ def opened(links, uri, wait=True):
 
     logging.getLogger("cflib").setLevel(logging.CRITICAL)  # its tracebacks: errors are said below
     link = SyncCrazyflie(uri, cf=Crazyflie(rw_cache="./cache"))
+    # A link that is lost before all tables are read: cflib waits for them without end.
+    link.cf.connection_lost.add_callback(link._connection_failed)
     try:
         links.enter_context(link)
     except Exception as error:
@@ -990,9 +1157,8 @@ def main():
                 with contextlib.suppress(EOFError, OSError):
                     input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
             finally:
-                if not drone.lost.is_set():
-                    drone.put_back(lamps=False)
-                    drone.put_back(lamps=True)
+                drone.put_back(lamps=False)
+                drone.put_back(lamps=True)
     except KeyboardInterrupt:
         raise SystemExit("stopped by Ctrl-C") from None
     except EOFError:
@@ -1004,6 +1170,7 @@ def main():
 # The plan, as `noctograph export` made it.
 DATA = json.loads(@DATA@)
 LIMITS = DATA["limits"]
+LANDING_S = max(2.0, DATA["top_m"] / SINK_M_S)
 
 if __name__ == "__main__":
     main()

@@ -8,8 +8,8 @@ drones have (cfclient shows it):
     python3 SCRIPT --firmware 2026.08
 
 Each drone stands where its plan takes off, its nose along the world's x axis, or turned to the left
-as far as the script says. Nothing moves before you press Enter. Ctrl-C lands all drones; a second
-Ctrl-C cuts their motors, and they fall. The landing of Crazyswarm2 turns every nose to the x axis;
+as far as the script says. Nothing moves before you press Enter. Ctrl-C, `kill` and a closed window
+land all drones; a second Ctrl-C, half a second later or more, cuts their motors, and they fall. The landing of Crazyswarm2 turns every nose to the x axis;
 before it points as the plan says. A drone that hears nothing more flies to the end of its trajectory,
 lands 3 s later by itself, and 2 s after that the firmware stops its motors and locks it: stay behind
 the net until the propellers stand still.
@@ -20,8 +20,11 @@ import json
 import math
 import os
 import signal
+import time  # its clock, not that of ROS, which is set with the computer's
 
 SINK_M_S = 0.3
+PRESS_S = 0.5  # a key that bounces or is hit twice in fright is pressed once
+DOWN_M = 0.3  # below this it has landed
 SETTLE_S = 10.0
 LAND_AT_M = 0.03
 # Bits of supervisor.info (firmware supervisor.c).
@@ -37,12 +40,33 @@ class Stopped(Exception):
     """The flight ends, or does not begin; the text says why."""
 
 
+class Presses:
+    """Ctrl-C, `kill` and a closed window while the drones fly: counted, and asked for between
+    commands, so that none is left unsent."""
+
+    def __init__(self):
+        self.times_s = []
+
+    def received(self, *_):
+        self.times_s.append(time.monotonic())
+
+    def count(self):
+        """None, one, or one and another."""
+        return 1 + (self.times_s[-1] - self.times_s[0] >= PRESS_S) if self.times_s else 0
+
+
+PRESSES = Presses()
+
+
 def attempt(command, *values):
     """Sends what must not keep anything else from being sent."""
-    try:
-        command(*values)
-    except Exception as error:  # whatever it is, the next drone has to land
-        print(f"warning: {command.__name__}: {error!r}")
+    for _ in range(2):
+        try:
+            return command(*values)
+        except KeyboardInterrupt:  # of another handler: it counts as well, and the command goes out
+            PRESSES.received()
+        except Exception as error:  # whatever it is, the next drone has to land
+            return print(f"warning: {command.__name__}: {error!r}")
 
 
 def take_off_here(trajectory, place):
@@ -59,7 +83,7 @@ class Member:
     """A drone with its plan and what it says of itself."""
 
     def __init__(self, cf, drone, kinds):
-        self.cf, self.drone, self.logged = cf, drone, None
+        self.cf, self.drone, self.logged, self.airborne = cf, drone, None, False
         self.stamps, self.heard, self.wrong_s = {TOPIC: 0, "pose": 0}, {}, {}
         for topic, kind in zip((TOPIC, "pose"), kinds):
             cf.node.create_subscription(kind, f"{cf.prefix}/{topic}", getattr(self, topic), 10)
@@ -116,11 +140,13 @@ class Member:
             if topic not in self.heard or stamp != self.heard[topic][0]:
                 self.heard[topic] = (stamp, now_s)
             if now_s - self.heard[topic][1] > DATA["silent_s"]:
-                raise Stopped(f"{self.name()}: no {topic} topic for {DATA['silent_s']:.0f} s; if the "
-                              "drone hears nothing, it flies to the end and lands by itself")
+                alone = ("; if it took off and hears nothing, it flies to the end and lands by itself: "
+                         "stay behind the net until its propellers stand still")
+                raise Stopped(f"{self.name()}: no {topic} topic for {DATA['silent_s']:.0f} s"
+                              + alone * self.airborne)
         if self.faults():
             raise Stopped(f"{self.name()}: {', '.join(self.faults())}: the firmware has stopped its "
-                          "motors, it falls")
+                          "motors" + ", it falls" * self.airborne)
         wrong = {
             "the battery is empty": not status["battery"] >= DATA["critical_v"],
             "the position is lost": not all(v <= DATA["lost_m2"] for v in self.logged[:3]),
@@ -136,18 +162,31 @@ class Member:
     def name(self):
         return self.drone["name"]
 
+    def is_down(self):
+        """Whether it is known to be on the floor: it was not told to fly, or says so still."""
+        says_m = self.cf.get_position()[2]
+        stamp = self.heard.get("pose", (None,))[0]
+        return not self.airborne or (stamp != self.stamps["pose"] and says_m < DOWN_M)
+
 
 class Flight:
     """All drones, from the checks on the floor to the floor again."""
 
-    def __init__(self, swarm, rate, kinds, trajectory):
-        self.clock, self.rate, self.trajectory = swarm.timeHelper, rate, trajectory
+    def __init__(self, swarm, rate, kinds, trajectory, spin_once):
+        self.rate, self.trajectory = rate, trajectory
+        self.node, self.spin_once = swarm.timeHelper.node, spin_once
         known = swarm.allcfs.crazyfliesByName
         missing = [drone["name"] for drone in DRONES if drone["name"] not in known]
         if missing:
             raise Stopped(f"the server has no {', '.join(missing)}: start it with the "
                           "crazyflies.yaml beside this script")
         self.crew = [Member(known[drone["name"]], drone, kinds) for drone in DRONES]
+
+    def sleep(self, seconds):
+        """Hears the drones for so long."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            self.spin_once(self.node, timeout_sec=min(0.05, end_s - time.monotonic()))
 
     def set(self, member, parameters):
         for name, value in parameters:
@@ -162,15 +201,15 @@ class Flight:
             if lacks:
                 raise Stopped(f"{member.name()}: its firmware has no {', '.join(lacks)}")
             self.set(member, drone["before"])
-        self.clock.sleep(0.1)
+        self.sleep(0.1)
         for member in self.crew:
             member.cf.setParam("kalman.resetEstimation", 0)
-        self.clock.sleep(2.0)
-        end_s = self.clock.time() + SETTLE_S
+        self.sleep(2.0)
+        end_s = time.monotonic() + SETTLE_S
         while not all(self.settled(member) for member in self.crew):
-            if self.clock.time() > end_s:
+            if time.monotonic() > end_s:
                 break
-            self.clock.sleep(0.2)
+            self.sleep(0.2)
         self.table()
         for member in self.crew:
             trajectory = self.trajectory()
@@ -203,40 +242,48 @@ class Flight:
 
     def wait_until(self, time_s):
         while True:
-            now_s = self.clock.time()
+            now_s = time.monotonic()
             for member in self.crew:
                 member.watch(now_s)
+            if PRESSES.count():
+                raise KeyboardInterrupt
             if now_s >= time_s:
                 return
-            self.clock.sleep(min(0.05, time_s - now_s))
+            self.sleep(min(0.05, time_s - now_s))
 
     def set_armed(self, armed):
         for member in self.crew:
             def arm_or_disarm():
                 member.cf.arm(armed)
 
-            attempt(arm_or_disarm)
+            if armed or member.is_down():
+                attempt(arm_or_disarm)
+            else:
+                print(f"{member.name()}: not known to be down, and not disarmed: stay behind the net until "
+                      "its propellers stand still")
 
     def fly(self):
         """Takes off, writes and lands."""
         for member in self.crew:
             self.set(member, member.drone["parameters"])
-        self.clock.sleep(1.0)
+        self.sleep(1.0)
         for member in self.crew:
             member.heard = {}
-        self.set_armed(True)
-        airborne = False
         try:
-            self.wait_until(self.clock.time() + 1.0)
+            self.set_armed(True)
+            self.wait_until(time.monotonic() + 1.0)
             for member in self.crew:
                 if not member.cf.get_status()["supervisor"] & CAN_FLY:
                     raise Stopped(f"{member.name()}: armed, and still it cannot fly")
-            airborne = True
+            for member in self.crew:
+                member.airborne = True
             self.write()
-        except BaseException as why:
-            self.land(airborne, isinstance(why, KeyboardInterrupt))
+        except KeyboardInterrupt:
+            if not PRESSES.count():
+                PRESSES.received()
             raise
-        self.land(airborne, False)
+        finally:
+            self.land()
 
     def write(self):
         """Starts the trajectories, and switches the lamps at the times of the plan."""
@@ -249,44 +296,43 @@ class Flight:
                        for time_s, name, value in drone["lights"]]
             events.append((drone["end_s"], cf.get_status, ()))
         events.sort(key=lambda event: event[0])
-        zero_s = self.clock.time() - min(drone["start_s"] for drone in DRONES)
+        zero_s = time.monotonic() - min(drone["start_s"] for drone in DRONES)
         for time_s, command, values in events:
             self.wait_until(zero_s + time_s)
             command(*values)
 
-    def land(self, airborne, interrupted):
+    def land(self):
         """Down first, in every way out; whatever the lamps say to it."""
         lasts_s = max(2.0, max(drone["top_m"] for drone in DRONES) / SINK_M_S)
-        try:
-            for member in self.crew if airborne else []:
-                attempt(member.cf.land, LAND_AT_M, lasts_s)
-            for member in self.crew:
-                for name, value in member.drone["dark"]:
-                    attempt(member.cf.setParam, name, value)
-            if airborne:
-                self.come_down(lasts_s / self.rate + 0.5, interrupted)
-        except BaseException:
-            for member in self.crew:
-                attempt(member.cf.emergency)
-            raise
-        finally:
-            self.set_armed(False)
-            for member in self.crew:
-                # The board's LEDs shine again: the red one says that a battery is low.
-                attempt(member.cf.setParam, "led.bitmask", 0)
-            print("the drones keep the controller and the gains of this flight until they restart")
+        airborne = [member for member in self.crew if member.airborne]
+        for member in airborne:
+            attempt(member.cf.land, LAND_AT_M, lasts_s)
+        for member in self.crew:
+            for name, value in member.drone["dark"]:
+                attempt(member.cf.setParam, name, value)
+        if airborne:
+            self.come_down(lasts_s / self.rate + 0.5)
+        self.set_armed(False)
+        for member in self.crew:
+            # The board's LEDs shine again: the red one says that a battery is low.
+            attempt(member.cf.setParam, "led.bitmask", 0)
+        print("the drones keep the controller and the gains of this flight until they restart")
 
-    def come_down(self, lasts_s, interrupted):
-        """Waits for the floor. The first Ctrl-C asks for what is done already."""
-        end_s = self.clock.time() + lasts_s
-        while self.clock.time() < end_s:
-            try:
-                self.clock.sleep(end_s - self.clock.time())
-            except KeyboardInterrupt:
-                if interrupted:
-                    raise
-                interrupted = True
+    def come_down(self, lasts_s):
+        """Waits for the floor; a second press cuts the motors."""
+        for member in self.crew:
+            member.heard["pose"] = (member.stamps["pose"], 0.0)
+        end_s, asked = time.monotonic() + lasts_s, False
+        while time.monotonic() < end_s:
+            attempt(self.sleep, min(0.05, end_s - time.monotonic()))
+            if PRESSES.count() and not asked:
+                asked = True
                 print("landing; Ctrl-C again cuts the motors")
+            if PRESSES.count() > 1:
+                for member in self.crew:
+                    attempt(member.cf.emergency)
+                    member.airborne = False
+                return print("motors cut")
 
 
 def clock_rate(text):
@@ -312,6 +358,7 @@ def main(arguments=None):
     from crazyflie_py import Crazyswarm
     from crazyflie_py.uav_trajectory import Trajectory
     from geometry_msgs.msg import PoseStamped
+    from rclpy import spin_once
     from rclpy.signals import uninstall_signal_handlers
 
     swarm = Crazyswarm()
@@ -320,12 +367,14 @@ def main(arguments=None):
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        flight = Flight(swarm, rate, (LogDataGeneric, PoseStamped), Trajectory)
+        flight = Flight(swarm, rate, (LogDataGeneric, PoseStamped), Trajectory, spin_once)
         flight.prepare()
         input("Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. ")
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            signal.signal(getattr(signal, name), PRESSES.received)
         flight.fly()
     except KeyboardInterrupt:
-        raise SystemExit("stopped by Ctrl-C") from None
+        raise SystemExit("stopped by Ctrl-C or another signal") from None
     except Stopped as stopped:
         raise SystemExit(f"error: {stopped}") from None
 

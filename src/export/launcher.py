@@ -5,7 +5,8 @@
     python3 LAUNCHER radio://0/80/2M/E7E7E7E701 radio://0/80/2M/E7E7E7E702
 
 One radio serves up to four drones. Each is judged as its script does, and all wait for one Enter.
-Ctrl-C lands all of them, and so does the end of one of them before its time.
+Ctrl-C lands all of them, and so does the end of one of them before its time. Only a second Ctrl-C, half
+a second after the first or later, stops their motors.
 """
 
 import argparse
@@ -26,32 +27,24 @@ def load(name):
     return script
 
 
-def together(work, items):
-    """Runs work for every item in a thread of its own; returns the threads and what went wrong."""
+def together(work, crew):
+    """Does work for every drone in a thread of its own; raises what went wrong, causes first."""
     errors = []
 
-    def guarded(item):
+    def guarded(script, drone, choice):
         try:
-            work(*item)
+            work(script, drone, choice)
         except BaseException as error:
-            errors.append(error)
+            errors.append(f"{drone.about['uri']}: {error or repr(error)}")
 
-    threads = [threading.Thread(target=guarded, args=(item,)) for item in items]
+    threads = [threading.Thread(target=guarded, args=part) for part in crew]
     for thread in threads:
         thread.start()
-    return threads, errors
-
-
-def all_done(threads, errors, drones=()):
-    """Waits for threads; the first error ends the others' flights. Raises it in the end."""
     while any(thread.is_alive() for thread in threads):
         time.sleep(0.05)
-        for drone in drones if errors else ():
-            if not drone.stopped.is_set():
-                drone.why = "another drone ended early"
-                drone.stopped.set()
     if errors:
-        raise errors[0]
+        errors.sort(key=lambda text: "another drone" in text)
+        raise SystemExit("error: " + "\n".join(errors))
 
 
 def fly_all(crew, args):
@@ -62,20 +55,29 @@ def fly_all(crew, args):
         script.prepare(drone, *choice, args.set_gains, args.accept)
 
     def fly(script, drone, choice):
-        try:
-            script.fly(drone, *choice, begin=barrier.wait)
-        except BaseException:
-            barrier.abort()  # nobody waits for one that does not start
-            raise
+        def start():
+            try:
+                barrier.wait()
+            except threading.BrokenBarrierError:
+                raise script.Stopped("another drone did not start") from None
 
-    all_done(*together(prepare, crew))
+        def ended():
+            barrier.abort()  # nobody waits for one that does not start
+            for other in drones:
+                if not other.stopped.is_set():
+                    other.why = "another drone ended early"
+                    other.stopped.set()
+
+        script.fly(drone, *choice, begin=start, ended=ended)
+
+    together(prepare, crew)
     barrier = threading.Barrier(len(crew), timeout=20.0)
-    script.say(script.room())
+    print(script.room())
     input(f"Is that so, and are {len(crew)} drones ready? Enter takes off, Ctrl-C ends. ")
     for part, drone, _ in crew:
         part.still_ready(drone, args.accept)
     with script.landing_on_signals(drones):
-        all_done(*together(fly, crew), drones)
+        together(fly, crew)
     with contextlib.suppress(EOFError, OSError):
         input("Landed. Close the shutter; Enter puts the lamps back as they were. ")
 
@@ -109,14 +111,14 @@ def main():
 
                 drone = script.Drone(connect(), script.DATA["log"], connect)
                 drone.about["uri"] = uri
+                script.say = lambda text, uri=uri, say=script.say: say(f"{uri}: {text}")
                 crew.append((script, drone, choice))
             try:
                 fly_all(crew, args)
             finally:
                 for _, drone, _ in crew:
-                    if not drone.lost.is_set():
-                        drone.put_back(lamps=False)
-                        drone.put_back(lamps=True)
+                    drone.put_back(lamps=False)
+                    drone.put_back(lamps=True)
     except KeyboardInterrupt:
         raise SystemExit("stopped by Ctrl-C") from None
     except EOFError:

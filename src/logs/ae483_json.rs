@@ -39,6 +39,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let value = match json_tree::read(&text, budget) {
         Err(source) if source.is_eof() => {
             let place = format!("{}:{}", source.line(), source.column());
+            refuse_cut_script(&text, file, &place)?;
             log.warnings
                 .push(format!("the file ends too early, at {place}; the part before is read"));
             close(&mut text);
@@ -87,6 +88,18 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
         plain_csv::resolve_angles(block, options.angle_unit, &mut log.warnings);
     }
     Ok(log)
+}
+
+/// Refuses the cut log of an exported script, whose variables stand one after another: a part of it
+/// is no shorter flight but one without some of them.
+fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
+    let head = text.trim_ascii_start().strip_prefix(b"{").unwrap_or_default();
+    if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
+        return Ok(());
+    }
+    let hint = "take the file that the script named; it may be in the folder for temporary files";
+    let cut = format!("a script's log that is cut off at {place}");
+    Err(Error::input(file, cut, "the whole log", hint))
 }
 
 /// Refuses the forms of pandas' `to_json` that are not read.

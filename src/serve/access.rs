@@ -15,7 +15,7 @@ use hyper::http::request::Parts;
 
 use super::address::{Address, is_secret};
 use super::http::{HttpError, HttpResult, MAX_BODY};
-use noctograph_web::request::Asker;
+use noctograph_photo_service::request::Asker;
 
 /// What is let in.
 #[derive(Debug)]
@@ -115,9 +115,11 @@ fn field<'a>(head: &'a Parts, name: &str) -> &'a str {
 /// Checks that a page of this server sends it, and that its body is not too long.
 fn check_post(head: &Parts) -> HttpResult<()> {
     let has = |name: &str| head.headers.contains_key(name);
-    let is_own_origin = field(head, "origin").strip_prefix("http://") == Some(field(head, "host"));
-    let is_own_site = field(head, "sec-fetch-site") == "same-origin";
-    if has("origin") && !is_own_origin || has("sec-fetch-site") && !is_own_site {
+    // A field that is sent twice has two values, and each of them counts.
+    let says_other =
+        |name: &str, own: &str| head.headers.get_all(name).iter().any(|value| value != own);
+    let origin = format!("http://{}", field(head, "host"));
+    if says_other("origin", &origin) || says_other("sec-fetch-site", "same-origin") {
         return Err(HttpError(403, "a page of another origin asks"));
     }
     if field(head, "content-type") != "application/json" {

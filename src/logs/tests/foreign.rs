@@ -66,7 +66,8 @@ fn a_column_light_is_that_of_the_headlights_unless_another_is_named_so() {
         })
     };
     let flight = |titles: &str| read(table(titles).as_bytes());
-    let alone = flight("light,seq").lights;
+    let alone = flight("light,seq");
+    let alone = &alone.lights;
     assert_eq!(alone.keys().collect::<Vec<_>>(), ["headlights"]);
     assert!(alone["headlights"].contains(&1.0) && alone["headlights"].contains(&0.0));
     let named = flight("light,light.headlights");
@@ -515,6 +516,19 @@ fn blocks_of_events_do_not_set_the_unit_of_the_clock() {
     let text = format!("{{\"drone\": {{{}, {body}}}}}", variable("light.headlights", &light, 3));
     let flight = read(text.as_bytes());
     assert!((flight.samples.last().unwrap().time_s - 1.98).abs() < 0.02, "{}", said(&flight));
+}
+
+#[test]
+fn a_cut_log_of_a_script_is_refused_wherever_it_is_cut() {
+    let about = "{\"noctograph\": {\"word\": \"NO\"},";
+    let log = variables(&POSITION).replacen('{', about, 1);
+    read(log.as_bytes());
+    for end in (about.len() - 5..log.trim_end().len()).step_by(97) {
+        let error = parse(&log.as_bytes()[..end], "log", &ImportOptions::default()).unwrap_err();
+        assert!(error.to_string().contains("cut off"), "{end}: {error}");
+    }
+    // Others are read as far as they go.
+    says(&read(&variables(&POSITION).as_bytes()[..log.len() - 100]), "ends too early");
 }
 
 #[test]

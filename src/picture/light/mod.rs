@@ -23,6 +23,7 @@ use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight, Quantity};
+use noctograph_core::product::{Rules, Valid, check_times, is_number, odd_number};
 use noctograph_core::srgb::{LUMINANCE, luminance, rgb_from_xyz, xyz};
 use programs::Programs;
 use radio::Change;
@@ -39,14 +40,35 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
-/// Lamps moving through the world, of one drone or of several ([`LightTrace::append`]).
+/// Lamps moving through the world, of one drone or of several ([`LightTraceData::append`]).
+pub type LightTrace = Valid<LightTraceData>;
+
+/// The data of a [`LightTrace`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LightTrace {
+pub struct LightTraceData {
     /// One for each color of each row that is ever lit.
     pub lamps: Vec<Lamp>,
 }
 
-impl LightTrace {
+impl Rules for LightTraceData {
+    fn check(&self) -> Result<()> {
+        for (index, Lamp { emitter, samples, .. }) in self.lamps.iter().enumerate() {
+            check_times(samples.iter().map(|sample| sample.time_s))
+                .map_err(|error| error.of_item("lamps", index))?;
+            if let Some((row, value)) = (samples.iter().enumerate())
+                .flat_map(|(row, sample)| {
+                    sample.numbers().into_iter().map(move |value| (row, value))
+                })
+                .find(|(_, value)| !is_number(*value))
+            {
+                return Err(odd_number(&emitter.name, row, value).of_item("lamps", index));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl LightTraceData {
     /// Time of the last sample; 0 of an empty trace.
     #[must_use]
     pub fn end_s(&self) -> f64 {
@@ -55,8 +77,8 @@ impl LightTrace {
     }
 
     /// Adds the lamps of another drone, flown at the same time.
-    pub fn append(&mut self, mut other: Self) {
-        self.lamps.append(&mut other.lamps);
+    pub fn append(&mut self, other: LightTrace) {
+        self.lamps.append(&mut other.into_data().lamps);
     }
 }
 
@@ -106,6 +128,11 @@ pub struct LightSample {
 }
 
 impl LightSample {
+    fn numbers(&self) -> [f64; 7] {
+        let (p, a) = (self.position_m, self.axis);
+        [p.x, p.y, p.z, a.x, a.y, a.z, self.level]
+    }
+
     /// The sample at a time on the straight path to the next one.
     #[must_use]
     pub fn toward(&self, next: &Self, time_s: f64) -> Self {
@@ -188,7 +215,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let samples = gaps::stretches(flight);
     let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
     let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
-    let mut trace = LightTrace::default();
+    let mut trace = LightTraceData::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture));
         let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
@@ -199,7 +226,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
             }
         }
     }
-    Ok(trace)
+    LightTrace::new(trace)
 }
 
 /// Refuses a flight without any of the channels that the lamps follow.

@@ -332,6 +332,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_letters::{LetterOptions, write};
 
     #[test]
@@ -358,7 +359,8 @@ mod tests {
         }
         let finding = |error_m: f64| {
             let samples = (0..100).map(|k| sample_at(k, error_m)).collect();
-            altitude_hold(&Flight { samples, ..Flight::default() }, Some(&strokes))
+            let flight = Flight::made(FlightData { samples, ..FlightData::default() });
+            altitude_hold(&flight, Some(&strokes))
         };
         let (good, bad) = (finding(0.02), finding(0.03));
         assert!((good.value.unwrap() - 0.4).abs() < 0.01, "2 cm for 40 cm: {good:?}");
@@ -389,7 +391,9 @@ mod tests {
     #[test]
     fn a_flight_of_ours_says_itself_how_long_a_motor_was_at_its_limit() {
         let extra = [(SATURATED_S.to_owned(), vec![0.0, 0.084])].into();
-        assert_eq!(motors(&Flight { extra, ..Flight::default() }, 1.0).value, Some(0.084));
+        let samples = vec![FlightSample::default(); 2];
+        let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
+        assert_eq!(motors(&flight, 1.0).value, Some(0.084));
     }
 
     #[test]
@@ -401,7 +405,8 @@ mod tests {
                 ..FlightSample::default()
             });
             let samples = samples.collect();
-            motors(&Flight { samples, ..Flight::default() }, 1.0).severity
+            let flight = Flight::made(FlightData { samples, ..FlightData::default() });
+            motors(&flight, 1.0).severity
         });
         let wanted = [Severity::Fine, Severity::Fine, Severity::Warning, Severity::Stop];
         assert_eq!(actual, wanted);

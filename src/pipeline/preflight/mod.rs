@@ -29,7 +29,7 @@ mod room;
 mod row;
 mod surroundings;
 
-pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles};
+pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles, make_exportable};
 pub use flown::MAX_SATURATED_S;
 use flown::check_flight;
 use letters::check_letters;
@@ -293,7 +293,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         volume_m: profile.volume_m,
         room_m: profile.room_m,
         batteries: flown.iter().map(battery).collect(),
-        scene_sha256: sha256(scene.to_toml().as_bytes()),
+        scene_sha256: sha256(scene.portable().to_toml().as_bytes()),
         scene_toml: scene.to_portable_toml(),
     }
 }
@@ -309,10 +309,12 @@ mod tests {
         let mut scene = Scene { word: "O".to_owned(), ..Scene::preset(Preset::Cf21) };
         let lower = Shoot::new(scene.clone()).unwrap().plans.remove(0).plan;
         let mut upper = lower.clone();
-        for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
-            // Across the word at its middle, and above it.
-            setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
-        }
+        upper.edit(|upper| {
+            for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
+                // Across the word at its middle, and above it.
+                setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
+            }
+        });
         fn wake_of(scene: &Scene, plans: Vec<Plan>) -> Option<Row> {
             let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
             let flown = shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok);
@@ -324,7 +326,9 @@ mod tests {
         assert_eq!(wake.severity, Severity::Warning);
 
         let mut beside = upper.clone();
-        beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3);
+        beside.edit(|beside| {
+            beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3)
+        });
         let none = wake_of(&scene, vec![beside, lower.clone()]).unwrap();
         assert_eq!((none.value, none.time_s), (Some(0.0), None), "{none:?}");
         scene.air.downwash = Downwash::None;

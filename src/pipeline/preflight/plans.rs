@@ -334,6 +334,7 @@ pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{EvenStyle, LightLevel, PlanOptions, fleet, plan};
 
@@ -450,8 +451,10 @@ mod tests {
     /// A plan at a multiple of its times, with every nth setpoint; its columns are as they were.
     fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
         let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
-        let mut slowed = Plan { setpoints: every(plan), ..Plan::default() };
-        slowed.setpoints.iter_mut().for_each(|setpoint| setpoint.time_s *= factor);
+        let mut slowed = Plan::made(PlanData { setpoints: every(plan), ..PlanData::default() });
+        slowed.edit(|slowed| {
+            slowed.setpoints.iter_mut().for_each(|setpoint| setpoint.time_s *= factor)
+        });
         slowed
     }
 
@@ -478,10 +481,12 @@ mod tests {
         let mut plan = even("I", EvenStyle::default());
         assert_eq!(landing(&plan).severity, Severity::Fine);
         let mut flat = plan.clone();
-        flat.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.z = 0.0);
+        flat.edit(|flat| {
+            flat.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.z = 0.0)
+        });
         assert_eq!(landing(&flat).found, "never leaves the floor");
         let end = plan.setpoints.iter().rposition(|setpoint| setpoint.position_m.z > 0.3).unwrap();
-        plan.setpoints.truncate(end + 1);
+        plan.edit(|plan| plan.setpoints.truncate(end + 1));
         assert_eq!(landing(&plan).severity, Severity::Stop);
     }
 

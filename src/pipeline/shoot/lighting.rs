@@ -110,9 +110,11 @@ impl Shoot {
                 }
             };
             if several {
-                trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)));
+                trace.edit(|trace| {
+                    trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)))
+                });
             }
-            all.append(trace);
+            all.edit(|all| all.append(trace));
         }
         problems.extend(self.lost_strokes());
         let warnings = self.strokes.iter().flat_map(|strokes| &strokes.warnings);

@@ -338,7 +338,7 @@ pub(super) fn outside(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use noctograph_picture::light::{Emitter, LightSample};
+    use noctograph_picture::light::{Emitter, LightSample, LightTraceData};
 
     #[test]
     fn a_lamp_writes_whatever_its_name() {
@@ -352,10 +352,10 @@ mod tests {
             emitter: Emitter { name: fixture.name.clone(), ..emitter() },
             samples: Vec::<LightSample>::new(),
         });
-        let trace = LightTrace { lamps: lamps.collect() };
+        let trace = LightTrace::made(LightTraceData { lamps: lamps.collect() });
         options.fixtures = Some(fixtures);
         let mut flight = Flight::default();
-        flight.lights.insert("headlights".into(), vec![]);
+        flight.edit(|flight| flight.lights.insert("headlights".into(), vec![]));
         assert!(!writing(&[flight], &trace, &options).is_empty());
     }
 

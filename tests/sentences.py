@@ -1,0 +1,262 @@
+"""What exported scripts say, against what the double did.
+
+`sentences` lists every text of a script's source that a person may read; `TRUE` holds one claim about
+the record of a flight for each. A text without a claim fails, so does a claim without its text, and
+after each flight every text that was printed has to be true of it.
+"""
+
+import ast
+import json
+import re
+
+CUT, WATCHDOG, LANDING = "the firmware's own cut", "the firmware's watchdog", "the end of a landing"
+
+
+def sentences(source):
+    """Texts of two words and more, with `…` for what is filled in; no documentation, no help."""
+    tree, passed = ast.parse(re.sub(r"@[A-Z]+@", "None", source)), set()
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
+            passed.add(id(body[0].value))
+        if isinstance(node, ast.JoinedStr):
+            passed |= {id(part) for part in node.values}
+        name = isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", ""))
+        if name in ("add_argument", "ArgumentParser", "error"):
+            passed |= {id(part) for part in ast.walk(node)}
+    listed = set()
+    for node in ast.walk(tree):
+        if id(node) in passed:
+            continue
+        if isinstance(node, ast.JoinedStr):
+            text = "".join(part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
+        else:
+            text = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+        if re.search(r"[a-z]{2,}\W* ", text.strip()):
+            listed.add(text)
+    return listed
+
+
+def stayed(d, before):
+    return d.body.top_m < 0.05
+
+
+def always(d, before):
+    return True
+
+
+def was_lost(d, before):
+    """A link that fell silent or was given up, a failing call or a full disk: something failed."""
+    return d.is_dead_s is not None
+
+
+def something_failed(d, before):
+    return was_lost(d, before) or d.failed
+
+
+def has_fault(d, before):
+    """The firmware has stopped the motors."""
+    return d.body.locked and d.body.cut_by in (CUT, WATCHDOG) or any(radio.bits for radio in d.radios)
+
+
+def reads(test, *names):
+    return lambda d, before: any(test(radio.read(name), d.script.LIMITS) for radio in d.radios for name in names)
+
+
+def falls(d, before):
+    """What the firmware cuts: higher than the floor if it was in the air."""
+    return d.body.cut_by == CUT or d.body.top_m < 0.05
+
+
+def heard_landing(d):
+    return bool(d.body.landings) and (d.body.took_over or d.mode == "trajectory")
+
+
+def conditions(d, before):
+    """Whether the conditions before a sentence are not met, so that it says nothing."""
+    end = before[before.rfind("if "):] if before.endswith(", ") else ""
+    return "taken off" in end and stayed(d, "") or "not heard the landing" in end and heard_landing(d)
+
+
+def levels_and_falls(d, before):
+    return conditions(d, before) or d.body.leveled and d.body.cut_by == WATCHDOG
+
+
+def flies_to_its_end(d, before):
+    return conditions(d, before) or (
+        d.body.cut_by == WATCHDOG and d.body.locked and d.outcome == "landed")
+
+
+def lands_by_itself(d, before):
+    return d.body.cut_by == LANDING and d.outcome == "landed"
+
+
+def is_off(d, before):
+    return not d.body.on
+
+
+def is_whole(d, before):
+    """The log that is named is whole."""
+    with open(d.log_named, encoding="utf-8") as file:
+        return json.load(file)["noctograph"]["word"] == d.script.DATA["word"]
+
+
+def written(d, before):
+    """All of the word was sent, or flown on board."""
+    data = d.script.DATA["trajectory"] if d.mode == "trajectory" else d.script.DATA
+    return d.lights_sent >= len(data["lights"]) - 1
+
+
+# Texts of tables, questions and advice on the floor, where nothing has been started.
+FLOOR = """the trajectory could not be uploaded|this drone has no LED-ring deck|the lights could not be uploaded|
+parameters could not be set|no answer|… or newer|clock on board|measured at take-off|known or measured|
+deck for …|names in the firmware|without …|… … for …| and … more|as checked|as checked, or --set-gains|nothing of …|
+packets of the drone|can fly|cannot fly|position known within|nose, left of x|roll, pitch|up to …°|
+a larger one|battery at rest|…: …, wanted …|the drone does not arm|the firmware has no …|
+the drone reports no position|… is no place: three numbers in meters are wanted|x read (wanted)|
+error: cflib … or newer is needed: pip install cflib|: plug it in, and see that nothing else uses it|
+error: cflib … is too old, … or newer is needed: pip install --upgrade cflib|no link to …: ……|
+the parameters of … could not be read|error: no key can be pressed here: start it in a terminal|
+another drone did not start|the drone has not taken off|
+export for this drone: --scene cf21 or cf-brushless|update it with cfclient|carry it there|turn it|
+fly the release for which this was made|set it upright; switch it off and on again|put it on a level place|
+export with the drone's gains, or fly with --set-gains, which puts them back later|
+is the positioning system on, and its geometry on the drone?|is the radio too far away?|
+charge it: the flight would take it below the firmware's low voltage|
+the geometry is off by more than … cm: estimate it again, with the origin in the middle of the room's floor|
+Corner … of 4: the drone at (…) m, nose as in the flight? Enter reads; or type where it stands instead, as x, y, z: |
+The origin is where the positioning says; the flight was checked without a room.|
+The flight was checked in a room of … x … x … m. The origin of the positioning is the middle of its floor, … m from \
+the walls at left and right and … m from those in front and behind; x to the right of the photographer.|
+Is that so, the shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. |
+Is that so, and are … drones ready? Enter takes off, Ctrl-C ends. """
+
+# Words before others, names of what is attempted, and headings: true by what follows them.
+PARTS = """putting … back|waiting for what was put back|ending a log block|writing the log|writing it elsewhere|
+stopping the motors|handing over|seeking a new link|asking the drone|a closed window|if …, |it has taken off|it has not heard the landing|
+error: …|another drone"""
+
+TRUE = {
+    "stopped by Ctrl-C": lambda d, before: d.pressed,
+    "stopped by …": lambda d, before: d.pressed,
+    "the radio link was lost": was_lost,
+    "nothing is heard of the drone. …": was_lost,
+    "no new link in … s: …": was_lost,
+    "… failed: …": something_failed,
+    "the log of this flight is lost": lambda d, before: d.log_named is None,
+    "log: …": is_whole,
+    "the firmware has stopped the motors, ……": has_fault,
+    "the firmware stopped the motors, …": has_fault,
+    ": it falls": falls,
+    "the drone reports nothing of ": lambda d, before: was_lost(d, "") or any(
+        not block.on for radio in d.radios for block in radio.blocks),
+    "what the drone reports is no number": lambda d, before: any(
+        value != value for radio in d.radios for value in radio.values.values()),
+    "the battery is empty": reads(lambda volts, limits: volts < limits["critical_v"], "pm.vbat"),
+    "the battery is low": reads(lambda volts, limits: volts < limits["low_v"], "pm.vbat"),
+    "the position is lost": reads(lambda variance, limits: not variance <= limits["lost_m2"],
+                                  "kalman.varPX", "kalman.varPY", "kalman.varPZ"),
+    "the drone is outside its fence": lambda d, before: any(map(any, (radio.drift for radio in d.radios))),
+    "the drone is far from its target": lambda d, before: any(map(any, (radio.drift for radio in d.radios))),
+    "the clock on board could not be measured: no targets in the log": something_failed,
+    "the clock on board runs at … of true time: no firmware is known to": lambda d, before: min(
+        abs(d.body.clock_rate - rate) for rate in (1.0, 84 / 85)) > 0.003,
+    "the word is written": written,
+    "nothing was started, the drone stands on the floor, maybe armed: where propellers turn, the firmware stops them "
+    "after 30 s. Switch it off before you touch it": stayed,
+    "it was found again to land": lambda d, before: (
+        bool(d.body.landings) and not d.outcome.startswith("falls")),
+    "the firmware levels the drone out after 0.5 s and stops its motors after 2 s: it falls": levels_and_falls,
+    "the drone flies to the end of its trajectory, hovers for 3 s and lands by itself, and 2 s later the firmware "
+    "stops its motors and locks it": flies_to_its_end,
+    "Stay behind the net until the propellers stand still; should they not, wait until the battery is empty": was_lost,
+    "motors stopped": is_off,
+    "nothing is heard of the drone, maybe not the stop of its motors either. …": was_lost,
+    "the link was lost as it came down: it heard the landing, and lands by itself. …": lands_by_itself,
+    "after three landings it still reads … m: motors stopped": is_off,
+    "there is a new link, but the drone says nothing. …": was_lost,
+    ": it has fallen": lambda d, before: d.body.fell_m > 0.05 and d.body.cut_by == WATCHDOG,
+    "it was found again, and the firmware has stopped its motors, ……": lambda d, before: (
+        d.body.locked and not d.body.on),
+    "it was found again, does not fly, and its motors are off": is_off,
+    "Landed. Close the shutter; Enter puts the lamps back as they were. ": lambda d, before: (
+        d.outcome == "landed" and d.down_at_prompt),
+    "another drone ended early": lambda d, before: d.another_ended,
+    **dict.fromkeys(FLOOR.replace("|\n", "|").split("|"), stayed),
+    **dict.fromkeys(PARTS.replace("|\n", "|").split("|"), always),
+}
+
+
+def pattern(text):
+    return re.compile(".+?".join(map(re.escape, text.split("…"))), re.S)
+
+
+# Longer sentences first: they hold shorter ones.
+PATTERNS = [(text, pattern(text), TRUE[text]) for text in sorted(TRUE, key=len, reverse=True)
+            if TRUE[text] is not always and text not in FLOOR.replace("|\n", "|").split("|")]
+
+
+def untrue(said, d):
+    """The sentences in what was said of a drone that are not true of it."""
+    wrong = []
+    for text, regex, claim in PATTERNS:
+        for match in list(regex.finditer(said)):
+            if not claim(d, said[:match.start()]):
+                wrong.append(text)
+            if len(text) > 20 and "…" not in text:
+                said = said[:match.start()] + "." * len(match[0]) + said[match.end():]
+    return wrong
+
+
+def swarm_stayed(ros, names):
+    return not any(ros.drones[name].flew for name in names)
+
+
+def swarm_reads(attribute, *values):
+    return lambda ros, names: any(getattr(ros.drones[name], attribute) != value
+                                  for name in names for value in values)
+
+
+def swarm_lands_alone(ros, names):
+    """It flies to the end of its trajectory and lands by itself, or has heard the landing."""
+    return all(ros.drones[name].outcome() in ("landed", "never took off") for name in names)
+
+
+# The same for the script of Crazyswarm2: claims about the double of its server and the drones named in a line.
+SWARM = {
+    "; if it took off and hears nothing, it flies to the end and lands by itself: stay behind the net until its "
+    "propellers stand still": swarm_lands_alone,
+    "…: no … topic for … s": swarm_reads("silent", ()),
+    "…: …: the firmware has stopped its motors": lambda ros, names: all(ros.drones[n].info & 2272 for n in names),
+    ", it falls": lambda ros, names: all(ros.drones[n].cut_by == "the firmware" or not ros.drones[n].started
+                                         for n in names),
+    "the battery is empty": swarm_reads("battery_v", 4.1),
+    "the position is lost": swarm_reads("sigma_m", 0.002),
+    "outside the volume that was checked": swarm_reads("carried", None),
+    "…: not known to be down, and not disarmed: stay behind the net until its propellers stand still":
+        lambda ros, names: not any(ros.drones[n].cut_by == "disarming" for n in names),
+    "…: armed, and still it cannot fly": swarm_stayed,
+    "the drones keep the controller and the gains of this flight until they restart": lambda ros, names: bool(
+        ros.of("setParam")),
+    "landing; Ctrl-C again cuts the motors": lambda ros, names: ros.pressed and bool(ros.of("land")),
+    "motors cut": lambda ros, names: bool(ros.of("emergency")),
+    "stopped by Ctrl-C or another signal": lambda ros, names: ros.pressed,
+    **dict.fromkeys("""warning: …: …|a deck has a fault|can fly|supervisor …|can fly or be armed|battery at rest|
+position settled|the server has no …: start it with the crazyflies.yaml beside this script|…: its firmware has no …|
+…: no … or status topic: start the server with the crazyflies.yaml beside this script|…………wanted: …|
+…: … is …, wanted …|by eye: the drones are …, carry the lamps of the plan, and stand with the room's middle as \
+x = y = 0|, a room of … m|wanted a release such as 2026.08|
+Shutter ready, everyone behind the net? Enter takes off, Ctrl-C ends. |error: …""".replace("|\n", "|").split("|"),
+                    always),
+}
+
+
+def untrue_of_swarm(said, ros):
+    """The sentences in what the script of Crazyswarm2 said that are not true of what the double did."""
+    wrong = []
+    for text, claim in SWARM.items():
+        for line in said.splitlines() if claim is not always else ():
+            names = [name for name in ros.drones if f"{name}:" in line] or list(ros.drones)
+            if pattern(text).search(line) and not claim(ros, names):
+                wrong.append(text)
+    return wrong
