@@ -443,9 +443,17 @@ mod tests {
 
     #[test]
     fn the_audience_is_beyond_what_a_drone_flies_and_falls() {
-        let (_, _, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
+        let (mut shoot, lighting, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
         assert!((1.0..4.0).contains(&hall.audience_from_m), "{}", hall.audience_from_m);
         assert!(hall.audience_y_m.unwrap() <= -hall.audience_from_m);
+        // Its columns may say what they will, and at a crawl people keep a meter.
+        let plan = &mut shoot.plans[0].plan;
+        plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.velocity_m_s *= 0.1));
+        let told = Ways::new(&shoot, &lighting.flights).audience_from_m;
+        assert_eq!(told, hall.audience_from_m);
+        let plan = &mut shoot.plans[0].plan;
+        plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= 20.0));
+        assert_eq!(Ways::new(&shoot, &[]).audience_from_m, 1.0);
         let (_, _, closet) = placed("I", 0.5, [2.0, 2.0, 2.5]);
         assert_eq!(closet.audience_y_m, None);
         assert!(closet.rows().iter().any(|[_, place]| place.starts_with("outside")));
