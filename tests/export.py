@@ -285,7 +285,7 @@ class Flights(unittest.TestCase):
 
     def test_ctrl_c_at_any_time_lands_from_there(self):
         for mode, name in (("position", "NOOR.py"), ("trajectory", "trajectory.py")):
-            for after_s in (1.3, 3.0, 9.0, 20.0):
+            for after_s in (1.5, 3.0, 9.0, 20.0):  # the first setpoint is sent after 1.35 s
                 after_s += 2.5 if mode == "trajectory" else 0.0
                 cf, _, ended = flight(load(name), mode, due=(after_s, interrupt))
                 self.assertIsInstance(ended, KeyboardInterrupt)
