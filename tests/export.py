@@ -198,6 +198,17 @@ class Flights(unittest.TestCase):
         pieces = struct.iter_unpack("<33f", content("turned.poly4d"))
         self.assertEqual({numbers[24:32] for numbers in pieces}, {(-1.5,) + (0.0,) * 7})
 
+    def test_a_heading_on_board_flies_by_a_firmware_that_reads_it(self):
+        turned, straight = load("turned.py"), load("trajectory.py")
+        for firmware in ("2023.11", "2025.12.1", "2026.04", "2026.08 +12", "my own"):
+            cf, _, ended = flight(turned, "trajectory", firmware=firmware)
+            self.assertIn("heading on board", str(ended), firmware)
+            self.assertEqual((cf.upload, cf.packets(HIGH_LEVEL, START)), (None, []), firmware)
+            for script, mode in ((turned, "position"), (straight, "trajectory")):
+                self.assertIsNone(flight(script, mode, firmware=firmware)[2], firmware)
+        for firmware in ("2026.08", "2026.08.1", "2026.10"):
+            self.assertIsNone(flight(turned, "trajectory", firmware=firmware)[2], firmware)
+
     def test_full_states_are_rounded_not_truncated(self):
         cf, _, _ = flight(self.script, "full_state")
         packets = cf.packets(COMMANDER, FULL_STATE)

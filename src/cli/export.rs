@@ -1,5 +1,6 @@
 //! `noctograph export`: plans for drones and other programs.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 
 use super::advice::mentioned;
@@ -14,6 +15,7 @@ use crate::preflight::{
 };
 use crate::shoot::Shoot;
 use crate::sim::SetpointKind;
+use noctograph_core::crazyflie::Release;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
@@ -45,8 +47,10 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
+    let release = Cell::new(Release::MODELED);
     let shoot = args.subject.shoot(
         |scene| {
+            release.set(scene.vehicle.firmware);
             args.profile.slow(&args.subject, scene);
             // The scripts find the clock of the drone, and pace by it.
             if scene.trajectory_clock() != 1.0 {
@@ -58,7 +62,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             Ok(())
         },
         &|plans| match trajectory {
-            Some((form, Length::OnBoard)) => check_memory(plans, form, tolerance_m),
+            Some((form, Length::OnBoard)) => check_memory(release.get(), plans, form, tolerance_m),
             _ => Ok(()),
         },
     )?;

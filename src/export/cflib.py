@@ -522,6 +522,10 @@ def connected(drone, mode, controller, set_gains):
         rate = known_clock(firmware)
         rows.append(("clock on board", f"{rate:.5f}" if rate else "measured at take-off",
                      "known or measured", True))
+        if DATA["trajectory"]["turns"]:
+            since, number = LIMITS["heading_release"], release(firmware)
+            rows.append(("heading on board", firmware or "no answer", f"{since} or newer, which reads it",
+                         bool(number and number >= release(since))))
     for what, decks in LIMITS["decks"]:
         found = [d for d in decks if drone.knows_param(f"deck.{d}") and drone.value(f"deck.{d}")]
         rows.append((f"deck for {what}", " ".join(found) or "none", " or ".join(decks), bool(found)))
@@ -571,6 +575,7 @@ def state(drone):
 HINTS = {
     "drone": "export for this drone: --scene cf21 or cf-brushless",
     "firmware": "update it with cfclient",
+    "heading on board": "update the firmware with cfclient, or fly --mode position",
     "names in the firmware": "fly the release for which this was made",
     "gains": "export with the drone's gains, or fly with --set-gains, which puts them back later",
     "state": "set it upright; switch it off and on again",

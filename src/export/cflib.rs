@@ -6,14 +6,14 @@
 
 use serde_json::{Value, json};
 
-use super::compressed::{Compressed, START_BYTES};
+use super::compressed::{Compressed, START_BYTES, YAW_BYTES};
 use super::lights::{Command, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
 use super::timeline::{Timeline, zero_s};
 use super::{Job, ascii, gains, stem, with_caution};
-use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, SLOW_CLOCK};
+use noctograph_core::crazyflie::{Feature, RING_TIMING_ENTRIES, Release, SLOW_CLOCK};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
@@ -68,7 +68,7 @@ pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
 
 /// Data of one drone for the cflib script, as JSON.
 fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
-    let plan = &job.plans[drone];
+    let (plan, release) = (&job.plans[drone], job.sim.vehicle.firmware);
     let stretch = Stretch::new(plan)?;
     let lights = commands(plan, job.light)?;
     let on_board = job.trajectory_lights(drone)?;
@@ -82,7 +82,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
 
     let sent_until_s = end_s(plan, &stretch, &lights);
     let trajectory = match job.trajectory_clock {
-        1.0 => Compressed::encode(plan, job.tolerance_m).and_then(|trajectory| {
+        1.0 => Compressed::encode_for(release, plan, job.tolerance_m).and_then(|trajectory| {
             job.flown.get(drone).map(|_| trajectory).ok_or_else(|| Error::Infeasible {
                 what: "as a trajectory on board the flight is not safe".into(),
                 hint: "export the trajectory to see why".into(),
@@ -146,6 +146,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "trajectory": {
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
             "start_bytes": START_BYTES,
+            "turns": bytes.get(YAW_BYTES) != Some(&[0; 2]),
             "start_s": zero_s(before_s),
             "refused": refused,
             "lights": command_rows(&on_board),
@@ -172,10 +173,11 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         .map(|corner_m| corner_m.map(|m| (1e6 * m).round() / 1e6));
     json!({
         "oldest_cflib": OLDEST_CFLIB,
-        "oldest_firmware": safety::OLDEST_FIRMWARE,
+        "oldest_firmware": Release::OLDEST.name(),
         "platforms": platform.map_or(&[] as &[_], safety::Platform::names),
         "decks": decks(&job.plans[drone], checks.positioning),
-        "slow_release": safety::LAST_SLOW_RELEASE,
+        "slow_release": Feature::CLOCK.last_without().name(),
+        "heading_release": Feature::HEADING.since.name(),
         "slow_clock": SLOW_CLOCK,
         "start_radius_m": safety::START_RADIUS_M,
         "nose_rad": safety::NOSE_RAD,

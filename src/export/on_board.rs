@@ -8,6 +8,7 @@ use super::compressed::Compressed;
 use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::Poly4d;
 use super::timeline::{Timeline, earliest_s};
+use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::settings;
 use noctograph_plan::{Plan, Setpoint, conflict};
@@ -47,17 +48,23 @@ pub enum Length {
     Any,
 }
 
-/// Plans as they are flown with trajectories that all start together. Time zero is the command to
-/// take off.
+/// Plans as a release flies them with trajectories that all start together. Time zero is the
+/// command to take off.
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`]; [`Error::Infeasible`] for trajectories on board
-/// where a drone that hovers at its start is in the way of another.
-pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Result<Vec<Plan>> {
+/// As [`Compressed::encode_for`] and [`Poly4d::fit`]; [`Error::Infeasible`] for trajectories on
+/// board where a drone that hovers at its start is in the way of another.
+pub fn flown(
+    release: Release,
+    plans: &[Plan],
+    form: Form,
+    tolerance_m: f64,
+    length: Length,
+) -> Result<Vec<Plan>> {
     let before_s = earliest_s(plans)?;
     let flown = plans.iter().map(|plan| {
-        let pieces = pieces(plan, form, tolerance_m, length)?;
+        let pieces = pieces(release, plan, form, tolerance_m, length)?;
         flown_alone(plan, before_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
@@ -75,24 +82,28 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Re
     })
 }
 
-/// Checks that the memory on board holds the trajectories of plans.
+/// Checks that the memory on board holds the trajectories of plans, and that a release flies them.
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`].
-pub fn check_memory(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<()> {
-    plans.iter().try_for_each(|plan| pieces(plan, form, tolerance_m, Length::OnBoard).map(drop))
+/// As [`Compressed::encode_for`] and [`Poly4d::fit`].
+pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f64) -> Result<()> {
+    let fits = |plan| pieces(release, plan, form, tolerance_m, Length::OnBoard).map(drop);
+    plans.iter().try_for_each(fits)
 }
 
 /// The pieces of a plan's trajectory.
 pub(super) fn pieces(
+    release: Release,
     plan: &Plan,
     form: Form,
     tolerance_m: f64,
     length: Length,
 ) -> Result<Vec<Polynomials>> {
     Ok(match (form, length) {
-        (Form::Compressed, Length::OnBoard) => Compressed::encode(plan, tolerance_m)?.polynomials(),
+        (Form::Compressed, Length::OnBoard) => {
+            Compressed::encode_for(release, plan, tolerance_m)?.polynomials()
+        }
         (Form::Compressed, Length::Any) => {
             Compressed::of_any_length(&Stretch::new(plan)?, tolerance_m)?.polynomials()
         }
@@ -167,7 +178,7 @@ mod tests {
     }
 
     fn flown_of(plans: &[Plan]) -> Vec<Plan> {
-        flown(plans, Form::Compressed, 0.002, Length::OnBoard).unwrap()
+        flown(Release::MODELED, plans, Form::Compressed, 0.002, Length::OnBoard).unwrap()
     }
 
     /// The setpoint of a plan at a time.
@@ -237,9 +248,10 @@ mod tests {
         assert!((there_m(11.0) - first_m).norm() > 0.05, "and writes from 10 s on");
         assert!(both[1].duration_s() + 2.9 < both[0].duration_s(), "the other one has not waited");
         let near = [one.clone(), moved(&one, 3.0, 0.2)];
-        let error = flown(&near, Form::Compressed, 0.002, Length::OnBoard).unwrap_err();
+        let of_length = |length| flown(Release::MODELED, &near, Form::Compressed, 0.002, length);
+        let error = of_length(Length::OnBoard).unwrap_err();
         assert!(error.to_string().contains("two drones come within 0."), "{error}");
         assert!(error.hint().contains("fewer drones"), "{}", error.hint());
-        assert!(flown(&near, Form::Compressed, 0.002, Length::Any).is_ok(), "a show is not flown");
+        assert!(of_length(Length::Any).is_ok(), "a show is not flown");
     }
 }

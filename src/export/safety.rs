@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
+use noctograph_core::crazyflie::{Feature, LEVEL_OUT_S, MOTORS_STOP_S, Release};
 use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
@@ -48,14 +48,8 @@ pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off
 /// empties no battery.
 pub const LOW_BATTERY_S: f64 = 5.0;
-/// The newest release whose microsecond clock, which paces trajectories on board, runs at
-/// [`noctograph_core::crazyflie::SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line
-/// 57 of 2026.08). Corrected by commit bb58cad, which no release has yet.
-pub const LAST_SLOW_RELEASE: &str = "2026.08";
 /// Oldest cflib that the script flies with: arming requests, and the commands of protocol 8 and up.
 pub const OLDEST_CFLIB: &str = "0.1.27";
-/// Oldest release of the firmware that has all that the script reads (`supervisor.info`).
-pub const OLDEST_FIRMWARE: &str = "2023.11";
 
 /// A drone as its firmware names it, with the limits that the firmware has for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -209,6 +203,8 @@ pub fn table() -> String {
         .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
     let [nose, level] = [NOSE_RAD, LEVEL_RAD].map(|rad| rad.to_degrees().round());
     let corner = 100.0 * CORNER_M;
+    let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
+    let [oldest, slow, heading] = releases.map(Release::name);
     format!(
         "\
 | what is checked | by | limit | from |
@@ -222,8 +218,9 @@ pub fn table() -> String {
 | the camera's place | `check` | some usual camera shows the whole word from within the room | `src/pipeline/preflight/placement.rs` |
 | cflib | cflib | {OLDEST_CFLIB} or newer | arming, protocol 8 |
 | drone and positioning, lamp and card decks | cflib | those of the scene | version port, `deck.*` |
-| firmware | cflib | {OLDEST_FIRMWARE} or newer; clock of trajectories 84/85 up to {LAST_SLOW_RELEASE} | `supervisor.c`, `usec_time.c` |
-| firmware's clock: the release is typed (`--firmware`) | Crazyswarm2 | 84/85 up to {LAST_SLOW_RELEASE}, and the trajectory sped up for it | its server reads no parameters |
+| firmware | cflib | {oldest} or newer; clock of trajectories 84/85 up to {slow} | `supervisor.c`, `usec_time.c` |
+| heading of a trajectory on board, unless it is 0 | `export`, cflib | firmware {heading} or newer | `pptraj_compressed.c` |
+| firmware's clock: the release is typed (`--firmware`) | Crazyswarm2 | 84/85 up to {slow}, and the trajectory sped up for it | its server reads no parameters |
 | names of parameters and logs | cflib, Crazyswarm2 | all on the drone | tables of contents of the drone |
 | state: can fly, not locked, tumbled, crashed, deck fault | cflib, Crazyswarm2, firmware | `supervisor.info`, before take-off; in the air the firmware itself stops the motors | `supervisor.c` |
 | position settled | cflib, Crazyswarm2 | σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband | `kalman.varP*` |

@@ -31,7 +31,7 @@ const FILM_MM: f64 = 36.0;
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`], without the limit of the memory, and [`commands`].
+/// As [`Compressed::of_any_length`], and [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let before_s = earliest_s(job.plans)?;
     let drones =

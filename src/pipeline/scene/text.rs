@@ -7,6 +7,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
 use super::{Preset, Scene, implied};
+use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Place, Result, Segment};
 use noctograph_core::settings::{
     Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
@@ -160,13 +161,25 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
 ///
 /// [`Error::Input`] with the line of a syntax error, an unknown key or an unknown name.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
-    let table: Table = toml.parse().map_err(|error: toml::de::Error| {
+    let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
         let actual = error.message().replace('\n', "; ");
         Error::input("", actual, "keys and values of a scene", HINT).in_file(file, line)
     })?;
+    name_release(&mut table);
     check_keys(&table).map_err(|error| with_line(error, toml, file))?;
     Ok(table)
+}
+
+/// Names the release of a firmware with the number of a patch (`2025.12.1`).
+fn name_release(table: &mut Table) {
+    let vehicle = table.get_mut("vehicle").and_then(Value::as_table_mut);
+    let firmware = vehicle.and_then(|vehicle| vehicle.get_mut("firmware"));
+    if let Some(Value::String(name)) = firmware
+        && let Some(release) = Release::named(name)
+    {
+        release.name().clone_into(name);
+    }
 }
 
 /// Checks that all keys and names of a scene's table exist.
@@ -311,7 +324,8 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
     for part in key.rsplit('.') {
         value = Value::Table([(part.to_owned(), value)].into_iter().collect());
     }
-    let Value::Table(table) = value else { unreachable!("a key has at least one part") };
+    let Value::Table(mut table) = value else { unreachable!("a key has at least one part") };
+    name_release(&mut table);
     check_keys(&table)?;
     Ok(table)
 }

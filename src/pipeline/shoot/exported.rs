@@ -21,7 +21,8 @@ impl Shoot {
             LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
             LightClock::Light => aim(&self.scene, &lamps, &plan, &rehearse(&self.scene, &plan)?),
         };
-        let plans = flown(&designs, form, tolerance_m, length)?.into_iter().map(timed);
+        let release = self.scene.vehicle.firmware;
+        let plans = flown(release, &designs, form, tolerance_m, length)?.into_iter().map(timed);
         Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
     }
 
@@ -44,7 +45,8 @@ impl Shoot {
     ///
     /// As [`flown`].
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
-        let plans = flown(&self.designs(), Form::Compressed, tolerance_m, Length::Any)?;
+        let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
+        let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;
         let lamps = self.lamps();
         Ok(plans.into_iter().map(|plan| as_lit(plan, &lamps)).collect())
     }
@@ -101,7 +103,9 @@ mod tests {
         for form in [Form::Compressed, Form::Poly4d] {
             let exported = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard).unwrap();
             let Planned { plan, ends: timed } = &exported.plans[0];
-            let flown = flown(&shoot.designs(), form, form.tolerance_m(), Length::OnBoard).unwrap();
+            let (release, within_m) = (shoot.scene.vehicle.firmware, form.tolerance_m());
+            let designs = shoot.designs();
+            let flown = flown(release, &designs, form, within_m, Length::OnBoard).unwrap();
             let flight = rehearse(&shoot.scene, &flown[0]).unwrap();
             let as_designed = ends(&shoot.scene, &flown[0], &flight).unwrap();
             let (timed_m, as_designed_m) = (worst_m(timed), worst_m(&as_designed));

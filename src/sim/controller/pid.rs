@@ -18,6 +18,7 @@ use nalgebra::{Vector3, Vector4};
 use super::{Command, Controller, Reference};
 use crate::options::{PidOptions, SimOptions};
 use crate::vehicle::{Mixer, State, attitude, position, rate, velocity};
+use noctograph_core::crazyflie::Feature;
 
 /// Full command of a motor in the firmware.
 const FULL: f64 = 65_535.0;
@@ -168,7 +169,7 @@ impl PidCascade {
             wanted: [0.0; 2],
             thrust: 0.0,
             thrust_base,
-            resets: vehicle.firmware.resets_loops(),
+            resets: vehicle.firmware.has(&Feature::RESET),
         }
     }
 

@@ -19,7 +19,7 @@ settings! {
     /// `docs/functional-areas/pwm-to-thrust.md`); propellers of radius 23 mm, 30 mm above the floor
     /// (constants of the ground-effect module in `XinLong-Li/cf-frimware-2022-12`).
     pub struct VehicleOptions {
-        /// Release of the Crazyflie's firmware.
+        /// Release of the Crazyflie's firmware, with or without the number of a patch.
         firmware: Release = Release::MODELED;
         /// Mass with battery and decks.
         mass_kg: f64 = 0.0351, in 1e-3..=100.0;
