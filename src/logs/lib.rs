@@ -54,6 +54,7 @@ mod firmware;
 mod foreign;
 mod frames;
 mod gathered;
+mod half_precision;
 mod json_tree;
 mod mapper;
 mod mocap;
@@ -325,6 +326,7 @@ fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) ->
     recording.name_apart();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
     clock::repair_stamps(&mut recording, options)?;
+    half_precision::restore(&mut recording);
     frames::resolve_axes(&mut recording, options)?;
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();
