@@ -389,6 +389,8 @@ fn round_mm(x_m: f64) -> i16 {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
     use super::super::pieces::motion;
     use super::super::tests::{assert_same, checked_m, decoded, read, waves};
     use super::*;
@@ -447,7 +449,7 @@ mod tests {
                 assert!(encoded.is_err() || encoded.unwrap().yaw == tenths(yaw_rad));
             }
         }
-        let turned = Plan::made(PlanData { yaw_rad: -1.5708, ..beside().into_data() });
+        let turned = Plan::made(PlanData { yaw_rad: -FRAC_PI_2, ..beside().into_data() });
         let error = Compressed::encode_for(Release::R2025_12, &turned, 0.0001).unwrap_err();
         let wanted = "vehicle.firmware: found 2025.12, which flies a compressed trajectory with a \
                       heading of -90° (plan.yaw_rad) at -142°, wanted 2026.08 or newer, or a \
