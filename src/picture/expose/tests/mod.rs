@@ -462,8 +462,7 @@ fn broken_samples_are_refused_by_lamp_and_time() {
     fn refused(spoil: fn(&mut Lamp)) -> String {
         let mut lamp = figure(10);
         spoil(&mut lamp);
-        let trace = LightTrace::made(LightTraceData { lamps: vec![lamp] });
-        project(&trace, &camera(64, 48), &ExposeOptions::default()).expect_err("broken").to_string()
+        LightTrace::new(LightTraceData { lamps: vec![lamp] }).expect_err("broken").to_string()
     }
     let text = refused(|lamp| lamp.samples[5].position_m.z = f64::NAN);
     assert!(text.contains("`headlight` at 0.02 s: position"), "{text}");
