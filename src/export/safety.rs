@@ -236,7 +236,7 @@ pub fn table() -> String {
 | fence | cflib, Crazyswarm2 | {FENCE_M} m outside the volume that the plan keeps, for {WRONG_S} s | half of what the volume keeps from walls |
 | distance from the target | cflib | {STRAY_M} m for {WRONG_S} s | PID trails by 0.45 m at 0.8 m/s |
 | numbers: place, variances, angles, battery | cflib, Crazyswarm2 | before take-off and, for {WRONG_S} s, in the air | what is no number is above no limit |
-| silence of the radio | cflib, Crazyswarm2, firmware | firmware, with setpoints: {LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off; cflib: 1 s without one of the log blocks; Crazyswarm2: {MOTORS_STOP_S:.0} s without one of its topics: all land | `supervisor.c` |
+| silence of the radio | cflib, Crazyswarm2, firmware | firmware, with setpoints: {LEVEL_OUT_S} s: levels out, {MOTORS_STOP_S:.0} s: motors off; cflib: 1 s without one of the log blocks, and over a new link where nothing at all is heard; Crazyswarm2: {MOTORS_STOP_S:.0} s without one of its topics: all land | `supervisor.c` |
 | geometry of Lighthouse (`--check-geometry`) | cflib | {corner:.0} cm at the corners of the canvas | a student's hand and ruler |
 "
     )

@@ -115,14 +115,22 @@ fn only_here(path: &Path, create: bool) -> Result<File> {
     options.open(path)
 }
 
-/// Whether a temporary file or folder is of a program that has ended.
-fn is_left_behind(path: &Path) -> bool {
+/// Removes a temporary file or folder of a program that has ended. It is locked until it is gone:
+/// its program may just have made it and be about to lock it.
+fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
     #[cfg(windows)]
-    if path.is_dir() {
-        let fault = only_here(&path.join(LOCK), false).err();
-        return fault.is_none_or(|error| error.kind() == std::io::ErrorKind::NotFound);
+    if is_folder {
+        match only_here(&path.join(LOCK), false) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error),
+            _ => return std::fs::remove_dir_all(path),
+        }
     }
-    File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+    let file = File::open(path)?;
+    file.try_lock()?;
+    match is_folder {
+        true => std::fs::remove_dir_all(path),
+        false => std::fs::remove_file(path),
+    }
 }
 
 /// Removes temporary files of ended processes.
@@ -134,13 +142,8 @@ fn remove_leftovers(folder: &Path) {
         // Others, such as a pipe, could block when they are opened.
         let opens = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
         let Some(kind) = entry.file_type().ok().filter(opens) else { continue };
-        if is_left_behind(&path) {
-            // A file that stays does no harm.
-            let _ = match kind.is_dir() {
-                true => std::fs::remove_dir_all(&path),
-                false => std::fs::remove_file(&path),
-            };
-        }
+        // A file that stays does no harm.
+        let _ = remove_left_behind(&path, kind.is_dir());
     }
 }
 
