@@ -30,9 +30,9 @@ fn word() -> Plan {
     let strokes = write("NOOR", &LetterOptions::default()).expect("it is written");
     let letters = PlanOptions { extent: Extent::Letters, ..Default::default() };
     let mut plan = plan(&strokes, &letters).expect("it is planned");
-    plan.setpoints.retain(|setpoint| setpoint.time_s <= SECONDS);
+    plan.edit(|plan| plan.setpoints.retain(|setpoint| setpoint.time_s <= SECONDS));
     let n = plan.setpoints.len();
-    plan.lights.values_mut().for_each(|column| column.truncate(n));
+    plan.edit(|plan| plan.lights.values_mut().for_each(|column| column.truncate(n)));
     plan
 }
 

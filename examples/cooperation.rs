@@ -164,7 +164,7 @@ fn photos(seed: u64, folder: &Path) -> Outcome<()> {
     std::fs::create_dir_all(folder)?;
     for (number, (name, scene, set)) in SETUPS.iter().enumerate() {
         let photo = seeded(&shoot(scene, set)?, seed).take(&|_, _| {})?.photo;
-        let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.rgb8);
+        let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.into_data().rgb8);
         let file = folder.join(format!("{} {name}.png", number + 1));
         picture.ok_or("three bytes a pixel")?.save(file)?;
     }

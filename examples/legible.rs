@@ -143,7 +143,8 @@ fn heights() -> Outcome<()> {
                 let (verdict, photo) = shoot(&scene, "NOOR")?;
                 reads += usize::from(verdict.legible);
                 if seed == SEEDS[0] {
-                    let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.rgb8);
+                    let picture =
+                        RgbImage::from_raw(photo.width_px, photo.height_px, photo.into_data().rgb8);
                     let picture = picture.ok_or("three bytes a pixel")?;
                     let place = [column * size_px[0], row * size_px[1]].map(i64::from);
                     imageops::replace(&mut sheet, &picture, place[0], place[1]);

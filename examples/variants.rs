@@ -16,8 +16,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{self, FilterType};
 use image::{ImageFormat, Rgb, RgbImage};
 use noctograph::letters::{LetterOptions, write};
-use noctograph::photo::Photo;
-use noctograph::score::{Reader, ScoreOptions, locate, read};
+use noctograph::photo::{Photo, PhotoData};
+use noctograph::score::{Reader, ScoreOptions, find_word, read};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -120,18 +120,18 @@ fn word_of(name: &str) -> &str {
 
 /// What is read told the word, whether it is legible, and what is read blind.
 fn readings(picture: RgbImage, name: &str) -> Outcome<(String, bool, String)> {
-    let photo = Photo {
+    let photo = Photo::made(PhotoData {
         width_px: picture.width(),
         height_px: picture.height(),
         rgb8: picture.into_raw(),
         scene_toml: None,
-    };
+    });
     let word = word_of(name);
     let font = if name.ends_with("-0") { "ae483" } else { "simplex" };
     let options = LetterOptions { font: font.into(), ..Default::default() };
     let strokes = write(word, &options)?;
     let reading = read(&photo);
-    let told = match locate(&photo, &reading, &strokes)? {
+    let told = match find_word(&photo, &reading, &strokes)? {
         None => ("-".to_owned(), false),
         Some(view) => {
             let verdict = Reader::new(&strokes, &ScoreOptions::default())?.score(&photo, &view)?;

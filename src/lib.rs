@@ -35,8 +35,7 @@
 //! | `features` | no code: features of packages, so that the tests of one crate reuse the program's build | nothing |
 //! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
 //! | `plan` | Strokes → [`plan::Plan`]; [`tracking`]: a flight against its plan | `core` |
-//! | `control` | [`control`]: linear systems, regulators, margins; no drone | `core` |
-//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`estimate`], the loop ([`sim`]) | `control`, `core` |
+//! | `sim` | Plan → [`flight::Flight`]: [`vehicle`], [`sensors`], [`kalman`], the loop ([`sim`]), and the mathematics of linear systems ([`control`]), which knows no drone | `core` |
 //! | `picture` | Flight → [`light::LightTrace`] → [`expose::Film`] → [`photo::Photo`], on a graphics device (feature `gpu`) or the CPU | `core` |
 //! | `score` | Photo → [`score::Verdict`] | `core` |
 //! | `logs` | a real flight's log → Flight; [`identify`]: Flight → parameters of its drone | `core`, `sim` |
@@ -44,14 +43,13 @@
 //! | `export` | Plan → files for drones and other programs | `core`, `plan`, `sim` |
 //! | `pipeline` | [`scene`], [`shoot`] (the one place where stages are chained), [`preflight`] | `core`, `export`, `letters`, `logs`, `picture`, `plan`, `score`, `sim` |
 //! | `studies` | [`studies`] of many flights, [`comparison`] of two, [`report`] | `core`, `letters`, `logs`, `picture`, `pipeline`, `plan`, `score`, `sim` |
-//! | `web` | what a page asks for → its photograph as JSON, on a server or as a WebAssembly module in the browser | `core`, `export`, `picture`, `pipeline` |
-//! | `serve` | the page for visitors with its queue and its wall, over HTTP | `core`, `export`, `pipeline`, `web` |
+//! | `photo_service` | what a page asks for → its photograph with typed facts, on a server or as a WebAssembly module in the browser | `core`, `export`, `picture`, `pipeline`, `score`, `sim` |
+//! | `serve` | the page for visitors with its queue and its wall, over HTTP | `core`, `export`, `photo_service`, `pipeline`, `score` |
 //! | `noctograph` | the program: [`cli`] with arguments, tables, exit codes | `core`, `export`, `letters`, `locate`, `logs`, `picture`, `pipeline`, `plan`, `score`, `serve`, `sim`, `studies` |
 //! | `python` | the bindings of the Python package, whose functions are the commands of [`cli`] | `core`, `noctograph` |
 //!
-//! Two crates stand before `core` and `sim` so that each holds one subject. `features` has no code:
-//! without it the tests of any one crate would build some thirty packages anew. `control` is the
-//! mathematics of linear systems: it knows no drone, and is tested without one.
+//! `features` has no code: without it the tests of any one crate would build some thirty packages
+//! anew.
 //!
 //! Rules beside these dependencies:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
@@ -77,7 +75,7 @@ pub use noctograph_logs::identify;
 pub use noctograph_picture::{expose, light, photo};
 pub use noctograph_pipeline::{preflight, scene, shoot};
 pub use noctograph_plan::{self as plan, tracking};
-pub use noctograph_sim::{self as sim, control, estimate, sensors, vehicle};
+pub use noctograph_sim::{self as sim, control, kalman, sensors, vehicle};
 pub use noctograph_studies::{self as studies, comparison, report};
 pub use {
     noctograph_export as export, noctograph_letters as letters, noctograph_locate as locate,

@@ -13,9 +13,5 @@ fn main() -> ExitCode {
         // SAFETY: no other thread runs yet that could read the environment meanwhile.
         unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
     }
-    // The stack of the main thread may be too small to parse the arguments (`ulimit -s`).
-    match std::thread::Builder::new().stack_size(cli::STACK).spawn(cli::main) {
-        Ok(main) => main.join().unwrap_or(ExitCode::from(101)),
-        Err(_) => cli::main(),
-    }
+    cli::main().into()
 }

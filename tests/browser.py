@@ -11,6 +11,7 @@ from pathlib import Path
 from playwright.sync_api import Error, sync_playwright
 
 PAGES = Path(__file__).resolve().parent.parent / "src/serve/page"
+CHROMIUM = os.environ.get("NOCTOGRAPH_CHROMIUM", "/usr/bin/chromium")  # tests/chromium
 # Time after which what is waited for counts as endless, on a busy machine too.
 PATIENCE_S = 300
 PHONE, TABLET, DESK, WALL = [{"width": w, "height": h} for w, h in [(390, 844), (768, 1024), (1440, 900), (3840, 2160)]]

@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 
-from browser import Server, cpu_s, opened, ready, sync_playwright, until
+from browser import CHROMIUM, Server, cpu_s, opened, ready, sync_playwright, until
 
 WORDS = "AMARA BENJAMIN CHLOE DMITRI ELENA FELIX GABRIEL HANNAH IBRAHIM JULIA KENJI LUCIA MATTEO NADIA OLIVER PAULA QUENTIN ROSA SAMIRA THEO".split()
 program = sys.argv[1]
@@ -82,7 +82,7 @@ try:
     for n in range(3):
         ask(server, "warm", n, WORDS[n])
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         median, late = answers_keystrokes(browser, server.page)
         browser.close()
     print(f"in Chromium, decoded and with its verdict: median {median:.0f} ms, p95 {late:.0f} ms; load {os.getloadavg()[0]:.1f}")

@@ -994,7 +994,7 @@ def main():
     tests = [test for name, test in globals().items() if callable(test) and "hall" in getattr(getattr(test, "__code__", None), "co_varnames", ())[:1]]
     hall, failed = Hall(), 0
     with sync_playwright() as playwright:
-        hall.browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        hall.browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         server = Server(PROGRAM)
         hall.page = server.page
         try:

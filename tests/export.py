@@ -198,14 +198,25 @@ class Flights(unittest.TestCase):
         pieces = struct.iter_unpack("<33f", content("turned.poly4d"))
         self.assertEqual({numbers[24:32] for numbers in pieces}, {(-1.5,) + (0.0,) * 7})
 
+    def test_a_heading_on_board_flies_by_a_firmware_that_reads_it(self):
+        turned, straight = load("turned.py"), load("trajectory.py")
+        for firmware in ("2023.11", "2025.12.1", "2026.04", "2026.08 +12", "my own"):
+            cf, _, ended = flight(turned, "trajectory", firmware=firmware)
+            self.assertIn("heading on board", str(ended), firmware)
+            self.assertEqual((cf.upload, cf.packets(HIGH_LEVEL, START)), (None, []), firmware)
+            for script, mode in ((turned, "position"), (straight, "trajectory")):
+                self.assertIsNone(flight(script, mode, firmware=firmware)[2], firmware)
+        for firmware in ("2026.08", "2026.08.1", "2026.10"):
+            self.assertIsNone(flight(turned, "trajectory", firmware=firmware)[2], firmware)
+
     def test_full_states_are_rounded_not_truncated(self):
         cf, _, _ = flight(self.script, "full_state")
         packets = cf.packets(COMMANDER, FULL_STATE)
-        t, _, p, v, a = self.data["setpoints"][40]
+        t, sent, v, a = self.data["setpoints"][40]
         zero_s = packets[0][0] - self.data["setpoints"][0][0]
         near = min(packets, key=lambda s: abs(s[0] - zero_s - t))
         found = struct.unpack("<hhhhhhhhh", near[1][1:19])
-        want = [1000 * value for vector in (p, v, a) for value in vector]
+        want = [1000 * value for vector in (sent, v, a) for value in vector]
         self.assertTrue(all(abs(f - w) <= 0.5001 for f, w in zip(found, want)), (found, want))
 
     def test_a_trajectory_is_uploaded_started_and_left_by_landing(self):

@@ -4,7 +4,7 @@ import re
 import sys
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
+from browser import CHROMIUM, sync_playwright
 
 report, folder = Path(sys.argv[1]).resolve(), Path(sys.argv[2])
 assert report.stat().st_size <= 2_000_000, f"{report.stat().st_size} bytes"
@@ -27,7 +27,7 @@ def pixels(page):
 
 
 with sync_playwright() as playwright:
-    browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
 
     page, trouble = opened(browser, viewport={"width": 1280, "height": 800})
     assert "JUNE reads as" in page.inner_text(".lead")

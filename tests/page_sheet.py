@@ -76,7 +76,7 @@ def sends(page):
 
 with sync_playwright() as playwright, tempfile.TemporaryDirectory() as gallery:
     folder.mkdir(parents=True, exist_ok=True)
-    browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
     server, kiosk = Server(program, "--gallery", gallery, "--network"), None
     url = server.page
     try:

@@ -296,7 +296,7 @@ def takes_advice(browser, url):
 
 
 with sync_playwright() as playwright:
-    browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
     server, team = Server(sys.argv[1]), Server(sys.argv[1], "--scene", "team")
     try:
         types_reads_and_downloads(browser, server.page)

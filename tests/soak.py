@@ -94,7 +94,7 @@ if __name__ == "__main__":
         print(f"visitor {number}: median {statistics.median(times):.1f} s, p95 {sorted(times)[int(0.95 * len(times))]:.1f} s; {figures}; load {os.getloadavg()[0]:.1f}", flush=True)
 
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         times, n_waits = soak(browser, sys.argv[1], int(sys.argv[2]) if len(sys.argv) > 2 else 500, tell)
         browser.close()
     print(f"{len(times)} visitors in {sum(times) / 60:.0f} minutes, none refused; {n_waits} times one waited for a free place")

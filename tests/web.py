@@ -11,7 +11,6 @@ import io
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 import tempfile
@@ -360,7 +359,7 @@ def no_network_is_needed(browser):
 if __name__ == "__main__":
     host = Host()
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         for drive in (a_link_opens_with_what_it_says, an_old_browser_is_told_so, files_are_saved, a_broken_link_opens_the_page,
                       drawings_and_pictures_are_photographed, a_log_gives_its_photograph, an_element_stands_in_any_page,
                       the_same_bytes):  # fmt: skip

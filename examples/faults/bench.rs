@@ -247,16 +247,18 @@ impl Setting {
         let letters: Vec<Option<usize>> = letters.collect();
         let n_letters = letters.iter().flatten().max().map_or(0, |last| last + 1);
         for letter in 0..n_letters {
-            for levels in plan.lights.values_mut() {
-                let lit: Vec<usize> = (0..letters.len())
-                    .filter(|&row| letters[row] == Some(letter) && levels[row] > 0.0)
-                    .collect();
-                // The golden ratio: places spread over the letters of all words.
-                let place = ((self.actual.seed as f64 + letter as f64) * 0.618_034).fract();
-                let from = share_of(lit.len(), place * (1.0 - self.missing_frac));
-                let run = share_of(lit.len(), self.missing_frac);
-                lit.iter().skip(from).take(run).for_each(|&row| levels[row] = 0.0);
-            }
+            plan.edit(|plan| {
+                for levels in plan.lights.values_mut() {
+                    let lit: Vec<usize> = (0..letters.len())
+                        .filter(|&row| letters[row] == Some(letter) && levels[row] > 0.0)
+                        .collect();
+                    // The golden ratio: places spread over the letters of all words.
+                    let place = ((self.actual.seed as f64 + letter as f64) * 0.618_034).fract();
+                    let from = share_of(lit.len(), place * (1.0 - self.missing_frac));
+                    let run = share_of(lit.len(), self.missing_frac);
+                    lit.iter().skip(from).take(run).for_each(|&row| levels[row] = 0.0);
+                }
+            });
         }
     }
 }

@@ -54,7 +54,8 @@ fn sheet(path: &Path) -> Outcome<()> {
             let mut setting = Setting::clean(word, 2);
             (fault.turn)(&mut setting, level)?;
             let photo = setting.shoot()?.photo;
-            let picture = RgbImage::from_raw(photo.width_px, photo.height_px, photo.rgb8);
+            let picture =
+                RgbImage::from_raw(photo.width_px, photo.height_px, photo.into_data().rgb8);
             let picture = DynamicImage::ImageRgb8(picture.ok_or("three bytes a pixel")?);
             let width = SHOWN * f64::from(picture.width());
             let height = width * f64::from(SIZE_PX[1]) / f64::from(SIZE_PX[0]);

@@ -313,7 +313,7 @@ fn lose_light(plan: &mut Plan, share: f64, rng: &mut Rng) {
         let run = (share.min(1.0) * lit.len() as f64) as usize;
         let start = rng.below(lit.len() - run + 1);
         for row in &lit[start..start + run] {
-            plan.lights.values_mut().for_each(|levels| levels[*row] = 0.0);
+            plan.edit(|plan| plan.lights.values_mut().for_each(|levels| levels[*row] = 0.0));
         }
     }
 }

@@ -3,6 +3,7 @@
 
 use clap::Command;
 
+use super::outcome::typed_words;
 use super::{Error, typefaces};
 use crate::scene::{Change, Scene};
 use noctograph_core::settings::{Described, paths};
@@ -45,7 +46,7 @@ pub(super) fn typed(changes: &[Change]) -> String {
 }
 
 /// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 19] = [
+const FLAGS: [(&str, &str, &str); 21] = [
     (
         "a letter of the word",
         "font",
@@ -72,6 +73,8 @@ const FLAGS: [(&str, &str, &str); 19] = [
     ("plan.drones", "style even", "lets several drones share a word"),
     ("plan.style", "style", "sets the way of flying"),
     ("sensors.lighthouse.stations", "lighthouse", "reads the base stations from cfclient's file"),
+    ("word or file", "drawing", "draws a picture, or strokes as JSON"),
+    ("word or file", "scene", "takes the scene of a file or a folder"),
     ("times", "period", "gives a table without times its seconds from row to row"),
 ];
 
@@ -89,7 +92,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     // A flag already given is not advised.
     fn is_typed(flag: &str) -> bool {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
-        std::env::args().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
+        typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
     }
     let special =
         FLAGS.iter().filter(|(place, flag, _)| *place == path && has(flag) && !is_typed(flag));

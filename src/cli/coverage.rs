@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use super::letters::LetterFlags;
-use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word};
+use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word, typed_word};
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
 use crate::scene::Scene;
@@ -21,6 +21,9 @@ pub(super) struct CoverageArgs {
     /// Word at the center of the map [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
+    /// The word, also where a file is called so
+    #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
+    as_word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
@@ -41,8 +44,8 @@ pub(super) struct CoverageArgs {
 
 pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     let mut scene = args.scene.load(&[], &args.letters.settings(false, false))?;
-    if let Some(word) = &args.word {
-        set_word(&mut scene, word)?;
+    if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
+        set_word(&mut scene, word);
     }
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);

@@ -1,6 +1,7 @@
 //! The graphics driver, tried once in a process of its own: one that hangs or crashes must not take
 //! the program with it. The result is remembered for this driver.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -27,9 +28,17 @@ const VARIABLES: [&str; 5] = [
     "LD_LIBRARY_PATH",
 ];
 
-/// Folders of the lists of drivers.
-const FOLDERS: [&str; 3] =
-    ["/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d"];
+/// Places that change with the drivers: folders of their lists, and the version of macOS, which has
+/// its drivers within it.
+const LISTS: [&str; 4] = [
+    "/etc/vulkan/icd.d",
+    "/usr/share/vulkan/icd.d",
+    "/usr/local/share/vulkan/icd.d",
+    "/System/Library/CoreServices/SystemVersion.plist",
+];
+
+/// Where Windows keeps each driver that was installed, below its own folder.
+const DRIVER_STORE: &str = r"System32\DriverStore\FileRepository";
 
 /// The backend to expose on: with [`BackendChoice::Auto`], the processor in place of a driver that
 /// hangs or crashes.
@@ -45,8 +54,8 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     let memory = memory();
     let known = memory.as_deref().and_then(|path| std::fs::read_to_string(path).ok());
     let fault = known.map(|text| text.trim().to_owned()).unwrap_or_else(|| {
-        let program = std::env::current_exe();
-        let fault = program.ok().and_then(|path| fault(Command::new(path).args(TRIAL), PATIENCE));
+        let program = super::started::program();
+        let fault = program.ok().and_then(|mut program| fault(program.args(TRIAL), PATIENCE));
         let fault = fault.unwrap_or_default();
         if let Some(path) = memory.as_ref().filter(|_| fault != UNTRIED) {
             // Without a memory the next run tries again.
@@ -79,7 +88,7 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
     let begun = Instant::now();
     while begun.elapsed() < patience {
         match child.try_wait() {
-            Ok(Some(status)) => return status.code().is_none().then_some("crashes"),
+            Ok(Some(status)) => return (!ended_by_itself(status.code())).then_some("crashes"),
             Ok(None) => std::thread::sleep(Duration::from_millis(2)),
             Err(_) => return None,
         }
@@ -90,21 +99,41 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
     Some("hangs")
 }
 
+/// Whether a trial ended with its report or its error message. A crash has no exit code on Unix,
+/// one like -1073741819 on Windows, and a panic has 101.
+fn ended_by_itself(code: Option<i32>) -> bool {
+    matches!(code, Some(0 | 2))
+}
+
+/// The folder of the system named for what programs remember.
+fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    if let Some(folder) = variable("XDG_CACHE_HOME") {
+        return Some(folder.into());
+    }
+    match system {
+        "windows" => variable("LOCALAPPDATA").map(PathBuf::from),
+        "macos" => Some(Path::new(&variable("HOME")?).join("Library/Caches")),
+        _ => Some(Path::new(&variable("HOME")?).join(".cache")),
+    }
+}
+
 /// The file that remembers the result for the present drivers.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn memory() -> Option<PathBuf> {
-    let variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
-    let folder = variable("XDG_CACHE_HOME").map(PathBuf::from);
-    let folder = folder.or_else(|| Some(Path::new(&variable("HOME")?).join(".cache")))?;
+    let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    let folder = cache(std::env::consts::OS, variable)?;
     let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
     for name in VARIABLES {
         drivers += &format!("\n{name}={:?}", variable(name));
     }
     drivers += &std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-    for folder in FOLDERS {
-        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let store = variable("SystemRoot").map(|windows| Path::new(&windows).join(DRIVER_STORE));
+    for place in LISTS.into_iter().map(PathBuf::from).chain(store) {
+        let entries = std::fs::read_dir(&place).into_iter().flatten().flatten();
         let mut lists: Vec<String> = entries
-            .filter_map(|entry| Some((entry.path(), entry.metadata().ok()?)))
+            .map(|entry| entry.path())
+            .chain([place])
+            .filter_map(|path| path.metadata().ok().map(|list| (path, list)))
             .map(|(path, list)| format!("\n{path:?} {} {:?}", list.len(), list.modified().ok()))
             .collect();
         lists.sort();
@@ -114,11 +143,32 @@ fn memory() -> Option<PathBuf> {
     Some(folder.join("noctograph").join(format!("driver-{key}")))
 }
 
-#[cfg(unix)]
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_crash_is_known_by_its_exit_code_on_each_system() {
+        let crashes = [None, Some(-1_073_741_819), Some(-1_073_740_791), Some(3), Some(101)];
+        assert!(!crashes.into_iter().any(ended_by_itself), "signal, Windows' faults, panic");
+        assert!([Some(0), Some(2)].into_iter().all(ended_by_itself), "a driver, or its own error");
+    }
+
+    #[test]
+    fn each_system_has_a_folder_that_remembers() {
+        let windows = |name: &str| (name == "LOCALAPPDATA").then(|| "C:/Local".into());
+        let unix = |name: &str| (name == "HOME").then(|| "/home/me".into());
+        let named = |name: &str| Some(format!("/{name}").into());
+        assert_eq!(cache("windows", windows), Some("C:/Local".into()));
+        assert_eq!(cache("macos", unix), Some("/home/me/Library/Caches".into()));
+        assert_eq!(cache("linux", unix), Some("/home/me/.cache".into()));
+        for system in ["windows", "macos", "linux"] {
+            assert_eq!(cache(system, named), Some("/XDG_CACHE_HOME".into()), "{system}");
+        }
+        assert_eq!(cache("linux", windows), None);
+    }
+
+    #[cfg(unix)]
     #[test]
     fn a_driver_that_hangs_or_crashes_is_seen_and_one_that_is_missing_is_no_fault() {
         let shell =
@@ -126,6 +176,7 @@ mod tests {
         assert_eq!(shell("exit 0", 300), None);
         assert_eq!(shell("exit 2", 300), None, "no driver");
         assert_eq!(shell("kill -SEGV $$", 300), Some("crashes"));
+        assert_eq!(shell("exit 101", 300), Some("crashes"), "a panic");
         assert_eq!(shell("exec sleep 600", 1), Some("hangs"));
     }
 

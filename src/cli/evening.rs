@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::studies::{counter, shortened};
-use super::{OutputFolder, Report, Result, json, shell_word, warn_of};
+use super::{OutputFolder, Report, Result, json, shell_word, warn, warn_of};
 use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
 use crate::scene::Scene;
@@ -16,7 +16,11 @@ pub(super) fn run(
     options: &ImportOptions,
     output: &Path,
 ) -> Result<Report> {
-    let bar = counter("reading", logs_in(folder)?.len());
+    let (logs, others) = logs_in(folder)?;
+    if !others.is_empty() {
+        warn([format!("{}: not read as logs: {}", folder.display(), others.join(", "))]);
+    }
+    let bar = counter("reading", logs.len());
     let evening = Evening::import(folder, options, scene, &bar)?;
     drop(bar);
     for log in &evening.logs {

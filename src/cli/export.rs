@@ -1,5 +1,6 @@
 //! `noctograph export`: plans for drones and other programs.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 
 use super::advice::mentioned;
@@ -11,9 +12,10 @@ use crate::export::{Form, Format, Length, Mode, check_memory, end_heights_m, ste
 use crate::plan::Plan;
 use crate::preflight::{
     Checked, CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, Severity,
+    make_exportable,
 };
 use crate::shoot::Shoot;
-use crate::sim::SetpointKind;
+use noctograph_core::crazyflie::Release;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
@@ -45,20 +47,16 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
+    let release = Cell::new(Release::MODELED);
     let shoot = args.subject.shoot(
         |scene| {
-            args.profile.slow(&args.subject, scene);
-            // The scripts find the clock of the drone, and pace by it.
-            if scene.trajectory_clock() != 1.0 {
-                scene.plan.trajectory_clock.get_or_insert(1.0);
-            }
-            if args.to == Format::Cflib && args.mode == Mode::FullState {
-                scene.controller.setpoints = SetpointKind::FullState;
-            }
+            release.set(scene.vehicle.firmware);
+            let slow = args.profile.limits(&args.subject);
+            make_exportable(scene, slow.as_ref(), args.to, args.mode);
             Ok(())
         },
         &|plans| match trajectory {
-            Some((form, Length::OnBoard)) => check_memory(plans, form, tolerance_m),
+            Some((form, Length::OnBoard)) => check_memory(release.get(), plans, form, tolerance_m),
             _ => Ok(()),
         },
     )?;
@@ -137,7 +135,7 @@ deviation\tup to {deviation_mm:.1} mm from the design
 /// Refuses plans whose room is not known: their fence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
-    let plans = args.subject.plans().filter(|_| has_walls && profile.room_m.is_none());
+    let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
     let Some(plan) = plans.as_ref().and_then(|plans| plans.first()) else { return Ok(()) };
     let hint = "name it with --room WxDxH, or the scene in which the plan was made with --scene; \
                 `plan` and `preview` write that beside a plan";

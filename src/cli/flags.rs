@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
 use super::output::is_csv;
-use super::{Args, Error, Result, message, names, warn};
+use super::{Args, Error, Result, message, names, shell_word, warn};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, fit_within, frame_within, hang_stations};
 use crate::scene::{CarriedScene, NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{DesignCheck, Shoot};
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
 /// Plans that fly together: one has some 6 MB an hour.
 const PLANS: Limit = Limit {
@@ -69,6 +69,7 @@ impl SceneFlags {
             (Some(named), _) => find_scene(named, &settings)?.scene,
             (None, Some(carried)) => {
                 message("note: ", &format!("the scene is {}", carried.file));
+                warn_of_unbound(carried);
                 carried.distrusted_scene(&borrowed(&settings))?
             }
             (None, None) => Scene::parse_with("", "scene", &borrowed(&settings))?,
@@ -77,10 +78,14 @@ impl SceneFlags {
         Ok(scene)
     }
 
-    /// The one scene that came with files; `None` of several where another is named.
-    fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
+    /// The one scene that came with files; `None`, with a warning of files that are not its own,
+    /// where another is named.
+    pub(super) fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
         match CarriedScene::of_all(files) {
-            Err(_) if self.scene.is_some() => Ok(None),
+            Err(_) if self.scene.is_some() => {
+                warn(files.iter().filter_map(|file| CarriedScene::read(file).err()));
+                Ok(None)
+            }
             carried => carried,
         }
     }
@@ -99,12 +104,13 @@ impl SceneFlags {
         &self,
         toml: &str,
         file: &str,
+        folder: &Path,
         check: impl FnOnce(&mut Scene) -> Result<()>,
     ) -> Result<Scene> {
         if self.scene.is_some() {
             return self.load(&[], &[]);
         }
-        let mut scene = Scene::parse_with(toml, file, &borrowed(&self.set.set))?;
+        let mut scene = Scene::parse_in(toml, file, folder, &borrowed(&self.set.set))?;
         check(&mut scene)?;
         self.finish(&mut scene, &[])?;
         Ok(scene)
@@ -120,7 +126,7 @@ impl SceneFlags {
         }
         scene.check()?;
         scene.settle_files()?;
-        warn_of_idle_keys(scene, used);
+        warn_of_unused_keys(scene, used);
         Ok(())
     }
 }
@@ -196,6 +202,7 @@ impl DesignFlags {
         let mut scene = self.scene.load_from(carried, &settings, &[])?;
         // A plan keeps its room where another scene has none.
         if let Some(carried) = carried.filter(|_| is_planned && scene.expose.room_m.is_none()) {
+            warn_of_unbound(carried);
             scene.expose.room_m = carried.scene(&[])?.expose.room_m;
         }
         let room_m = scene.expose.room_m.filter(|_| is_planned).or(self.letters.room);
@@ -213,7 +220,8 @@ pub(super) struct SubjectFlags {
     /// word]
     #[arg(value_name = "WORD|PLAN", conflicts_with = "drawing")]
     inputs: Vec<String>,
-    /// Word that the plans write [default: the scene's]
+    /// Word that the plans write, or the word itself where a file or folder is called so [default:
+    /// the scene's]
     #[arg(long, value_name = "WORD", conflicts_with = "drawing")]
     word: Option<String>,
     #[command(flatten)]
@@ -235,14 +243,14 @@ impl SubjectFlags {
         let mut scene = self.design.unfitted(carried, is_planned, &[])?;
         scene.seed = self.seed.seed.unwrap_or(scene.seed);
         if let Some(word) = &self.word {
-            set_word(&mut scene, word)?;
+            set_word(&mut scene, word);
         }
         Ok(scene)
     }
 
     /// The word that was typed, in either way.
-    pub(super) fn typed_word(&self) -> Option<&str> {
-        self.word.as_ref().or(self.inputs.first()).map(String::as_str)
+    pub(super) fn typed_word(&self) -> Result<Option<&str>> {
+        typed_word(self.inputs.first(), self.word.as_ref())
     }
 
     /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
@@ -256,7 +264,9 @@ impl SubjectFlags {
                     let hint = "name one of them; --word says what plans write";
                     return Err(Error::input("--word", other, format!("{word}, or none"), hint));
                 }
-                set_word(&mut scene, word)?;
+                typed_word(Some(word), self.word.as_ref())?;
+                check_folder(word)?;
+                set_word(&mut scene, word);
             }
             inputs => {
                 let hint = "name one word, or plans that are flown together";
@@ -270,10 +280,11 @@ impl SubjectFlags {
     }
 
     /// The plans that are named; `None` of a word.
-    pub(super) fn plans(&self) -> Option<Vec<PathBuf>> {
-        let plans: Vec<PathBuf> = self.inputs.iter().flat_map(|input| plans_in(input)).collect();
+    pub(super) fn plans(&self) -> Result<Option<Vec<PathBuf>>> {
+        let plans = self.inputs.iter().map(|input| plans_in(input)).collect::<Result<Vec<_>>>()?;
+        let plans = plans.concat();
         let are_plans = plans.iter().all(|path| is_csv(path));
-        Some(plans).filter(|plans| are_plans && !plans.is_empty())
+        Ok(Some(plans).filter(|plans| are_plans && !plans.is_empty()))
     }
 
     /// The word or the plans, ready to fly. `change` edits the scene last. The designs of a word
@@ -283,15 +294,19 @@ impl SubjectFlags {
         change: impl FnOnce(&mut Scene) -> Result<()>,
         check: &DesignCheck<'_>,
     ) -> Result<Shoot> {
-        if let Some(plans) = self.plans() {
+        if let Some(plans) = self.plans()? {
             let carried = self.design.scene.carried(&plans)?;
+            if let Some(carried) = &carried {
+                let mut folders = self.inputs.iter().map(Path::new).filter(|path| path.is_dir());
+                folders.try_for_each(|folder| carried.check_folder(folder))?;
+            }
             let mut scene = self.unfitted(carried.as_ref(), carried.is_some())?;
             if carried.is_none() {
                 self.design.fit(&mut scene)?;
             }
             change(&mut scene)?;
             frame(&mut scene)?;
-            return Shoot::with_plans(scene, read_plans(&plans)?);
+            return Shoot::with_plans(scene, read_plans(&plans, carried.as_ref())?);
         }
         let scene = self.ready(change)?;
         let strokes = scene.strokes()?;
@@ -312,9 +327,23 @@ pub(super) fn frame(scene: &mut Scene) -> Result<()> {
     }
 }
 
-pub(super) fn read_plans(paths: &[PathBuf]) -> Result<Vec<Plan>> {
+/// Reads plans, whose scene was read before.
+pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> Result<Vec<Plan>> {
     PLANS.check_all(paths)?;
-    paths.iter().map(|path| Plan::read_csv(path)).collect()
+    let plans = paths.iter().map(|path| Plan::read_csv(path)).collect::<Result<_>>()?;
+    carried.map_or(Ok(()), |carried| carried.check_still(paths))?;
+    Ok(plans)
+}
+
+/// Warns of a scene of which nothing shows whose it is.
+fn warn_of_unbound(carried: &CarriedScene) {
+    if !carried.is_bound {
+        warn([format!(
+            "{}: it has no digest of the file beside it (table sha256), so that it may be the scene of \
+             another plan or flight, with another room: write both again, or name it with --scene",
+            carried.file
+        )]);
+    }
 }
 
 /// Limits that a flight is checked against.
@@ -329,10 +358,15 @@ pub(super) struct ProfileFlags {
 impl ProfileFlags {
     /// Plans as slowly as the profile, unless a speed was typed.
     pub(super) fn slow(&self, subject: &SubjectFlags, scene: &mut Scene) {
-        let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
-        if !keys.iter().any(|key| subject.design.scene.sets(key)) {
-            self.named().slow(scene);
+        if let Some(profile) = self.limits(subject) {
+            profile.slow(scene);
         }
+    }
+
+    /// The profile that a plan is as slow as; `None` if a speed was typed.
+    pub(super) fn limits(&self, subject: &SubjectFlags) -> Option<Profile> {
+        let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
+        (!keys.iter().any(|key| subject.design.scene.sets(key))).then(|| self.named())
     }
 
     fn named(&self) -> Profile {
@@ -351,10 +385,28 @@ impl ProfileFlags {
 }
 
 /// The files `plan-N.csv` in a folder in order of their numbers; anything else as it is.
-fn plans_in(input: &str) -> Vec<PathBuf> {
-    let numbered = (1..).map(|n| Path::new(input).join(format!("plan-{n}.csv")));
-    let paths: Vec<PathBuf> = numbered.take_while(|path| path.is_file()).collect();
-    if paths.is_empty() { vec![input.into()] } else { paths }
+///
+/// # Errors
+///
+/// [`Error::Input`] where a number is missing or there twice: the others alone are another flight.
+fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
+    let folder = Path::new(input);
+    let files = if folder.is_dir() { files_in(folder)? } else { Vec::new() };
+    fn number(path: &Path) -> Option<usize> {
+        let name = file_name(path).to_lowercase();
+        name.strip_prefix("plan-")?.strip_suffix(".csv")?.parse().ok()
+    }
+    let mut plans: Vec<_> =
+        files.into_iter().filter_map(|path| Some((number(&path)?, path))).collect();
+    plans.sort();
+    if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
+        let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));
+        return Err(Error::input(input, actual, wanted, "name the plans that fly together"));
+    }
+    match plans.is_empty() {
+        true => Ok(vec![input.into()]),
+        false => Ok(plans.into_iter().map(|(_, path)| path).collect()),
+    }
 }
 
 /// Warns where a drawing has no strokes for some of the drones.
@@ -381,9 +433,9 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
 }
 
 /// Warns of keys that were set and have no effect, but for those that the verb uses.
-pub(super) fn warn_of_idle_keys(scene: &Scene, used: &[&str]) {
-    let idle = scene.idle_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
-    warn(idle.map(|(key, why)| format!("{key} has no effect: {why}")));
+pub(super) fn warn_of_unused_keys(scene: &Scene, used: &[&str]) {
+    let unused = scene.unused_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
+    warn(unused.map(|(key, why)| format!("{key} has no effect: {why}")));
 }
 
 /// Prints the warnings of a file.
@@ -392,16 +444,43 @@ pub(super) fn warn_of(path: &Path, warnings: &[impl std::fmt::Display]) {
 }
 
 /// Gives a scene a word that was typed, in which the two characters `\n` begin a new line.
+pub(super) fn set_word(scene: &mut Scene, word: &str) {
+    scene.set_word(&word.replace("\\n", "\n"));
+}
+
+/// The word of an argument or of `--word`, which alone may be called as a file is.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for the name of a picture, which is hardly a word.
-pub(super) fn set_word(scene: &mut Scene, word: &str) -> Result<()> {
-    let ends = [".svg", ".png", ".jpg", ".jpeg"];
-    if ends.iter().any(|end| word.to_lowercase().ends_with(end)) && Path::new(word).is_file() {
-        let hint = format!("draw it with --drawing {word}");
-        return Err(Error::input("input", format!("the file {word}"), "a word", hint));
+/// [`Error::Input`] for an argument that is, or looks like, the name of a file: whoever typed it
+/// may have meant what the file holds.
+pub(super) fn typed_word<'a>(
+    argument: Option<&'a String>,
+    flag: Option<&'a String>,
+) -> Result<Option<&'a str>> {
+    if let (Some(word), None) = (argument, flag) {
+        let is_there = Path::new(word).exists() && !Path::new(word).is_dir();
+        if is_there || is_file_name(word) {
+            let what = if is_there { "the file" } else { "the name of a file that is not there," };
+            return Err(no_word(word, format!("{what} {word}")));
+        }
     }
-    scene.set_word(&word.replace("\\n", "\n"));
-    Ok(())
+    Ok(flag.or(argument).map(String::as_str))
+}
+
+/// Refuses a folder of a verb's in the place of a word.
+fn check_folder(word: &str) -> Result<()> {
+    let files = if Path::new(word).is_dir() { files_in(word.as_ref())? } else { Vec::new() };
+    let ours =
+        ["plan", "flight", "scene"].map(|stem| [format!("{stem}.csv"), format!("{stem}.toml")]);
+    let is_ours = |name: &String| ours.as_flattened().contains(&name.to_lowercase());
+    match files.iter().map(file_name).find(is_ours) {
+        Some(name) => Err(no_word(word, format!("the folder {word} with {name}"))),
+        None => Ok(()),
+    }
+}
+
+fn no_word(word: &str, actual: String) -> Error {
+    let hint = format!("`--word {}` writes it as a word", shell_word(word.as_ref()));
+    Error::input("word or file", actual, "a word, or a file *.csv where a plan may be named", hint)
 }

@@ -105,7 +105,7 @@ impl FlightFlags {
         lit: bool,
     ) -> Result<Shoot> {
         if let Some(word) = word {
-            set_word(&mut scene, word)?;
+            set_word(&mut scene, word);
         }
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
@@ -117,7 +117,7 @@ impl FlightFlags {
                 Recording::Flight(flight) if lit && flight.lights.is_empty() => {
                     crate::shoot::light_all_along(flight, &scene);
                 }
-                Recording::Flight(flight) => relit_where_dark(flight, &mut scene, path)?,
+                Recording::Flight(flight) => infer_lights_if_dark(flight, &mut scene, path)?,
                 Recording::Light(_) => {}
             }
             recordings.push(recording);
@@ -128,8 +128,12 @@ impl FlightFlags {
 }
 
 /// Gives a log without lights those of the scene's word, and says on whose letters it was flown.
-pub(super) fn relit_where_dark(flight: &mut Flight, scene: &mut Scene, path: &Path) -> Result<()> {
-    let preset = crate::shoot::relit_where_dark(flight, scene).map_err(|error| match error {
+pub(super) fn infer_lights_if_dark(
+    flight: &mut Flight,
+    scene: &mut Scene,
+    path: &Path,
+) -> Result<()> {
+    let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| match error {
         Error::Input { place, found, wanted, .. } => {
             let hint = format!(
                 "name the scene whose letters were flown: `noctograph import {} --word {} --scene \

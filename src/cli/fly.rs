@@ -35,8 +35,10 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let files = [&args.plans[..], &args.setpoints].concat();
-    let scene = args.scene.load(&files, &args.seed.settings())?;
-    let mut plans = read_plans(&args.plans)?;
+    let carried = args.scene.carried(&files)?;
+    let scene = args.scene.load_from(carried.as_ref(), &args.seed.settings(), &[])?;
+    let carried = carried.filter(|_| !args.plans.is_empty());
+    let mut plans = read_plans(&args.plans, carried.as_ref())?;
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {
         let log = args.flight.read_log(path, Some(&scene))?;

@@ -4,7 +4,7 @@ use nalgebra::{Complex, DMatrix};
 
 use super::{Args, Report, Result, SceneFlags, Value, json, warn};
 use crate::control::Margins;
-use crate::sim::design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
+use crate::sim::gain_design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
 use crate::sim::{EstimatorKind, Law, SimOptions};
 
 #[derive(Debug, Args)]

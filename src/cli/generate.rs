@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Command, Subcommand};
 use clap_complete::Shell;
 
-use super::{OutputFolder, Report, Result, json};
+use super::{Output, OutputFolder, Report, Result, json};
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {
@@ -19,6 +19,9 @@ enum Kind {
     Completions {
         /// Shell that it is for
         shell: Shell,
+        /// File to write, instead of printing it
+        #[arg(short, long, value_name = "FILE")]
+        output: Option<PathBuf>,
     },
     /// Open the graphics device and run the shader once
     #[command(hide = true)]
@@ -34,11 +37,15 @@ enum Kind {
 pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
     let mut command = super::command();
     match &args.kind {
-        Kind::Completions { shell } => {
+        Kind::Completions { shell, output } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut command, "noctograph", &mut script);
             let script = String::from_utf8(script).expect("scripts are text");
-            Ok(Report::new(script.clone(), json!({ "script": script })))
+            let Some(path) = output else {
+                return Ok(Report::new(script.clone(), json!({ "script": script })));
+            };
+            let file = Output::create(path)?.keep(script)?;
+            Ok(Report::with_layout(json!({}), "").with_files(&[file]))
         }
         Kind::Device => {
             let adapter = crate::expose::try_device()?;
@@ -48,9 +55,10 @@ pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
             let mut folder = OutputFolder::create(output)?;
             let mut command = command.disable_help_subcommand(true);
             command.build();
-            let verbs = || command.get_subcommands().filter(|verb| !verb.is_hide_set());
-            let nested = verbs().flat_map(Command::get_subcommands);
-            for page in std::iter::once(&command).chain(verbs()).chain(nested) {
+            let verbs = || command.get_subcommands();
+            let pages = verbs().chain(verbs().flat_map(Command::get_subcommands));
+            let shown = pages.filter(|verb| !verb.is_hide_set());
+            for page in std::iter::once(&command).chain(shown) {
                 let page = clap_mangen::Man::new(page.clone());
                 folder.write_with(&page.get_filename(), |out| page.render(out))?;
             }

@@ -1,6 +1,6 @@
 //! `noctograph hold`: altitude hold from three imperfect sensors, scenario by scenario.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{
     Args, OutputFolder, Progress, Report, Result, SceneFlags, SeedFlag, Value, json, named, names,
@@ -40,7 +40,7 @@ pub(super) struct HoldArgs {
 pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let scenarios = scenarios(&args.scenario)?;
     let preset = format!("preset = \"{}\"", args.preset);
-    let scene = args.scene.load_or(&preset, "scene", |_| Ok(()))?;
+    let scene = args.scene.load_or(&preset, "scene", Path::new(""), |_| Ok(()))?;
     let (options, seed) = (scene.sim(), args.seed.seed.unwrap_or(scene.seed));
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;

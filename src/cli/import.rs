@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::flight_flags::relit_where_dark;
+use super::flight_flags::infer_lights_if_dark;
 use super::show::flight_report;
 use super::{
     Args, Error, FlightFlags, Outputs, Report, Result, SceneFlags, evening, json, set_word, warn,
@@ -50,8 +50,8 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
     let OnClock { mut flight, firmware, .. } = args.flight.read_log(&args.log, Some(&scene))?;
     if let Some(word) = &args.word {
-        set_word(&mut scene, word)?;
-        relit_where_dark(&mut flight, &mut scene, &args.log)?;
+        set_word(&mut scene, word);
+        infer_lights_if_dark(&mut flight, &mut scene, &args.log)?;
         if flight.lights.is_empty() {
             warn([
                 "--word has no effect: the log has no setpoints, from which its letters and lights \

@@ -45,7 +45,8 @@ pub(super) struct LetterFlags {
     /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling, within
     /// the 4 m that two Lighthouse stations serve, and shown whole by a camera that stands in the
     /// room; stations hang in its corners unless a scene places them; safety checks keep any plan
-    /// 0.2 m from its walls
+    /// 0.2 m from its walls. A unit may follow, as in 13x20x8ft; a ceiling of 7.5 and more without
+    /// one is asked about
     #[arg(long, value_name = "WxDxH", value_parser = parse_room)]
     pub(super) room: Option<[f64; 3]>,
 }

@@ -10,7 +10,7 @@ use super::{
     Error, FlightFlags, OutputFolder, Report, Result, SceneFlags, json, numbers, warn, warn_of,
 };
 use crate::flight::table::on_grid;
-use crate::flight::{Flight, FlightSample, Quantity, Warning};
+use crate::flight::{Flight, FlightData, FlightSample, Quantity, Warning};
 use crate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, Room, Track, check_count, link_errors,
     locate, locate_enlarged, locate_shared, nis_interval, position_error,
@@ -267,7 +267,8 @@ fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> 
 fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
     let mut dated = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
     // A log needs only ranges here, and a reference only positions.
-    dated.flight.warnings.retain(|warning| !matches!(warning, Warning::Unlogged(_)));
+    let is_wanted = |warning: &Warning| !matches!(warning, Warning::Unlogged(_));
+    dated.flight.edit(|flight| flight.warnings.retain(is_wanted));
     warn_of(path, &dated.flight.warnings);
     let OnClock { flight, zero_stamp_s, .. } = dated;
     Ok(Dated { path, flight, zero_stamp_s, offset_s: 0.0 })
@@ -280,10 +281,10 @@ fn write(
 ) -> Result<Vec<PathBuf>> {
     let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
-        let flight = flight(located, drone);
+        let flight = flight(located, drone)?;
         folder.write_with(&format!("flight-{}.csv", drone + 1), |out| flight.write_csv(out))?;
-        traces
-            .push(NamedFlight { name: format!("located {}", drone + 1), samples: flight.samples });
+        let samples = flight.into_data().samples;
+        traces.push(NamedFlight { name: format!("located {}", drone + 1), samples });
         if let Some(reference) = references.get(drone) {
             let mut samples = reference.flight.samples.clone();
             samples.iter_mut().for_each(|s| s.time_s += reference.offset_s);
@@ -374,18 +375,18 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
 }
 
 /// The positions of a drone as a flight, from its first range to its last.
-fn flight(located: &Located, drone: usize) -> Flight {
+fn flight(located: &Located, drone: usize) -> Result<Flight> {
     let sample = |index: usize| {
         let position_m = located.position_m[drone][index].map(on_grid);
         let time_s = on_grid(located.time_s[index]);
         FlightSample { time_s, position_m, estimate_m: position_m, ..FlightSample::default() }
     };
     use Quantity::{Attitude, Design, Motors, Rate, Velocity};
-    Flight {
+    Flight::new(FlightData {
         samples: located.heard(drone).map(sample).collect(),
         unlogged: [Attitude, Velocity, Rate, Design, Motors].into(),
-        ..Flight::default()
-    }
+        ..FlightData::default()
+    })
 }
 
 /// Median and greatest standard deviation of the positions over three axes.

@@ -35,7 +35,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
         paths => {
             let mut scene = args.subject.scene_of(paths)?;
             args.picture.apply(&mut scene)?;
-            args.flights.shoot(scene, args.subject.typed_word(), paths, false)?
+            args.flights.shoot(scene, args.subject.typed_word()?, paths, false)?
         }
     };
     let scene = shoot.scene.clone();
@@ -77,7 +77,12 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let rows: Vec<Value> = rows.iter().map(lamp).collect();
     // In the middle of the picture, and at most.
     let surfaces = [("ambient", &product["ambient_stops"]), ("floor", &product["floor_stops"])];
-    let surfaces = surfaces.map(|(name, stops)| json!({ "name": name, "median_stops": stops }));
+    let surfaces = surfaces.map(|(name, stops)| {
+        json!({
+            "name": name, "median_stops": stops, "lit_s": null, "p5_stops": null,
+            "p95_stops": null, "evenness_stops": null, "streak_s": null,
+        })
+    });
     let trails: Vec<&Value> = rows.iter().chain(&surfaces).collect();
     let words = json!({
         "brightest": brightest, "ways": ways, "focal_length_m": camera.focal_length_m,

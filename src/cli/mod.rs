@@ -4,9 +4,10 @@
 //! legible), 1 not legible, not safe to fly or refused, 2 error. Only this room knows the names of
 //! flags.
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::num::NonZero;
-use std::process::ExitCode;
+use std::sync::LazyLock;
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -18,7 +19,7 @@ use noctograph_core::digest::sha256;
 // Common imports of the verbs.
 use flags::{
     DesignFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting, SubjectFlags, find_scene,
-    frame, read_plans, set_word, warn_of, warn_of_fewer_drones, warn_of_idle_keys,
+    frame, read_plans, set_word, typed_word, warn_of, warn_of_fewer_drones, warn_of_unused_keys,
 };
 use flight_flags::{FLIGHTS, FlightFlags};
 use names::{Corners, named, names, numbers};
@@ -51,6 +52,7 @@ mod locate;
 mod locate_region;
 mod meter;
 mod names;
+mod notices;
 mod outcome;
 mod output;
 mod picture;
@@ -66,6 +68,7 @@ mod score;
 mod serve;
 mod show;
 mod spread;
+mod started;
 mod studies;
 mod tune;
 mod typefaces;
@@ -74,11 +77,19 @@ pub use self::show::verdict_table;
 pub use self::studies::ranking_report;
 pub use self::tune::tuning_report;
 pub use outcome::Report;
+pub use started::{starts_as, typed_as};
+
+/// The version with the commit and the digest of the source, which tell two builds apart.
+static VERSION: LazyLock<String> = LazyLock::new(|| {
+    let commit = env!("NOCTOGRAPH_COMMIT");
+    let commit = if commit.is_empty() { String::new() } else { format!("commit {commit}, ") };
+    format!("{} ({commit}source {})", env!("CARGO_PKG_VERSION"), crate::studies::SOURCE)
+});
 
 /// Shows the photograph of a drone's light painting before the flight, and says whether it reads.
 #[derive(Debug, Parser)]
 #[command(
-    version,
+    version = VERSION.as_str(),
     max_term_width = 80,
     arg_required_else_help = true,
     after_help = "Exit codes: 0 done (and legible), 1 not legible, not safe to fly or refused, 2 \
@@ -177,12 +188,15 @@ verbs! {
     }
     "Files" {
         /// Print a scene file: every key with its meaning and unit
-        Scene(scene::SceneArgs) "noctograph scene > my.toml",
+        Scene(scene::SceneArgs) "noctograph scene -o my.toml",
         /// Report a verb's output folder as one page (HTML)
         Report(report::ReportArgs) "noctograph report noctograph-rank",
         /// Generate shell completions and man pages
         Generate(generate::GenerateArgs)
-            "noctograph generate man\nnoctograph generate completions bash > noctograph.bash",
+            "noctograph generate man\nnoctograph generate completions bash -o noctograph.bash",
+        /// Print the licenses of the packages that are built in (also --notices)
+        #[command(long_flag = "notices")]
+        Notices(notices::NoticesArgs) "noctograph notices",
     }
 }
 
@@ -219,22 +233,29 @@ fn command() -> Command {
     ))
 }
 
-/// Runs the command that was typed.
-///
+/// Runs the command that was typed, and returns its exit code.
+pub fn main() -> u8 {
+    // The stack of the main thread may be too small to parse the arguments (`ulimit -s`).
+    match std::thread::Builder::new().stack_size(STACK).spawn(run_typed) {
+        Ok(main) => main.join().unwrap_or(101),
+        Err(_) => run_typed(),
+    }
+}
+
 /// On a thread with a stack of [`STACK`] bytes; on the main thread only where none can be started.
-pub fn main() -> ExitCode {
+fn run_typed() -> u8 {
     if std::thread::current().name() == Some("main")
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
     {
         let kib = bytes >> 10;
         message("error: ", &format!("no thread can be started, and the stack has {kib} KiB only"));
         message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
-        return ExitCode::from(2);
+        return 2;
     }
     let command = command();
     let typed = command
         .clone()
-        .try_get_matches()
+        .try_get_matches_from([OsString::from("noctograph")].into_iter().chain(started::words()))
         .and_then(|matches| Ok((CommandLine::from_arg_matches(&matches)?, matches)));
     let (args, matches) = match typed {
         Ok(typed) => typed,
@@ -253,7 +274,7 @@ pub fn main() -> ExitCode {
         Ok(report.passed)
     });
     match done {
-        Ok(passed) => ExitCode::from(u8::from(!passed)),
+        Ok(passed) => u8::from(!passed),
         Err(error) => {
             let (mut verb, mut matches) = (&command, &matches);
             while let Some((name, below)) = matches.subcommand() {
@@ -299,18 +320,18 @@ fn refused(error: &clap::Error) -> String {
     first.trim_end_matches(" found").to_owned()
 }
 
-fn failed(error: &Error, advice: &[String]) -> ExitCode {
+fn failed(error: &Error, advice: &[String]) -> u8 {
     message("error: ", &error.to_string());
     message("hint: ", error.hint());
     advice.iter().for_each(|advice| message("hint: ", advice));
-    ExitCode::from(2)
+    2
 }
 
 /// Prints the requested help, or the error in the arguments.
-fn usage(error: &clap::Error) -> ExitCode {
+fn usage(error: &clap::Error) -> u8 {
     let text = error.render().to_string();
     if !error.use_stderr() {
-        return print_out(&text).map_or_else(|error| failed(&error, &[]), |()| ExitCode::SUCCESS);
+        return print_out(&text).map_or_else(|error| failed(&error, &[]), |()| 0);
     }
     // clap names a similar argument as a tip, and ends with where help is.
     let text = text.replace("\n  tip: ", "\nhint: ");
@@ -323,7 +344,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     if has_more && !text.contains("\nhint: ") {
         message("hint: ", "--help lists the arguments and what they take");
     }
-    ExitCode::from(2)
+    2
 }
 
 /// Most worker threads: those of the largest machines.
@@ -452,7 +473,7 @@ mod tests {
             let name = verb.get_name();
             assert!(words.contains(&name), "{name}");
             let example = verb.clone().get_after_help().map(ToString::to_string);
-            let first = format!("Example:\n  noctograph {name} ");
+            let first = format!("Example:\n  noctograph {name}");
             assert!(example.is_some_and(|text| text.starts_with(&first)), "{name}");
             for flag in verb.get_arguments() {
                 assert!(flag.get_help().is_some(), "{name} {}", flag.get_id());

@@ -4,8 +4,9 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde::Serialize;
 
+use super::started::words;
 use super::{Value, line, print};
-use noctograph_core::files::STANDARD_OUTPUT;
+use noctograph_core::files::{STANDARD_OUTPUT, file_name};
 
 /// Result of a verb: its product as an object, and printed for people.
 #[derive(Debug)]
@@ -88,15 +89,46 @@ pub(super) fn shell_word(path: &Path) -> String {
     }
 }
 
-/// The command that is running, as one types it.
+/// The words of the command that is running; bytes that are not Unicode are replaced.
+pub(super) fn typed_words() -> impl Iterator<Item = String> {
+    words().into_iter().map(|word| word.to_string_lossy().into_owned())
+}
+
+/// The command that is running, as one types it. A page is handed on: an absolute path, which names
+/// the folders of this machine, becomes the name of its file.
 pub(super) fn typed_command() -> String {
-    let words = std::env::args().skip(1).map(|word| shell_word(Path::new(&word)));
+    let words = typed_words().map(|word| shell_word(Path::new(&without_folders(&word))));
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// A word, or the value of a flag or key, without the folders of an absolute path.
+pub(super) fn without_folders(word: &str) -> String {
+    let value = word.rsplit_once('=').map_or(word, |(_, value)| value);
+    match value.trim_matches(['"', '\'', ' ']) {
+        path if Path::new(path).is_absolute() => {
+            format!("{}{}", &word[..word.len() - value.len()], file_name(path))
+        }
+        _ => word.to_owned(),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(not(windows))]
+    #[test]
+    fn a_typed_path_loses_its_folders_if_they_are_of_this_machine() {
+        for (typed, told) in [
+            ("/home/jane/logo.svg", "logo.svg"),
+            ("--drawing=/home/jane/logo.svg", "--drawing=logo.svg"),
+            ("letters.font=\"/home/jane/a.ttf\"", "letters.font=a.ttf"),
+            ("art/logo.svg", "art/logo.svg"),
+            ("NOOR", "NOOR"),
+        ] {
+            assert_eq!(without_folders(typed), told);
+        }
+    }
 
     #[cfg(not(windows))]
     #[test]

@@ -4,12 +4,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::{Error, Result};
-use crate::scene::{CarriedScene, Scene};
+use crate::scene::{CarriedScene, Scene, SceneFiles};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
+use noctograph_core::files::{WholeFile, ending};
 
 /// Whether a path names an SVG drawing.
 pub(super) fn is_svg(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"))
+    ending(path) == "svg"
 }
 
 /// Name of the scene file in a folder.
@@ -17,7 +18,7 @@ pub(super) const SCENE: &str = "scene.toml";
 
 /// Whether a path names a plan or a flight.
 pub(super) fn is_csv(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end == "csv")
+    ending(path) == "csv"
 }
 
 /// Files of one kind, one for each drone, with their scene: a file and its scene's, or numbered
@@ -25,7 +26,7 @@ pub(super) fn is_csv(path: &Path) -> bool {
 #[derive(Debug)]
 pub(super) enum Outputs {
     One(Output, Option<Output>),
-    Several(OutputFolder, &'static str),
+    Several(PathBuf, OutputFolder, &'static str),
 }
 
 impl Outputs {
@@ -46,7 +47,11 @@ impl Outputs {
                 let scene = file.is_staged().then(|| Output::create(&CarriedScene::place(&path)));
                 Self::One(file, scene.transpose()?)
             }
-            _ => Self::Several(OutputFolder::create(&path(format!("{kind}s")))?, kind),
+            _ => {
+                let path = path(format!("{kind}s"));
+                let folder = OutputFolder::create(&path)?;
+                Self::Several(path, folder, kind)
+            }
         })
     }
 
@@ -59,27 +64,69 @@ impl Outputs {
     ) -> Result<Vec<PathBuf>> {
         match self {
             Self::One(file, beside) => {
-                let mut files = vec![file.keep_with(|out| write(&items[0], out))?];
-                match (beside, scene) {
-                    (Some(beside), Some(scene)) => {
-                        files.push(beside.keep(scene.to_toml())?);
+                let file = file.write_with(|out| write(&items[0], out))?;
+                let has_place = beside.is_some();
+                let Some((beside, scene)) = beside.zip(scene) else {
+                    let file = file.keep()?;
+                    if has_place {
+                        forget_scene(&file);
                     }
-                    (Some(_), None) => forget_scene(&files[0]),
-                    (None, _) => {}
-                }
+                    return Ok(vec![file]);
+                };
+                let digest = (file.name(), file.sha256().to_owned());
+                let scene = scene.beside(file.path())?;
+                let toml = CarriedScene::text(&scene.toml, [digest]);
+                let mut files = write_copies(file.path(), &scene)?;
+                files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
+                files.push(file);
+                // A kill between the names leaves the new scene, which no other plan fits: never a
+                // plan without the scene that it has.
+                let mut files = WholeFile::keep_all(files)?;
+                files.reverse();
                 Ok(files)
             }
-            Self::Several(mut folder, kind) => {
+            Self::Several(path, mut folder, kind) => {
+                let mut digests = Vec::new();
                 for (number, item) in (1..).zip(items) {
-                    folder.write_with(&format!("{kind}-{number}.csv"), |out| write(item, out))?;
+                    let name = format!("{kind}-{number}.csv");
+                    let sha256 = folder.write_with(&name, |out| write(item, out))?;
+                    digests.push((name, sha256));
                 }
                 if let Some(scene) = scene {
-                    folder.write(SCENE, scene.to_toml())?;
+                    write_scene(scene, &path, &mut folder, digests)?;
                 }
                 folder.keep()
             }
         }
     }
+}
+
+/// Writes a scene into a folder, with the files that it names and the digests of those that it was
+/// written with.
+pub(super) fn write_scene(
+    scene: &Scene,
+    path: &Path,
+    folder: &mut OutputFolder,
+    digests: Vec<(String, String)>,
+) -> Result<()> {
+    let files = scene.in_folder(path, "")?;
+    for (name, bytes) in &files.copies {
+        folder.write(name, bytes)?;
+    }
+    folder.write_first(SCENE, CarriedScene::text(&files.toml, digests))
+}
+
+/// Writes the files that a scene beside a file names.
+fn write_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<WholeFile>> {
+    let copies = scene.copies.iter().map(|(name, bytes)| {
+        Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
+    });
+    copies.collect()
+}
+
+/// The same, under their names.
+pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf>> {
+    WholeFile::keep_all(write_copies(path, scene)?)
 }
 
 /// Removes the scene of a flight or plan that is written anew in another one.

@@ -4,19 +4,23 @@ use std::path::PathBuf;
 
 use super::{
     Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, Value, frame, is_svg, json,
-    set_word, show, warn, warn_of_fewer_drones,
+    set_word, show, typed_word, warn, warn_of_fewer_drones,
 };
 use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::shoot::{Planned, Shoot};
 use crate::tracking::{Part, track};
+use noctograph_core::files::file_name;
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {
     /// Word to write [default: the scene's]
     #[arg(conflicts_with = "drawing")]
     word: Option<String>,
+    /// The word, also where a file is called so
+    #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word", "drawing"])]
+    as_word: Option<String>,
     #[command(flatten)]
     design: DesignFlags,
     /// Flight or log of the same drone whose mean error is subtracted from every setpoint
@@ -38,8 +42,8 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
         scene.plan.mean_error_m = earlier.mean_error_m.into();
     }
     scene.check()?;
-    if let Some(word) = &args.word {
-        set_word(&mut scene, word)?;
+    if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
+        set_word(&mut scene, word);
     }
     frame(&mut scene)?;
     let strokes = scene.strokes()?;
@@ -54,7 +58,8 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     let shoot = Shoot::of_strokes(scene.clone(), strokes.clone(), &|_| Ok(()))?;
     warn_of_fewer_drones(&shoot);
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
-    let title = if strokes.font.is_some() { &strokes.word } else { &scene.letters.drawing };
+    let drawing = file_name(&scene.letters.drawing);
+    let title = if strokes.font.is_some() { &strokes.word } else { &drawing };
     let files = outputs.keep(&plans, Some(&shoot.scene), |plan, mut out| match svg {
         Some(_) => out.write_all(plan_view(&plans, title, &strokes.numbers).as_bytes()),
         None => plan.write_csv(&mut out),
@@ -68,10 +73,12 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
 /// A log knows its lights and no letters: it writes where it is lit.
 fn written_where_lit(mut flight: Flight) -> Flight {
     if flight.samples.iter().all(|sample| sample.letter.is_none()) {
-        for (index, sample) in flight.samples.iter_mut().enumerate() {
-            let is_lit = flight.lights.values().any(|levels| levels[index] > 0.0);
-            sample.letter = is_lit.then_some(0);
-        }
+        flight.edit(|flight| {
+            for (index, sample) in flight.samples.iter_mut().enumerate() {
+                let is_lit = flight.lights.values().any(|levels| levels[index] > 0.0);
+                sample.letter = is_lit.then_some(0);
+            }
+        });
     }
     flight
 }

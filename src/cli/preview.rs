@@ -1,11 +1,11 @@
 //! `noctograph preview`: from a word to its photograph and verdict.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
-use super::output::{SCENE, forget_scene, is_csv};
+use super::output::{forget_scene, is_csv, write_scene};
 use super::spread::SpreadFlags;
 use super::{
     Args, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value, findings,
@@ -70,7 +70,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
 
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
-    write(&shot, &json, &mut folder)?;
+    write(&shot, &json, &args.output, &mut folder)?;
     let spread = args.spread.run(&shot.shoot, &conditions, &mut folder)?;
     let remedies = remedies_for(&shot)?;
     let profile = args.profile.profile(&shot.shoot.scene);
@@ -141,17 +141,10 @@ fn warn_of_no_place(placement: Option<&ShotPlan>) {
     }));
 }
 
-/// Writes photo, flights, plans, scene and, of a word, the verdict.
-fn write(shot: &Shot, verdict: &Value, folder: &mut OutputFolder) -> Result<()> {
-    let png = shot.file.as_deref().expect("a format was asked for");
-    folder.write("photo.png", png)?;
-    for (index, (flight, planned)) in shot.flights.iter().zip(&shot.shoot.plans).enumerate() {
-        let number =
-            if shot.shoot.plans.len() > 1 { format!("-{}", index + 1) } else { String::new() };
-        folder.write_with(&format!("flight{number}.csv"), |out| flight.write_csv(out))?;
-        folder.write_with(&format!("plan{number}.csv"), |out| planned.plan.write_csv(out))?;
-    }
-    folder.write(SCENE, shot.shoot.scene.to_toml())?;
+/// Writes the files of the photograph and, of a word, the verdict.
+fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -> Result<()> {
+    let digests = shot.each_file(|name, write| folder.write_with(name, |out| write(out)))?;
+    write_scene(&shot.shoot.scene, path, folder, digests)?;
     if shot.verdict.is_some() {
         folder.write("verdict.json", format!("{verdict:#}\n"))?;
     }

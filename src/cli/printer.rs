@@ -7,8 +7,11 @@
 //! - `{path}`: a value, such as `{rmse_m.0}`; `{path*100:+.1}`: times a factor, with a sign and so
 //!   many digits (`.1e`: times a power of ten); `{path~none}`: what stands for null;
 //! - `{path?yes:no}`: words, by whether a flag is set or anything stands there;
-//! - `[words {path}]`: left out where a value within is null or missing. A line with such a value
-//!   outside of brackets is left out.
+//! - `[words {path}]`: left out where a value within is null. A line with such a value outside of
+//!   brackets is left out.
+//!
+//! A path that leads nowhere, such as a misspelled one, stands in the text as it does in the
+//! layout: tests/house and tests/it/examples.rs look for it.
 //!
 //! `*path line` prints a line for each item of a list, whose keys come before those of the product;
 //! in it `#` is the index of the item. `|path|head` prints a [`table`] of a list; the next line has
@@ -21,6 +24,8 @@ const WIDTH: usize = 80;
 
 /// Columns of the names of lines.
 const NAME_WIDTH: usize = 10;
+
+static NULL: Value = Value::Null;
 
 /// The text of a layout: a value is looked up in the last scope that has it.
 pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
@@ -36,9 +41,12 @@ pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
             let row = |scopes: &[&Value]| {
                 cells.iter().map(|cell| fill(cell, scopes).unwrap_or("-".to_owned())).collect()
             };
-            table(&fill(head, scopes).unwrap_or_default(), &each(path, scopes, row))
+            let rows = each(path, scopes, row);
+            let head = fill(head, scopes).unwrap_or_default();
+            rows.map_or_else(|| unknown(path) + "\n", |rows| table(&head, &rows))
         } else if let Some((path, line)) = strip(line, '*', ' ') {
-            each(path, scopes, |scopes| filled(line, scopes)).concat()
+            let parts = each(path, scopes, |scopes| filled(line, scopes));
+            parts.map_or_else(|| unknown(path) + "\n", |parts| parts.concat())
         } else {
             filled(line, scopes)
         };
@@ -55,14 +63,14 @@ fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// Template for each item of a list.
-fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Vec<T> {
-    let items = value(path, scopes).and_then(Value::as_array).into_iter().flatten();
-    let items = items.enumerate().map(|(index, value)| {
+/// Template for each item of a list; `None` where no scope knows the list.
+fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Option<Vec<T>> {
+    let items = value(path, scopes)?.as_array().into_iter().flatten().enumerate();
+    let items = items.map(|(index, value)| {
         let index = json!({ "#": index.to_string() });
         item(&[scopes, &[&index, value]].concat())
     });
-    items.collect()
+    Some(items.collect())
 }
 
 /// A line of a layout with its values; empty where it is left out.
@@ -114,12 +122,13 @@ fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
 fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
     if let Some((path, words)) = figure.split_once('?') {
         let (yes, no) = words.split_once(':').unwrap_or((words, ""));
-        let is_set = value(path, scopes).is_some_and(|value| match value {
-            Value::Null => false,
-            Value::Bool(is_set) => *is_set,
-            Value::Array(items) => !items.is_empty(),
-            _ => true,
-        });
+        let is_set = match value(path, scopes) {
+            None => return Some(unknown(path)),
+            Some(Value::Null) => false,
+            Some(Value::Bool(is_set)) => *is_set,
+            Some(Value::Array(items)) => !items.is_empty(),
+            Some(_) => true,
+        };
         return Some(if is_set { yes } else { no }.to_owned());
     }
     let (figure, missing) =
@@ -138,7 +147,8 @@ fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
             let most = digits.strip_prefix('.').and_then(|most| most.parse().ok());
             text.replace('\n', " ").chars().take(most.unwrap_or(usize::MAX)).collect()
         }
-        Some(Value::Null) | None => return missing.map(str::to_owned),
+        Some(Value::Null) => return missing.map(str::to_owned),
+        None => unknown(path),
         Some(other) => other.to_string(),
     };
     Some(text)
@@ -161,15 +171,26 @@ fn in_digits(number: f64, digits: &str) -> String {
     }
 }
 
-/// The value at a path of keys and indices, in the last scope that has it.
+/// The value at a path of keys and indices, in the last scope that knows it; `None`: no scope does.
+/// Below null, and beyond the end of a list, everything is null.
 fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
     let index = scopes.iter().rev().find_map(|scope| scope.get("#")?.as_str());
     let step = |value: &'a Value, key: &str| {
         let key = if key == "#" { index.unwrap_or(key) } else { key };
-        value.get(key).or_else(|| value.get(key.parse::<usize>().ok()?))
+        match value {
+            Value::Null => Some(value),
+            Value::Array(items) => Some(items.get(key.parse::<usize>().ok()?).unwrap_or(&NULL)),
+            _ => value.get(key),
+        }
     };
     let keys = || path.split('.').filter(|key| !key.is_empty());
-    scopes.iter().rev().find_map(|scope| keys().try_fold(*scope, step))
+    let scopes = scopes.iter().filter(|scope| path.is_empty() || !scope.is_null());
+    scopes.rev().find_map(|scope| keys().try_fold(*scope, step))
+}
+
+/// What stands for a path that no scope knows: its own line would be left out in silence.
+fn unknown(path: &str) -> String {
+    format!("{{{path}}}")
 }
 
 /// A table; without rows it is empty. `head` names the columns, each with the side that its cells
@@ -260,6 +281,24 @@ mod tests {
                     left: N\nright: O\n\nletter   share\n             %\nN           25\n\
                     O            -\nend\n";
         assert_eq!(print(layout, &[&product, &words]), text);
+    }
+
+    #[test]
+    fn a_path_that_leads_nowhere_is_printed() {
+        let product = json!({ "n": 3, "none": null, "rows": [{ "a": 1 }], "empty": [] });
+        for (layout, text) in [
+            ("line  {m}", "line  {m}\n"),
+            ("line  [a {m.0:.1}]b", "line  a {m.0}b\n"),
+            ("line  {m?yes:no}", "line  {m}\n"),
+            ("*rows row   {b} {n}", "row   {b} 3\n"),
+            ("|rows|a<3\n{b}", "a\n{b}\n"),
+            ("|lines|a<3\n{b}", "{lines}\n"),
+            ("*lines a", "{lines}\n"),
+            ("line  {none.m}", ""),
+            ("line  {empty.0.m~-}", "line  -\n"),
+        ] {
+            assert_eq!(print(layout, &[&product, &Value::Null]), text, "{layout}");
+        }
     }
 
     #[test]

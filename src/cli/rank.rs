@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::studies::{
     GRADED, RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
-use super::{Args, Report, Result, json, message};
+use super::{Args, Report, Result, json, message, warn};
 use crate::scene::{NamedScene, SceneTask};
 use crate::shoot::Stop;
 use crate::studies::{
@@ -109,6 +109,8 @@ impl RankArgs {
         };
         let mut task = scene(task)?.scene;
         task.settle_files()?;
-        submissions(&SceneTask::new(task, &self.may)?, &self.scenes)
+        let read = submissions(&SceneTask::new(task, &self.may)?, &self.scenes)?;
+        warn(read.passed_over);
+        Ok((read.scenes, read.refused))
     }
 }

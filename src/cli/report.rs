@@ -8,7 +8,7 @@ use crate::photo;
 use crate::report::Page;
 use crate::report::photos::shrink;
 use crate::scene::Scene;
-use noctograph_core::files::{Limit, files_in};
+use noctograph_core::files::{Limit, Text, ending, entries_in, file_name as name, files_in};
 
 #[derive(Debug, Args)]
 #[command(after_help = "The folders of rank, tune, hold, locate and preview. \
@@ -38,13 +38,16 @@ const QUALITY: u8 = 82;
 pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
-    let title = name(&std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
+    let title = name(std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
     // Photos first, then drawings, settings and tables.
     fn rank(path: &&PathBuf) -> Option<usize> {
         let order = ["png", "svg", "toml", "csv"];
-        order.iter().position(|end_of| *end_of == end(path))
+        order.iter().position(|end| *end == ending(path))
     }
+    let others = entries_in(&args.folder)?;
+    let others = others.iter().filter(|path| !files.contains(path) || !shows(path)).map(name);
+    let others: Vec<String> = others.collect();
     let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
     files.sort_by_key(rank);
     let n_more = files.len().saturating_sub(MAX_FILES);
@@ -60,8 +63,12 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
         return Err(Error::input("folder", actual, wanted, hint));
     }
     let more = Some(n_more).filter(|n| *n > 0);
-    let words = json!({ "names": shown.join(", "), "more": more, "most": MAX_FILES });
-    let report = Report::with_words(json!({ "shown": shown }), &words, LAYOUT);
+    let words = json!({
+        "names": shown.join(", "), "more": more, "most": MAX_FILES,
+        "others": Some(others.join(", ")).filter(|others| !others.is_empty()),
+    });
+    let product = json!({ "shown": shown, "not_shown": others });
+    let report = Report::with_words(product, &words, LAYOUT);
     if let Some(more) = more {
         page = page.text(&format!("Left out: {more} files more than the {MAX_FILES} of a page"));
     }
@@ -72,20 +79,13 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
 const LAYOUT: &str = "\
 shown     {names}
 left out  {more} files more than the {most} of a page
+not shown\t{others}
 ";
-
-fn name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-fn end(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
-}
 
 /// Whether a page shows a file.
 fn shows(path: &Path) -> bool {
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
-    match &*end(path) {
+    match &*ending(path) {
         "png" | "svg" => true,
         // Flights of a study and time series are for programs.
         "csv" => {
@@ -110,12 +110,12 @@ fn lead(files: &[PathBuf]) -> Result<String> {
 
 /// Adds a photo, a drawing, a table or a scene.
 fn add(page: Page, path: &Path, name: &str) -> Result<Page> {
-    Ok(match &*end(path) {
+    Ok(match &*ending(path) {
         "png" => page.photo(&photo::jpeg(&shrink(photo::read(path)?, MAX_PX), QUALITY), name, None),
         "svg" => page.drawing(&LIMIT.read(path)?, name),
         "csv" => table(page, path)?,
         _ => {
-            let scene = Scene::read(path)?;
+            let scene = Scene::read(path)?.portable();
             let preset = scene.preset.name();
             page.text(&format!("Settings that differ from the preset {preset}:"))
                 .table(["key", "value", "in the preset"], scene.changes())
@@ -130,7 +130,8 @@ fn table(page: Page, path: &Path) -> Result<Page> {
         Error::input(place, error, "a table (CSV)", "take it out of the folder")
     };
     let bytes = LIMIT.read(path)?;
-    let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(&*bytes);
+    let text = Text::decode(&bytes);
+    let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(&*text.bytes);
     fn cells(row: &csv::ByteRecord) -> Vec<String> {
         row.iter().map(|cell| shortened(&String::from_utf8_lossy(cell))).collect()
     }

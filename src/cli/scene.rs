@@ -1,13 +1,17 @@
 //! `noctograph scene`: a whole scene file, commented.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use super::{Args, DesignFlags, Output, Report, Result, SeedFlag, json};
+use super::output::keep_copies;
+use super::{Args, DesignFlags, Output, Report, Result, SeedFlag, json, typed_word};
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {
     /// Word to put into it
     word: Option<String>,
+    /// The word, also where a file is called so
+    #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
+    as_word: Option<String>,
     /// Preset to start from, as --scene
     #[arg(long, value_name = "NAME", conflicts_with = "scene")]
     preset: Option<String>,
@@ -24,11 +28,17 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
     let preset = args.preset.iter().map(|name| ("preset".to_owned(), name.clone()));
     let settings: Vec<_> = preset.chain(args.seed.settings()).collect();
     let mut scene = args.design.load(&[], &settings)?;
-    scene.word = args.word.clone().unwrap_or(scene.word);
-    let toml = scene.to_toml();
+    if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
+        word.clone_into(&mut scene.word);
+    }
     let Some(path) = &args.output else {
+        // Redirected, it is most likely kept in the present folder.
+        let files = scene.in_folder(Path::new(""), "")?;
+        let toml = if files.copies.is_empty() { files.toml } else { scene.to_toml() };
         return Ok(Report::new(toml, &scene));
     };
-    let file = Output::create(path)?.keep(toml)?;
-    Ok(Report::with_layout(json!({}), "").with_files(&[file]))
+    let (output, scene) = (Output::create(path)?, scene.beside(path)?);
+    let mut files = keep_copies(path, &scene)?;
+    files.insert(0, output.keep(scene.toml)?);
+    Ok(Report::with_layout(json!({}), "").with_files(&files))
 }

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use super::flight_flags::relit_where_dark;
+use super::flight_flags::infer_lights_if_dark;
 use super::read::read_upright;
 use super::{
     Args, CameraFlags, Corners, Error, FLIGHTS, FlightFlags, Output, Report, Result, SceneFlags,
-    is_svg, message, set_word, shell_word, show,
+    is_svg, message, set_word, shell_word, show, typed_word,
 };
 use crate::flight::Flight;
 use crate::letters::Strokes;
@@ -14,8 +14,8 @@ use crate::photo::{self, Photo};
 use crate::plan::Plan;
 use crate::preflight::check_written;
 use crate::report::{overlay_photo, overlay_svg};
-use crate::scene::Scene;
-use crate::score::{Homography, LogGap, Reader, Reading, View, locate};
+use crate::scene::{Scene, folder_of};
+use crate::score::{Homography, LogGap, Reader, Reading, View, find_word};
 use crate::shoot::{flight_sha256, known};
 
 #[derive(Debug, Args)]
@@ -24,6 +24,9 @@ pub(super) struct ScoreArgs {
     photo: PathBuf,
     /// Expected word [default: the scene's]
     word: Option<String>,
+    /// The word, also where a file is called so
+    #[arg(long = "word", value_name = "WORD", conflicts_with_all = ["word"])]
+    as_word: Option<String>,
     #[command(flatten)]
     scene: SceneFlags,
     #[command(flatten)]
@@ -40,8 +43,8 @@ pub(super) struct ScoreArgs {
     flight: Vec<PathBuf>,
     #[command(flatten)]
     flights: FlightFlags,
-    /// Open the font or drawing that the photo's own scene names: it is a path on this machine,
-    /// chosen by the author of the photo
+    /// Open the font or drawing that the photo's own scene names, from the photo's folder on: its
+    /// name was chosen by the author of the photo
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones
@@ -51,12 +54,14 @@ pub(super) struct ScoreArgs {
 }
 
 pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
+    let word = typed_word(args.word.as_ref(), args.as_word.as_ref())?;
     let output = args.output.as_deref().map(Output::create).transpose()?;
     let (mut photo, notes) = photo::read_with_notes(&args.photo)?;
     let inside = photo.scene_toml.clone().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
-    let mut scene = args.scene.load_or(inside.as_deref().unwrap_or_default(), &file, |scene| {
+    let toml = inside.as_deref().unwrap_or_default();
+    let mut scene = args.scene.load_or(toml, &file, &folder_of(&args.photo), |scene| {
         if inside.is_some() && !args.trust {
             distrust(args, scene, &file)?;
         }
@@ -66,7 +71,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     args.camera.apply(&mut scene)?;
     let mut reading = None;
     if !has_camera && args.corners.is_none() {
-        let upright = read_upright(photo, args.word.as_deref().unwrap_or_default());
+        let upright = read_upright(photo, word.unwrap_or_default());
         (photo, reading) = (upright.0, Some(upright.1));
     }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
@@ -75,8 +80,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     if let Some(flown) = flown.as_ref().filter(|_| foreign.is_some()) {
         check_strokes(flown, notes.strokes_sha256.as_deref(), file)?;
     }
-    if let Some(word) = &args.word {
-        set_word(&mut scene, word)?;
+    if let Some(word) = word {
+        set_word(&mut scene, word);
     }
     if !scene.has_strokes() {
         let hint = "name it after the photo, or name the scene that wrote it";
@@ -106,7 +111,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     for path in &args.flight {
         let mut flight = args.flights.read(path, Some(&scene))?;
         // As the photo of a log has it.
-        relit_where_dark(&mut flight, &mut scene, path)?;
+        infer_lights_if_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);
     }
     check_flights(args, &flights, notes.flight_sha256.as_deref())?;
@@ -176,7 +181,7 @@ fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> R
 
 /// Locates a word in a photo without a camera.
 fn by_light(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
-    let view = locate(photo, reading, strokes)?;
+    let view = find_word(photo, reading, strokes)?;
     let text = match view {
         Some(_) => "no camera is given: the word is located by its light",
         None => "no camera is given and no writing found: the default camera is assumed",

@@ -8,8 +8,10 @@ use std::process::{Command, Stdio};
 use clap::Parser;
 use noctograph_serve::{Addresses, Program, ServerConfig, Suggestion, printed_code, work};
 
+use super::started::{program, words};
 use super::{
-    Args, CommandLine, Error, Report, Result, Verb, json, line, message, print_out, typefaces, warn,
+    Args, CommandLine, Error, Report, Result, Value, Verb, json, line, message, print_out,
+    typefaces, warn,
 };
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
@@ -40,7 +42,8 @@ pub(super) struct ServeArgs {
     /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
     #[arg(long, value_name = "DIR")]
     brand: Option<PathBuf>,
-    /// The page's module, which src/web/build writes: visitors' browsers make their photos by it
+    /// The page's module, which `src/photo_service/build` writes: visitors' browsers make their
+    /// photos by it
     #[arg(long, value_name = "FILE")]
     module: Option<PathBuf>,
     /// Open the page in the browser
@@ -90,11 +93,16 @@ fn serve(args: &ServeArgs, program: Program) -> Result<()> {
     noctograph_serve::serve(config, program, |addresses| announce(args, addresses, has_room))
 }
 
+/// The command line that was typed.
+fn typed() -> Option<CommandLine> {
+    CommandLine::try_parse_from([OsString::from("noctograph")].into_iter().chain(words())).ok()
+}
+
 /// This program as a worker, with the scene that the page begins with.
 fn worker() -> std::io::Result<Command> {
-    let mut command = Command::new(std::env::current_exe()?);
+    let mut command = program()?;
     command.args(["serve", "--worker"]);
-    let Ok(CommandLine { verb: Verb::Serve(args), .. }) = CommandLine::try_parse() else {
+    let Some(CommandLine { verb: Verb::Serve(args), .. }) = typed() else {
         return Ok(command);
     };
     // It means the same from every folder.
@@ -106,12 +114,32 @@ fn worker() -> std::io::Result<Command> {
 }
 
 fn advice(shot: &Shot) -> Result<Vec<Suggestion>> {
-    Ok(remedies_for(shot)?.into_iter().map(|remedy| (remedy.changes, remedy.gain)).collect())
+    let remedies = remedies_for(shot)?.into_iter();
+    Ok(remedies.filter_map(|remedy| Suggestion::new(remedy.changes, remedy.gain)).collect())
 }
 
 /// Prints the addresses, and opens the page if asked to.
 fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<()> {
     let page = if args.kiosk { &addresses.kiosk } else { &addresses.visitors };
+    match typed().is_some_and(|typed| typed.json) {
+        true => print_out(&format!("{}\n", object(page, addresses)))?,
+        false => print_out(&table(args, page, addresses, has_room))?,
+    }
+    if args.open {
+        open(page);
+    }
+    Ok(())
+}
+
+/// The addresses for programs.
+fn object(page: &str, addresses: &Addresses) -> Value {
+    let [visitors, kiosk] =
+        addresses.network.as_ref().map_or([None; 2], |both| both.each_ref().map(Some));
+    json!({ "page": page, "network": visitors, "kiosk": kiosk, "operator": addresses.operator })
+}
+
+/// The addresses for people.
+fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
     let mut text = line("page", page);
     if let Some([visitors, kiosk]) = &addresses.network {
         if args.kiosk {
@@ -133,11 +161,7 @@ fn announce(args: &ServeArgs, addresses: &Addresses, has_room: bool) -> Result<(
         // For the tablets' cameras: phones scan that of the wall.
         text += &printed_code(if args.kiosk { kiosk } else { visitors });
     }
-    print_out(&text)?;
-    if args.open {
-        open(page);
-    }
-    Ok(())
+    text
 }
 
 /// Opens an address in the browser of the desktop.

@@ -94,11 +94,11 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
 /// floor.
 pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Tracking>) -> Report {
     let tracking = known.map_or_else(|| track(flight, Part::from_flight(flight)), Ok);
-    let (mut figures, words) = match &tracking {
+    let (mut figures, mut words) = match &tracking {
         Ok(tracking) => {
             let is_ahead = tracking.lag_s < LEAD_S;
-            let words = json!({ "lead": is_ahead.then_some("a lead: ahead of its design") });
-            (tracking_json(tracking), words)
+            let lead = is_ahead.then_some("a lead: ahead of its design");
+            (tracking_json(tracking), json!({ "lead": lead, "why": null }))
         }
         Err(error) => {
             let why = match on_floor(flight) {
@@ -106,7 +106,10 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
                 None => format!("no tracking error: {error}"),
             };
             let keys = ["part", "rmse_m", "lag_s", "contour"];
-            (keys.map(|key| (key, Value::Null)).into_iter().collect(), json!({ "why": why }))
+            (
+                keys.map(|key| (key, Value::Null)).into_iter().collect(),
+                json!({ "why": why, "lead": null }),
+            )
         }
     };
     figures["duration_s"] = flight.samples.last().map_or(0.0, |last| last.time_s).into();
@@ -116,6 +119,10 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
         }
     }
     figures["sha256"] = sha256.into();
+    // Figures that not every flight has.
+    for key in ["rmse_after_lag_m", "least_cap_height_m", BATTERY_V, ENERGY_J] {
+        words[key] = json!(figures.get(key));
+    }
     Report::with_words(figures, &words, FLIGHT)
 }
 

@@ -9,14 +9,14 @@ use std::sync::Mutex;
 use super::show::LEAD_S;
 use super::{
     Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message,
-    warn_of_idle_keys,
+    warn_of_unused_keys,
 };
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::{
     Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv, ranking_csv,
 };
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, is_file_name};
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]
@@ -46,7 +46,7 @@ impl StudyFlags {
         let named = find_scene(named, &self.set.set)?;
         // Conditions may bring a radio that loses packets.
         let radio = conditions.draw(&named.scene, 0, 0).sim.radio;
-        warn_of_idle_keys(&Scene { radio, ..named.scene.clone() }, &[]);
+        warn_of_unused_keys(&Scene { radio, ..named.scene.clone() }, &[]);
         Ok(named)
     }
 
@@ -87,9 +87,7 @@ impl StudyFlags {
 
 /// Whether a word looks like the name of a file.
 fn is_path(named: &str) -> bool {
-    let lower = named.to_lowercase();
-    named.contains(['/', '\\'])
-        || [".txt", ".csv", ".tsv", ".lst"].iter().any(|end| lower.ends_with(end))
+    named.contains(['/', '\\']) || is_file_name(named)
 }
 
 const LIST: Limit = Limit {

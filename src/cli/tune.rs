@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use super::outcome::without_folders;
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_report};
 use super::{Args, Error, Progress, Report, Result, json, warn};
 use crate::letters::LetterOptions;
@@ -125,8 +126,11 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     drop(progress);
 
     let [scene, candidates, front] = FILES;
-    let toml = origin(args, &tuned) + &tuned.scene.to_toml();
-    results.write(scene, toml)?;
+    let files = tuned.scene.in_folder(&args.output, "")?;
+    for (name, bytes) in &files.copies {
+        results.write(name, bytes)?;
+    }
+    results.write(scene, origin(args, &tuned) + &files.toml)?;
     let csv = candidates_csv(&tuned, &options.knobs);
     results.write(candidates, csv)?;
     results.write(front, plot(&tuned))?;
@@ -141,7 +145,7 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
     format!(
         "# {what} `{}` by noctograph {}: {} candidates in {} flights, seed {}.\n# In the finals the \
          best was read with probability {:.3}, the scene as it was with {:.3}.\n",
-        args.scene,
+        without_folders(&args.scene),
         env!("CARGO_PKG_VERSION"),
         tuned.candidates.len(),
         tuned.n_flights,

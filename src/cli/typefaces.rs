@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::letters::has_outline;
-use noctograph_core::files::{Limit, entries_in};
+use noctograph_core::files::{Limit, ending, entries_in};
 
 /// Folders of typefaces; `~` is the user's own folder.
 const FOLDERS: &[&str] = if cfg!(windows) {
@@ -53,10 +53,7 @@ fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
 
 /// Adds the files of typefaces in a folder and those below it.
 fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
-    fn known(path: &Path) -> bool {
-        let end = path.extension().unwrap_or_default().to_ascii_lowercase();
-        ["ttf", "otf", "ttc"].iter().any(|known| end == *known)
-    }
+    let known = |path: &Path| ["ttf", "otf", "ttc"].contains(&&*ending(path));
     for path in entries_in(folder).unwrap_or_default() {
         if files.len() == MAX_FILES {
             return;

@@ -1,6 +1,8 @@
 //! Digests: SHA-256 (FIPS 180-4) of products, in hexadecimal. Equal products, equal digest, on
 //! every machine and in every build.
 
+use std::io::Write;
+
 use sha2::Digest as _;
 
 /// Takes a product in piece by piece.
@@ -28,6 +30,46 @@ impl Digest {
     /// 64 hexadecimal digits.
     pub fn hex(self) -> String {
         self.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// Bytes that are written to it.
+impl Write for Digest {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.add(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A writer that takes the digest of what it writes.
+#[derive(Debug)]
+pub struct Digested<W> {
+    /// Where it is written.
+    pub to: W,
+    /// The digest so far.
+    pub digest: Digest,
+}
+
+impl<W: Write> Digested<W> {
+    /// Nothing is written yet.
+    pub fn new(to: W) -> Self {
+        Self { to, digest: Digest::default() }
+    }
+}
+
+impl<W: Write> Write for Digested<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let n = self.to.write(bytes)?;
+        self.digest.add(&bytes[..n]);
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.to.flush()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Errors, grouped by how they are fixed. Imports nothing of this crate.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Result of everything in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -189,7 +189,14 @@ impl Error {
     /// A file or folder that cannot be written.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
+        let mut names = path.components().filter_map(|part| match part {
+            Component::Normal(name) => Some(name.to_string_lossy()),
+            _ => None,
+        });
         let hint = match source.kind() {
+            _ if cfg!(windows) && names.any(|name| is_reserved(&name)) => {
+                "Windows keeps this name for itself: choose another"
+            }
             AlreadyExists | NotADirectory => "a file is where a folder is wanted: name another",
             _ => "choose a writable folder with space left on its disk",
         };
@@ -210,6 +217,17 @@ impl Error {
             hint: hint.into(),
         }
     }
+}
+
+/// Whether Windows refuses a name for a file: that of a device, with any ending, or with a sign
+/// that it does not allow.
+fn is_reserved(name: &str) -> bool {
+    let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
+    let numbered = ["COM", "LPT"].iter().find_map(|device| stem.strip_prefix(device));
+    ["CON", "PRN", "AUX", "NUL"].contains(&&*stem)
+        || numbered.is_some_and(|rest| matches!(rest.as_bytes(), [b'1'..=b'9']))
+        || name.ends_with(['.', ' '])
+        || name.chars().any(|c| c.is_control() || "<>:\"|?*".contains(c))
 }
 
 /// [`Error::input`] with texts that name their values in place:
@@ -252,6 +270,18 @@ mod tests {
         let file = tempfile::NamedTempFile::new().unwrap();
         let source = std::fs::create_dir_all(file.path()).unwrap_err();
         assert!(Error::write(file.path(), source).hint().starts_with("a file is where a folder"));
+    }
+
+    #[test]
+    fn names_that_windows_keeps_are_known() {
+        for name in ["CON", "nul", "AUX.csv", "com1.tar.gz", "LPT9", "x?.csv", "a:b", "end.", "a "]
+        {
+            assert!(is_reserved(name), "{name}");
+        }
+        for name in ["CONE", "NULL.csv", "COM", "COM10", "x.con", ".hidden", "LPTX", "Łódź.png"]
+        {
+            assert!(!is_reserved(name), "{name}");
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub mod geometry;
 pub mod lamps;
 pub mod photo;
 pub mod plan;
+pub mod product;
 pub mod random;
 pub mod settings;
 pub mod srgb;

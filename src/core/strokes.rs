@@ -5,12 +5,17 @@
 use std::collections::BTreeMap;
 
 use crate::digest::Digest;
+use crate::error::{Error, Result};
 use crate::geometry::{bounds, distance};
+use crate::product::{Rules, Valid, is_number, odd_number};
 
 /// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
 /// one of each color.
+pub type Strokes = Valid<StrokesData>;
+
+/// The data of [`Strokes`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Strokes {
+pub struct StrokesData {
     /// The word as it is drawn, spaces and line ends included, in upper case where the font has no
     /// lower case; empty for a drawing.
     pub word: String,
@@ -115,7 +120,29 @@ pub struct Move {
     pub pace: f64,
 }
 
-impl Strokes {
+impl Rules for StrokesData {
+    fn check(&self) -> Result<()> {
+        let (n, colors) = (self.glyphs.len(), self.colors.len());
+        if colors != 0 && colors != n {
+            let (actual, wanted) = (format!("{colors} colors"), format!("{n}, one for each glyph"));
+            return Err(Error::input("colors", actual, wanted, "give each glyph its color"));
+        }
+        for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {
+            let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
+            let cell = [left_m, baseline_m, width_m, cap_height_m];
+            let moves = moves.iter().flat_map(|step| {
+                let [from_m, to_m] = [step.from_m, step.to_m];
+                [from_m[0], from_m[1], to_m[0], to_m[1], step.pace]
+            });
+            if let Some(value) = cell.into_iter().chain(moves).find(|value| !is_number(*value)) {
+                return Err(odd_number("glyphs", row, value));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl StrokesData {
     /// SHA-256 of all moves, in hexadecimal.
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();

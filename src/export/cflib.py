@@ -597,6 +597,10 @@ def connected(drone, mode, controller, set_gains):
         rate = known_clock(firmware)
         rows.append(("clock on board", f"{rate:.5f}" if rate else "measured at take-off",
                      "known or measured", True))
+        if DATA["trajectory"]["turns"]:
+            since, number = LIMITS["heading_release"], release(firmware)
+            rows.append(("heading on board", firmware or "no answer", f"{since} or newer, which reads it",
+                         bool(number and number >= release(since))))
     for what, decks in LIMITS["decks"]:
         found = [d for d in decks if drone.knows_param(f"deck.{d}") and drone.value(f"deck.{d}")]
         rows.append((f"deck for {what}", " ".join(found) or "none", " or ".join(decks), bool(found)))
@@ -645,6 +649,7 @@ def state(drone):
 HINTS = {
     "drone": "export for this drone: --scene cf21 or cf-brushless",
     "firmware": "update it with cfclient",
+    "heading on board": "update the firmware with cfclient, or fly --mode position",
     "names in the firmware": "fly the release for which this was made",
     "gains": "export with the drone's gains, or fly with --set-gains, which puts them back later",
     "state": "set it upright; switch it off and on again",
@@ -734,12 +739,12 @@ def events(mode, clock):
     """Everything that is sent while writing: (time in s, command, values), in order of time."""
     listed = lights(mode, clock)
     rows = DATA["setpoints"] if mode != "trajectory" else []
-    for index, (time_s, sent, p, v, a) in enumerate(rows):
+    for index, (time_s, sent, v, a) in enumerate(rows):
         until_s = rows[index + 1][0] if index + 1 < len(rows) else time_s
         since_s = 0.0
         while since_s == 0.0 or time_s + since_s < until_s - RESEND_S / 2:
             moved = [(x + vx * since_s + ax * since_s**2 / 2, vx + ax * since_s)
-                     for x, vx, ax in zip(p, v, a)]
+                     for x, vx, ax in zip(sent, v, a)]
             values = tuple(sent) if mode == "position" else (
                 [x for x, _ in moved], [vx for _, vx in moved], a)
             listed.append((time_s + since_s, mode, values))

@@ -6,14 +6,14 @@
 
 use serde_json::{Value, json};
 
-use super::compressed::{Compressed, START_BYTES};
+use super::compressed::{Compressed, START_BYTES, YAW_BYTES};
 use super::lights::{Command, commands, dark, preparation, timing};
 use super::log_config::{BLOCKS, OBSERVER_BLOCKS, WATCH_BLOCKS, python};
 use super::pieces::Stretch;
 use super::safety::{self, OLDEST_CFLIB};
 use super::timeline::{Timeline, zero_s};
 use super::{Job, ascii, gains, stem, with_caution};
-use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, SLOW_CLOCK};
+use noctograph_core::crazyflie::{Feature, RING_TIMING_ENTRIES, Release, SLOW_CLOCK};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
@@ -68,7 +68,7 @@ pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
 
 /// Data of one drone for the cflib script, as JSON.
 fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
-    let plan = &job.plans[drone];
+    let (plan, release) = (&job.plans[drone], job.sim.vehicle.firmware);
     let stretch = Stretch::new(plan)?;
     let lights = commands(plan, job.light)?;
     let on_board = job.trajectory_lights(drone)?;
@@ -82,7 +82,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
 
     let sent_until_s = end_s(plan, &stretch, &lights);
     let trajectory = match job.trajectory_clock {
-        1.0 => Compressed::encode(plan, job.tolerance_m).and_then(|trajectory| {
+        1.0 => Compressed::encode_for(release, plan, job.tolerance_m).and_then(|trajectory| {
             job.flown.get(drone).map(|_| trajectory).ok_or_else(|| Error::Infeasible {
                 what: "as a trajectory on board the flight is not safe".into(),
                 hint: "export the trajectory to see why".into(),
@@ -146,6 +146,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "trajectory": {
             "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
             "start_bytes": START_BYTES,
+            "turns": bytes.get(YAW_BYTES) != Some(&[0; 2]),
             "start_s": zero_s(before_s),
             "refused": refused,
             "lights": command_rows(&on_board),
@@ -172,10 +173,11 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
         .map(|corner_m| corner_m.map(|m| (1e6 * m).round() / 1e6));
     json!({
         "oldest_cflib": OLDEST_CFLIB,
-        "oldest_firmware": safety::OLDEST_FIRMWARE,
+        "oldest_firmware": Release::OLDEST.name(),
         "platforms": platform.map_or(&[] as &[_], safety::Platform::names),
         "decks": decks(&job.plans[drone], checks.positioning),
-        "slow_release": safety::LAST_SLOW_RELEASE,
+        "slow_release": Feature::CLOCK.last_without().name(),
+        "heading_release": Feature::HEADING.since.name(),
         "slow_clock": SLOW_CLOCK,
         "start_radius_m": safety::START_RADIUS_M,
         "nose_rad": safety::NOSE_RAD,
@@ -252,7 +254,7 @@ fn continues(plan: &Plan, from: usize, to: usize) -> bool {
 }
 
 /// The setpoints for the radio: the plan in the air without the setpoints that only carry a light
-/// command, each as `[time, position sent, position, velocity, acceleration]`.
+/// command, each as `[time, position sent, velocity, acceleration]`.
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
@@ -280,9 +282,9 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     }
     let rows = kept.into_iter().map(|row| {
         let s = &plan.setpoints[row];
-        let [sent, p, v, a] = [plan.sent_m(row), s.position_m, s.velocity_m_s, s.acceleration_m_s2]
+        let [sent, v, a] = [plan.sent_m(row), s.velocity_m_s, s.acceleration_m_s2]
             .map(|vector| [vector.x, vector.y, vector.z]);
-        json!([s.time_s, sent, p, v, a])
+        json!([s.time_s, sent, v, a])
     });
     Ok(rows.collect())
 }
@@ -294,6 +296,7 @@ mod tests {
     use nalgebra::Vector3;
     use noctograph_core::camera::CameraOptions;
     use noctograph_core::lamps::{Drive, Fixture, LightOptions};
+    use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, Setpoint, plan};
     use noctograph_sim::SimOptions;
@@ -439,7 +442,7 @@ mod tests {
             letter: Some(0),
         };
         fn times_s(rows: &[Setpoint]) -> Result<Vec<f64>> {
-            let plan = Plan { setpoints: rows.to_vec(), ..Plan::default() };
+            let plan = Plan::made(PlanData { setpoints: rows.to_vec(), ..PlanData::default() });
             let rows = setpoints(&plan, 9.0)?;
             Ok(rows.iter().map(|row| row[0].as_f64().unwrap()).collect())
         }
@@ -468,11 +471,10 @@ mod tests {
         let timing = |strokes: usize| {
             let light = LightOptions::default();
             let (_, mut plan, _) = exported_with("NO", &checks(), &options, &light);
-            let lit = plan.lights.get_mut("ring").unwrap();
-            let n = lit.len();
-            for (row, level) in lit.iter_mut().enumerate() {
-                *level = f64::from(u8::from(2 * strokes * row / n % 2 == 1 && row + 9 < n));
-            }
+            let n = plan.setpoints.len();
+            let is_lit = |row: usize| 2 * strokes * row / n % 2 == 1 && row + 9 < n;
+            let levels = (0..n).map(|row| f64::from(u8::from(is_lit(row)))).collect();
+            plan.edit(|plan| plan.lights = [("ring".to_owned(), levels)].into());
             exported_plan("NO", &checks(), &plan, &light).1["trajectory"]["timing"].clone()
         };
         let four = timing(4);
@@ -493,7 +495,13 @@ mod tests {
         assert_eq!(end_s(&plan, &stretch, &light(letters_s - 1.0)), letters_s);
         assert_eq!(end_s(&plan, &stretch, &light(letters_s + 1.0)), letters_s + 1.2);
         let mut low = plan.clone();
-        low.setpoints.retain(|setpoint| setpoint.time_s < letters_s - 0.3 || setpoint.on_floor());
+        low.edit(|low| {
+            low.setpoints
+                .retain(|setpoint| setpoint.time_s < letters_s - 0.3 || setpoint.on_floor());
+            low.lights.clear();
+            low.lit.clear();
+            low.sent_m.clear();
+        });
         let in_the_air = low.setpoints.iter().rfind(|setpoint| !setpoint.on_floor()).unwrap();
         assert_eq!(end_s(&low, &stretch, &[]), in_the_air.time_s);
     }
@@ -570,12 +578,12 @@ mod tests {
         let mut both = exported("NO", &checks()).1;
         let dark = vec![0.0; both.setpoints.len()];
         for channel in &noctograph_core::lamps::CHANNELS {
-            both.lights = [(channel.name.to_owned(), dark.clone())].into();
+            both.edit(|both| both.lights = [(channel.name.to_owned(), dark.clone())].into());
             let decks = decks(&both, Positioning::Sweeps);
             assert_eq!(decks[1..], [(channel.deck.0, channel.deck.1.to_vec())], "{}", channel.name);
         }
-        both.lights.insert("ring".to_owned(), dark.clone());
-        both.lights.insert("headlights".to_owned(), dark);
+        both.edit(|both| both.lights.insert("ring".to_owned(), dark.clone()));
+        both.edit(|both| both.lights.insert("headlights".to_owned(), dark));
         let names: Vec<&str> =
             decks(&both, Positioning::Sweeps).iter().map(|(name, _)| *name).collect();
         assert_eq!(names.iter().filter(|name| **name == "the ring").count(), 1, "{names:?}");
@@ -590,8 +598,9 @@ mod tests {
             acceleration_m_s2: Vector3::zeros(),
             letter,
         };
-        let plan =
-            |setpoints: &[Setpoint]| Plan { setpoints: setpoints.to_vec(), ..Plan::default() };
+        let plan = |setpoints: &[Setpoint]| {
+            Plan::made(PlanData { setpoints: setpoints.to_vec(), ..PlanData::default() })
+        };
         let one = plan(&[
             setpoint(-3.0, 0.0, None),
             setpoint(-1.0, 0.5, Some(0)),

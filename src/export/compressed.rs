@@ -11,11 +11,13 @@
 //! and for each axis in turn 0, 1, 3 or 7 further control points as int16; at the end three zero
 //! bytes. The first control point of a piece is the last of the piece before.
 
+use std::f64::consts::TAU;
+
 use nalgebra::Vector3;
 
 use super::pieces::{Polynomials, Rounding, Stretch, pieces};
 use super::timeline::{Leg, Timeline};
-use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::crazyflie::{Feature, Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
@@ -41,6 +43,9 @@ const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
 
 /// Offsets of the take-off position in the bytes of a flight: along x, and along y.
 pub(super) const START_BYTES: [[usize; 4]; 2] = [[0, 28, 30, 32], [2, 42, 44, 46]];
+
+/// Place of the heading in the bytes of a flight.
+pub(super) const YAW_BYTES: std::ops::Range<usize> = 6..8;
 
 /// A trajectory as the drone stores it: a piece at least.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,13 +74,20 @@ pub(super) enum Axis {
 }
 
 impl Compressed {
-    /// Encodes the letters of a plan within a distance of its design.
+    /// Encodes the letters of a plan for a release, within a distance of its design.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a plan without letters; [`Error::Infeasible`] for one beyond ±32.767 m,
-    /// with setpoints more than 65.535 s apart, or longer than the memory.
-    pub fn encode(plan: &Plan, tolerance_m: f64) -> Result<Self> {
+    /// [`Error::Input`] for a plan without letters, and for a heading that the release misreads;
+    /// [`Error::Infeasible`] for a plan beyond ±32.767 m, with setpoints more than 65.535 s apart,
+    /// or longer than the memory.
+    pub fn encode_for(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
+        check_heading(release, plan.yaw_rad)?;
+        Self::encode(plan, tolerance_m)
+    }
+
+    /// The same, for a release that reads any heading.
+    pub(super) fn encode(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
         let trajectory = Self::of_any_length(&stretch, tolerance_m)?;
         let bytes = trajectory.to_bytes().len();
@@ -106,9 +118,7 @@ impl Compressed {
             piece(stretch, [from, to], before.last().map_or(start_mm, Piece::end_mm), rounding)
         };
         let pieces = pieces(stretch, tolerance_m, MAX_PIECE_S, next, Piece::polynomials);
-        #[expect(clippy::cast_possible_truncation, reason = "a turn at most, and it saturates")]
-        let yaw = (10.0 * stretch.yaw_rad.to_degrees()).round() as i16;
-        Ok(Self { pieces, yaw })
+        Ok(Self { pieces, yaw: tenths(stretch.yaw_rad) })
     }
 
     /// The bytes that the drone stores.
@@ -314,6 +324,38 @@ fn check_range(stretch: &Stretch) -> Result<()> {
     Ok(())
 }
 
+/// A heading in tenths of a degree.
+#[expect(clippy::cast_possible_truncation, reason = "a turn at most, and it saturates")]
+fn tenths(yaw_rad: f64) -> i16 {
+    (10.0 * yaw_rad.to_degrees()).round() as i16
+}
+
+/// Whether a release flies the heading of a compressed trajectory: any, or 0 alone.
+pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
+    release.has(&Feature::HEADING) || tenths(yaw_rad) == 0
+}
+
+/// Refuses a heading that a release misreads ([`Feature::HEADING`]).
+fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
+    if flies_heading(release, yaw_rad) {
+        return Ok(());
+    }
+    let (stored, since) = (f64::from(tenths(yaw_rad)), Feature::HEADING.since.name());
+    let flown_turns = 10.0 * stored / TAU;
+    let actual = format!(
+        "{}, which flies a compressed trajectory with a heading of {}° (plan.yaw_rad) at {:.0}°",
+        release.name(),
+        stored / 10.0,
+        360.0 * (flown_turns - flown_turns.round()),
+    );
+    let hint = format!(
+        "export poly4d, or the script for cflib with setpoints (--mode position); or update the \
+         drone's firmware and set vehicle.firmware = \"{since}\"; or set plan.yaw_rad = 0"
+    );
+    let wanted = format!("{since} or newer, or a heading of 0");
+    Err(Error::input("vehicle.firmware", actual, wanted, hint))
+}
+
 /// Adds a leg from rest to rest: an axis that moves is of degree 7, and has its start and its end
 /// four times each as control points. A long hover takes several pieces, and none no piece: a
 /// duration of 0 ends a trajectory.
@@ -347,9 +389,12 @@ fn round_mm(x_m: f64) -> i16 {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
     use super::super::pieces::motion;
     use super::super::tests::{assert_same, checked_m, decoded, read, waves};
     use super::*;
+    use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, Setpoint, plan};
 
@@ -386,6 +431,37 @@ mod tests {
     }
 
     #[test]
+    fn a_heading_that_a_release_flies_is_written_and_one_that_it_misreads_is_refused() {
+        let recorded = include_str!("recorded/heading.txt");
+        for line in recorded.lines().filter(|line| !line.starts_with('#')) {
+            let numbers: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
+            let [stored, before_rad, since_rad] = numbers[..] else { panic!("{line}") };
+            let yaw_rad = (stored / 10.0).to_radians();
+            assert_eq!(f64::from(tenths(yaw_rad)), stored);
+            assert!((since_rad - yaw_rad).abs() < 1e-6 && before_rad == 10.0 * stored, "{line}");
+            let plan = Plan::made(PlanData { yaw_rad, ..beside().into_data() });
+            for release in Release::ALL.iter().copied() {
+                let is_right = release.has(&Feature::HEADING);
+                let flown_rad = if is_right { since_rad } else { before_rad };
+                let is_flown = (flown_rad - yaw_rad).abs() < 1e-6;
+                let encoded = Compressed::encode_for(release, &plan, 0.0001);
+                assert_eq!(encoded.is_ok(), is_flown, "{release:?}: {line}");
+                assert!(encoded.is_err() || encoded.unwrap().yaw == tenths(yaw_rad));
+            }
+        }
+        let turned = Plan::made(PlanData { yaw_rad: -FRAC_PI_2, ..beside().into_data() });
+        let error = Compressed::encode_for(Release::R2025_12, &turned, 0.0001).unwrap_err();
+        let wanted = "vehicle.firmware: found 2025.12, which flies a compressed trajectory with a \
+                      heading of -90° (plan.yaw_rad) at -142°, wanted 2026.08 or newer, or a \
+                      heading of 0";
+        assert_eq!(error.to_string(), wanted);
+        let hint = error.hint();
+        for way in ["poly4d", "--mode position", "vehicle.firmware", "plan.yaw_rad = 0"] {
+            assert!(hint.contains(way), "{hint}");
+        }
+    }
+
+    #[test]
     fn two_pieces_are_the_bytes_that_were_written_by_hand() {
         let setpoint = |time_s, x, vx, z| Setpoint {
             time_s,
@@ -400,7 +476,7 @@ mod tests {
             setpoint(1.5, 0.1, 0.0, 0.5),
             setpoint(2.0, 0.1, 0.0, 0.5),
         ];
-        let plan = Plan { setpoints, ..Plan::default() };
+        let plan = Plan::made(PlanData { setpoints, ..PlanData::default() });
         let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
         let bytes = trajectory.to_bytes();
         let want: Vec<u8> = [
@@ -434,7 +510,7 @@ mod tests {
             setpoint(8.5, [0.1, 0.0, 0.5], 0.0, Some(0)),
             setpoint(9.0, [0.1, 0.0, 0.5], 0.0, Some(0)),
         ];
-        Plan { setpoints, ..Plan::default() }
+        Plan::made(PlanData { setpoints, ..PlanData::default() })
     }
 
     /// The flight of [`beside`] whose drone waits for a time before it writes.
@@ -613,7 +689,7 @@ mod tests {
     fn what_does_not_fit_the_form_is_refused() {
         fn refused(change: fn(&mut Setpoint)) -> String {
             let mut plan = noor();
-            plan.setpoints.iter_mut().for_each(change);
+            plan.edit(|plan| plan.setpoints.iter_mut().for_each(change));
             Compressed::encode(&plan, 0.002).unwrap_err().to_string()
         }
         assert!(refused(|s| s.position_m.x += 33.0).contains("32.767"));

@@ -15,12 +15,12 @@ use super::lights::{dark, preparation};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
 use super::safety::{
-    CRITICAL_BATTERY_V, FENCE_M, LAST_SLOW_RELEASE, LEVEL_RAD, LOST_FACTOR, NOSE_RAD, Platform,
-    REST_V, START_RADIUS_M, WRONG_S, variance_m2,
+    CRITICAL_BATTERY_V, FENCE_M, LEVEL_RAD, LOST_FACTOR, NOSE_RAD, Platform, REST_V,
+    START_RADIUS_M, WRONG_S, variance_m2,
 };
 use super::timeline::{Timeline, earliest_s, zero_s};
 use super::{File, Job, ascii, gains, per_drone, stem, with_caution};
-use noctograph_core::crazyflie::{MOTORS_STOP_S, SLOW_CLOCK};
+use noctograph_core::crazyflie::{Feature, MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
@@ -85,7 +85,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         // As long as the firmware waits for setpoints.
         "silent_s": MOTORS_STOP_S,
         "slow_clock": SLOW_CLOCK,
-        "last_slow_release": LAST_SLOW_RELEASE,
+        "last_slow_release": Feature::CLOCK.last_without().name(),
         "drones": drones,
     });
     let literal = serde_json::to_string(&ascii(&data)).expect("text is serializable");

@@ -15,7 +15,7 @@ use serde_json::{Map, json};
 
 use super::File;
 use noctograph_core::error::{Error, Result};
-use noctograph_sim::design::{Design, INPUTS, MOTOR_LAG_S, design};
+use noctograph_sim::gain_design::{Design, INPUTS, MOTOR_LAG_S, design};
 use noctograph_sim::{Law, SimOptions};
 
 /// Firmware parameters of a controller.

@@ -13,7 +13,7 @@
 use serde_json::Value;
 
 use noctograph_core::camera::Camera;
-use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::Result;
 use noctograph_core::lamps::LightOptions;
 use noctograph_core::settings::settings;
@@ -206,10 +206,11 @@ impl File {
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
+    let release = job.sim.vehicle.firmware;
     match format {
         Format::Cflib => scripts(job),
         Format::Compressed => per_drone(job, "traj", |_, plan| {
-            Ok(compressed::Compressed::encode(plan, job.tolerance_m)?.to_bytes())
+            Ok(compressed::Compressed::encode_for(release, plan, job.tolerance_m)?.to_bytes())
         }),
         Format::Poly4d => per_drone(job, "poly4d", |_, plan| {
             Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes())
@@ -237,6 +238,8 @@ pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
 pub struct Memory {
     /// Bytes as a compressed trajectory, of [`TRAJECTORY_MEMORY_BYTES`].
     pub bytes: usize,
+    /// Whether the release flies the heading of a compressed trajectory.
+    pub flies_heading: bool,
     /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
     /// Names of the formats in which it fits: the memory as either trajectory, and the radio as the
@@ -246,24 +249,25 @@ pub struct Memory {
     pub fits_all: bool,
 }
 
-/// The trajectory memory that a plan takes.
+/// The trajectory memory that a plan takes, and the formats that a release flies.
 ///
 /// # Errors
 ///
-/// As [`compressed::Compressed::encode`], but for the length.
-pub fn memory(plan: &Plan) -> Result<Memory> {
+/// As [`compressed::Compressed::encode_for`], but for length and heading.
+pub fn memory(release: Release, plan: &Plan) -> Result<Memory> {
+    let flies_heading = compressed::flies_heading(release, plan.yaw_rad);
     let (stretch, within_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
     let bytes = compressed::Compressed::of_any_length(&stretch, within_m)?.to_bytes().len();
     let all = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?;
     let pieces = all.pieces.len();
     let fits = [
-        (Format::Compressed, bytes <= TRAJECTORY_MEMORY_BYTES),
+        (Format::Compressed, flies_heading && bytes <= TRAJECTORY_MEMORY_BYTES),
         (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
         (Format::Cflib, cflib::fits_the_radio(plan)),
     ];
     let formats = fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name());
     let fits_all = fits.iter().all(|(_, fits)| *fits);
-    Ok(Memory { bytes, pieces, formats: formats.collect(), fits_all })
+    Ok(Memory { bytes, flies_heading, pieces, formats: formats.collect(), fits_all })
 }
 
 /// The cflib script of each drone, and a launcher for several.
@@ -332,8 +336,9 @@ fn per_drone(
 /// As [`export`].
 pub fn deviation_m(format: Format, job: &Job<'_>) -> Result<Option<f64>> {
     let Some((form, _)) = format.trajectory(job.mode) else { return Ok(None) };
+    let release = job.sim.vehicle.firmware;
     let deviations_m = job.plans.iter().map(|plan| -> Result<f64> {
-        let pieces = on_board::pieces(plan, form, job.tolerance_m, Length::Any)?;
+        let pieces = on_board::pieces(release, plan, form, job.tolerance_m, Length::Any)?;
         Ok(pieces::Stretch::new(plan)?.worst_m(&pieces))
     });
     let deviations_m = deviations_m.collect::<Result<Vec<f64>>>()?;
@@ -350,7 +355,8 @@ mod format_tests {
     fn the_memory_names_the_forms_that_hold_a_word() {
         fn memory_of(word: &str) -> Memory {
             let strokes = write(word, &LetterOptions::default()).unwrap();
-            memory(&plan(&strokes, &PlanOptions::even()).unwrap()).unwrap()
+            let plan = plan(&strokes, &PlanOptions::even()).unwrap();
+            memory(Release::MODELED, &plan).unwrap()
         }
         let short = memory_of("NO");
         assert_eq!(

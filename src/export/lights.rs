@@ -277,6 +277,7 @@ mod tests {
     use nalgebra::Vector3;
     use noctograph_core::crazyflie::RING_TIMING_ENTRIES;
     use noctograph_core::lamps::{Die, Drive, RingColor, RingEffect};
+    use noctograph_core::plan::PlanData;
     use noctograph_plan::Setpoint;
 
     fn lit(channel: &str, levels: &[f64]) -> Plan {
@@ -289,7 +290,11 @@ mod tests {
         };
         let times_s = (0..levels.len()).map(|row| f64::from(u8::try_from(row).unwrap()));
         let lights = [(channel.to_owned(), levels.to_vec())].into();
-        Plan { setpoints: times_s.map(setpoint).collect(), lights, ..Plan::default() }
+        Plan::made(PlanData {
+            setpoints: times_s.map(setpoint).collect(),
+            lights,
+            ..PlanData::default()
+        })
     }
 
     fn deck_command(channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
@@ -353,7 +358,7 @@ mod tests {
             commands(plan, &options).unwrap().iter().map(|command| command.value).collect()
         };
         assert_eq!(values(&plan), [0xFF_0010, 0x80_0008, 0]);
-        plan.lights.insert("ring.green".to_owned(), vec![0.0, 1.0, 0.2, 0.0]);
+        plan.edit(|plan| plan.lights.insert("ring.green".to_owned(), vec![0.0, 1.0, 0.2, 0.0]));
         assert_eq!(values(&plan), [0xFF_FF10, 0x80_1A08, 0]);
         assert_eq!(dark(&plan, &options).unwrap().len(), 1);
     }
@@ -420,7 +425,7 @@ mod tests {
         let options = LightOptions { ring, ..LightOptions::default() };
         let timing = |channel: &str, levels: &[f64], step_s: f64| {
             let mut plan = lit(channel, levels);
-            plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s);
+            plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s));
             timing(&plan, &commands(&plan, &options).unwrap())
         };
         // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s; drift does not add up.
@@ -497,7 +502,7 @@ mod tests {
     fn the_ring_is_dark_after_the_word_at_every_phase_of_its_timer_and_on_a_slow_clock() {
         for step_s in (0..50).map(|k| 1.0 + 0.011 * f64::from(k)) {
             let mut plan = lit("ring", &[0.0, 1.0, 0.0, 1.0, 0.5, 0.0]);
-            plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s);
+            plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s));
             let commands = commands(&plan, &LightOptions::default()).unwrap();
             let entries = timing(&plan, &commands).unwrap().entries;
             for clock in [1.0, noctograph_core::crazyflie::SLOW_CLOCK] {

@@ -8,14 +8,18 @@ use super::compressed::Compressed;
 use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::Poly4d;
 use super::timeline::{Timeline, earliest_s};
+use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::table::on_grid;
 use noctograph_core::settings::settings;
-use noctograph_plan::{Plan, Setpoint, conflict};
+use noctograph_plan::{Plan, PlanData, Setpoint, conflict};
 
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
 const STEP_S: f64 = 0.01;
-/// Step of the differences for velocity and acceleration, s.
+/// Step of the differences for velocity and acceleration, and for the jerk, s: pieces end at whole
+/// milliseconds.
 const DIFFERENCE_S: f64 = 5e-4;
+const JERK_DIFFERENCE_S: f64 = 1e-3 / 3.0;
 
 settings! {
     /// A trajectory that is stored on board.
@@ -47,17 +51,23 @@ pub enum Length {
     Any,
 }
 
-/// Plans as they are flown with trajectories that all start together. Time zero is the command to
-/// take off.
+/// Plans as a release flies them with trajectories that all start together. Time zero is the
+/// command to take off.
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`]; [`Error::Infeasible`] for trajectories on board
-/// where a drone that hovers at its start is in the way of another.
-pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Result<Vec<Plan>> {
+/// As [`Compressed::encode_for`] and [`Poly4d::fit`]; [`Error::Infeasible`] for trajectories on
+/// board where a drone that hovers at its start is in the way of another.
+pub fn flown(
+    release: Release,
+    plans: &[Plan],
+    form: Form,
+    tolerance_m: f64,
+    length: Length,
+) -> Result<Vec<Plan>> {
     let before_s = earliest_s(plans)?;
     let flown = plans.iter().map(|plan| {
-        let pieces = pieces(plan, form, tolerance_m, length)?;
+        let pieces = pieces(release, plan, form, tolerance_m, length)?;
         flown_alone(plan, before_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
@@ -75,24 +85,28 @@ pub fn flown(plans: &[Plan], form: Form, tolerance_m: f64, length: Length) -> Re
     })
 }
 
-/// Checks that the memory on board holds the trajectories of plans.
+/// Checks that the memory on board holds the trajectories of plans, and that a release flies them.
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`].
-pub fn check_memory(plans: &[Plan], form: Form, tolerance_m: f64) -> Result<()> {
-    plans.iter().try_for_each(|plan| pieces(plan, form, tolerance_m, Length::OnBoard).map(drop))
+/// As [`Compressed::encode_for`] and [`Poly4d::fit`].
+pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f64) -> Result<()> {
+    let fits = |plan| pieces(release, plan, form, tolerance_m, Length::OnBoard).map(drop);
+    plans.iter().try_for_each(fits)
 }
 
 /// The pieces of a plan's trajectory.
 pub(super) fn pieces(
+    release: Release,
     plan: &Plan,
     form: Form,
     tolerance_m: f64,
     length: Length,
 ) -> Result<Vec<Polynomials>> {
     Ok(match (form, length) {
-        (Form::Compressed, Length::OnBoard) => Compressed::encode(plan, tolerance_m)?.polynomials(),
+        (Form::Compressed, Length::OnBoard) => {
+            Compressed::encode_for(release, plan, tolerance_m)?.polynomials()
+        }
         (Form::Compressed, Length::Any) => {
             Compressed::of_any_length(&Stretch::new(plan)?, tolerance_m)?.polynomials()
         }
@@ -122,7 +136,7 @@ fn flown_alone(
     times_s.sort_by(f64::total_cmp);
     times_s.dedup_by(|b, a| *b - *a < 1e-6);
     let lit = plan.lit();
-    let mut out = Plan { yaw_rad: plan.yaw_rad, ..Plan::default() };
+    let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     for time_s in times_s {
         let row = plan.setpoints.partition_point(|s| s.time_s <= time_s + zero_s + 1e-6);
         let row = row.checked_sub(1);
@@ -135,6 +149,10 @@ fn flown_alone(
         let h = DIFFERENCE_S;
         let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h]
             .map(|time_s| timeline.position_m(time_s, &position_m));
+        let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0]
+            .map(|step| timeline.position_m(time_s + step * JERK_DIFFERENCE_S, &position_m));
+        let jerk_m_s3 = (3.0 * (j1 - j2) + j3 - j0) / JERK_DIFFERENCE_S.powi(3);
+        out.jerk_m_s3.push(jerk_m_s3.map(on_grid));
         out.setpoints.push(Setpoint {
             time_s,
             position_m: a,
@@ -143,7 +161,7 @@ fn flown_alone(
             letter: row.and_then(|row| plan.setpoints[row].letter),
         });
     }
-    Ok(out)
+    Plan::new(out)
 }
 
 #[cfg(test)]
@@ -159,15 +177,17 @@ mod tests {
     /// A plan that begins later and stands farther to the right.
     fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
         let mut plan = plan.clone();
-        for setpoint in &mut plan.setpoints {
-            setpoint.time_s += later_s;
-            setpoint.position_m.x += right_m;
-        }
+        plan.edit(|plan| {
+            for setpoint in &mut plan.setpoints {
+                setpoint.time_s += later_s;
+                setpoint.position_m.x += right_m;
+            }
+        });
         plan
     }
 
     fn flown_of(plans: &[Plan]) -> Vec<Plan> {
-        flown(plans, Form::Compressed, 0.002, Length::OnBoard).unwrap()
+        flown(Release::MODELED, plans, Form::Compressed, 0.002, Length::OnBoard).unwrap()
     }
 
     /// The setpoint of a plan at a time.
@@ -192,6 +212,25 @@ mod tests {
             }
             // Where no piece begins they agree: an acceleration of the other sign is 8 mm/s off.
             assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
+        }
+    }
+
+    #[test]
+    fn the_jerk_of_a_flown_plan_is_how_its_acceleration_changes() {
+        for plan in flown_of(&[planned("NO")]) {
+            assert_eq!(plan.jerk_m_s3.len(), plan.setpoints.len());
+            let (mut changes, mut n) = (Vec::new(), 0.0);
+            for (row, pair) in plan.setpoints.windows(2).enumerate() {
+                let step_s = pair[1].time_s - pair[0].time_s;
+                let changed = pair[1].acceleration_m_s2 - pair[0].acceleration_m_s2;
+                let told = (plan.jerk_m_s3[row] + plan.jerk_m_s3[row + 1]) * (0.5 * step_s);
+                changes.push((changed - told).norm());
+                n += f64::from(u8::from(changed.norm() > 0.01));
+            }
+            changes.sort_by(f64::total_cmp);
+            // Where no piece begins.
+            let most = changes[changes.len() * 8 / 10];
+            assert!(most < 2e-3 && n > 100.0, "{most} m/s2, {n}");
         }
     }
 
@@ -237,9 +276,10 @@ mod tests {
         assert!((there_m(11.0) - first_m).norm() > 0.05, "and writes from 10 s on");
         assert!(both[1].duration_s() + 2.9 < both[0].duration_s(), "the other one has not waited");
         let near = [one.clone(), moved(&one, 3.0, 0.2)];
-        let error = flown(&near, Form::Compressed, 0.002, Length::OnBoard).unwrap_err();
+        let of_length = |length| flown(Release::MODELED, &near, Form::Compressed, 0.002, length);
+        let error = of_length(Length::OnBoard).unwrap_err();
         assert!(error.to_string().contains("two drones come within 0."), "{error}");
         assert!(error.hint().contains("fewer drones"), "{}", error.hint());
-        assert!(flown(&near, Form::Compressed, 0.002, Length::Any).is_ok(), "a show is not flown");
+        assert!(of_length(Length::Any).is_ok(), "a show is not flown");
     }
 }

@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
+use noctograph_core::crazyflie::{Feature, LEVEL_OUT_S, MOTORS_STOP_S, Release};
 use noctograph_core::flight::{BATTERY_V, Flight};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::BatteryOptions;
@@ -17,6 +17,9 @@ pub const FRAME_M: f64 = 0.15;
 /// Largest distance of the drone from the plan's start before take-off, m. Farther away, its path
 /// to the first letter is not the one that was checked.
 pub const START_RADIUS_M: f64 = 0.2;
+/// Least distance of people from a flight, m, however slow it is: an arm's length, and a step back
+/// (an assumption).
+pub const LEAST_PEOPLE_M: f64 = 1.0;
 /// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside
 /// the ring by the turn's sine, and a nose along another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
@@ -48,14 +51,8 @@ pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off
 /// empties no battery.
 pub const LOW_BATTERY_S: f64 = 5.0;
-/// The newest release whose microsecond clock, which paces trajectories on board, runs at
-/// [`noctograph_core::crazyflie::SLOW_CLOCK`]: the prescaler 84 divides by 85 (`usec_time.c`, line
-/// 57 of 2026.08). Corrected by commit bb58cad, which no release has yet.
-pub const LAST_SLOW_RELEASE: &str = "2026.08";
 /// Oldest cflib that the script flies with: arming requests, and the commands of protocol 8 and up.
 pub const OLDEST_CFLIB: &str = "0.1.27";
-/// Oldest release of the firmware that has all that the script reads (`supervisor.info`).
-pub const OLDEST_FIRMWARE: &str = "2023.11";
 
 /// A drone as its firmware names it, with the limits that the firmware has for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -209,6 +206,8 @@ pub fn table() -> String {
         .map(|positioning| 100.0 * libm::sqrt(variance_m2(positioning)));
     let [nose, level] = [NOSE_RAD, LEVEL_RAD].map(|rad| rad.to_degrees().round());
     let corner = 100.0 * CORNER_M;
+    let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
+    let [oldest, slow, heading] = releases.map(Release::name);
     format!(
         "\
 | what is checked | by | limit | from |
@@ -216,14 +215,17 @@ pub fn table() -> String {
 | the plan's volume, speed, acceleration, tilt, motors, lights | `check` | those of the profile, within the room | `src/pipeline/preflight/profile.rs` |
 | one frame: stations or anchors, take-off marks, a camera whose place is said | `check` | in the room (`--room`) to {FRAME_M} m; a camera outside is a warning | the room's middle on the floor is x = y = 0 |
 | a flight from the floor to the floor, its columns those of its places | `check` | velocities and places within a quarter of the way | `src/pipeline/preflight/plans.rs` |
-| people (`sensors.lighthouse.people_m`) beside take-off, flight and landing | `check` | the audience's distance: 2 s at the plan's greatest speed, and the fall | `COMMANDER_WDT_TIMEOUT_SHUTDOWN` |
+| people (`sensors.lighthouse.people_m`) beside take-off, flight and landing | `check` | the audience's distance: {MOTORS_STOP_S:.0} s at the greatest speed of the plan's places, or at that sideways of the flight, and the fall; {LEAST_PEOPLE_M:.0} m at least | `COMMANDER_WDT_TIMEOUT_SHUTDOWN` |
+| things beside them: camera, `floor.steps`, stations or anchors, mirrors and panes; on the floor at any height, for a drone lands straight down | `check` | the 0.2 m that walls have, and the drone's reach: 0.28 m from a Crazyflie | `src/pipeline/preflight/obstacles.rs` |
+| the room's unit | `--room`, `check` | a ceiling at 7.5 m and more is asked about, one from 6.5 m on is a warning | rooms in feet: 13x20x8 |
 | weight, wind, estimator, base stations close together, sunlight on Lighthouse | `check` | indoors 150 g and 1.5 m/s; below 100 g 4 m/s; 1 m | `src/pipeline/preflight/surroundings.rs` |
 | thrust to hover | `check` | 85 % of the greatest at the flight's end | the simulated flight |
 | the camera's place | `check` | some usual camera shows the whole word from within the room | `src/pipeline/preflight/placement.rs` |
 | cflib | cflib | {OLDEST_CFLIB} or newer | arming, protocol 8 |
 | drone and positioning, lamp and card decks | cflib | those of the scene | version port, `deck.*` |
-| firmware | cflib | {OLDEST_FIRMWARE} or newer; clock of trajectories 84/85 up to {LAST_SLOW_RELEASE} | `supervisor.c`, `usec_time.c` |
-| firmware's clock: the release is typed (`--firmware`) | Crazyswarm2 | 84/85 up to {LAST_SLOW_RELEASE}, and the trajectory sped up for it | its server reads no parameters |
+| firmware | cflib | {oldest} or newer; clock of trajectories 84/85 up to {slow} | `supervisor.c`, `usec_time.c` |
+| heading of a trajectory on board, unless it is 0 | `export`, cflib | firmware {heading} or newer | `pptraj_compressed.c` |
+| firmware's clock: the release is typed (`--firmware`) | Crazyswarm2 | 84/85 up to {slow}, and the trajectory sped up for it | its server reads no parameters |
 | names of parameters and logs | cflib, Crazyswarm2 | all on the drone | tables of contents of the drone |
 | state: can fly, not locked, tumbled, crashed, deck fault | cflib, Crazyswarm2, firmware | `supervisor.info`, before take-off; in the air the firmware itself stops the motors | `supervisor.c` |
 | position settled | cflib, Crazyswarm2 | σ of x, y, z: {lighthouse:.0} cm with Lighthouse, {uwb:.0} cm with ultra-wideband | `kalman.varP*` |
@@ -243,6 +245,7 @@ pub fn table() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_core::flight::FlightSample;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, plan};
@@ -288,7 +291,7 @@ mod tests {
             options.open_circuit_v(options.charge_frac - spent_frac(sample.time_s)) - drop_v
         };
         let extra = [(BATTERY_V.to_owned(), samples.iter().map(voltage_v).collect())].into();
-        let flight = Flight { samples, extra, ..Flight::default() };
+        let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
         let battery = Battery::new(&options, &flight, low_v).unwrap();
         // It may be low for the last 5 s: at 55 s, 3.7 V at no load, where the curve is steep.
         let idle_v = options.resistance_ohm * options.idle_current_a;

@@ -31,7 +31,7 @@ const FILM_MM: f64 = 36.0;
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`], without the limit of the memory, and [`commands`].
+/// As [`Compressed::of_any_length`], and [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let before_s = earliest_s(job.plans)?;
     let drones =
@@ -55,7 +55,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
         "swarm": { "drones": drones.collect::<Result<Vec<_>>>()? },
         "meta": { "title": job.word },
     });
-    let file = ("show.json".to_owned(), format!("{}\n", ascii(&show)).into_bytes());
+    let file = File::new("show.json", format!("{}\n", ascii(&show)));
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 

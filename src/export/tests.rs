@@ -10,7 +10,7 @@ use proptest::strategy::Strategy;
 
 use super::compressed::{Axis, Compressed, Piece};
 use super::pieces::{Polynomials, Stretch, motion};
-use noctograph_plan::{Plan, Setpoint};
+use noctograph_plan::{Plan, PlanData, Setpoint};
 
 /// A time, and position, velocity and acceleration at it.
 pub(super) type Row = (f64, [Vector3<f64>; 3]);
@@ -95,7 +95,7 @@ pub(super) fn waves() -> impl Strategy<Value = Plan> {
                 letter: Some(0),
             }
         };
-        Plan { setpoints: (0..n).map(setpoint).collect(), ..Plan::default() }
+        Plan::made(PlanData { setpoints: (0..n).map(setpoint).collect(), ..PlanData::default() })
     })
 }
 

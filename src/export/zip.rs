@@ -1,10 +1,12 @@
 //! Zip archives without compression: PKWARE's APPNOTE 6.3, stored entries with the date of 1980
 //! (the same files make the same bytes).
 
-/// An archive of files: names and contents.
-pub fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
+use super::File;
+
+/// An archive of files.
+pub fn zip(files: &[File]) -> Vec<u8> {
     let (mut archive, mut directory) = (Vec::new(), Vec::new());
-    for (name, content) in files {
+    for File { name, bytes: content } in files {
         let size = length(content.len());
         let offset = length(archive.len());
         // Version 2.0, UTF-8 names, stored, midnight of 1 January 1980.
@@ -41,7 +43,7 @@ mod tests {
 
     #[test]
     fn an_archive_names_its_files_twice() {
-        let bytes = zip(&[("a.csv".into(), b"123456789".to_vec())]);
+        let bytes = zip(&[File::new("a.csv", "123456789".into())]);
         assert_eq!(bytes.len(), 30 + 5 + 9 + 46 + 5 + 22);
         assert_eq!(&bytes[14..18], &0xCBF4_3926_u32.to_le_bytes(), "the check value of CRC-32");
         assert_eq!(&bytes[bytes.len() - 6..bytes.len() - 2], &44_u32.to_le_bytes());

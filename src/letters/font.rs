@@ -11,7 +11,7 @@ use super::stroke_font::StrokeFont;
 use super::typeface::Typeface;
 use super::{Cell, Glyph, Trace};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, ending};
 
 /// The fonts that come with the program, by name.
 const FONTS: [(&str, &str); 3] = [
@@ -134,10 +134,9 @@ pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(n, _)| *n == name) {
         return Ok(Kind::Ours(text));
     }
-    let extension = Path::new(name).extension().and_then(|ext| ext.to_str());
-    match extension.map(str::to_ascii_lowercase).as_deref() {
-        Some("strokes") => Ok(Kind::Strokes),
-        Some("ttf" | "otf" | "ttc" | "otc") => Ok(Kind::Outlines),
+    match &*ending(name) {
+        "strokes" => Ok(Kind::Strokes),
+        "ttf" | "otf" | "ttc" | "otc" => Ok(Kind::Outlines),
         _ => {
             let names: Vec<&str> = FONTS.iter().map(|(name, _)| *name).collect();
             let wanted = format!("{}, or a file *.strokes, *.ttf or *.otf", names.join(", "));

@@ -5,8 +5,9 @@ use super::fonts::Fonts;
 use super::options::{Align, Fitting, LetterOptions, Trace};
 use super::shape::{Fit, Shape};
 use super::shaping::{MAX_POINTS, Unset, is_shaped};
-use super::{Cell, Glyph, StrokeOrder, Strokes};
+use super::{Cell, Glyph, StrokeOrder, Strokes, StrokesData};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::files::file_name;
 use noctograph_core::input_error;
 use std::sync::Arc;
 use unicode_normalization::UnicodeNormalization;
@@ -183,8 +184,8 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     let word = word.to_owned();
     let lost = glyphs.iter().map(|glyph| glyph.character);
     let lost = lost.filter_map(|character| Some((character, fonts.lost(character)?))).collect();
-    let (font, order) = (Some(fonts.main().name().to_owned()), StrokeOrder::Free);
-    Strokes { word, font, lost, glyphs, order, ..Strokes::default() }
+    let (font, order) = (Some(file_name(fonts.main().name())), StrokeOrder::Free);
+    Strokes::made(StrokesData { word, font, lost, glyphs, order, ..StrokesData::default() })
 }
 
 /// Lays out one line of a text by the alignment of the options.

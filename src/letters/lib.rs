@@ -40,5 +40,5 @@ pub use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
 pub use layout::write;
-pub use noctograph_core::strokes::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
+pub use noctograph_core::strokes::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes, StrokesData};
 pub use options::{Align, Fitting, LetterOptions, Pace, Trace};

@@ -26,7 +26,7 @@ use super::smoother::{checked, heard_s};
 use super::track::moved_m;
 use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
 use noctograph_core::error::{Error, Result};
-use noctograph_sim::estimate::{Entry, Measurement, Normal, Part};
+use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
 /// Distances, in standard deviations along the weakest direction, from which Gauss and Newton's
 /// method starts.

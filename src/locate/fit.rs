@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Link;
 use super::positions::slope;
-use noctograph_sim::estimate::Part;
+use noctograph_sim::kalman::Part;
 
 const FIT_STEPS: usize = 40;
 

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 
 use super::positions::{GATE_SIGMAS, slope};
 use super::{Link, LocateOptions, RangeSample};
-use noctograph_sim::estimate::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
+use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
 
 /// States of a drone.
 pub(super) const STATES: usize = 6;

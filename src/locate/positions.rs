@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::Link;
-use noctograph_sim::estimate::{Gate, Measurement, Normal, Part, along, toward};
+use noctograph_sim::kalman::{Gate, Measurement, Normal, Part, along, toward};
 
 /// Standard deviations of its innovation beyond which a range is rejected.
 pub(super) const GATE_SIGMAS: f64 = 4.0;

@@ -119,6 +119,7 @@ pub fn link_errors(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_core::flight::FlightSample;
 
     #[test]
@@ -130,7 +131,10 @@ mod tests {
             position_m: Vector3::new(time_s, 0.0, 0.0),
             ..FlightSample::default()
         };
-        let flight = Flight { samples: times_s.map(sample).collect(), ..Flight::default() };
+        let flight = Flight::made(FlightData {
+            samples: times_s.map(sample).collect(),
+            ..FlightData::default()
+        });
         // The reference's clock is half a second behind.
         let reference = Reference { flight: &flight, offset_s: 0.5 };
         let anchors_m = [Vector3::new(10.0, 0.0, 0.0)];

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::RangeSample;
 use super::pass::{Filter, Innovations, Model, STATES, together};
 use noctograph_core::error::{Error, Result};
-use noctograph_sim::estimate::{Normal, Step};
+use noctograph_sim::kalman::{Normal, Step};
 
 /// Most passes.
 const MAX_PASSES: usize = 8;

@@ -13,7 +13,7 @@ use super::pass::{LATE_S, STATES};
 use super::positions::extent_m;
 use super::{Link, RangeSample, Room};
 use noctograph_core::error::{Error, Result};
-use noctograph_sim::estimate::Normal;
+use noctograph_sim::kalman::Normal;
 
 /// Ranges of this time after the first give the place at the start.
 const START_S: f64 = 1.0;

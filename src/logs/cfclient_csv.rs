@@ -8,7 +8,7 @@ use std::path::Path;
 use super::recording::{Block, Column, Recording};
 use super::{Job, cells, firmware};
 use noctograph_core::error::Result;
-use noctograph_core::files::{Head, Text};
+use noctograph_core::files::{Head, Text, ending};
 
 /// The first column's name.
 const STAMP: &str = "Timestamp";
@@ -24,7 +24,7 @@ pub(super) fn is_its_own(head: &Head) -> bool {
 
 /// Whether a file may be cfclient's, by its name.
 pub(super) fn may_be_its_own(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("csv"))
+    ending(path) == "csv"
 }
 
 /// Reads a file, which is a block of a recording.

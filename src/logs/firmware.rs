@@ -31,12 +31,14 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
 
 /// A warning where the firmware that flew is not the scene's.
 pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<String> {
-    let (named, assumed) = (recording.firmware.as_ref()?, assumed?.name());
-    match Release::parse(named).map(Release::name) {
-        Some(flown) if flown == assumed => None,
+    let (named, release) = (recording.firmware.as_ref()?, assumed?);
+    let assumed = release.name();
+    match Release::parse(named) {
+        Some(flown) if flown.is_like(release) => None,
         Some(flown) => Some(format!(
-            "the drone flew firmware {named}: vehicle.firmware = \"{flown}\" is its model, and here it \
-             is \"{assumed}\""
+            "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it \
+             is \"{assumed}\"",
+            flown.name()
         )),
         None => Some(format!(
             "firmware {named} is no release: it is taken for {assumed} (vehicle.firmware)"
@@ -69,8 +71,9 @@ mod tests {
         };
         let scene = Some(Release::R2026_08);
         assert_eq!(doubt("2026.08", scene), None);
+        assert_eq!(doubt("2025.12.1", Some(Release::R2026_04)), None, "they fly alike");
         assert_eq!(doubt("2025.12", None), None, "without a scene");
-        assert!(doubt("2025.12", scene).unwrap().contains("vehicle.firmware = \"2026.04\""));
+        assert!(doubt("2025.12", scene).unwrap().contains("vehicle.firmware = \"2025.12\""));
         assert!(doubt("2a18fc29", scene).unwrap().contains("no release"));
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{LIMIT, cfclient_csv};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Head, Text, entries_in};
+use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
 /// Most logs of a folder.
 const MAX_LOGS: usize = 2000;
@@ -45,37 +45,41 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of
-/// their flights. Hidden files, pictures, pages and settings are skipped.
+/// their flights; and the names of what else is there: hidden files, pictures, pages and settings.
 ///
 /// # Errors
 ///
 /// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where there is no log, or too
 /// many.
-pub fn logs_in(folder: &Path) -> Result<Vec<GatheredLog>> {
-    let (mut logs, mut folders) = (Vec::new(), vec![(folder.to_owned(), 0)]);
+pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
+    let (mut logs, mut others) = (Vec::new(), Vec::new());
+    let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());
     while let Some((inside, depth)) = folders.pop() {
         for path in entries_in(&inside)? {
-            let end = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.starts_with('.') || (path.is_file() && OTHERS.contains(&&*end)) {
-                continue;
-            }
-            if path.is_dir() && !is_one_log(&path)? {
-                if depth < DEPTH {
-                    folders.push((path, depth + 1));
-                }
+            let is_hidden = file_name(&path).starts_with('.');
+            if is_hidden || (path.is_file() && OTHERS.contains(&&*ending(&path))) {
+                others.push(path);
+            } else if path.is_dir() && !is_one_log(&path)? {
+                let list = if depth < DEPTH { &mut folders } else { &mut too_deep };
+                list.push((path, depth + 1));
             } else if path.is_dir() || path.is_file() {
                 logs.push(path);
+            } else {
+                others.push(path);
             }
         }
     }
+    others.extend(too_deep.into_iter().map(|(path, _)| path));
     if logs.is_empty() || logs.len() > MAX_LOGS {
         let (count, wanted) = (format!("{} logs", logs.len()), format!("1 to {MAX_LOGS}"));
         let hint = "name a folder with a log (or a folder of cfclient's) for each flight";
         return Err(Error::input(folder.display(), count, wanted, hint));
     }
     logs.sort();
-    Ok(logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect())
+    others.sort();
+    let within = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).display().to_string();
+    let others = others.iter().map(within).collect();
+    Ok((logs.into_iter().map(|path| GatheredLog::new(path, folder)).collect(), others))
 }
 
 impl GatheredLog {
@@ -104,7 +108,7 @@ fn named_drone(path: &Path) -> Option<String> {
 /// The scene (TOML) that an exported script keeps in its log.
 pub fn scene_in(log: &Path) -> Option<String> {
     let head = LIMIT.beginning(log, HEAD_BYTES).ok()?;
-    let is_json = json_of(&head).starts_with(b"{");
+    let is_json = Text::of_unicode(&head).trim_ascii_start().starts_with(b"{");
     let about = is_json.then(|| about(&LIMIT.read(log).ok()?)).flatten()?;
     Some(about.get("scene")?.as_str()?.to_owned())
 }
@@ -113,16 +117,12 @@ pub fn scene_in(log: &Path) -> Option<String> {
 /// log.
 fn about(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
-    let log = json_of(log).strip_prefix(b"{")?;
+    let log = Text::of_unicode(log);
+    let log = log.trim_ascii_start().strip_prefix(b"{")?;
     let mut values = (0..log.len()).filter_map(|place| log[place..].strip_prefix(KEY));
     let about = values.find_map(|value| value.trim_ascii_start().strip_prefix(b":"))?;
     let mut values = serde_json::Deserializer::from_slice(about).into_iter::<serde_json::Value>();
     values.next()?.ok()
-}
-
-/// A text from its first character on.
-fn json_of(text: &[u8]) -> &[u8] {
-    text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text).trim_ascii_start()
 }
 
 /// Address of a drone as delivered.
@@ -161,7 +161,7 @@ mod tests {
             std::fs::create_dir_all(path.parent().unwrap()).unwrap();
             std::fs::write(path, text).unwrap();
         }
-        let logs = logs_in(folder.path()).unwrap();
+        let (logs, others) = logs_in(folder.path()).unwrap();
         let named: Vec<[&str; 2]> = logs.iter().map(|log| [&*log.drone, &*log.name]).collect();
         let wanted = [
             ["1a2b", "NOOR_flight.json"],
@@ -170,6 +170,7 @@ mod tests {
             ["cf2", "cf2-1.csv"],
         ];
         assert_eq!(named, wanted);
+        assert_eq!(others, [".hidden.csv", "evening.html", "photo.PNG"]);
         assert!(!is_one_log(folder.path()).unwrap());
         assert!(is_one_log(&folder.path().join("cf10/20260101T19-00-00")).unwrap());
         fn about(uri: &str) -> String {
@@ -190,7 +191,7 @@ mod tests {
             std::fs::write(path, about(uri)).unwrap();
         }
         let drones: Vec<String> =
-            logs_in(evening.path()).unwrap().into_iter().map(|log| log.drone).collect();
+            logs_in(evening.path()).unwrap().0.into_iter().map(|log| log.drone).collect();
         assert_eq!(
             drones,
             ["E7E7E7E701", "E7E7E7E702", "80/E7E7E7E7E7", "90/E7E7E7E7E7", "E7E7E7E701"]

@@ -41,7 +41,7 @@ use std::path::Path;
 
 use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Budget, Head, Limit, Text, files_in};
+use noctograph_core::files::{Budget, Head, Limit, Text, entries_in, file_name};
 use noctograph_core::flight::table::Table;
 use noctograph_core::flight::{Flight, Quantity};
 use noctograph_core::settings::{Described, settings};
@@ -54,6 +54,7 @@ mod firmware;
 mod foreign;
 mod frames;
 mod gathered;
+mod half_precision;
 mod json_tree;
 mod mapper;
 mod mocap;
@@ -299,14 +300,16 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
 
 /// Replaces the position of a flight by its estimate.
 fn use_estimate(flight: &mut Flight) {
-    for sample in &mut flight.samples {
-        sample.position_m = sample.estimate_m;
-    }
-    if flight.unlogged.contains(&Quantity::Estimate) {
-        flight.unlogged.insert(Quantity::Position);
-    } else {
-        flight.unlogged.remove(&Quantity::Position);
-    }
+    flight.edit(|flight| {
+        for sample in &mut flight.samples {
+            sample.position_m = sample.estimate_m;
+        }
+        if flight.unlogged.contains(&Quantity::Estimate) {
+            flight.unlogged.insert(Quantity::Position);
+        } else {
+            flight.unlogged.remove(&Quantity::Position);
+        }
+    });
 }
 
 /// Inputs of a reader beside the bytes: the log's name in messages, options, and the work budget.
@@ -325,6 +328,7 @@ fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) ->
     recording.name_apart();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
     clock::repair_stamps(&mut recording, options)?;
+    half_precision::restore(&mut recording);
     frames::resolve_axes(&mut recording, options)?;
     mocap::align(&mut recording);
     recording.warn_of_empty_cells();
@@ -348,7 +352,14 @@ fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
 fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
     let Job { budget, .. } = job;
     let mut all = Recording::new(job.file);
-    for path in files_in(path)?.iter().filter(|path| cfclient_csv::may_be_its_own(path)) {
+    let (files, others) =
+        entries_in(path)?.into_iter().partition::<Vec<_>, _>(|path| path.is_file());
+    let mut others: Vec<String> = others.iter().map(file_name).collect();
+    for path in &files {
+        if !cfclient_csv::may_be_its_own(path) {
+            others.push(file_name(path));
+            continue;
+        }
         let bytes = read(path)?;
         budget.steps(bytes.len())?;
         budget.bytes(bytes.len())?;
@@ -363,12 +374,18 @@ fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
             all.wrap_s = one.wrap_s;
             // The limit is for all files together.
             all.check_variables()?;
+        } else {
+            others.push(file_name(path));
         }
         budget.free(bytes.len() as u64);
     }
     if all.blocks.is_empty() {
         let content = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
         return Err(unknown(job.file, content));
+    }
+    if !others.is_empty() {
+        let others = others.join(", ");
+        all.warnings.push(format!("not read, as they are no files of cfclient's: {others}"));
     }
     Ok(all)
 }

@@ -9,10 +9,11 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
-use noctograph_core::flight::table::{MAX_DURATION_S, MAX_QUANTITY, MILLISECONDS_HINT, on_grid};
-use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning};
+use noctograph_core::flight::table::{MAX_DURATION_S, MILLISECONDS_HINT, on_grid};
+use noctograph_core::flight::{Flight, FlightData, FlightSample, Quantity, Warning};
 use noctograph_core::input_error;
 use noctograph_core::lamps::HEADLIGHTS;
+use noctograph_core::product::MAX_QUANTITY;
 
 /// Steps of finding a channel's value at a stamp.
 const STEPS: usize = 50;
@@ -63,7 +64,8 @@ pub(super) fn flight(
     let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
     let said = recording.warnings.into_iter().chain(warnings).map(Warning::File);
     let warnings = said.chain(missing).collect();
-    let flight = Flight { samples, lights, extra, gaps: axis.gaps, unlogged, warnings };
+    let gaps = axis.gaps;
+    let flight = Flight::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })?;
     Ok((flight, axis.zero_s))
 }
 

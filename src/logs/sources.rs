@@ -19,8 +19,9 @@ use nalgebra::Vector3;
 use super::PositionSource;
 use super::recording::{Channel, Recording, names, shortened};
 use noctograph_core::flight::Quantity;
-use noctograph_core::flight::table::{MAX_QUANTITY, on_grid};
+use noctograph_core::flight::table::on_grid;
 use noctograph_core::geometry::Attitude;
+use noctograph_core::product::MAX_QUANTITY;
 
 /// Variables that hold one quantity: the pattern of their names, and the factors that turn their
 /// values into SI units and our signs (1 where there are none).

@@ -11,7 +11,7 @@ use super::motion::{Motion, State};
 use super::order::SHORTER;
 use super::pen::{PenStroke, dot_s};
 use super::transit::Transit;
-use super::{EvenStyle, Extent, LightLevel, Plan, PlanOptions, Setpoint};
+use super::{EvenStyle, Extent, LightLevel, Plan, PlanData, PlanOptions, Setpoint};
 use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
@@ -226,7 +226,7 @@ impl Course<'_> {
         let mut times_s: Vec<f64> = starts_s.chain([self.end_s]).chain(on_grid_s).collect();
         times_s.sort_unstable_by(f64::total_cmp);
         times_s.dedup_by(|later, earlier| *later - *earlier < 1e-4);
-        let mut plan = Plan::with_channels(&self.options.lights);
+        let mut plan = PlanData::with_channels(&self.options.lights);
         let mut index = 0;
         for (row, time_s) in times_s.iter().enumerate() {
             while self.segments.get(index + 1).is_some_and(|next| next.start_s <= time_s + 1e-6) {
@@ -247,7 +247,7 @@ impl Course<'_> {
             let level = until_s.map_or(0.0, |until_s| self.level(segment, *time_s, until_s));
             plan.push(setpoint, level);
         }
-        plan
+        Plan::made(plan)
     }
 
     /// Light level from a setpoint to the next: the mean speed over the nominal one.

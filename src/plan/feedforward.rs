@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Plan, Setpoint};
+use super::{Plan, PlanData, Setpoint};
 use crate::response::{Inverse, StepResponse};
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
@@ -79,7 +79,8 @@ fn sending(plan: &Plan, sent_m: impl Fn(usize) -> Vector3<f64>) -> Plan {
         true => plan.sent_m(row),
         false => sent_m(row).map(on_grid),
     };
-    Plan { sent_m: plan.setpoints.iter().enumerate().map(sent).collect(), ..plan.clone() }
+    let sent_m = plan.setpoints.iter().enumerate().map(sent).collect();
+    Plan::made(PlanData { sent_m, ..plan.clone().into_data() })
 }
 
 #[cfg(test)]

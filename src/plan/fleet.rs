@@ -402,7 +402,7 @@ mod tests {
                 for (a, b) in pairs {
                     assert_eq!(conflict(&plans[a], &plans[b]), None, "{word}");
                 }
-                plans.iter().map(Plan::duration_s).fold(0.0, f64::max)
+                plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max)
             });
             assert!(two_s < 0.65 * one_s && four_s < two_s, "{word}: {one_s}, {two_s}, {four_s} s");
         }
@@ -419,9 +419,9 @@ mod tests {
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let plans = fleet(&strokes("NOOR"), &options).unwrap();
         let alone = super::super::plan(&strokes("NOOR"), &options).unwrap();
-        let together: f64 = plans.iter().map(Plan::full_light_s).sum();
+        let together: f64 = plans.iter().map(|plan| plan.full_light_s()).sum();
         assert!((together - alone.full_light_s()).abs() < 0.2, "all of the word, once");
-        let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
+        let longest_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
         assert!(longest_s < 0.7 * alone.duration_s(), "{longest_s} s");
         // Neighboring letters: the second drone may not begin beside the first one's end.
         for plans in [plans, fleet(&strokes("OO"), &options).unwrap()] {

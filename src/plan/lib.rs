@@ -23,6 +23,7 @@ use noctograph_core::strokes::Strokes;
 mod even;
 pub mod feedforward;
 mod fleet;
+mod infer_lights;
 mod lamp;
 mod light_letters;
 mod light_timing;
@@ -30,7 +31,6 @@ mod motion;
 mod options;
 mod order;
 mod pen;
-mod relight;
 mod replay;
 pub mod response;
 mod smoothing;
@@ -41,15 +41,15 @@ pub mod tracking;
 mod transit;
 
 pub use fleet::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, closest, conflict, fleet, wake};
+pub use infer_lights::infer_lights;
 pub use lamp::LampTiming;
 pub use light_letters::light_letters;
 pub use light_timing::{Between, time_lights};
 pub use noctograph_core::lamps::HEADLIGHTS;
-pub use noctograph_core::plan::{Plan, Setpoint, csv};
+pub use noctograph_core::plan::{Plan, PlanData, Setpoint, csv};
 pub use options::{
     EvenStyle, Extent, LightClock, LightLevel, Order, PlanOptions, ReferenceKind, Style, TeamStyle,
 };
-pub use relight::relight;
 pub use replay::{Replay, replay};
 pub use stroke_ends::{StrokeEnd, stroke_ends};
 
@@ -75,7 +75,8 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
 /// The plan with its heading, on the clock that will pace it, moved against the mean error of
 /// earlier flights.
 fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
-    let plan = Plan { yaw_rad: options.yaw_rad, ..plan };
+    let mut plan = plan;
+    plan.edit(|plan| plan.yaw_rad = options.yaw_rad);
     let plan = match options.trajectory_clock {
         None | Some(1.0) => plan,
         Some(rate) => light_timing::on_trajectory_clock(plan, rate),

@@ -65,7 +65,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::Setpoint;
+    use crate::{PlanData, Setpoint};
 
     #[test]
     fn light_that_lags_its_stroke_keeps_the_strokes_letter() {
@@ -84,18 +84,18 @@ mod tests {
             letter,
             ..Setpoint::default()
         };
-        let mut plan = Plan {
+        let mut plan = Plan::made(PlanData {
             setpoints: (0..).zip(letters).map(setpoint).collect(),
             lights: [("color-led".to_owned(), late(2, &lit))].into(),
             lit: [&lit[..], &[0.0, 0.0]].concat(),
-            ..Plan::default()
-        };
+            ..PlanData::default()
+        });
         let (n, a, b, c) = (None, Some(0), Some(1), Some(2));
         assert_eq!(light_letters(&plan), [n, n, n, a, a, a, n, b, c, c, n]);
-        plan.lit.clear();
+        plan.edit(|plan| plan.lit.clear());
         let by_command = light_letters(&plan);
         assert_eq!(by_command[3..6], [a, b, b], "without the design's light, that of the setpoint");
-        plan.lit = lit.iter().map(|_| 0.0).chain([0.0, 0.0]).collect();
+        plan.edit(|plan| plan.lit = lit.iter().map(|_| 0.0).chain([0.0, 0.0]).collect());
         assert_eq!(light_letters(&plan), by_command, "the design of another plan");
     }
 }

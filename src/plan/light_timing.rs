@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 use super::lamp::LampTiming;
 use super::light_letters::drawn;
 use super::stroke_ends::{Aligned, Edge, StrokeEnd};
-use super::{Plan, Setpoint};
+use super::{Plan, PlanData, Setpoint};
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
@@ -80,13 +80,13 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     let changes = (0..lit.len()).filter(|row| *row == 0 || lit[*row] != lit[row - 1]);
     let commands: Vec<(f64, f64)> =
         changes.map(|row| (plan.setpoints[row].time_s, lit[row])).collect();
-    with_commands(&plan.paced(rate), lit, &commands, Between::Design)
+    with_commands(&Plan::made(plan.into_data().paced(rate)), lit, &commands, Between::Design)
 }
 
 /// The plan with other light commands: `(sent at, level)` in rising order. Rows are added where a
 /// command is sent between two setpoints.
 fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
-    let mut out = Plan { yaw_rad: plan.yaw_rad, ..Plan::default() };
+    let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     let has_sent = !plan.sent_m.is_empty();
     let (mut level, mut next) = (0.0, 0);
     let mut levels: Vec<f64> = Vec::new();
@@ -103,6 +103,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             if has_sent {
                 out.sent_m.push(sent_m);
             }
+            out.jerk_m_s3.extend(plan.jerk_m_s3.get(row));
         };
         let last = row + 1 == plan.setpoints.len();
         push(*setpoint, plan.sent_m(row), if last { 0.0 } else { level });
@@ -119,6 +120,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
         }
     }
     // Colors go with the stroke, lamps with the command.
+    let mut out = Plan::made(out);
     let drawn = drawn((&out, &levels), (plan, &plan.commanded()));
     let lamps: Vec<&String> = plan.lamps().map(|(lamp, _)| lamp).collect();
     let sent = plan.lights.iter().map(|(channel, before)| {
@@ -127,7 +129,7 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
         let levels = if is_lamp { levels.clone() } else { drawn.iter().map(color).collect() };
         (channel.clone(), levels)
     });
-    out.lights = sent.collect();
+    out.edit(|out| out.lights = sent.collect());
     out
 }
 
@@ -148,6 +150,7 @@ mod tests {
     use super::*;
     use crate::tests::written;
     use crate::{PlanOptions, plan};
+    use noctograph_core::flight::FlightData;
     use noctograph_core::flight::FlightSample;
     use noctograph_letters::{LetterOptions, write};
 
@@ -171,7 +174,7 @@ mod tests {
                 ..FlightSample::default()
             }
         };
-        Flight { samples: (0..=n).map(sample).collect(), ..Flight::default() }
+        Flight::made(FlightData { samples: (0..=n).map(sample).collect(), ..FlightData::default() })
     }
 
     #[test]
@@ -219,11 +222,9 @@ mod tests {
         let lit = plan.lights["headlights"].clone();
         let letters = crate::light_letters(&plan);
         let color = |letter: &Option<usize>| letter.map_or(0.0, |letter| 0.1 * (letter + 1) as f64);
-        plan.lights = [
-            ("ring".to_owned(), lit),
-            ("ring.red".to_owned(), letters.iter().map(color).collect()),
-        ]
-        .into();
+        let reds = letters.iter().map(color).collect();
+        let lights = [("ring".to_owned(), lit), ("ring.red".to_owned(), reds)].into();
+        plan.edit(|plan| plan.lights = lights);
         let (timed, _) = time_lights(&plan, &late(&plan, 0.5), &LAMP, Between::Held).unwrap();
         let letters = crate::light_letters(&timed);
         let colors: Vec<f64> = letters.iter().map(color).collect();

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Plan, Setpoint};
+use super::{Plan, PlanData, Setpoint};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_core::flight::table::on_grid;
@@ -48,7 +48,7 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     let logged = logged(flight);
     let median = MedianStep::new(&logged);
     let channels: Vec<String> = flight.lights.keys().cloned().collect();
-    let mut replay = Replay { plan: Plan::with_channels(&channels), n_restored: 0 };
+    let (mut plan, mut n_restored) = (PlanData::with_channels(&channels), 0);
     for (index, (setpoint, row)) in logged.iter().enumerate() {
         if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
             let n = median.lost_between(before, setpoint);
@@ -60,17 +60,17 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
                     position_m: (before.position_m + way_m * done).map(on_grid),
                     ..*before
                 };
-                push(&mut replay.plan, restored, flight, *row_before);
-                replay.n_restored += 1;
+                push(&mut plan, restored, flight, *row_before);
+                n_restored += 1;
             }
         }
-        push(&mut replay.plan, *setpoint, flight, *row);
+        push(&mut plan, *setpoint, flight, *row);
     }
-    Ok(replay)
+    Ok(Replay { plan: Plan::new(plan)?, n_restored })
 }
 
 /// Adds a setpoint with the lights of a row of the flight.
-fn push(plan: &mut Plan, setpoint: Setpoint, flight: &Flight, row: usize) {
+fn push(plan: &mut PlanData, setpoint: Setpoint, flight: &Flight, row: usize) {
     plan.setpoints.push(setpoint);
     for (column, levels) in plan.lights.values_mut().zip(flight.lights.values()) {
         column.push(levels[row]);
@@ -133,6 +133,7 @@ fn step(from: &Setpoint, to: &Setpoint) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_core::flight::FlightSample;
 
     /// A log at 100 Hz of setpoints `(time, x, light)`, each held until the next, to 1 s.
@@ -146,11 +147,11 @@ mod tests {
             ..FlightSample::default()
         };
         let lights = times_s.clone().map(|time_s| held(time_s).2).collect();
-        Flight {
+        Flight::made(FlightData {
             samples: times_s.map(sample).collect(),
             lights: [("headlights".to_owned(), lights)].into(),
-            ..Flight::default()
-        }
+            ..FlightData::default()
+        })
     }
 
     #[test]
@@ -186,7 +187,8 @@ mod tests {
     #[test]
     fn a_flight_without_setpoints_is_refused() {
         let mut flight = logged(&[(0.0, 0.0, 0.0)]);
-        flight.samples.iter_mut().for_each(|sample| sample.design_m.fill(0.0));
+        flight
+            .edit(|flight| flight.samples.iter_mut().for_each(|sample| sample.design_m.fill(0.0)));
         for flight in [flight, Flight::default()] {
             assert!(replay(&flight).unwrap_err().to_string().contains("no design"), "refused");
         }

@@ -8,7 +8,7 @@
 use nalgebra::Vector3;
 
 use super::pen::{DOT_M, dot_s};
-use super::{Extent, Plan, PlanOptions, Setpoint, TeamStyle};
+use super::{Extent, Plan, PlanData, PlanOptions, Setpoint, TeamStyle};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::polyline_length_m;
@@ -23,7 +23,7 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
             hint: "raise plan.stroke_speed_m_s, or write a shorter or smaller word".into(),
         });
     }
-    let plan = Plan::with_channels(&options.lights);
+    let plan = PlanData::with_channels(&options.lights);
     let mut script = Script { options, style, plan, time_s: 0.0, letter: None };
     let whole = options.extent == Extent::Whole;
     if whole {
@@ -39,7 +39,7 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
     } else {
         script.send(script.position_m(), Vector3::zeros(), false);
     }
-    Ok(script.plan)
+    Plan::new(script.plan)
 }
 
 /// Upper bound of the duration: all strokes, waits, and the ways to and from the word.
@@ -58,7 +58,7 @@ fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyl
 struct Script<'a> {
     options: &'a PlanOptions,
     style: &'a TeamStyle,
-    plan: Plan,
+    plan: PlanData,
     time_s: f64,
     letter: Option<usize>,
 }

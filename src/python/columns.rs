@@ -10,24 +10,15 @@ use super::{numbers, raised};
 use noctograph::error::Error;
 use noctograph::plan::HEADLIGHTS;
 
-/// Largest magnitude of a number.
-const MOST: f64 = 1e6;
-
-/// The columns of a plan or a flight: finite, as long as the times, which rise.
+/// The columns of a plan or a flight, as long as the times. Their values are checked by the product
+/// that is made of them.
 pub(super) struct Columns {
     pub(super) times_s: Vec<f64>,
 }
 
 impl Columns {
     pub(super) fn new(time_s: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let times_s = finite("time_s", time_s, 1)?;
-        match times_s.windows(2).find(|pair| pair[0] >= pair[1]) {
-            None => Ok(Self { times_s }),
-            Some(pair) => {
-                let actual = format!("{} after {}", pair[1], pair[0]);
-                Err(refused(time_s.py(), "time_s", actual, "rising times"))
-            }
-        }
+        Ok(Self { times_s: numbers(time_s, "time_s", 1)? })
     }
 
     /// A column of rows of so many numbers, by default all `usual`.
@@ -40,12 +31,13 @@ impl Columns {
     ) -> PyResult<Vec<f64>> {
         let n = self.times_s.len();
         let Some(array) = array else { return Ok(vec![usual; columns * n]) };
-        let values = finite(name, array, columns)?;
+        let values = numbers(array, name, columns)?;
         if values.len() == columns * n {
             return Ok(values);
         }
         let actual = format!("{} rows", values.len() / columns);
-        Err(refused(array.py(), name, actual, format!("{n} rows, as time_s")))
+        let hint = "one row for each time";
+        Err(raised(array.py(), &Error::input(name, actual, format!("{n} rows, as time_s"), hint)))
     }
 
     /// A column of points or directions, by default all zero.
@@ -65,43 +57,13 @@ impl Columns {
         usual: f64,
     ) -> PyResult<BTreeMap<String, Vec<f64>>> {
         let Some(Ok(channels)) = light.map(|light| light.cast::<PyDict>()) else {
-            return Ok([(HEADLIGHTS.to_owned(), self.levels("light", light, usual)?)].into());
+            return Ok([(HEADLIGHTS.to_owned(), self.column("light", light, 1, usual)?)].into());
         };
         let levels = |(name, levels): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
             let name = name.extract::<String>()?;
-            let levels = self.levels(&format!("light[{name:?}]"), Some(&levels), usual)?;
+            let levels = self.column(&format!("light[{name:?}]"), Some(&levels), 1, usual)?;
             Ok((name, levels))
         };
         channels.iter().map(levels).collect()
     }
-
-    fn levels(
-        &self,
-        name: &str,
-        array: Option<&Bound<'_, PyAny>>,
-        usual: f64,
-    ) -> PyResult<Vec<f64>> {
-        let levels = self.column(name, array, 1, usual)?;
-        let beyond = levels.iter().position(|level| !(0.0..=1.0).contains(level));
-        let Some((row, array)) = beyond.zip(array) else { return Ok(levels) };
-        let actual = format!("{} in row {row}", levels[row]);
-        let hint = "1 is the lamp at full: divide bytes by 255";
-        Err(raised(array.py(), &Error::input(name, actual, "levels from 0 to 1", hint)))
-    }
-}
-
-fn finite(name: &str, array: &Bound<'_, PyAny>, columns: usize) -> PyResult<Vec<f64>> {
-    let values = numbers(array, name, columns)?;
-    match values.iter().position(|value| value.is_nan() || value.abs() > MOST) {
-        None => Ok(values),
-        Some(index) => {
-            let actual = format!("{} in row {}", values[index], index / columns);
-            Err(refused(array.py(), name, actual, "numbers up to 1e6"))
-        }
-    }
-}
-
-fn refused(py: Python<'_>, name: &str, actual: String, wanted: impl Into<String>) -> PyErr {
-    let hint = "one row for each time, all of them finite";
-    raised(py, &Error::input(name, actual, wanted.into(), hint))
 }

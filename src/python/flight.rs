@@ -16,10 +16,10 @@ use super::{
 };
 use noctograph::error::{Error, Result};
 use noctograph::flight::table::MAX_DURATION_S;
-use noctograph::flight::{Flight, FlightSample, Quantity};
+use noctograph::flight::{Flight, FlightData, FlightSample, Quantity};
 use noctograph::geometry::Attitude;
 use noctograph::logs::{ImportOptions, import};
-use noctograph::plan::{LightClock, ReferenceKind, relight};
+use noctograph::plan::{LightClock, ReferenceKind, infer_lights};
 use noctograph::report::{NamedFlight, front_view};
 use noctograph::scene::Scene;
 use noctograph::shoot::{Shoot, Stop};
@@ -118,7 +118,8 @@ impl PyFlight {
         let samples = samples.collect();
         let unlogged =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
-        Ok(Self::new(Flight { samples, lights, unlogged, ..Flight::default() }))
+        let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
+        flight.map(Self::new).map_err(|error| raised(py, &error))
     }
 
     /// Reads the flight that ``save`` or ``noctograph fly`` wrote to a file.
@@ -422,7 +423,7 @@ pub(super) fn import_log(
     let stage = move || {
         let mut flight = import(&path, &ImportOptions::default())?;
         if let Some(scene) = scene {
-            relight(&mut flight, &scene.strokes()?)?;
+            infer_lights(&mut flight, &scene.strokes()?)?;
         }
         Ok(flight)
     };

@@ -14,6 +14,7 @@ mod shot;
 mod study;
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -37,6 +38,7 @@ mod _noctograph {
     use super::{
         command,
         flight::{PyFlight, fly, import_log},
+        main,
         plan::{PyPlan, plan},
         scene::{PyScene, setting},
         sessions::PySessions,
@@ -86,6 +88,15 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
 fn command(py: Python<'_>, words: Vec<String>) -> PyResult<(String, Bound<'_, PyAny>)> {
     let report = run(py, &Stop::default(), move || noctograph::cli::report_of(&words))?;
     Ok((report.text, to_python(py, &report.json)?))
+}
+
+/// The program: runs the command that was typed, and returns its exit code. `program` starts it
+/// again, in a process of its own.
+#[pyfunction]
+fn main(py: Python<'_>, program: Vec<OsString>, words: Vec<OsString>) -> u8 {
+    noctograph::cli::starts_as(program);
+    noctograph::cli::typed_as(words);
+    py.detach(noctograph::cli::main)
 }
 
 /// The text that a writer of CSV makes.

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use super::columns::Columns;
 use super::scene::PyScene;
 use super::{Reduced, array, arrays, data_frame, raised, reduced, run, save, text_of};
-use noctograph::plan::{Plan, Setpoint};
+use noctograph::plan::{Plan, PlanData, Setpoint};
 use noctograph::report::plan_view;
 use noctograph::shoot::{Shoot, Stop};
 
@@ -74,9 +74,10 @@ impl PyPlan {
         });
         let setpoints = setpoints.collect();
         let sent_m = sent_m.unwrap_or_default();
-        // The file's reader is the one check of times, levels and reach.
-        let plan = Self(Plan { setpoints, lights, lit: Vec::new(), sent_m, yaw_rad });
-        Self::from_csv(py, &plan.to_csv())
+        let plan =
+            Plan::new(PlanData { setpoints, lights, sent_m, yaw_rad, ..PlanData::default() });
+        // On the grid of the file, so that a plan that is saved and read is the same.
+        Self::from_csv(py, &Self(plan.map_err(|error| raised(py, &error))?).to_csv())
     }
 
     /// Reads the plan that ``save`` or ``noctograph plan`` wrote to a file.

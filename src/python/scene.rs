@@ -9,7 +9,7 @@ use super::{Reduced, array, raised, reduced, run, save, to_python};
 use noctograph::error::Error;
 use noctograph::scene::Scene;
 use noctograph::shoot::Stop;
-use noctograph::sim::design::{MOTOR_LAG_S, design};
+use noctograph::sim::gain_design::{MOTOR_LAG_S, design};
 use noctograph::vehicle::Mixer;
 
 /// Everything that a photo depends on: word, letters, plan, drone, controller, lights, camera,
@@ -132,7 +132,12 @@ impl PyScene {
     /// Writes ``to_toml`` to a file, which appears when it is whole; ``Scene(FILE)`` reads it
     /// again.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        save(py, &path, self.to_toml().as_bytes())
+        let scene = self.0.beside(&path).map_err(|error| raised(py, &error))?;
+        let copies = scene.copies.iter();
+        copies
+            .map(|(name, bytes)| save(py, &path.with_file_name(name), bytes))
+            .collect::<PyResult<()>>()?;
+        save(py, &path, scene.toml.as_bytes())
     }
 
     fn __reduce__(slf: &Bound<'_, Self>) -> PyResult<Reduced<(String,)>> {

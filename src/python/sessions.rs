@@ -93,7 +93,7 @@ impl PySessions {
     /// Duration of the plan, s.
     #[getter]
     fn duration_s(&self) -> f64 {
-        self.prepared.plans().first().map_or(0.0, noctograph::plan::Plan::duration_s)
+        self.prepared.plans().first().map_or(0.0, |plan| plan.duration_s())
     }
 
     /// Begins flights again: those whose seed is not None.

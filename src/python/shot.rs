@@ -14,7 +14,7 @@ use noctograph::error::Error;
 use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
 use noctograph::photo::flip::difference;
-use noctograph::photo::{self, Photo};
+use noctograph::photo::{self, Photo, PhotoData};
 use noctograph::report::{escaped, photos::shrink};
 use noctograph::score::{Reader, View};
 use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop};
@@ -59,7 +59,8 @@ impl PyShot {
         self.image.bind(py).clone()
     }
 
-    /// dict or None: The verdict with the keys of ``verdict.json``; None for a drawing.
+    /// noctograph.answers.Verdict or None: The verdict, a dict with the keys of ``verdict.json``; None for a
+    /// drawing.
     #[getter]
     fn verdict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.shot.verdict)
@@ -208,8 +209,8 @@ pub(super) fn photograph(
 ///
 /// Returns
 /// -------
-/// dict
-///     The verdict with the keys of ``verdict.json``.
+/// noctograph.answers.Verdict
+///     The verdict, a dict with the keys of ``verdict.json``.
 #[pyfunction]
 pub(super) fn score<'py>(
     py: Python<'py>,
@@ -288,5 +289,6 @@ fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
     };
     let bytes = image.call_method0("tobytes")?;
     let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();
-    Ok(Photo { width_px, height_px, rgb8, scene_toml: None })
+    Photo::new(PhotoData { width_px, height_px, rgb8, scene_toml: None })
+        .map_err(|error| raised(py, &error))
 }

@@ -18,7 +18,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 use noctograph_core::error::{Error, Result, within};
-use noctograph_core::photo::Photo;
+use noctograph_core::photo::{Photo, PhotoData};
 use noctograph_core::settings::settings;
 use noctograph_core::strokes::Strokes;
 
@@ -27,7 +27,7 @@ use alphabet::{classes_of, is_foreign};
 pub use calibration::{CALIBRATION, Calibration};
 pub use causes::{Advice, Cause, CauseKind, Known, LogGap, MissingRun};
 pub use explain::Marks;
-pub use locate::locate;
+pub use find_word::find_word;
 pub use reader::Reader;
 pub use reading::{ReadLetter, Reading, read};
 pub use turn::{has_bright_rim, quarter_turned, read_any_way_up};
@@ -42,11 +42,11 @@ mod causes;
 mod color;
 mod explain;
 mod faults;
+mod find_word;
 mod judge;
 mod lattice;
 mod light;
 mod line;
-mod locate;
 mod net;
 mod plane;
 mod raster;
@@ -143,7 +143,7 @@ fn check(strokes: &Strokes) -> Result<()> {
 }
 
 fn check_size(photo: &Photo, view: &View) -> Result<()> {
-    let Photo { width_px, height_px, .. } = *photo;
+    let PhotoData { width_px, height_px, .. } = **photo;
     let [width, height] = view.size_px();
     if [width_px, height_px] != [width, height] {
         let hint = "name the scene that the photo was taken with";

@@ -19,6 +19,10 @@ const MAX_STEP: f64 = 128.0;
 /// The sky is found for blocks this large, in pixels of the plane: an eighth of a cap height.
 const BLOCK_PLANE_PX: f64 = 4.0;
 
+/// Most blocks of a photo. A word has fewer, unless the camera sees it edge-on: then its pixels
+/// are next to nothing, and the part of the photo that shows it is all of it.
+const MAX_BLOCKS: f64 = 131_072.0;
+
 /// Blocks to either side that a block's sky is judged by: about a cap height in all, so that a
 /// letter's strokes are a minority and the glow of a floor or a window is not.
 const BLOCKS_AROUND: usize = 4;
@@ -81,7 +85,9 @@ impl Light {
         if left >= right || top >= bottom {
             return None;
         }
-        let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(1.0));
+        let area = (right - left) * (bottom - top) / (step * step) as f64;
+        let least = (area / MAX_BLOCKS).sqrt().ceil().max(1.0);
+        let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(least));
         let mut light = Self::of_frame(photo, [left, top, right, bottom], step);
         let sky = median_size(&map(&light.values, luminance));
         light.take_off_sky(block, MAX_SKY);
@@ -262,48 +268,21 @@ fn means<const STEP: usize>(
     values
 }
 
-/// Blocks of a group of ranks.
-const GROUP: usize = 32;
-
 /// The sky of each block: a quantile of the means around it.
-///
-/// Means are counted by their rank among all, in groups, while the window moves along a row.
 fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
-    let mut order: Vec<usize> = (0..means.len()).collect();
-    order.sort_unstable_by(|a, b| means[*a].total_cmp(&means[*b]));
-    let mut ranks = vec![0; means.len()];
-    order.iter().enumerate().for_each(|(rank, block)| ranks[*block] = rank);
-    let mut sky = Vec::with_capacity(means.len());
+    let near = |place: usize, end: usize| {
+        place.saturating_sub(BLOCKS_AROUND)..(place + BLOCKS_AROUND + 1).min(end)
+    };
+    let (mut sky, mut window) = (Vec::with_capacity(means.len()), Vec::new());
     for y in 0..height {
-        let rows = y.saturating_sub(BLOCKS_AROUND)..(y + BLOCKS_AROUND + 1).min(height);
-        let mut counts = vec![0_usize; means.len()];
-        let mut groups = vec![0_usize; means.len().div_ceil(GROUP)];
-        let mut counted = 0..0;
         for x in 0..width {
-            let columns = x.saturating_sub(BLOCKS_AROUND)..(x + BLOCKS_AROUND + 1).min(width);
-            for (x, is_new) in (counted.start..columns.start)
-                .map(|x| (x, false))
-                .chain((counted.end..columns.end).map(|x| (x, true)))
-            {
-                for y in rows.clone() {
-                    let rank = ranks[y * width + x];
-                    for count in [&mut counts[rank], &mut groups[rank / GROUP]] {
-                        *count = if is_new { *count + 1 } else { *count - 1 };
-                    }
-                }
+            let columns = near(x, width);
+            window.clear();
+            for row in near(y, height) {
+                window.extend_from_slice(&means[row * width..][columns.clone()]);
             }
-            let mut left = whole(SKY_SHARE * (rows.len() * columns.len()) as f64);
-            counted = columns;
-            let (mut group, mut rank) = (0, 0);
-            while left >= groups[group] {
-                left -= groups[group];
-                (group, rank) = (group + 1, rank + GROUP);
-            }
-            while left >= counts[rank] {
-                left -= counts[rank];
-                rank += 1;
-            }
-            sky.push(means[order[rank]]);
+            let rank = whole(SKY_SHARE * window.len() as f64);
+            sky.push(*window.select_nth_unstable_by(rank, f32::total_cmp).1);
         }
     }
     sky
@@ -355,4 +334,38 @@ fn code_step(level: f32) -> f32 {
 #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
 fn light_of_level() -> [u32; 256] {
     linear_from_level().map(|linear| (65535.0 * linear).round() as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_core::photo::PhotoData;
+
+    #[test]
+    fn the_sky_is_the_quantile_of_the_means_around() {
+        let [width, height] = [23, 17];
+        let means: Vec<f32> =
+            (0..width * height).map(|k| ((k * 7919) % 101) as f32 * 0.01).collect();
+        let sky = sky_around(&means, [width, height]);
+        for (x, y) in [(0, 0), (22, 16), (11, 8), (3, 15)] {
+            let near = |a: usize, b: usize| a.abs_diff(b) <= BLOCKS_AROUND;
+            let around = (0..width * height).filter(|k| near(k % width, x) && near(k / width, y));
+            let mut around: Vec<f32> = around.map(|k| means[k]).collect();
+            around.sort_by(f32::total_cmp);
+            let darker = whole(SKY_SHARE * around.len() as f64);
+            assert_eq!(sky[y * width + x].to_bits(), around[darker].to_bits(), "{x}, {y}");
+        }
+    }
+
+    #[test]
+    fn a_word_seen_edge_on_has_no_more_blocks_than_any_other() {
+        // Its pixels are next to nothing, and all of the photo may show it.
+        let [width_px, height_px] = [1920, 1080];
+        let rgb8 = vec![90; 3 * 1920 * 1080];
+        let photo = Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None });
+        let start = std::time::Instant::now();
+        let (light, _) = Light::decode(&photo, None, 1e-9).unwrap();
+        assert!(light.values.iter().flatten().all(|light| light.abs() < 1e-6), "an even sky");
+        assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
+    }
 }

@@ -1,7 +1,7 @@
 //! The way up of a photo: writing that stands on its side, or upside down.
 
 use super::reading::{Reading, read};
-use noctograph_core::photo::Photo;
+use noctograph_core::photo::{Photo, PhotoData};
 
 /// Mean share of the letters of writing that is the right way up. Upside down, NOOR reads as HOON
 /// of 0.87.
@@ -52,14 +52,14 @@ pub fn has_bright_rim(photo: &Photo) -> bool {
 
 /// A photo that is turned clockwise by quarters.
 pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
-    let mut photo = photo.clone();
+    let mut photo = PhotoData::clone(photo);
     for _ in 0..quarters % 4 {
         let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
         let pixels = (0..width).flat_map(|x| (0..height).rev().map(move |y| y * width + x));
         photo.rgb8 = pixels.flat_map(|i| photo.rgb8[3 * i..3 * i + 3].to_vec()).collect();
         (photo.width_px, photo.height_px) = (photo.height_px, photo.width_px);
     }
-    photo
+    Photo::made(photo)
 }
 
 #[cfg(test)]
@@ -72,19 +72,24 @@ mod tests {
             let rgb8 = (0..25).flat_map(|i| {
                 [if (6..19).contains(&i) && ![0, 4].contains(&(i % 5)) { within } else { side }; 3]
             });
-            Photo { width_px: 5, height_px: 5, rgb8: rgb8.collect(), scene_toml: None }
+            Photo::made(PhotoData {
+                width_px: 5,
+                height_px: 5,
+                rgb8: rgb8.collect(),
+                scene_toml: None,
+            })
         };
         assert!(has_bright_rim(&photo(255, 0)) && has_bright_rim(&photo(200, 190)));
         assert!(!has_bright_rim(&photo(120, 255)) && !has_bright_rim(&photo(0, 0)));
         let mut lit = photo(255, 0);
-        lit.rgb8[..6].fill(0);
+        lit.edit(|lit| lit.rgb8[..6].fill(0));
         assert!(!has_bright_rim(&lit), "a sky at three sides");
     }
 
     #[test]
     fn four_quarters_are_the_photo_and_one_takes_the_upper_left_pixel_to_the_right() {
         let rgb8 = (0..18).collect();
-        let photo = Photo { width_px: 3, height_px: 2, rgb8, scene_toml: None };
+        let photo = Photo::made(PhotoData { width_px: 3, height_px: 2, rgb8, scene_toml: None });
         let once = quarter_turned(&photo, 1);
         assert_eq!([once.width_px, once.height_px], [2, 3]);
         assert_eq!(once.rgb8[3..6], [0, 1, 2]);

@@ -1,6 +1,6 @@
 //! The verdict on a photo: the content of `verdict.json`.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::alphabet::spells;
 use super::calibration::{CALIBRATION, Calibration};
@@ -68,7 +68,7 @@ pub struct Placement {
 }
 
 /// The verdict on one letter.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LetterVerdict {
     /// The letter that should be there.
     pub expected: char,
@@ -80,6 +80,7 @@ pub struct LetterVerdict {
     /// Share of no letter at all, 0 to 1; `None` for punctuation.
     pub no_letter: Option<f64>,
     /// The three likeliest other letters, the likeliest first.
+    #[serde(default)]
     pub rivals: Vec<Rival>,
     /// Offset of the letter from its place in the word, to the right and up; this and the next four
     /// are `None` where faults were not looked for.
@@ -94,11 +95,12 @@ pub struct LetterVerdict {
     /// Length of the light's lines away from the intended strokes.
     pub stray_mm: Option<f64>,
     /// Shares of all letters in the choice, the likeliest first, down to a thousandth.
+    #[serde(default)]
     pub confusion: Vec<Rival>,
 }
 
 /// Another letter that a place resembles.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rival {
     /// The letter.
     pub letter: char,
@@ -107,7 +109,7 @@ pub struct Rival {
 }
 
 /// Why a word is not legible.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
     /// The place of the word is not in the photo.

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::distance;
-use noctograph_core::photo::Photo;
+use noctograph_core::photo::{Photo, PhotoData};
 
 /// Where points of the word's plane (x and height, meters) fall in the picture.
 #[derive(Clone, Debug)]
@@ -71,7 +71,7 @@ impl View {
                 );
             }
         }
-        Photo { width_px, height_px, rgb8, scene_toml: None }
+        Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
     /// A photo of a line of writing seen square on, from the four corners of its box in the

@@ -15,7 +15,7 @@ use hyper::http::request::Parts;
 
 use super::address::{Address, is_secret};
 use super::http::{HttpError, HttpResult, MAX_BODY};
-use noctograph_web::request::Asker;
+use noctograph_photo_service::request::Asker;
 
 /// What is let in.
 #[derive(Debug)]

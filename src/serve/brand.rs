@@ -8,13 +8,11 @@
 //! en = "What you send may be shown on the wall tonight."
 //! ```
 
-use std::collections::BTreeMap;
 use std::path::Path;
-
-use serde::{Deserialize, Serialize};
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
+use noctograph_photo_service::about::Brand as Words;
 
 const TABLE: Limit = Limit { bytes: 64 << 10, what: "a brand", hint: "shorten its sentences" };
 const LOGO: Limit = Limit { bytes: 256 << 10, what: "a logo", hint: "simplify its paths" };
@@ -23,19 +21,12 @@ const LOGO: Limit = Limit { bytes: 256 << 10, what: "a logo", hint: "simplify it
 const MAX_TITLE: usize = 60;
 const MAX_SENTENCE: usize = 240;
 
-/// What the page knows of it.
-#[derive(Debug, Default, Deserialize, Serialize)]
-#[serde(default, deny_unknown_fields)]
+/// What a host brings.
+#[derive(Debug, Default)]
 pub(crate) struct Brand {
-    title: Option<String>,
-    /// By language.
-    sentence: BTreeMap<String, String>,
-    consent: BTreeMap<String, String>,
-    /// Whether there is a logo.
-    #[serde(skip_deserializing)]
-    logo: bool,
+    /// What the page knows of it.
+    pub(crate) words: Words,
     /// The logo (SVG).
-    #[serde(skip)]
     pub(crate) svg: Option<String>,
 }
 
@@ -46,12 +37,12 @@ impl Brand {
         let refused = |key: &str, actual: String, wanted: String| {
             Error::input(key, actual, wanted, "see docs/page.md").in_file(path.display(), None)
         };
-        let mut brand: Self = toml::from_str(&TABLE.read_text(&path)?).map_err(|error| {
+        let mut words: Words = toml::from_str(&TABLE.read_text(&path)?).map_err(|error| {
             let wanted = "title, [sentence], [consent]".into();
             refused("table", error.message().to_owned(), wanted)
         })?;
-        let titles = brand.title.iter().map(|title| ("title", title, MAX_TITLE));
-        let sentences = brand.sentence.values().chain(brand.consent.values());
+        let titles = words.title.iter().map(|title| ("title", title, MAX_TITLE));
+        let sentences = words.sentence.values().chain(words.consent.values());
         let sentences = sentences.map(|sentence| ("sentence", sentence, MAX_SENTENCE));
         for (key, text, most) in titles.chain(sentences) {
             let n = text.chars().count();
@@ -60,13 +51,13 @@ impl Brand {
             }
         }
         let path = folder.join("logo.svg");
-        brand.svg = path.is_file().then(|| LOGO.read_text(&path)).transpose()?;
-        brand.logo = brand.svg.is_some();
-        if brand.svg.as_ref().is_some_and(|svg| !svg.contains("<svg")) {
+        let svg = path.is_file().then(|| LOGO.read_text(&path)).transpose()?;
+        words.logo = svg.is_some();
+        if svg.as_ref().is_some_and(|svg| !svg.contains("<svg")) {
             let hint = "save the logo as SVG";
             return Err(Error::input(path.display(), "another file", "a drawing (SVG)", hint));
         }
-        Ok(brand)
+        Ok(Self { words, svg })
     }
 }
 
@@ -84,7 +75,7 @@ mod tests {
             Brand::read(folder.path()).map_err(|error| error.to_string())
         };
         let svg = "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9'/>";
-        let json = json!(read("title = \"Hall\"\n[consent]\nde = \"Ja.\"\n", svg).unwrap());
+        let json = json!(read("title = \"Hall\"\n[consent]\nde = \"Ja.\"\n", svg).unwrap().words);
         let wanted = json!({
             "title": "Hall", "sentence": {}, "consent": { "de": "Ja." }, "logo": true,
         });

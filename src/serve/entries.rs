@@ -7,14 +7,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
 use tokio::sync::watch;
 use tokio::time::timeout;
 
-use super::gallery::{self, Entry, ForOperator, Gallery, Order, Photo, State, regular};
+use super::gallery::{self, Entry, Figures, ForOperator, Gallery, Order, Photo, State, regular};
 use noctograph_core::error::Result;
-use noctograph_web::messages::{Key, KeyResult};
-use noctograph_web::request::Subject;
+use noctograph_photo_service::messages::{Key, KeyResult};
+use noctograph_photo_service::request::Subject;
 
 /// Most entries that wait: all, and those of an address.
 const MOST: usize = 1000;
@@ -43,6 +42,58 @@ pub(crate) enum Act {
     /// Takes it down from the wall.
     Hide,
     Show,
+}
+
+/// An entry as its visitor sees it.
+#[derive(Debug, Serialize)]
+pub(crate) struct ForVisitor {
+    id: String,
+    number: u32,
+    title: Option<String>,
+    /// The day.
+    made: String,
+    state: State,
+    language: String,
+    flight_s: f64,
+    read: Option<String>,
+    legible: Option<bool>,
+    /// Entries that fly before it, and the time that they take.
+    ahead: usize,
+    ahead_s: f64,
+}
+
+/// What the wall shows.
+#[derive(Debug, Serialize)]
+pub(crate) struct Wall {
+    revision: u64,
+    photos: Vec<WallPhoto>,
+}
+
+#[derive(Debug, Serialize)]
+struct WallPhoto {
+    key: String,
+    title: Option<String>,
+    flight_s: f64,
+    /// Whether it is in the air.
+    flying: bool,
+}
+
+/// The whole queue, for the operator.
+#[derive(Debug, Serialize)]
+struct Queue<'a> {
+    revision: u64,
+    paused: bool,
+    /// In the order of flight.
+    entries: Vec<ForOperator<'a>>,
+    /// Name of the entry that is in the air.
+    flying: Option<&'a str>,
+}
+
+/// What the operator did with an entry.
+#[derive(Debug, Serialize)]
+struct Acted<'a> {
+    revision: u64,
+    entry: ForOperator<'a>,
 }
 
 #[derive(Debug)]
@@ -155,8 +206,9 @@ impl Entries {
         Ok((id, number, true))
     }
 
-    /// Does what the operator says; `was` is the state that the operator saw.
-    pub(crate) fn act(&self, id: &str, act: Act, was: Option<State>) -> KeyResult<Value> {
+    /// Does what the operator says; `was` is the state that the operator saw. Returns the JSON of
+    /// [`Acted`].
+    pub(crate) fn act(&self, id: &str, act: Act, was: Option<State>) -> KeyResult<String> {
         let mut list = self.list();
         let index = list.entries.iter().position(|it| it.entry.id == id).ok_or(Key::Closed)?;
         if was.is_some_and(|was| was != list.entries[index].entry.state) {
@@ -179,7 +231,8 @@ impl Entries {
             Act::Show => entry.hidden = false,
         })?;
         let revision = self.changed();
-        Ok(json!({ "revision": revision, "entry": list.entries[index].entry.for_operator() }))
+        let acted = Acted { revision, entry: list.entries[index].entry.for_operator() };
+        Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
     }
 
     /// Takes back what a visitor sent, as long as it waits.
@@ -244,13 +297,6 @@ impl Entries {
 
     /// The whole queue, for the operator.
     pub(crate) fn queue(&self) -> String {
-        #[derive(Serialize)]
-        struct Queue<'a> {
-            revision: u64,
-            paused: bool,
-            entries: Vec<ForOperator<'a>>,
-            flying: Option<&'a str>,
-        }
         let list = self.list();
         let queue = Queue {
             revision: *self.revision.borrow(),
@@ -262,20 +308,30 @@ impl Entries {
     }
 
     /// An entry as its visitor sees it.
-    pub(crate) fn own(&self, id: &str) -> KeyResult<Value> {
+    pub(crate) fn own(&self, id: &str) -> KeyResult<ForVisitor> {
         let list = self.list();
         let index = list.entries.iter().position(|it| it.entry.id == id).ok_or(Key::Closed)?;
-        let Entry { number, title, made, state, language, figures, .. } =
-            &list.entries[index].entry;
+        let Entry { id, number, title, made, state, language, figures, .. } =
+            list.entries[index].entry.clone();
         let flies = |it: &&Stored| !matches!(it.entry.state, State::Flown | State::Rejected);
         let ahead = list.entries[..index].iter().filter(flies);
-        let flight_s = |it: &Stored| it.entry.figures["flight_s"].as_f64().unwrap_or(0.0);
-        let ahead_s = ahead.clone().fold(0.0, |sum, it| sum + flight_s(it) + BETWEEN_S);
-        Ok(json!({
-            "id": id, "number": number, "title": title, "made": made.get(..10), "state": state,
-            "language": language, "flight_s": figures["flight_s"], "read": figures["read"],
-            "legible": figures["legible"], "ahead": ahead.count(), "ahead_s": ahead_s,
-        }))
+        let ahead_s =
+            ahead.clone().fold(0.0, |sum, it| sum + it.entry.figures.flight_s + BETWEEN_S);
+        let made = made.get(..10).unwrap_or_default().to_owned();
+        let (ahead, Figures { flight_s, read, legible, .. }) = (ahead.count(), figures);
+        Ok(ForVisitor {
+            id,
+            number,
+            title,
+            made,
+            state,
+            language,
+            flight_s,
+            read,
+            legible,
+            ahead,
+            ahead_s,
+        })
     }
 
     /// A file of an entry.
@@ -284,7 +340,7 @@ impl Entries {
     }
 
     /// What the wall shows, the newest first: of each visitor a word once.
-    pub(crate) fn wall(&self) -> Value {
+    pub(crate) fn wall(&self) -> Wall {
         let list = self.list();
         let mut shown: Vec<&Entry> = Vec::new();
         let entries = list.entries.iter().map(|it| &it.entry).filter(|it| self.is_shown(it));
@@ -298,14 +354,14 @@ impl Entries {
                 shown.push(entry);
             }
         }
-        let photo = |entry: &&Entry| {
-            json!({
-                "key": entry.key, "title": entry.title, "flight_s": entry.figures["flight_s"],
-                "flying": entry.state == State::Flying,
-            })
+        let photo = |entry: &Entry| WallPhoto {
+            key: entry.key.clone(),
+            title: entry.title.clone(),
+            flight_s: entry.figures.flight_s,
+            flying: entry.state == State::Flying,
         };
-        let photos: Vec<Value> = shown.iter().map(photo).collect();
-        json!({ "revision": *self.revision.borrow(), "photos": photos })
+        let photos = shown.into_iter().map(photo).collect();
+        Wall { revision: *self.revision.borrow(), photos }
     }
 
     /// A file of a photo on the wall.

@@ -10,15 +10,17 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value};
 
 use super::address::secret;
 use super::timestamp::now;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, Output, entries_in, folder_in};
 use noctograph_export::stem;
-use noctograph_web::answer::{files_of, jpeg_of};
-use noctograph_web::request::Subject;
+pub(crate) use noctograph_photo_service::answer::JPEG;
+use noctograph_photo_service::answer::{LargeFacts, PhotoFacts};
+use noctograph_photo_service::messages::Message;
+use noctograph_photo_service::request::Subject;
+use noctograph_score::{LetterVerdict, Reason};
 
 const ENTRY: &str = "entry.json";
 const SUBJECT: &str = "wish.json";
@@ -27,7 +29,6 @@ const TABLE: Limit = Limit { bytes: 1 << 20, what: "an entry", hint: "move it ou
 
 /// Files of an entry's photo.
 pub(crate) const PNG: &str = "photo.png";
-pub(crate) const JPEG: &str = "photo.jpg";
 pub(crate) const REPLAY: &str = "replay.json";
 const SCENE: &str = "scene.toml";
 
@@ -51,8 +52,43 @@ pub(crate) struct Photo {
     pub(crate) id: String,
     pub(crate) visitor: String,
     pub(crate) subject: Subject,
-    /// The answer that a page would get.
-    pub(crate) answer: Value,
+    pub(crate) figures: Figures,
+    /// Its files with some that an entry does not keep.
+    pub(crate) files: Vec<noctograph_export::File>,
+}
+
+/// What an entry keeps of the facts of its photo.
+#[derive(Clone, Debug, Default, Deserialize, Serialize)]
+#[serde(default)]
+pub(crate) struct Figures {
+    /// Number of drones; 0 in an entry of an earlier version.
+    drones: usize,
+    /// Seconds of the longest flight.
+    pub(crate) flight_s: f64,
+    /// Whether the word is read; null of a drawing, as the next three.
+    pub(crate) legible: Option<bool>,
+    letters: Option<Vec<LetterVerdict>>,
+    /// What makes any word unreadable.
+    obstacles: Vec<Message>,
+    pub(crate) read: Option<String>,
+    reason: Option<Reason>,
+    /// What stops its flight: nothing, or it would not have been kept.
+    stops: Vec<Message>,
+}
+
+impl Figures {
+    pub(crate) fn new(LargeFacts { photo, verdict, stops, drones, .. }: LargeFacts) -> Self {
+        let PhotoFacts { flight_s, obstacles, .. } = photo;
+        let figures = Self { drones, flight_s, obstacles, stops, ..Self::default() };
+        let Some(verdict) = verdict else { return figures };
+        Self {
+            legible: Some(verdict.legible),
+            letters: Some(verdict.letters),
+            read: Some(verdict.read),
+            reason: verdict.reason,
+            ..figures
+        }
+    }
 }
 
 /// An entry as its file has it.
@@ -75,9 +111,8 @@ pub(crate) struct Entry {
     /// The wish that it was made of.
     pub(crate) photo: String,
     pub(crate) language: String,
-    /// `flight_s`, read, legible, reason, letters, stops, obstacles.
     #[serde(rename = "found")]
-    pub(crate) figures: Value,
+    pub(crate) figures: Figures,
 }
 
 /// An entry as the operator sees it. It borrows, as a queue of hundreds is asked for often.
@@ -91,7 +126,7 @@ pub(crate) struct ForOperator<'a> {
     hidden: &'a bool,
     visitor: Option<&'a str>,
     #[serde(flatten)]
-    figures: Option<&'a Map<String, Value>>,
+    figures: &'a Figures,
 }
 
 /// Order of flight and whether entries are taken, as the file has it.
@@ -142,13 +177,11 @@ impl Gallery {
     /// until it is free.
     pub(crate) fn keep(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
         let failed = |source| Error::write(&self.folder, source);
-        let (staging, lock) = folder_in(&self.folder).map_err(failed)?;
-        let mut files = files_of(&photo.answer);
-        files.retain(|(name, _)| [PNG, SCENE].contains(&&**name));
-        files.push((JPEG.into(), jpeg_of(&photo.answer).unwrap_or_default()));
-        files.push((REPLAY.into(), photo.answer["replay"].to_string().into()));
-        for (name, bytes) in files {
-            write(&staging.path().join(name), &bytes)?;
+        let (staging, mut lock) = folder_in(&self.folder).map_err(failed)?;
+        for noctograph_export::File { name, bytes } in &photo.files {
+            if [PNG, SCENE, JPEG, REPLAY].contains(&&**name) {
+                write(&staging.path().join(name), bytes)?;
+            }
         }
         let subject = serde_json::to_vec(&photo.subject).expect("a subject is plain data");
         write(&staging.path().join(SUBJECT), &subject)?;
@@ -156,6 +189,10 @@ impl Gallery {
             write(&staging.path().join(ENTRY), &pretty(entry))?;
             synced(staging.path()).map_err(failed)?;
             let folder = self.folder.join(entry.folder_name());
+            if cfg!(windows) {
+                // It renames no folder in which a file is open.
+                lock = None;
+            }
             match std::fs::rename(staging.path(), &folder) {
                 Ok(()) => {}
                 // Something that was put there by hand has the name.
@@ -179,8 +216,6 @@ impl Gallery {
 
 impl Entry {
     pub(crate) fn new(photo: &Photo, language: &str, number: u32) -> Result<Self> {
-        let figures = &photo.answer;
-        let kept = ["flight_s", "read", "legible", "reason", "letters", "stops", "obstacles"];
         Ok(Self {
             id: secret()?,
             key: secret()?,
@@ -192,15 +227,14 @@ impl Entry {
             visitor: photo.visitor.clone(),
             photo: photo.id.clone(),
             language: language.to_owned(),
-            figures: kept.into_iter().map(|name| (name, figures[name].clone())).collect(),
+            figures: photo.figures.clone(),
         })
     }
 
     pub(crate) fn for_operator(&self) -> ForOperator<'_> {
-        let Self { id, number, title, made, state, hidden, .. } = self;
+        let Self { id, number, title, made, state, hidden, figures, .. } = self;
         // Enough to tell visitors apart.
         let visitor = self.visitor.get(..4);
-        let figures = self.figures.as_object();
         ForOperator { id, number, title, made, state, hidden, visitor, figures }
     }
 

@@ -21,8 +21,9 @@ use hyper::header::HeaderValue;
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use noctograph_web::messages::{Key, Message};
-use serde_json::Value;
+use noctograph_photo_service::messages::{Key, Message};
+use serde::Serialize;
+use serde_json::json;
 use tokio::net::TcpListener;
 use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
@@ -176,8 +177,8 @@ pub(crate) fn whole(kind: &'static str, body: impl Into<Bytes>) -> Reply {
     with_field(with_field(reply, "Content-Type", kind), "Cache-Control", "no-store")
 }
 
-pub(crate) fn json(value: &Value) -> Reply {
-    whole("application/json", value.to_string())
+pub(crate) fn json(value: &impl Serialize) -> Reply {
+    whole("application/json", json!(value).to_string())
 }
 
 /// A file that does not change, and the browser may keep.

@@ -21,9 +21,9 @@ use entries::Entries;
 use module::Module;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::folder_in;
+pub use noctograph_photo_service::answer::Suggestion;
 use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::Shot;
-pub use noctograph_web::answer::Suggestion;
 use routes::Server;
 use worker::Maker;
 

@@ -9,8 +9,11 @@ use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
-const LIMIT: Limit =
-    Limit { bytes: 64 << 20, what: "the page's module", hint: "write it with src/web/build" };
+const LIMIT: Limit = Limit {
+    bytes: 64 << 20,
+    what: "the page's module",
+    hint: "write it with src/photo_service/build",
+};
 
 /// The module as it is sent: compressed by gzip, which the page unpacks.
 #[derive(Debug)]
@@ -31,7 +34,7 @@ impl Module {
         let mut head = [0; 4];
         if GzDecoder::new(&*bytes).read_exact(&mut head).is_err() || head != *b"\0asm" {
             let actual = "no compressed WebAssembly module";
-            let wanted = "noctograph.wasm.gz, as src/web/build writes it";
+            let wanted = "noctograph.wasm.gz, as src/photo_service/build writes it";
             return Err(Error::input(path.display(), actual, wanted, LIMIT.hint));
         }
         let mark = format!("\"{}\"", &sha256(&bytes)[..16]);

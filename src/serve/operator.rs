@@ -1,16 +1,16 @@
 //! What the operator sees and does.
 
-use serde_json::{Value, json};
+use serde::Serialize;
+use serde_json::json;
 
 use super::access::Request;
 use super::gallery::{JPEG, PNG, REPLAY};
 use super::http::{self, Reply};
-use super::routes::{Posted, Server, ZIP, parsed, sent};
+use super::routes::{Posted, Server, ZIP, sent};
 use super::worker::Job;
-use noctograph_export::{stem, zip::zip};
-use noctograph_web::answer::files_of;
-use noctograph_web::messages::{Key, KeyResult, Message};
-use noctograph_web::request::Product;
+use noctograph_export::{File, stem, zip::zip};
+use noctograph_photo_service::messages::{Key, KeyResult, Message};
+use noctograph_photo_service::request::Product;
 
 impl Server {
     pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
@@ -33,7 +33,7 @@ impl Server {
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "was"])?;
                 let (act, was) = (posted.member("do")?, posted.member("was")?);
-                return Ok(http::json(&self.entries.act(id, act, was)?));
+                return Ok(http::whole("application/json", self.entries.act(id, act, was)?));
             }
             ["order"] => {
                 let posted = Posted::parse(body, &["ids"])?;
@@ -48,15 +48,15 @@ impl Server {
     /// The script of one entry.
     pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
         let (told, archive) = self.export(Some(id)).await?;
-        match told[0]["refused"].get(0) {
-            Some(refused) => Ok(http::refused(Message::parse(refused)?)),
+        match told.into_iter().flat_map(|exported| exported.refused).next() {
+            Some(refused) => Ok(http::refused(refused)),
             None => Ok(http::whole(ZIP, archive)),
         }
     }
 
     /// What became of one entry, or of those that are to be flown in their order, and the archive
     /// of their scripts.
-    pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Value, Vec<u8>)> {
+    pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Vec<Exported>, Vec<u8>)> {
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {
             return Err(Key::Closed);
@@ -64,24 +64,35 @@ impl Server {
         let (mut told, mut files) = (Vec::new(), Vec::new());
         for (index, (number, title, subject)) in entries.into_iter().enumerate() {
             let name = format!("{:02}-{}", index + 1, stem(&title));
-            let made = match subject.map(|subject| Job { product: Product::Script, subject }) {
+            let job = subject.map(|subject| Job { product: Product::Script, subject, page: None });
+            let made = match job {
                 None => Err(Key::Broken.into()),
                 Some(job) => self.operator.make(job).await,
             };
-            let answer = match made {
-                Ok(made) => parsed(&made)?,
-                Err(message) => message.json(),
+            let (folder, refused) = match made {
+                Ok(parcel) => {
+                    let within =
+                        |file: File| File { name: format!("{name}/{}", file.name), ..file };
+                    files.extend(parcel.files.into_iter().map(within));
+                    (Some(name), Vec::new())
+                }
+                Err(message) => (None, vec![message]),
             };
-            let own = files_of(&answer).into_iter();
-            files.extend(own.map(|(file, bytes)| (format!("{name}/{file}"), bytes)));
-            let refused: Vec<&Value> = answer.get("error").into_iter().collect();
-            let folder = refused.is_empty().then_some(&name);
-            told.push(json!({
-                "number": number, "title": title, "folder": folder, "refused": refused,
-            }));
+            told.push(Exported { folder, number, refused, title });
         }
-        let told = Value::from(told);
-        files.push(("export.json".to_owned(), format!("{told:#}\n").into_bytes()));
+        let bytes = format!("{:#}\n", json!(told)).into_bytes();
+        files.push(File { name: "export.json".into(), bytes });
         Ok((told, zip(&files)))
     }
+}
+
+/// What became of the scripts of an entry.
+#[derive(Debug, Serialize)]
+pub(crate) struct Exported {
+    /// Folder of its scripts in the archive.
+    folder: Option<String>,
+    number: u32,
+    /// Why it has none: one message.
+    refused: Vec<Message>,
+    title: String,
 }

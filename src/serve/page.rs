@@ -5,7 +5,7 @@ macro_rules! files {
     ($($name:literal)+; $($of_module:literal)+) => {
         &[
             $(($name, include_str!(concat!("page/", $name))),)+
-            $(($of_module, include_str!(concat!("../web/page/", $of_module))),)+
+            $(($of_module, include_str!(concat!("../photo_service/page/", $of_module))),)+
         ]
     };
 }

@@ -16,13 +16,13 @@ use super::http::{self, Arrival, MAX_BODY, Reply, with_field, with_status};
 use super::module::Module;
 use super::page::FILES;
 use super::qr;
-use super::worker::{Job, Maker};
+use super::worker::{Job, Maker, Parcel};
 use noctograph_core::digest::sha256;
+use noctograph_photo_service::about::{About, Host, Limits, Role, WallRule, colors};
+use noctograph_photo_service::answer::{Asked, PageAnswer};
+use noctograph_photo_service::messages::{Key, KeyResult, Message};
+use noctograph_photo_service::request::{MAX_WORD, PhotoRequest, Product};
 use noctograph_pipeline::scene::Scene;
-use noctograph_web::answer::archived;
-use noctograph_web::colors;
-use noctograph_web::messages::{Key, KeyResult, Message};
-use noctograph_web::request::{MAX_WORD, PhotoRequest, Product};
 
 /// What answers the requests.
 #[derive(Debug)]
@@ -155,30 +155,34 @@ impl Server {
         Ok(with_field(reply, "Content-Security-Policy", POLICY))
     }
 
-    /// What the page has to know.
+    /// What the page has to know, as JSON.
     fn about(&self, request: &Request) -> Value {
         let Self { brand, scene, boot, entries, .. } = self;
         let role = match request.base {
-            Base::Visitors | Base::Kiosk => "visitor",
-            Base::Operator => "operator",
-            Base::Entry(_) => return json!({ "role": "entry", "boot": boot, "brand": brand }),
+            Base::Visitors | Base::Kiosk => Role::Visitor,
+            Base::Operator => Role::Operator,
+            Base::Entry(_) => Role::Entry,
         };
-        let mut about = json!({
-            "role": role, "boot": boot, "brand": brand, "home": request.is_home(),
-            "kiosk": request.base == Base::Kiosk, "network": self.access.network,
-            "wall": if entries.is_open() { "open" } else { "approved" },
-            "paused": entries.is_paused(),
-            "limits": { "letters": MAX_WORD, "body_bytes": MAX_BODY },
-            "colors": colors(), "deck": scene.light.deck,
-        });
+        let host = Host { role, boot, brand: &brand.words };
+        if role == Role::Entry {
+            return json!(host);
+        }
         // The host's own machine is faster without.
-        if self.module.is_some() && !request.peer.is_loopback() {
-            about["base"] = json!(self.base);
-        }
-        if request.is_home() {
-            about["scene"] = json!(scene);
-        }
-        about
+        let makes_there = self.module.is_some() && !request.peer.is_loopback();
+        json!(About {
+            host,
+            alone: false,
+            home: request.is_home(),
+            kiosk: request.base == Base::Kiosk,
+            network: self.access.network,
+            paused: entries.is_paused(),
+            wall: if entries.is_open() { WallRule::Open } else { WallRule::Approved },
+            limits: Limits { letters: MAX_WORD, body_bytes: MAX_BODY },
+            colors: colors(),
+            deck: scene.light.deck,
+            base: makes_there.then_some(&*self.base),
+            scene: request.is_home().then_some(scene),
+        })
     }
 
     fn get(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
@@ -231,20 +235,17 @@ impl Server {
             _ => return Err(Key::NotHere),
         };
         let maker = if request.peer.is_loopback() { &self.host } else { &self.visitors };
-        let made = maker.make(Job { product, subject: photo.subject }).await;
-        let answer = match (made, product) {
-            (Ok(answer), Product::Script) => archived(parsed(&answer)?).to_string(),
-            (Ok(answer), _) => answer,
-            (Err(message), _) if message.key == Key::Busy.name() => return Err(Key::Busy),
-            (Err(message), _) => message.json().to_string(),
+        // The server keeps no photo: what asked for it sends it.
+        let text = || String::from_utf8_lossy(request.body.as_deref().unwrap_or_default());
+        let id = (name == "photos").then(|| text().into_owned());
+        let (number, subject) = (photo.number, photo.subject);
+        let page = Some(Asked { id, number });
+        let answer = match maker.make(Job { product, subject, page }).await {
+            Ok(parcel) => parcel.files.into_iter().next().ok_or(Key::Broken)?.bytes,
+            Err(message) if message.key == Key::Busy.name() => return Err(Key::Busy),
+            Err(message) => PageAnswer::new(Asked { id: None, number }, Err(message)).json().into(),
         };
-        // An object with members, as text. The server keeps no photo: what asked for it sends it.
-        let mut text = format!("{{\"number\":{},", json!(photo.number));
-        if name == "photos" && !answer.starts_with("{\"error\"") {
-            let asked = String::from_utf8_lossy(request.body.as_deref().unwrap_or_default());
-            text += &format!("\"id\":{},", json!(asked));
-        }
-        Ok(http::whole("application/json", text + &answer[1..]))
+        Ok(http::whole("application/json", answer))
     }
 
     /// Keeps the photo that a visitor sends to be flown, made large here by the text that asked for
@@ -278,15 +279,9 @@ impl Server {
     ) -> Result<(String, u32, bool), Message> {
         let PhotoRequest { visitor, subject, .. } = photo;
         let product = Product::Large { advice: false, files: true };
-        let made = self.visitors.make(Job { product, subject: subject.clone() }).await?;
-        let answer = parsed(&made)?;
-        if answer["error"].is_object() {
-            return Err(Message::parse(&answer["error"])?);
-        }
-        if answer["stops"].as_array().is_some_and(|stops| !stops.is_empty()) {
-            return Err(Message::of_stops(&answer["stops"]));
-        }
-        let (server, photo) = (self.clone(), Photo { id, visitor, subject, answer });
+        let job = Job { product, subject: subject.clone(), page: None };
+        let Parcel { figures, files } = self.visitors.make(job).await?;
+        let (server, photo) = (self.clone(), Photo { id, visitor, subject, figures, files });
         let add = move || server.entries.add(&photo, &language, sender);
         Ok(tokio::task::spawn_blocking(add).await.unwrap_or(Err(Key::Broken))?)
     }
@@ -352,9 +347,4 @@ pub(crate) fn sent(path: Option<PathBuf>) -> KeyResult<Reply> {
     let path = path.ok_or(Key::Closed)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     http::file(kind_of(&name), &path).map_err(|_cause| Key::Closed)
-}
-
-/// The answer of a worker.
-pub(crate) fn parsed(answer: &str) -> KeyResult<Value> {
-    serde_json::from_str(answer).map_err(|_broken| Key::Broken)
 }

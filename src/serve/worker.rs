@@ -2,7 +2,8 @@
 //!
 //! One that is too slow, too large or broken is ended and takes nothing with it. It lives as long
 //! as its pipe: where the server is killed, it ends by itself, whatever it does. A worker is the
-//! program once more; jobs and answers are lines of JSON.
+//! program once more; a job is a line of JSON, and so is an answer, which the bytes of its files
+//! follow.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,7 +16,7 @@ use std::sync::mpsc::channel;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::json;
 use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::process::{Child, ChildStdin, ChildStdout, Command};
@@ -23,31 +24,52 @@ use tokio::sync::{Mutex, Semaphore};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
+use super::gallery::{Figures, REPLAY};
 use super::{Program, no_thread};
 use noctograph_core::error::{Error, Result};
+use noctograph_export::File;
+use noctograph_photo_service::answer::{Answer, Asked, Facts, Made, PageAnswer, Studio};
+use noctograph_photo_service::messages::{Key, Message};
+use noctograph_photo_service::request::{Product, Subject};
 use noctograph_pipeline::scene::Scene;
-use noctograph_web::answer::Studio;
-use noctograph_web::messages::{Key, Message};
-use noctograph_web::request::{Product, Subject};
 
 /// Most jobs that wait for a worker.
 const MAX_WAITING: usize = 64;
 /// Most memory of a worker, beside its code: what a large picture takes, and a little more.
+#[cfg(unix)]
 const MEMORY: u64 = 1 << 30;
 /// Longest time of a photo while one types, and of a large one: a word that does not read is flown
 /// some thirty times for advice. What a wish may ask for is bounded by its work; these end what
 /// hangs, and are long enough for a busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
-/// Longest answer: a photo of two megapixels with its files, in base64.
-const MAX_LINE: u64 = 32 << 20;
+/// Longest wait for a killed worker's end, which takes a millisecond unless its disk hangs.
+const END_TRIES: usize = 100;
+const END_PAUSE: Duration = Duration::from_millis(1);
+/// Longest line of an answer, and most bytes of its files: a photo of two megapixels with its files
+/// in base64, or as they are.
+const MAX_LINE: u64 = 1 << 20;
+const MAX_BYTES: usize = 32 << 20;
 
-/// A line to a worker, which answers it with a line.
+/// A line to a worker.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 pub(crate) struct Job {
     pub(crate) product: Product,
     pub(crate) subject: Subject,
+    /// Of a job for a page: the answer is one file, which the page reads. Else it is the files.
+    pub(crate) page: Option<Asked>,
 }
+
+/// What a worker made.
+#[derive(Debug)]
+pub(crate) struct Parcel {
+    /// Those of a large photo that is kept.
+    pub(crate) figures: Figures,
+    pub(crate) files: Vec<File>,
+}
+
+/// The line of an answer: figures, and names and lengths of the files that follow.
+type Head = std::result::Result<(Figures, Vec<(String, usize)>), Message>;
 
 /// Has jobs done one after another, in the order in which they come.
 #[derive(Debug)]
@@ -74,9 +96,9 @@ impl Maker {
         Self { program, scratch: scratch.to_owned(), worker: Arc::default(), places }
     }
 
-    /// Does a job, and returns the JSON of its answer. Dropped while it waits, it is not begun;
-    /// dropped later, it ends, but for the photo of a keystroke, which is soon done.
-    pub(crate) async fn make(&self, job: Job) -> std::result::Result<String, Message> {
+    /// Does a job. Dropped while it waits, it is not begun; dropped later, it ends, but for the
+    /// photo of a keystroke, which is soon done.
+    pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
         let _place = self.places.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
         let (program, scratch) = (self.program, self.scratch.clone());
@@ -93,7 +115,7 @@ impl Maker {
             })?;
             let answer = answer.map_err(|_gone| Key::TooLarge)?;
             *slot = Some(worker);
-            Ok::<_, Message>(answer)
+            answer
         });
         let made = match is_live {
             true => made.await,
@@ -106,7 +128,7 @@ impl Maker {
 /// A worker that runs. Dropped, it is killed.
 #[derive(Debug)]
 struct Worker {
-    _child: Child,
+    child: Child,
     jobs: ChildStdin,
     answers: BufReader<ChildStdout>,
     _folder: TempDir,
@@ -123,17 +145,40 @@ impl Worker {
         let mut child = command.current_dir(folder.path()).kill_on_drop(true).spawn()?;
         let jobs = child.stdin.take().expect("it is piped");
         let answers = BufReader::new(child.stdout.take().expect("it is piped"));
-        Ok(Self { _child: child, jobs, answers, _folder: folder })
+        Ok(Self { child, jobs, answers, _folder: folder })
     }
 
-    async fn answer(&mut self, job: &Job) -> std::io::Result<String> {
+    async fn answer(&mut self, job: &Job) -> std::io::Result<std::result::Result<Parcel, Message>> {
         let line = serde_json::to_string(job).expect("a job is plain data") + "\n";
         self.jobs.write_all(line.as_bytes()).await?;
-        let mut answer = String::new();
-        (&mut self.answers).take(MAX_LINE).read_line(&mut answer).await?;
-        match answer.pop() {
-            Some('\n') => Ok(answer),
-            _ => Err(std::io::ErrorKind::UnexpectedEof.into()),
+        let mut line = String::new();
+        (&mut self.answers).take(MAX_LINE).read_line(&mut line).await?;
+        let (figures, sizes) = match serde_json::from_str::<Head>(&line)? {
+            Ok(head) => head,
+            Err(message) => return Ok(Err(message)),
+        };
+        if sizes.iter().map(|(_, size)| size).sum::<usize>() > MAX_BYTES {
+            return Err(std::io::ErrorKind::InvalidData.into());
+        }
+        let mut files = Vec::new();
+        for (name, size) in sizes {
+            let mut bytes = vec![0; size];
+            self.answers.read_exact(&mut bytes).await?;
+            files.push(File { name, bytes });
+        }
+        Ok(Ok(Parcel { figures, files }))
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        let _ = self.child.start_kill();
+        // Windows removes no folder that is the present one of a process.
+        for _ in 0..END_TRIES {
+            match self.child.try_wait() {
+                Ok(None) => std::thread::sleep(END_PAUSE),
+                _ => break,
+            }
         }
     }
 }
@@ -161,19 +206,73 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     for job in jobs {
         // A job has nothing that outlives it: what a panic leaves broken is dropped.
         let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&own, &job)));
-        let answer = made.unwrap_or_else(|_| Message::from(Key::Broken).json());
-        // Its folder can be removed.
-        let _ = std::env::set_current_dir(&own);
-        let mut out = std::io::stdout().lock();
-        if writeln!(out, "{answer}").and_then(|()| out.flush()).is_err() {
+        let made = made.unwrap_or_else(|_| Err(Key::Broken.into()));
+        if hand_over(made.and_then(|answer| packed(answer, job.page))).is_err() {
             break;
         }
     }
     Ok(())
 }
 
+/// What the server is sent of an answer. Of a photo that is kept, its flight is safe.
+fn packed(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Message> {
+    if let Some(asked) = page {
+        let bytes = PageAnswer::new(asked, Ok(answer)).json().into_bytes();
+        let files = vec![File { name: "answer.json".into(), bytes }];
+        return Ok(Parcel { figures: Figures::default(), files });
+    }
+    let Answer { facts, mut files } = answer;
+    let Facts::Large(facts) = facts else {
+        return Ok(Parcel { figures: Figures::default(), files });
+    };
+    if !facts.stops.is_empty() {
+        return Err(Message::of_stops(&facts.stops));
+    }
+    let replay = json!(facts.photo.replay).to_string().into_bytes();
+    files.push(File { name: REPLAY.into(), bytes: replay });
+    Ok(Parcel { figures: Figures::new(*facts), files })
+}
+
+/// Writes what was made for the server.
+fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> {
+    let (head, files): (Head, _) = match made {
+        Ok(Parcel { figures, files }) => {
+            let sizes = files.iter().map(|file| (file.name.clone(), file.bytes.len())).collect();
+            (Ok((figures, sizes)), files)
+        }
+        Err(message) => (Err(message), Vec::new()),
+    };
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{}", json!(head))?;
+    for file in files {
+        out.write_all(&file.bytes)?;
+    }
+    out.flush()
+}
+
 /// Most words whose typefaces are known: an evening's, letter by letter.
 const MOST_FACES: usize = 4096;
+
+/// The folder of a job, which is the present folder while this lives.
+struct JobFolder<'a> {
+    _folder: TempDir,
+    own: &'a Path,
+}
+
+impl<'a> JobFolder<'a> {
+    fn in_folder(own: &'a Path) -> std::io::Result<Self> {
+        let folder = tempfile::tempdir_in(own)?;
+        std::env::set_current_dir(folder.path())?;
+        Ok(Self { _folder: folder, own })
+    }
+}
+
+impl Drop for JobFolder<'_> {
+    fn drop(&mut self) {
+        // Windows removes no folder that is a present one.
+        let _ = std::env::set_current_dir(self.own);
+    }
+}
 
 struct JobMaker<'a> {
     program: Program,
@@ -185,11 +284,8 @@ struct JobMaker<'a> {
 impl JobMaker<'_> {
     /// Does a job in a folder of its own, in which all its files stand by their names: no path of
     /// this machine gets into what is made.
-    fn make_in(&self, own: &Path, Job { product, subject }: &Job) -> Value {
-        let folder = tempfile::tempdir_in(own);
-        if !folder.as_ref().is_ok_and(|it| std::env::set_current_dir(it.path()).is_ok()) {
-            return Message::from(Key::DiskFull).json();
-        }
+    fn make_in(&self, own: &Path, Job { product, subject, .. }: &Job) -> Made {
+        let Ok(_folder) = JobFolder::in_folder(own) else { return Err(Key::DiskFull.into()) };
         let studio = Studio {
             scene: &|settings| self.base(settings),
             typeface: &|word| self.face(word).map(|face| brought_here(&face)).transpose(),

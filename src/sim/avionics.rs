@@ -8,7 +8,7 @@ use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoin
 use super::radio::Link;
 use super::recorder::Snapshot;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
-use crate::vehicle::{Plant, RigidBody, State, attitude, velocity};
+use crate::vehicle::{Plant, RigidBody, State};
 use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Warning;
@@ -69,6 +69,11 @@ enum Kind {
     /// The firmware's own landing, after setpoints of another kind.
     Landing,
 }
+
+/// Time after which an exported script sends a full state again (`RESEND_S`, `cflib.py`), and after
+/// which the commander on board evaluates its trajectory again (`RATE_HL_COMMANDER`), s.
+const RESEND_S: f64 = 0.1;
+const COMMANDER_S: f64 = 0.01;
 
 /// Time after the last letter at which an exported script tells the firmware to land, s: a run-out,
 /// and the lamps are dark.
@@ -178,32 +183,26 @@ impl Avionics {
     pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
         let flown = self.flown();
         let setpoint = &plan.setpoints[flown];
-        // A late setpoint says where to go from when it is heard on, until the next one is due.
-        let design_s = match self.link.as_ref().filter(|_| self.streamed) {
-            None => time_s,
-            Some(link) => {
-                let next_s = plan.setpoints.get(flown + 1).map_or(setpoint.time_s, |s| s.time_s);
-                (setpoint.time_s + (time_s - link.since_s())).min(next_s).max(setpoint.time_s)
-            }
-        };
-        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(flown), design_s);
-        let mut estimate = self.estimate;
+        let told_s = self.told_s(plan, time_s);
+        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(flown), told_s);
+        reference.jerk_m_s3 = plan.jerk_m_s3(flown);
+        let mut reference = reference.turned(-self.yaw_rad);
+        let mut estimate = ahead(&self.estimate, self.yaw_rad);
         let kind = match self.silent_s(time_s) > LEVEL_OUT_S {
             true => Kind::Level,
             false if self.lands_from.is_some_and(|row| flown >= row) => Kind::Landing,
             false => Kind::Sent,
         };
         if std::mem::replace(&mut self.kind, kind) != kind {
-            self.controller.change_mode(&ahead(&estimate, self.yaw_rad));
+            self.controller.change_mode(&estimate);
         }
         if kind == Kind::Level {
-            level_out(&mut estimate, &mut reference);
+            self.controller.level_out(&mut estimate, &mut reference);
         }
         if let Some(filter) = self.estimator.altitude() {
             self.controller.set_thrust_map(filter.thrust_map());
         }
-        let reference = reference.turned(-self.yaw_rad);
-        self.command = self.controller.command(&ahead(&estimate, self.yaw_rad), &reference);
+        self.command = self.controller.command(&estimate, &reference);
     }
 
     /// Commands the motors m1…m4, clamped to their range; NaN stops a motor.
@@ -215,6 +214,29 @@ impl Avionics {
     /// Index of the setpoint that the drone follows.
     fn flown(&self) -> usize {
         if self.streamed { self.heard } else { self.setpoint }
+    }
+
+    /// Up to when the drone follows the motion of its setpoint. The firmware's geometric controller
+    /// holds what it was told last: by the script, which sends a setpoint that lasts for long again
+    /// as it moves on, or by the commander on board.
+    fn told_s(&self, plan: &Plan, time_s: f64) -> f64 {
+        let holds = self.kinds.0 == ControllerKind::Geometric;
+        let from_s = plan.setpoints[self.flown()].time_s;
+        // A late setpoint says where to go from when it is heard on, until the next one is due.
+        let now_s = match self.link.as_ref().filter(|_| self.streamed) {
+            None => time_s,
+            Some(link) => {
+                let last_s = if holds { time_s - link.silent_s(time_s) } else { time_s };
+                let next = plan.setpoints.get(self.flown() + 1);
+                let until_s = next.map_or(from_s, |next| next.time_s);
+                (from_s + (last_s - link.since_s())).min(until_s).max(from_s)
+            }
+        };
+        if !holds {
+            return now_s;
+        }
+        let step_s = if self.streamed { RESEND_S } else { COMMANDER_S };
+        from_s + ((now_s - from_s + TIME_TOLERANCE_S) / step_s).floor() * step_s
     }
 
     /// Time since a setpoint was heard; 0 for a trajectory on board.
@@ -329,7 +351,7 @@ fn landing(plan: &Plan) -> Option<usize> {
 }
 
 /// A state turned so that the held heading is along world x, as controllers are designed.
-fn ahead(state: &State, yaw_rad: f64) -> State {
+pub(super) fn ahead(state: &State, yaw_rad: f64) -> State {
     if yaw_rad == 0.0 {
         return *state;
     }
@@ -338,16 +360,6 @@ fn ahead(state: &State, yaw_rad: f64) -> State {
     let (sin, cos) = libm::sincos(state[3] - yaw_rad);
     ahead[3] = libm::atan2(sin, cos);
     ahead
-}
-
-/// What the firmware flies without setpoints: level, at the height of the last one, wherever that
-/// takes it. To the controller it looks as if the drone stood at its place in x and y.
-fn level_out(estimate: &mut State, reference: &mut Reference) {
-    let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);
-    *reference = Reference::holding(held_m);
-    let world_from_body = attitude(estimate).world_from_body();
-    let rising_m_s = Vector3::z() * (world_from_body * velocity(estimate)).z;
-    estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
 }
 
 /// Keys of the gains and weights of the controller and the estimator that fly.

@@ -197,13 +197,7 @@ fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
 /// Checks that the plan has setpoints, only positions and motions within a drone's reach, and a way
 /// above the floor.
 fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
-    let n = plan.setpoints.len();
-    assert!(plan.lights.values().all(|column| column.len() == n), "a light for every setpoint");
-    assert!([0, n].contains(&plan.sent_m.len()), "a position sent for every setpoint, or none");
     let hint = "plan the word again, or correct the file that the plan was read from";
-    if !plan.yaw_rad.is_finite() {
-        return Err(Error::input("plan.yaw_rad", plan.yaw_rad, "an angle in radians", hint));
-    }
     if plan.setpoints.is_empty() {
         return Err(Error::input("plan", "no setpoint", "at least one setpoint", hint));
     }
@@ -219,15 +213,19 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     check_above(plan, floor)
 }
 
-/// Checks that the plan stays above the steps of the floor from its first setpoint above them to
-/// its last. Before and after, where a ramp begins and ends that rises above the step, the drone
-/// stands on the step.
+/// Checks that the plan stays above the steps of the floor from its first setpoint above them, or
+/// of a letter, to its last. Before and after, where a ramp begins and ends that rises above the
+/// step, the drone stands on the step.
 fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let places_m = plan.setpoints.iter().map(|s| s.position_m);
     // Height of each setpoint, and of the floor there.
     let heights_m: Vec<[f64; 2]> = places_m.map(|m| [m.z, floor.height_m(m.x, m.y)]).collect();
-    let first = heights_m.iter().position(|[z, floor]| z > floor).unwrap_or(0);
-    let last = heights_m.iter().rposition(|[z, floor]| z > floor).unwrap_or(heights_m.len() - 1);
+    let flies = |row: &usize| {
+        let [z, floor] = heights_m[*row];
+        z > floor || plan.setpoints[*row].letter.is_some()
+    };
+    let first = (0..heights_m.len()).find(flies).unwrap_or(0);
+    let last = (0..heights_m.len()).rfind(flies).unwrap_or(heights_m.len() - 1);
     let mut numbered = heights_m.iter().enumerate();
     let refused = numbered.find(|(i, [z, floor])| {
         let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);

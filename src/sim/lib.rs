@@ -9,8 +9,8 @@
 //! starts at rest at the first setpoint, and a setpoint at or below the floor switches the motors
 //! off. The reference team's controller, the default of [`SimOptions`] (a scene's is the firmware's
 //! PID), holds each setpoint as it was sent: a position with no velocity, which the drone trails by
-//! about half a second; [`ControllerKind`] lists the others. [`design`] computes the gains without
-//! a flight.
+//! about half a second; [`ControllerKind`] lists the others. [`gain_design`] computes the gains
+//! without a flight.
 //!
 //! Sources: equations, weights and values of the reference flight (AE483, 2022; preset
 //! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
@@ -24,11 +24,12 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
 mod avionics;
+pub mod control;
 mod controller;
-pub mod design;
-pub mod estimate;
 mod estimator;
 mod fly;
+pub mod gain_design;
+pub mod kalman;
 mod options;
 mod radio;
 mod recorder;
@@ -46,7 +47,6 @@ pub use estimator::{
     one_more_anchor, writing_sigma_m,
 };
 pub use fly::{fly, fly_fleet, fly_watched};
-pub use noctograph_control as control;
 pub use options::{
     AltitudeHoldOptions, AltitudeOptions, ControllerKind, ControllerOptions, CooperativeOptions,
     Drone, EkfOptions, EstimatorKind, FirmwareOptions, GeometricOptions, HorizontalForce, Law,

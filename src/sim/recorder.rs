@@ -6,8 +6,8 @@ use crate::vehicle::{State, attitude, position, rate, velocity};
 use nalgebra::Matrix3;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::flight::{
-    BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightSample, SATURATED_S,
-    Warning,
+    BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightData, FlightSample,
+    SATURATED_S, Warning,
 };
 use noctograph_core::plan::{Plan, Setpoint};
 
@@ -18,7 +18,7 @@ const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, 
 /// decimals gives back exactly the flight that was written.
 #[derive(Debug)]
 pub(super) struct Recorder {
-    flight: Flight,
+    flight: FlightData,
     /// [`COLUMNS`].
     extra: [Vec<f64>; 5],
 }
@@ -48,7 +48,7 @@ impl Recorder {
         let lights: BTreeMap<_, _> =
             plan.lights.keys().map(|channel| (channel.clone(), Vec::with_capacity(n))).collect();
         Self {
-            flight: Flight { samples: Vec::with_capacity(n), lights, ..Flight::default() },
+            flight: FlightData { samples: Vec::with_capacity(n), lights, ..FlightData::default() },
             extra: Default::default(),
         }
     }
@@ -76,7 +76,7 @@ impl Recorder {
     pub(super) fn finish(self, warnings: Vec<Warning>) -> Flight {
         let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);
         let extra = columns.filter(|(_, column)| !column.is_empty()).collect();
-        Flight { warnings, extra, ..self.flight }
+        Flight::made(FlightData { warnings, extra, ..self.flight })
     }
 }
 

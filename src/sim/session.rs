@@ -201,10 +201,10 @@ mod tests {
         let plain = flown(&plan, &options, 1).unwrap();
         let mut session = Session::new(plan, &drone, Avionics::log_covariance).unwrap();
         session.fly_by_itself().unwrap();
-        let mut logged = session.finish();
+        let mut logged = session.finish().into_data();
         let sigma_m = logged.extra.remove("estimate_sigma_m").unwrap();
         let nees = logged.extra.remove("estimate_nees").unwrap();
-        assert_eq!(logged, plain, "the same flight");
+        assert_eq!(logged, *plain, "the same flight");
         assert_eq!((sigma_m.len(), nees.len()), (plain.samples.len(), plain.samples.len()));
         for (row, sample) in plain.samples.iter().enumerate().skip(plain.samples.len() / 2) {
             let error_m = (sample.estimate_m - sample.position_m).norm();

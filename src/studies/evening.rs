@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::conditions::{OUTAGE_EVERY_S, ROOM_GUST_M_S};
-use super::design::counter;
+use super::experiment::counter;
 use super::statistics::mean;
 use noctograph_core::error::Result;
 use noctograph_core::files::Limit;
@@ -168,7 +168,7 @@ impl Evening {
         options.check("import", None)?;
         let sample_rate_hz = options.sample_rate_hz.max(LEAST_RATE_HZ);
         let options = &ImportOptions { sample_rate_hz, ..options.clone() };
-        let (logs, count) = (logs_in(folder)?, counter(done));
+        let (logs, count) = (logs_in(folder)?.0, counter(done));
         LOGS.check_all(logs.iter().map(|log| &log.path))?;
         // Links may lead to one file several times: it is one flight, and is read once.
         let mut firsts = HashMap::new();

@@ -21,8 +21,8 @@
 
 pub mod comparison;
 mod conditions;
-mod design;
 mod evening;
+mod experiment;
 mod hold;
 mod knobs;
 mod outcome;
@@ -39,9 +39,13 @@ mod tables;
 mod trial;
 mod tune;
 
+/// Names the source that decides an outcome, in 16 hexadecimal digits: the same from a clone and
+/// from an archive, on every system. Two builds of one version are told apart by it.
+pub const SOURCE: &str = env!("NOCTOGRAPH_SOURCE");
+
 pub use conditions::Conditions;
-pub use design::{Study, Trial, evaluate};
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
+pub use experiment::{Study, Trial, evaluate};
 pub use hold::{
     Bounds, CONSISTENT, Consistency, DURATION_S, Hold, HoldFigures, HoldModel, HoldSample,
     HoldScenario, HoldVerdict, STATE_NAMES, hold, hold_figures,
@@ -53,7 +57,7 @@ pub use remedy::{Remedy, SEEDS, remedies, remedies_for};
 pub use shard::{Shard, shards};
 pub use spread::{BAND_FRAC, Band, Held, LEAST_FLIGHTS, Spread, SpreadFlight, SpreadShot, spread};
 pub use store::{Record, Store};
-pub use submissions::submissions;
+pub use submissions::{Submissions, submissions};
 pub use tables::{candidates_csv, flights_csv, marks_csv, ranking_csv};
 pub use trial::Prepared;
 pub use tune::{Candidate, TuneOptions, Tuned, tune};

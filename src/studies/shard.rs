@@ -6,7 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::design::evaluate;
+use super::experiment::evaluate;
 use super::{Prepared, Store, Study, Trial};
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Result};

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::Conditions;
-use super::design::counter;
+use super::experiment::counter;
 use super::statistics::mean;
 use super::trial::{or_lost, reader, shrink};
 use noctograph_core::error::{Error, Result};
@@ -238,6 +238,7 @@ fn drawn(base: &Shoot, conditions: &Conditions, seed: u64, room_seed: u64) -> Sh
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_pipeline::scene::{Preset, Scene};
 
     fn sample(time_s: f64, x_m: f64) -> FlightSample {
@@ -248,7 +249,7 @@ mod tests {
     fn flight(k: u32) -> Flight {
         let samples =
             (0..1000).map(|i| sample(0.1 * f64::from(i), f64::from((i * 7 + k * 53) % 199)));
-        Flight { samples: samples.collect(), ..Flight::default() }
+        Flight::made(FlightData { samples: samples.collect(), ..FlightData::default() })
     }
 
     #[test]

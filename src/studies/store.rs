@@ -14,8 +14,8 @@ use std::sync::Mutex;
 
 use serde::{Deserialize, Serialize};
 
-use super::Outcome;
-use super::design::MAX_TRIALS;
+use super::experiment::MAX_TRIALS;
+use super::{Outcome, SOURCE};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output};
 use noctograph_core::input_error;
@@ -257,7 +257,8 @@ fn lock(folder: &Path) -> Result<File> {
 /// Checks the header of the folder; writes that of a new one.
 fn check_header(folder: &Path) -> Result<()> {
     let path = folder.join(HEADER_FILE);
-    let ours = Header { noctograph: env!("CARGO_PKG_VERSION").to_owned(), format: FORMAT };
+    let noctograph = format!("{} (source {SOURCE})", env!("CARGO_PKG_VERSION"));
+    let ours = Header { noctograph, format: FORMAT };
     if !path.exists() {
         let text = serde_json::to_string(&ours).expect("plain data") + "\n";
         Output::create(&path)?.keep_on_disk(text)?;
@@ -280,7 +281,7 @@ fn check_header(folder: &Path) -> Result<()> {
             path.display(),
             "flights of noctograph {theirs} (format {format})",
             "{ours} (format {FORMAT})",
-            "name another folder: flights of two versions cannot be compared",
+            "name another folder: flights of two builds cannot be compared",
         ));
     }
     Ok(())

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use nalgebra::Vector3;
 
 use super::outcome::{Flown, Outcome};
-use super::{Conditions, Record};
+use super::{Conditions, Record, SOURCE};
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
@@ -216,11 +216,8 @@ pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Re
 
 fn digest(scene: &Scene, conditions: &Conditions) -> String {
     let mut digest = Digest::default();
-    digest.add(env!("CARGO_PKG_VERSION"));
-    // What flights, films and verdicts of this build are: a store holds none of another build.
-    digest.add(include_str!("../../golden/flight/digests.txt"));
-    digest.add(include_str!("../../golden/expose/films.txt"));
-    digest.add(include_str!("../../golden/score/faults.txt"));
+    // A store holds no flight of another build.
+    digest.add(SOURCE);
     digest.add_numbers(&[CAP_HEIGHT_PX]);
     digest.add(serde_json::to_vec(&CALIBRATION).expect("plain data"));
     digest.add(scene.to_toml());

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::design::evaluate;
+use super::experiment::evaluate;
 use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
@@ -24,7 +24,7 @@ use noctograph_pipeline::scene::{NamedScene, Scene};
 use noctograph_pipeline::shoot::Stop;
 use noctograph_plan::tracking::CORRIDOR_M;
 use noctograph_sim::Law;
-use noctograph_sim::design::{MOTOR_LAG_S, design};
+use noctograph_sim::gain_design::{MOTOR_LAG_S, design};
 
 /// Candidates that fly again at the end.
 const FINALISTS: usize = 6;

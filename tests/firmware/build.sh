@@ -18,7 +18,7 @@ for source in "$modules"/kalman_core/kalman_core.c "$modules"/kalman_core/mm_swe
     "$utils"/lighthouse/lighthouse_geometry.c "$utils"/lighthouse/lighthouse_calibration.c \
     "$modules"/planner.c "$modules"/pptraj.c "$modules"/pptraj_compressed.c "$modules"/axis3fSubSampler.c "$modules"/controller/attitude_pid_controller.c \
     "$modules"/controller/controller_pid.c "$modules"/controller/position_controller_pid.c \
-    "$modules"/power_distribution_quadrotor.c "$utils"/pid.c "$utils"/filter.c "$utils"/num.c; do
+    "$modules"/controller/controller_lee.c "$modules"/power_distribution_quadrotor.c "$utils"/pid.c "$utils"/filter.c "$utils"/num.c; do
     object=$out/$(basename "$source" .c).o
     gcc -w -O1 -std=gnu11 -D__fp16=uint16_t $include -c "$source" -o "$object"
     objects="$objects $object"
@@ -38,7 +38,14 @@ drivers=$firmware/src/deck/drivers/src
     sed -n '/^static inline uint8_t applyGamma/,/^static bool checkProtocol/p' "$drivers/color_led_deck.c" |
         sed '$d'
 } > "$out/color_led.inc"
+sed -n '/^float motorsCompensateBatteryVoltage/,/^}/p' "$firmware/src/drivers/src/motors.c" > "$out/motors.inc"
+link() {
+    gcc -w -O1 -std=gnu11 -D__fp16=uint16_t $include -I"$modules" -I"$out" "$@" -L"$out" -lfirmware -lm
+}
 for program in "$here"/*.c; do
-    gcc -w -O1 -std=gnu11 -D__fp16=uint16_t $include -I"$out" "$program" -L"$out" -lfirmware \
-        -o "$out/$(basename "$program" .c)" -lm
+    link "$program" -o "$out/$(basename "$program" .c)"
 done
+# Two drones: their propellers, thrust over voltage, arm and idle thrust.
+link -DCONFIG_ENABLE_THRUST_BAT_COMPENSATED -DCONFIG_CRAZYFLIE_LEGACY_PROPELLERS "$here/lee.c" -o "$out/lee"
+link -DCONFIG_ENABLE_THRUST_BAT_COMPENSATED -DCONFIG_PLATFORM_CF21BL -DCONFIG_MOTORS_REQUIRE_ARMING=1 \
+    -DCONFIG_MOTORS_DEFAULT_IDLE_THRUST=7000 "$here/lee.c" -o "$out/lee_brushless"

@@ -8,7 +8,7 @@ use noctograph::letters::{Ink, LetterOptions, Pace, Strokes, Trace, draw, write}
 use noctograph::light::csv::read as read_light;
 use noctograph::light::{LightOptions, light};
 use noctograph::logs::{ImportOptions, import};
-use noctograph::photo::{self, Metadata, Photo, taken_as};
+use noctograph::photo::{self, Metadata, Photo, PhotoData, taken_as};
 use noctograph::plan::{Plan, PlanOptions, plan};
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::{read_anchors, read_lighthouse_config};
@@ -104,7 +104,7 @@ fn photo(path: &Path, _: &[u8]) -> bool {
 
 fn embedded(path: &Path, _: &[u8]) -> bool {
     let Ok((photo, _)) = photo::read_with_notes(path) else { return false };
-    photo.scene_toml.is_some_and(|toml| Scene::parse(&toml, "photo.png").is_ok())
+    photo.into_data().scene_toml.is_some_and(|toml| Scene::parse(&toml, "photo.png").is_ok())
 }
 
 /// All readers.
@@ -276,7 +276,8 @@ fn pngs() -> Vec<Vec<u8>> {
 fn shot() -> Vec<u8> {
     let (width_px, height_px) = (16, 9);
     let scene_toml = Some("word = \"NO\"\nseed = 7\n[camera]\niso = 200\n".to_owned());
-    let photo = Photo { width_px, height_px, rgb8: vec![9; 16 * 9 * 3], scene_toml };
+    let photo =
+        Photo::made(PhotoData { width_px, height_px, rgb8: vec![9; 16 * 9 * 3], scene_toml });
     let camera = CameraOptions::default().camera([0.0, 0.5, 1.0, 1.0], 46.0).unwrap();
     let notes = [("noctograph.flight_sha256", "0123".repeat(16))];
     photo::encode_png(&photo, Some(&Metadata::new(&camera, &photo.rgb8)), &notes)

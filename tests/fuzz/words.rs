@@ -4,7 +4,7 @@ use std::path::Path;
 
 use noctograph::camera::CameraOptions;
 use noctograph::letters::{LetterOptions, Strokes, write};
-use noctograph::photo::{self, Metadata, Photo};
+use noctograph::photo::{self, Metadata, Photo, PhotoData};
 use noctograph::scene::{Preset, Scene};
 use noctograph::score::{Reader, ScoreOptions, View, read as read_blind};
 
@@ -37,7 +37,10 @@ pub(crate) fn read(path: &Path, case: &[u8]) -> bool {
     let camera = camera.camera(drawn.bounds_m(), 10.0).unwrap();
     let scene_toml =
         Some(Scene { word: told.word.clone(), ..Scene::preset(Preset::default()) }.to_toml());
-    let photo = Photo { scene_toml, ..photograph(&drawn, &View::from(&camera)) };
+    let photo = Photo::made(PhotoData {
+        scene_toml,
+        ..photograph(&drawn, &View::from(&camera)).into_data()
+    });
     let metadata = Metadata::new(&camera, &photo.rgb8);
     std::fs::write(path, photo::encode_png(&photo, Some(&metadata), &[])).unwrap();
     let Ok((photo, _)) = photo::read_with_notes(path) else { return false };
@@ -67,5 +70,5 @@ fn photograph(strokes: &Strokes, view: &View) -> Photo {
             }
         }
     }
-    Photo { width_px, height_px, rgb8, scene_toml: None }
+    Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
 }

@@ -186,6 +186,7 @@ fn lines_are_at_most_80_columns_wide() {
         "fly none.csv",
         "preview I --size 0x0",
         "generate man",
+        "notices",
     ] {
         commands.push(command.split_whitespace().collect());
     }
@@ -207,9 +208,33 @@ fn completions_and_man_pages_are_generated() {
         let run = noctograph(folder.path()).args(["generate", "completions", shell]).assert();
         run.success().stdout(predicate::str::contains("compare-photo"));
     }
+    let run = ["generate", "completions", "powershell", "-o", "noctograph.ps1"];
+    noctograph(folder.path()).args(run).assert().success();
+    let script = std::fs::read_to_string(folder.path().join("noctograph.ps1")).unwrap();
+    assert!(script.contains("compare-photo"), "{script}");
     noctograph(folder.path()).args(["generate", "man"]).assert().success();
     let page = std::fs::read_to_string(folder.path().join("man/noctograph-rank.1")).unwrap();
     assert!(page.contains("shard"), "{page}");
+    let names = names_in(&folder.path().join("man"));
+    assert!(names.iter().any(|name| name == "noctograph-generate-man.1"), "{names:?}");
+    assert!(!names.iter().any(|name| name.contains("device")), "what is hidden: {names:?}");
+}
+
+#[test]
+fn a_build_says_what_it_is_made_of_and_whose() {
+    let folder = tempfile::tempdir().unwrap();
+    let printed = |arguments: &[&str]| {
+        let run = noctograph(folder.path()).args(arguments).assert().success();
+        String::from_utf8(run.get_output().stdout.clone()).unwrap()
+    };
+    let source = noctograph::studies::SOURCE;
+    assert!(source.len() == 16 && source.chars().all(|c| c.is_ascii_hexdigit()), "{source}");
+    assert!(printed(&["--version"]).ends_with(&format!("source {source})\n")));
+    let notices = printed(&["--notices"]);
+    assert_eq!(notices, printed(&["notices"]));
+    for name in ["wgpu", "Roboto", "Hershey", "Noctograph contributors", "Apache License"] {
+        assert!(notices.contains(name), "{name}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use noctograph::photo::{self, Photo, flip};
+use noctograph::photo::{self, Photo, PhotoData, flip};
 
 /// How two photos differ.
 #[derive(Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note
     let amplified = comparable.map(|wanted| {
         let pixels = wanted.rgb8.iter().zip(&found.rgb8);
         let rgb8 = pixels.map(|(a, b)| a.abs_diff(*b).saturating_mul(16)).collect();
-        Photo { rgb8, ..found.clone() }
+        Photo::made(PhotoData { rgb8, ..found.clone().into_data() })
     });
     let seen = comparable.map(|wanted| flip::difference(wanted, found).picture());
     let mut page = format!("<!doctype html><meta charset=utf-8><title>{name}</title><p>{note}</p>");
@@ -66,7 +66,7 @@ pub(crate) fn leave_page(name: &str, wanted: Option<&Photo>, found: &Photo, note
 
 fn photo() -> Photo {
     let rgb8 = (0..12 * 8 * 3).map(|i: u32| u8::try_from(i * i % 251).unwrap()).collect();
-    Photo { width_px: 12, height_px: 8, rgb8, scene_toml: None }
+    Photo::made(PhotoData { width_px: 12, height_px: 8, rgb8, scene_toml: None })
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn the_comparison_finds_one_level_in_one_channel_of_one_pixel() {
     let mut changed = photo();
     assert_eq!(compare(&photo(), &changed), None);
     let at = 3 * (12 * 5 + 7) + 1;
-    changed.rgb8[at] += 1;
+    changed.edit(|changed| changed.rgb8[at] += 1);
     let seen = Difference::Pixels { differing: 1, largest: 1, first: Some((7, 5)) };
     assert_eq!(compare(&photo(), &changed), Some(seen));
 }
@@ -82,10 +82,10 @@ fn the_comparison_finds_one_level_in_one_channel_of_one_pixel() {
 #[test]
 fn the_comparison_finds_shifts_swapped_channels_and_sizes() {
     let mut shifted = photo();
-    shifted.rgb8.rotate_right(3);
+    shifted.edit(|shifted| shifted.rgb8.rotate_right(3));
     let mut swapped = photo();
-    swapped.rgb8.chunks_mut(3).for_each(|pixel| pixel.swap(0, 2));
-    let resized = Photo { width_px: 8, height_px: 12, ..photo() };
+    swapped.edit(|swapped| swapped.rgb8.chunks_mut(3).for_each(|pixel| pixel.swap(0, 2)));
+    let resized = Photo::made(PhotoData { width_px: 8, height_px: 12, ..photo().into_data() });
     for wrong in [shifted, swapped, resized] {
         assert!(compare(&photo(), &wrong).is_some());
     }
@@ -94,7 +94,7 @@ fn the_comparison_finds_shifts_swapped_channels_and_sizes() {
 #[test]
 fn a_failure_leaves_a_page_with_the_perceived_difference() {
     let mut changed = photo();
-    changed.rgb8[0] ^= 0x80;
+    changed.edit(|changed| changed.rgb8[0] ^= 0x80);
     let page = leave_page("of-a-test", Some(&photo()), &changed, "the note");
     let text = std::fs::read_to_string(&page).unwrap();
     for title in ["wanted", "found", "16x", "flip"] {

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use nalgebra::Vector3;
-use noctograph::plan::{Plan, Setpoint};
+use noctograph::plan::{Plan, PlanData, Setpoint};
 use noctograph::scene::{Preset, Scene};
 use noctograph::sensors::{HeightSensor, Positioning, SensorOptions};
 use noctograph::sim::{ControllerKind, Drone, EstimatorKind, ObserverOptions, SimOptions, fly};
@@ -108,7 +108,7 @@ fn fixed_plan() -> Plan {
     let setpoints: Vec<Setpoint> = (0..=105).map(at).collect();
     let levels = setpoints.iter().map(|setpoint| f64::from(u8::from(setpoint.letter.is_some())));
     let lights = [("headlights".to_owned(), levels.collect())].into();
-    Plan { setpoints, lights, ..Plan::default() }
+    Plan::made(PlanData { setpoints, lights, ..PlanData::default() })
 }
 
 /// A digest, and figures that say what moved where it differs.

@@ -29,6 +29,17 @@ fn examples(folder: &Path, verb: &str) -> Vec<String> {
     lines.map(str::to_owned).collect()
 }
 
+/// A path of a layout that the product does not have: the printer leaves it as it stands.
+fn unknown_path(printed: &[u8]) -> Option<String> {
+    let text = String::from_utf8_lossy(printed);
+    let braces = text.split('{').skip(1).filter_map(|rest| Some(rest.split_once('}')?.0));
+    let is_path = |text: &&str| {
+        let letters = |c: char| c.is_ascii_alphanumeric() || "_.#".contains(c);
+        text.starts_with(|c: char| c.is_ascii_lowercase()) && text.chars().all(letters)
+    };
+    braces.filter(is_path).map(str::to_owned).next()
+}
+
 #[test]
 fn the_example_of_every_verb_runs() {
     let folder = tempfile::tempdir().unwrap();
@@ -38,13 +49,10 @@ fn the_example_of_every_verb_runs() {
         let examples = examples(folder.path(), verb);
         assert!(!examples.is_empty(), "{verb} has an example");
         for example in examples {
-            let (words, file) = example.split_once(" > ").unwrap_or((&example, ""));
-            let run = noctograph(folder.path()).args(words.split(' ')).output().unwrap();
+            let run = noctograph(folder.path()).args(example.split(' ')).output().unwrap();
             let said = String::from_utf8_lossy(&run.stderr);
             assert_eq!(run.status.code(), Some(0), "{example}: {said}");
-            if !file.is_empty() {
-                std::fs::write(folder.path().join(file), run.stdout).unwrap();
-            }
+            assert_eq!(unknown_path(&run.stdout), None, "{example}: it leads nowhere");
         }
     }
     assert_eq!(examples(folder.path(), "serve"), ["serve --open"]);

@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
+use noctograph_core::crazyflie::Feature;
 use serde_json::{Value, json};
 
 use crate::cli::{json as parsed, names_in, noctograph};
@@ -390,17 +391,120 @@ fn every_format_takes_the_smallest_word() {
 }
 
 #[test]
-fn the_page_on_flying_has_the_table_of_the_code() {
+fn the_page_on_flying_has_the_tables_of_the_code() {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/fly.md");
     let text = std::fs::read_to_string(&page).unwrap();
-    let table = noctograph::export::safety::table();
-    let begin = "| what is checked | by | limit | from |\n";
-    let (before, rest) = text.split_once(begin).expect("the page has the table");
-    let after = rest.split_once("\n## ").map_or(String::new(), |(_, after)| format!("## {after}"));
-    let wanted = format!("{before}{table}\n{after}");
+    let tables = [noctograph::export::safety::table(), Feature::table()];
+    let wanted = tables.iter().fold(text.clone(), |text, table| {
+        let (head, _) = table.split_once('\n').unwrap();
+        let (before, rest) = text.split_once(head).expect("the page has the table");
+        let (_, after) = rest.split_once("\n\n").expect("a table ends in an empty line");
+        format!("{before}{table}\n{after}")
+    });
     if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
         std::fs::write(&page, wanted).unwrap();
         return;
     }
-    assert!(text == wanted, "docs/fly.md is not the table of src/export/safety.rs; bless it");
+    assert!(text == wanted, "docs/fly.md has other tables than safety.rs and release.rs; bless it");
+}
+
+/// Exit code, what was said in one line, and the names of the files that were written.
+fn exported(more: &[&str]) -> (i32, String, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = ["export", "I", "-o", "out"];
+    let (code, report, said) = run(folder.path(), &[&output[..], more].concat());
+    let said = format!("{said} {report}").split_whitespace().collect::<Vec<_>>().join(" ");
+    (code, said, names_in(folder.path()))
+}
+
+#[test]
+fn a_heading_is_exported_for_the_releases_that_fly_it_and_refused_for_others() {
+    let forms = [
+        (&["--to", "compressed"][..], true),
+        (&["--to", "cflib", "--mode", "trajectory"], true),
+        (&["--to", "cflib"], false),
+        (&["--to", "poly4d"], false),
+        (&["--to", "crazyswarm2"], false),
+        (&["--to", "skyc"], false),
+    ];
+    for (form, is_compressed) in forms {
+        for (release, misreads) in
+            [("2023.11", true), ("2025.12.1", true), ("2026.04", true), ("2026.08.1", false)]
+        {
+            for yaw in ["-1.5708", "0.0001"] {
+                let is_turned = yaw != "0.0001";
+                let keys =
+                    [format!("vehicle.firmware=\"{release}\""), format!("plan.yaw_rad={yaw}")];
+                let set = ["--unchecked", "--set", &keys[0], "--set", &keys[1]];
+                let (code, said, names) = exported(&[form, &set].concat());
+                let is_refused = is_compressed && misreads && is_turned;
+                let case = format!("{form:?} {release} {yaw}: {said}");
+                assert_eq!(
+                    (code, names.is_empty()),
+                    (2 * i32::from(is_refused), is_refused),
+                    "{case}"
+                );
+                assert_eq!(said.contains("heading of"), is_refused, "{case}");
+                assert!(!is_refused || said.contains("poly4d") && said.contains("--mode position"));
+            }
+        }
+    }
+    let old = ["--set", "vehicle.firmware=2025.09", "--set", "plan.yaw_rad=0.3"];
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = [&["preview", "I", "--as-exported", "compressed"][..], &old].concat();
+    let (code, _, said) = run(folder.path(), &arguments);
+    assert!(code == 2 && said.contains("heading of 17.2°"), "{said}");
+    let (_, report, _) = run(folder.path(), &[&["check", "I"][..], &old].concat());
+    let memory = finding(&report, "memory");
+    assert_eq!(
+        (&memory["severity"], &memory["detail"]),
+        (&json!("warning"), &json!("poly4d, cflib"))
+    );
+}
+
+#[test]
+fn a_script_of_setpoints_refuses_its_trajectory_by_the_scenes_release() {
+    let folder = tempfile::tempdir().unwrap();
+    for (release, yaw, is_refused, turns) in [
+        ("2026.04", "0.5", true, true),
+        ("2026.08", "0.5", false, true),
+        ("2026.04", "0", false, false),
+    ] {
+        let keys = [format!("vehicle.firmware={release}"), format!("plan.yaw_rad={yaw}")];
+        let to = ["export", "I", "--to", "cflib", "--unchecked", "-o", "I.py"];
+        let set = ["--set", &keys[0], "--set", &keys[1]];
+        assert_eq!(run(folder.path(), &[&to[..], &set].concat()).0, 0);
+        let data = data(&folder.path().join("I.py"));
+        let trajectory = &data["trajectory"];
+        let said = trajectory["refused"].to_string();
+        assert_eq!(said.contains("a heading of 28.6°"), is_refused, "{release} {yaw}: {said}");
+        assert_eq!(trajectory["hex"] == "", is_refused, "{release} {yaw}");
+        assert!(is_refused || trajectory["turns"] == turns, "{release} {yaw}: {trajectory}");
+        assert_eq!(data["limits"]["heading_release"], "2026.08");
+        assert_eq!(data["limits"]["slow_release"], "2026.08");
+        assert_eq!(data["limits"]["oldest_firmware"], "2023.11");
+    }
+}
+
+#[test]
+fn a_script_that_needs_what_the_release_lacks_is_refused() {
+    let lee = ["--set", "controller.kind=geometric", "--set", "plan.style.acceleration_m_s2=0.5"];
+    let color_led = ["--set", "light.deck=color-led"];
+    let brushless = ["--scene", "cf-brushless"];
+    for (needs, before, since) in [
+        (&lee[..], "2023.11", "2024.10"),
+        (&color_led[..], "2025.09", "2025.12"),
+        (&brushless[..], "2023.11", "2024.10"),
+    ] {
+        for to in ["cflib", "crazyswarm2", "poly4d"] {
+            for release in [before, since] {
+                let key = format!("vehicle.firmware={release}");
+                let set = ["--unchecked", "--to", to, "--set", &key];
+                let (code, said, _) = exported(&[needs, &set].concat());
+                let is_refused = release == before && to != "poly4d";
+                assert_eq!(code, 2 * i32::from(is_refused), "{to} {release}: {said}");
+                assert_eq!(said.contains(&format!("{since} or newer for")), is_refused, "{said}");
+            }
+        }
+    }
 }

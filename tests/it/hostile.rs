@@ -1,7 +1,7 @@
 //! Hostile input: endless files, times and numbers beyond a drone's world, and photos that name
 //! files.
 
-use noctograph::photo::{self, Photo};
+use noctograph::photo::{self, Photo, PhotoData};
 
 use crate::cli::{fails, noctograph};
 
@@ -44,7 +44,12 @@ fn times_of_days_and_numbers_beyond_a_drones_world_are_refused() {
 /// A photo whose scene is somebody's text.
 fn photo_of(scene: &str, path: &std::path::Path) {
     let scene_toml = Some(scene.to_owned());
-    let photo = Photo { width_px: 64, height_px: 36, rgb8: vec![0; 64 * 36 * 3], scene_toml };
+    let photo = Photo::made(PhotoData {
+        width_px: 64,
+        height_px: 36,
+        rgb8: vec![0; 64 * 36 * 3],
+        scene_toml,
+    });
     std::fs::write(path, photo::encode_png(&photo, None, &[])).unwrap();
 }
 

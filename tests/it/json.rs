@@ -97,7 +97,7 @@ fn every_check_is_documented_and_every_documented_one_is_made() {
     let mut made = BTreeSet::new();
     let commands = [
         "check I --room 4x3x2.5 --scene team",
-        "check IO --drones 2",
+        "check IO --drones 2 --room 9x9x7",
         "check I --scene bzzz --set observer.kind=truth --set air.wind_m_s=[3,0,0]",
         "check I --set sensors.lighthouse.people_m=[[0,0,0.2]] --profile outdoor",
     ];

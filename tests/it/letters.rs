@@ -21,7 +21,7 @@ fn a_drawing_is_flown_and_photographed_and_not_read() {
     let found = json(&run.get_output().stdout);
     assert!(found["word"].is_null() && found["legible"].is_null(), "no verdict: {found}");
     let names = names_in(&folder.path().join("noctograph-out"));
-    assert_eq!(names, ["flight.csv", "photo.png", "plan.csv", "scene.toml"]);
+    assert_eq!(names, ["flight.csv", "logo.svg", "photo.png", "plan.csv", "scene.toml"]);
     let args = ["plan", "--scene", "noctograph-out/scene.toml", "-o", "again.csv"];
     noctograph(folder.path()).args(args).assert().success();
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
@@ -47,7 +47,7 @@ fn a_word_in_a_typeface_and_in_two_lines_is_planned() {
     let run =
         noctograph(folder.path()).args(["plan", "Hi", "--font", "broken.ttf"]).assert().code(2);
     run.stderr(predicate::str::contains("broken.ttf"));
-    let names = ["broken.ttf", "plan.csv", "plan.scene.toml"];
+    let names = ["broken.ttf", "plan.Roboto-Thin.ttf", "plan.csv", "plan.scene.toml"];
     assert_eq!(names_in(folder.path()), names, "no plan of the broken one");
 }
 

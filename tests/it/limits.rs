@@ -55,7 +55,7 @@ const CASES: [Case; 45] = [
     ("flights, compared", "compare @.csv @.csv -o out", flight, 160_000),
     ("light trace, rows", "expose @.csv --word I --backend cpu --size 320x180 -o out.png", light, 1_200_000),
     ("plan, rows", "fly @.csv -o out.csv", plan, 32_000),
-    ("plan, exported", "export @.csv --room 9x9x9 --to cflib -o out", plan, 32_000),
+    ("plan, exported", "export @.csv --room 9x9x9m --to cflib -o out", plan, 32_000),
     ("sixteen plans", "check @.csv*16", plan, 25_600),
     ("sixty-four plans", "check @.csv*64", plan, 6_400),
     ("ranges of a drone, rows", "locate @.csv -o out", ranges, 160_000),

@@ -158,5 +158,5 @@ fn a_photo_without_a_word_says_so_when_it_is_made_and_when_it_is_scored() {
 }
 
 fn word_of(photo: &Path) -> String {
-    noctograph::photo::read_with_notes(photo).unwrap().0.scene_toml.unwrap()
+    noctograph::photo::read_with_notes(photo).unwrap().0.into_data().scene_toml.unwrap()
 }

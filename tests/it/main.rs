@@ -5,6 +5,7 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
+mod answer_types;
 mod camera;
 mod cli;
 mod compare;
@@ -27,6 +28,7 @@ mod locate;
 mod log_gaps;
 mod obstacles;
 mod outputs;
+mod pairs;
 mod photos;
 mod plan;
 mod readme;
@@ -36,9 +38,11 @@ mod road;
 mod safety;
 mod second_flight;
 mod serve;
+mod setups;
 mod study;
 mod team_data;
 mod twins;
+mod words;
 
 /// Whether a missing graphics device is a failure; else the checks that need one are left out.
 fn gpu_required() -> bool {

@@ -293,13 +293,12 @@ fn a_kill_between_two_names_leaves_files_of_both_runs_all_of_them_whole() {
     let at = |name: &str| folder.path().join(name);
     let mut pipe = with_a_pipe(folder.path());
     let mut child = preview(folder.path(), "out", "2").spawn().unwrap();
-    // The second file has begun: the first has its name.
+    // The flight has begun: the scene and the photo have their names.
     pipe.read_exact(&mut [0]).unwrap();
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(same(&at("out"), &at("new"), &["photo.png"]), "the new photo");
-    let rest = ["plan.csv", "scene.toml", "verdict.json"];
-    assert!(same(&at("out"), &at("old"), &rest), "and the old files, whole");
+    assert!(same(&at("out"), &at("new"), &["scene.toml", "photo.png"]), "the new scene and photo");
+    assert!(same(&at("out"), &at("old"), &["plan.csv", "verdict.json"]), "and old files, whole");
     let names = names_in(&at("old"));
     assert!(names_in(&at("out")).len() > names.len(), "the killed run left its folder");
     std::fs::remove_file(at("out/flight.csv")).unwrap();

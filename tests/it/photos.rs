@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use noctograph::flight::table::Table;
-use noctograph::photo::{self, Photo};
+use noctograph::photo::{self, Photo, PhotoData};
 
 use crate::cli::{fails, json, noctograph, run_json};
 use crate::gpu_required;
@@ -168,7 +168,12 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     let run = |arguments: &[&str], taken: &str| {
         let common = ["expose", "a.csv", "--word", "NO", "--backend", "cpu", "-o", taken];
         noctograph(folder.path()).args(common).args(arguments).assert().success();
-        photo::read_with_notes(&folder.path().join(taken)).unwrap().0.scene_toml.unwrap()
+        photo::read_with_notes(&folder.path().join(taken))
+            .unwrap()
+            .0
+            .into_data()
+            .scene_toml
+            .unwrap()
     };
     // Our own photo carries EXIF, but no size: that of the scene stays.
     run(&["--scene", "s.toml"], "taken.png");
@@ -176,7 +181,8 @@ fn a_camera_from_a_photo_is_that_of_its_exif() {
     for key in ["f_number = 11.0", "iso = 400.0", "shutter_close_s = 4.0", "width_px = 160"] {
         assert!(scene.contains(key), "{key} in {scene}");
     }
-    let no_exif = Photo { width_px: 2, height_px: 2, rgb8: vec![9; 12], scene_toml: None };
+    let no_exif =
+        Photo::made(PhotoData { width_px: 2, height_px: 2, rgb8: vec![9; 12], scene_toml: None });
     let file = folder.path().join("bare.png");
     std::fs::write(file, photo::encode_png(&no_exif, None, &[])).unwrap();
     let bare = ["expose", "a.csv", "--word", "NO", "--camera-from", "bare.png"];

@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use noctograph::letters::{LetterOptions, write};
+use noctograph::plan::{PlanOptions, infer_lights, plan};
+use noctograph::sim::{Drone, SimOptions, fly};
 use predicates::str::contains;
 
 use crate::cli::{noctograph, run_json};
@@ -104,4 +107,36 @@ fn a_plan_from_elsewhere_has_a_verdict_though_its_scene_cannot_be_planned() {
     let mut preview = noctograph(folder.path());
     let preview = preview.args(["preview", "plan.csv", "--backend", "cpu"]).args(scene).assert();
     preview.code(1).stdout(contains("QUIZ reads as ????: NOT legible"));
+}
+
+#[test]
+fn letters_and_lights_are_recovered_from_setpoints() {
+    for word in ["NOOR", "WAX", "QUIZ"] {
+        let strokes = write(word, &LetterOptions::default()).unwrap();
+        let plan = plan(&strokes, &PlanOptions::default()).unwrap();
+        let flown = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
+        let mut bare = flown.clone();
+        bare.edit(|bare| {
+            bare.lights.clear();
+            bare.samples.iter_mut().for_each(|sample| sample.letter = None);
+        });
+        infer_lights(&mut bare, &strokes).unwrap();
+        let pairs = flown.lights["headlights"].iter().zip(&bare.lights["headlights"]);
+        let wrong = pairs.filter(|(a, b)| a != b).count();
+        // At a corner from light to dark the setpoint lies on both moves for an instant.
+        let share = wrong as f64 / flown.samples.len() as f64;
+        assert!(share < 0.01, "{word}: {wrong} of {} samples", flown.samples.len());
+    }
+}
+
+#[test]
+fn the_lights_of_another_word_are_refused() {
+    let strokes = |word: &str| write(word, &LetterOptions::default()).unwrap();
+    let plan = plan(&strokes("NO"), &PlanOptions::default()).unwrap();
+    let mut flight = fly(&plan, &Drone::new(&SimOptions::default(), 0), &mut |_| {}).unwrap();
+    for other in ["QUIZZICAL", "QUIZ", "ON", "NOOR", "N"] {
+        let error = infer_lights(&mut flight.clone(), &strokes(other)).map_err(|e| e.to_string());
+        assert!(error.is_err_and(|error| error.contains(other)), "{other}");
+    }
+    infer_lights(&mut flight, &strokes("NO")).unwrap();
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use noctograph::flight::{Flight, FlightSample};
 use noctograph::letters::{LetterOptions, write};
-use noctograph::plan::{Extent, Plan, PlanOptions, Setpoint, plan};
+use noctograph::plan::{Extent, Plan, PlanData, PlanOptions, Setpoint, plan};
 use noctograph::sensors::SensorOptions;
 use noctograph::sim::{Drone, RateOptions, SimOptions, fly};
 use noctograph::tracking::{Part, track};
@@ -38,7 +38,7 @@ fn noor_on_one_grid() -> Plan {
         })
         .collect();
     let lights = [("headlights".to_owned(), vec![0.0; setpoints.len()])].into();
-    Plan { setpoints, lights, ..Plan::default() }
+    Plan::made(PlanData { setpoints, lights, ..PlanData::default() })
 }
 
 /// Ideal sensors, the center of mass in the middle of the motors.
@@ -69,7 +69,7 @@ fn errors_on_one_grid(options: &SimOptions) -> (Vector3<f64>, Vector3<f64>) {
         design_m: design_m(&noor, sample.time_s),
         ..*sample
     };
-    flight.samples = flight.samples.iter().map(against_design).collect();
+    flight.edit(|flight| flight.samples = flight.samples.iter().map(against_design).collect());
     let tracking = track(&flight, Part::Letters).unwrap();
     (tracking.rmse_m, tracking.mean_error_m)
 }
@@ -129,7 +129,9 @@ fn error_as_logged_m(options: &SimOptions, plan_options: &PlanOptions) -> Vector
     };
     let mean_sq = (0..8).map(|seed| {
         let mut flight = fly(&plan, &Drone::new(options, seed), &mut |_| {}).unwrap();
-        flight.samples.iter_mut().for_each(|sample| sample.design_m = held_m(sample.time_s));
+        flight.edit(|flight| {
+            flight.samples.iter_mut().for_each(|sample| sample.design_m = held_m(sample.time_s))
+        });
         let rmse_m = track(&flight, Part::Airborne).unwrap().rmse_m;
         rmse_m.component_mul(&rmse_m)
     });

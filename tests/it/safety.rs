@@ -63,7 +63,7 @@ fn a_word_is_as_large_as_its_room_and_is_seen_there() {
     let folder = tempfile::tempdir().unwrap();
     for (word, room, largest_m) in [
         ("NOOR", "4x3x2.5", [3.0, 1.3]),
-        ("NOOR", "20x20x8", [4.0, 1.5]),
+        ("NOOR", "20x20x8m", [4.0, 1.5]),
         ("HELLO WORLD", "5x5x2.5", [4.0, 1.3]),
         ("NO", "3x3x2.5", [2.0, 1.3]),
     ] {
@@ -72,7 +72,8 @@ fn a_word_is_as_large_as_its_room_and_is_seen_there() {
         let word_m = placement["word_m"].as_array().unwrap();
         let [left, bottom, right, top] = [0, 1, 2, 3].map(|i| word_m[i].as_f64().unwrap());
         let fills = [(right - left) / largest_m[0], (top - bottom) / largest_m[1]];
-        let sides: Vec<f64> = room.split('x').map(|side| side.parse().unwrap()).collect();
+        let sides: Vec<f64> =
+            room.trim_end_matches('m').split('x').map(|side| side.parse().unwrap()).collect();
         // Or as large as the camera shows from 0.3 m before the wall.
         let least_m = placement["cameras"][0]["least_m"].as_f64().unwrap();
         let shown = least_m / (0.5 * sides[1] - 0.3);

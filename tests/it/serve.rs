@@ -209,6 +209,26 @@ fn soon(what: &str, mut holds: impl FnMut() -> bool) {
 }
 
 #[test]
+fn for_programs_the_addresses_are_one_object() {
+    let temporary = tempfile::tempdir().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_noctograph"))
+        .args(["serve", "--json"])
+        .env("TMPDIR", temporary.path())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let _ = child.kill();
+    let _ = child.wait();
+    let addresses: Value = serde_json::from_str(&line).unwrap_or_else(|_| panic!("{line}"));
+    let begins =
+        |key: &str| addresses[key].as_str().is_some_and(|it| it.starts_with("http://127.0.0.1:"));
+    assert!(begins("page") && begins("operator"), "{addresses}");
+    assert!(addresses["network"].is_null() && addresses["kiosk"].is_null(), "{addresses}");
+}
+
+#[test]
 fn only_a_page_of_this_server_is_let_in() {
     let server = Server::start(&[]);
     let (port, path) = (server.port, server.path.as_str());

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 use noctograph::camera::{Camera, CameraOptions, CustomLens, FixedPose, Framing, LensModel};
 use noctograph::expose::{BackendChoice, ExposeOptions, expose};
-use noctograph::light::{Emitter, Lamp, LightSample, LightTrace};
+use noctograph::light::{Emitter, Lamp, LightSample, LightTrace, LightTraceData};
 
 use crate::golden::assert_golden;
 use crate::gpu_required;
@@ -111,7 +111,7 @@ fn golden_films_are_the_same_on_both_backends() {
     ];
     let mut digests = String::new();
     for (name, lamps, camera, options) in scenes {
-        let trace = LightTrace { lamps };
+        let trace = LightTrace::made(LightTraceData { lamps });
         let on = |backend| expose(&trace, &camera, &options, backend);
         let on_cpu = on(BackendChoice::Cpu).unwrap().film;
         assert!(on_cpu.light_lx_s_px2(2) > 0.0, "{name}: there is light");

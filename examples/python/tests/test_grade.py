@@ -10,7 +10,7 @@ import textwrap
 
 import noctograph as nc
 import pytest
-from noctograph.grade import Limits, grade, main
+from noctograph.grade import Limits, _submissions, grade, main
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
 from estimators import Luenberger  # noqa: E402
@@ -99,6 +99,18 @@ def test_cheats_and_faults_cost_their_owner_alone(tmp_path):
         note = notes.pop(name.rsplit(".", 1)[0])
         assert note.startswith(why), f"{name}: {note}"
     assert not notes
+
+
+def test_every_entry_of_a_folder_has_a_row_or_is_named(tmp_path, capsys):
+    names = ["BEN.TOML", "cy.toml.txt", "dora.zip", ".ed.toml", "eve_13/gains.toml", "fay_14/more/x.toml"]
+    for name in names:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(HONEST["gains.toml"])
+    (tmp_path / "gus_15").mkdir()
+    handed = _submissions(tmp_path)
+    assert set(handed) == {"BEN", "cy.toml", "dora", "eve_13/gains", "fay_14/more", "gus_15"}
+    assert handed["eve_13/gains"] == tmp_path / "eve_13/gains.toml"
+    assert ".ed.toml" in capsys.readouterr().err
 
 
 def test_a_controller_flies_as_it_does_without_a_process_of_its_own(tmp_path):

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.request
 
 import noctograph as nc
 import numpy as np
@@ -45,6 +46,26 @@ def test_bytes_are_those_of_the_command_line(shot, tmp_path):
     assert {key: verdict[key] for key in shot.verdict} == shot.verdict
     assert nc.plan(nc.Scene(word="RIGA", seed=3))[0].to_csv() == (tmp_path / "out/plan.csv").read_text()
     assert nc.read(tmp_path / "out/photo.png") == "RIGA"
+
+
+def test_the_package_brings_the_program_along(tmp_path):
+    def own(*arguments):
+        command = [sys.executable, "-m", "noctograph", *arguments]
+        return subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
+
+    own("preview", "RIGA", "--seed", "3", "--size", "320x180", "-o", "own")
+    program("preview", "RIGA", "--seed", "3", "--size", "320x180", "-o", "out", cwd=tmp_path)
+    for name in ("photo.png", "verdict.json"):
+        assert (tmp_path / "own" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+    assert own("--version").stdout == program("--version", cwd=tmp_path)
+    refused = own("preview", "RIGA", "--scene", "none.toml")
+    assert refused.returncode == 2 and "none.toml" in refused.stderr and "Traceback" not in refused.stderr
+    with subprocess.Popen([sys.executable, "-m", "noctograph", "serve", "--json"], stdout=subprocess.PIPE, text=True) as served:
+        page = json.loads(served.stdout.readline())["page"]
+        with urllib.request.urlopen(page) as answer:
+            assert answer.status == 200
+        served.send_signal(signal.SIGINT)
+        assert served.wait(10) == -signal.SIGINT
 
 
 def test_stages_make_the_same_photo(shot):
@@ -207,8 +228,8 @@ def test_columns_say_which_row_is_wrong(product):
     for time_s, position_m, light, said in [
         ([0, 1], np.zeros((3, 3)), None, "3 rows.*2 rows, as time_s"),
         ([0, -1], rest, None, "time_s.*-1 after 0"),
-        ([0, np.nan], rest, None, "time_s.*NaN in row 1"),
-        ([0, 1], rest + [[0] * 3, [np.inf, 0, 0]], None, "position_m.*inf in row 1"),
+        ([0, np.nan], rest, None, "time_s.*NaN after 0 in row 1"),
+        ([0, 1], rest + [[0] * 3, [np.inf, 0, 0]], None, "x_m.*inf in row 1"),
         ([0, 1], rest, [0, 255], "255 in row 1.*from 0 to 1"),
         ([0, 1], rest, {"ring": [0, 1, 1]}, "ring.*3 rows"),
     ]:

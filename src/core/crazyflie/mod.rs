@@ -5,7 +5,7 @@ mod release;
 
 use nalgebra::Matrix4;
 
-pub use release::Release;
+pub use release::{Feature, Release};
 
 /// Revision of `bitcraze/crazyflie-firmware` that the model stands for, one day after release
 /// 2026.08: its files are the sources named here and in other rooms, and its C gave the numbers

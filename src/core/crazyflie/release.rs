@@ -1,59 +1,189 @@
-//! Releases of the Crazyflie's firmware.
+//! Releases of the Crazyflie's firmware, and what differs between them: the one table that exports,
+//! scripts, simulator and log readers go by.
+//!
+//! The history of `bitcraze/crazyflie-firmware` was read from tag 2023.11 to 2026.08 and to
+//! [`super::FIRMWARE_REVISION`]. What differs and is not in [`Feature::ALL`] is listed in
+//! `docs/fly.md`.
 
 use super::SLOW_CLOCK;
 use crate::settings::settings;
 
 settings! {
-    /// Releases of the Crazyflie's firmware with different flight behavior.
+    /// Releases of the Crazyflie's firmware, from the oldest that exported scripts fly with. Each
+    /// stands for its patches, too.
     pub enum Release {
-        /// From 2023.11 to 2026.04: the controller keeps its integrals when the host falls silent.
+        /// Neither the Brushless nor Lee's controller.
+        "2023.11" => R2023_11,
+        /// The Brushless and Lee's controller.
+        "2024.10" => R2024_10,
+        /// Flies as 2024.10.
+        "2025.02" => R2025_02,
+        /// Flies as 2024.10.
+        "2025.09" => R2025_09,
+        /// The color LED deck.
+        "2025.12" => R2025_12,
+        /// As in all before, the controller keeps its integrals when the host falls silent.
         "2026.04" => R2026_04,
-        /// 2026.08: all loops of `pid` begin anew when the kind of setpoint changes
-        /// (`controller_pid.c`): when the drone levels out after an outage of the radio, and back,
-        /// and when it lands after full states. Its clock, as that of all before, is slow by 1 in
-        /// 85.
+        /// All loops of `pid` begin anew when the kind of setpoint changes: when the drone levels
+        /// out after an outage of the radio, and back, and when it lands after full states. The
+        /// heading of a compressed trajectory is right. The clock, as that of all before, is slow
+        /// by 1 in 85.
         "2026.08" => R2026_08,
-        /// After 2026.08: as 2026.08, with a clock that is right.
+        /// As 2026.08, with a clock that is right.
         "after-2026.08" => After2026_08,
     }
 }
 
+/// What a release has, and those before do not.
+#[derive(Debug)]
+pub struct Feature {
+    /// What it is.
+    pub what: &'static str,
+    /// The first release that has it.
+    pub since: Release,
+    /// What there is before.
+    pub before: &'static str,
+    /// File of the firmware; commit or pull request.
+    pub source: &'static str,
+    /// Who goes by it, and how.
+    pub here: &'static str,
+}
+
+impl Feature {
+    /// Reset of the PID loops at a change of the kind of setpoint.
+    pub const RESET: Self = Self {
+        what: "all loops of PID begin anew when the kind of setpoint changes",
+        since: Release::R2026_08,
+        before: "they keep their integrals",
+        source: "`controller_pid.c`; #1645, 5d287434",
+        here: "simulator: outages, and landing after full states",
+    };
+    /// Heading of compressed trajectories, which the firmware stores in tenths of a degree.
+    pub const HEADING: Self = Self {
+        what: "the heading of a compressed trajectory is read in tenths of a degree",
+        since: Release::R2026_08,
+        before: "the stored number is multiplied by ten and taken as radians: -90° becomes -142°; 0 \
+                 stays 0",
+        source: "`pptraj_compressed.c`; #1659, #1661, 7ce8c762",
+        here: "`export`, `preview --as-exported compressed` and the script refuse a heading but 0",
+    };
+    /// Conversion of logged values to half precision (FP16).
+    pub const HALF_PRECISION: Self = Self {
+        what: "half-precision log values (FP16) keep the carry of their rounding",
+        since: Release::R2026_08,
+        before: "what rounds up to 0.5, 2, 8, 32 or another 2·4ⁿ is logged as half of it",
+        source: "`num.c`, `log.c`; #1647, 887ce819",
+        here: "`import`: samples that are half of both neighbors are doubled, with a warning",
+    };
+    /// Microsecond clock, which stamps logs on the card and paces trajectories on board.
+    pub const CLOCK: Self = Self {
+        what: "the clock of trajectories and of µSD logs is right",
+        since: Release::After2026_08,
+        before: "it runs at 84/85 of true time: a timer counts to 85 instead of 84",
+        source: "`usec_time.c`; #1684, bb58cadf, not merged yet",
+        here: "simulator, scripts, `import`",
+    };
+    /// Color LED deck.
+    pub const COLOR_LED: Self = Self {
+        what: "the color LED deck",
+        since: Release::R2025_12,
+        before: "no driver",
+        source: "`color_led_deck.c`; d4b1061b, 4512edd6",
+        here: "exports that drive it are refused",
+    };
+    /// Lee's controller.
+    pub const LEE: Self = Self {
+        what: "Lee's controller, number 5",
+        since: Release::R2024_10,
+        before: "number 5 is nobody's, or a controller of one's own: PID flies on",
+        source: "`controller_lee.c`; 1f167ea0, 61b14665",
+        here: "exports that choose it are refused",
+    };
+    /// Crazyflie 2.1 Brushless.
+    pub const BRUSHLESS: Self = Self {
+        what: "the Crazyflie 2.1 Brushless",
+        since: Release::R2024_10,
+        before: "no gains and limits of its own",
+        source: "`platform_defaults_cf21bl.h`; 35f5092a",
+        here: "exports for it are refused",
+    };
+
+    /// All that this program goes by, the newest first.
+    pub const ALL: [Self; 7] = [
+        Self::CLOCK,
+        Self::RESET,
+        Self::HEADING,
+        Self::HALF_PRECISION,
+        Self::COLOR_LED,
+        Self::LEE,
+        Self::BRUSHLESS,
+    ];
+
+    /// The last release without it.
+    pub fn last_without(&self) -> Release {
+        Release::ALL[(self.since as usize).saturating_sub(1)]
+    }
+
+    /// All of them as a table for `docs/fly.md`.
+    pub fn table() -> String {
+        let row = |Self { what, since, before, source, here }: &Self| {
+            format!("| {} | {what} | {before} | {source} | {here} |\n", since.name())
+        };
+        let head = "| since | what | before | source | here |\n|---|---|---|---|---|\n";
+        head.to_owned() + &Self::ALL.iter().map(row).collect::<String>()
+    }
+}
+
 impl Release {
+    /// The oldest that exported scripts fly with: it has all that they read (`supervisor.info`).
+    pub const OLDEST: Self = Self::R2023_11;
     /// That of [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
 
     /// The release that flies as a firmware of this name, such as `2025.12.1`; `None` for a build
     /// between releases or of one's own.
     pub fn parse(firmware: &str) -> Option<Self> {
-        fn digits(part: &str, n: usize) -> Option<u32> {
-            let whole = part.len() == n && part.bytes().all(|byte| byte.is_ascii_digit());
-            whole.then(|| part.parse::<u32>().ok()).flatten()
-        }
-        let (year, rest) = firmware.split_once('.')?;
-        let (month, patch) = rest.split_once('.').unwrap_or((rest, "0"));
-        digits(patch, patch.len()).filter(|_| !patch.is_empty())?;
-        Some(match (digits(year, 4)?, digits(month, 2)?) {
-            (2026, 8) => Self::R2026_08,
-            before if before < (2026, 8) => Self::R2026_04,
-            _ => Self::After2026_08,
+        let month = number(firmware)?;
+        let not_newer = |release: &&Self| number(release.name()).is_some_and(|it| it <= month);
+        Some(match Self::ALL.iter().rfind(not_newer) {
+            Some(Self::R2026_08) if month > (2026, 8) => Self::After2026_08,
+            Some(release) => *release,
+            None => Self::OLDEST,
         })
     }
 
-    /// Whether all loops of the cascade begin anew when the kind of setpoint changes.
-    pub fn resets_loops(self) -> bool {
-        match self {
-            Self::R2026_04 => false,
-            Self::R2026_08 | Self::After2026_08 => true,
-        }
+    /// The release of this name, with or without the number of a patch.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::parse(name).filter(|release| number(release.name()) == number(name))
+    }
+
+    /// Whether it has what releases before have not.
+    pub fn has(self, feature: &Feature) -> bool {
+        self as usize >= feature.since as usize
+    }
+
+    /// Whether this program does the same by both.
+    pub fn is_like(self, other: Self) -> bool {
+        Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
     /// Rate of the clock that stamps logs on the card and paces trajectories on board, in true
     /// seconds a second.
     pub fn clock(self) -> f64 {
-        match self {
-            Self::R2026_04 | Self::R2026_08 => SLOW_CLOCK,
-            Self::After2026_08 => 1.0,
+        if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
+    }
+}
+
+/// Year and month of a release, which may have the number of a patch.
+fn number(name: &str) -> Option<(u32, u32)> {
+    let digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
+    let parts: Vec<&str> = name.splitn(3, '.').collect();
+    let is_number = parts.iter().all(|part| !part.is_empty() && digits(part));
+    match parts[..] {
+        [year, month] | [year, month, _] if is_number && (year.len(), month.len()) == (4, 2) => {
+            Some((year.parse().ok()?, month.parse().ok()?))
         }
+        _ => None,
     }
 }
 
@@ -64,8 +194,11 @@ mod tests {
     #[test]
     fn a_firmware_is_of_the_release_that_flies_as_it_does() {
         for (firmware, release) in [
-            ("2022.01", Some(Release::R2026_04)),
-            ("2025.12.1", Some(Release::R2026_04)),
+            ("2022.01", Some(Release::R2023_11)),
+            ("2023.11", Some(Release::R2023_11)),
+            ("2024.10.2", Some(Release::R2024_10)),
+            ("2025.12.1", Some(Release::R2025_12)),
+            ("2026.06", Some(Release::R2026_04)),
             ("2026.08", Some(Release::R2026_08)),
             ("2026.08.1", Some(Release::R2026_08)),
             ("2026.10", Some(Release::After2026_08)),
@@ -74,10 +207,34 @@ mod tests {
             ("2a18fc29", None),
             ("2026.8", None),
             ("2026.08.", None),
+            ("2026.08.1.2", None),
+            ("after-2026.08", None),
             ("", None),
         ] {
             assert_eq!(Release::parse(firmware), release, "{firmware}");
         }
+        assert_eq!(Release::named("2025.12.1"), Some(Release::R2025_12));
+        for unknown in ["2022.01", "2026.06", "2027.01", "2025.12 +3", "2025"] {
+            assert_eq!(Release::named(unknown), None, "{unknown} is no name of a scene");
+        }
+    }
+
+    #[test]
+    fn each_release_has_what_the_table_says_and_those_before_have_not() {
+        let n_of =
+            |release: &Release| Feature::ALL.iter().filter(|feature| release.has(feature)).count();
+        let counts: Vec<usize> = Release::ALL.iter().map(n_of).collect();
+        assert_eq!(counts, [0, 2, 2, 2, 3, 3, 6, 7], "of {:?}", Release::ALL);
+        for feature in &Feature::ALL {
+            let last = feature.last_without();
+            assert!(!last.has(feature) && feature.since.has(feature), "{feature:?}");
+        }
+        assert_eq!(Feature::CLOCK.last_without(), Release::R2026_08);
+        assert_eq!(Feature::HEADING.last_without(), Release::R2026_04);
         assert!(Release::R2026_08.clock() < 0.99 && Release::After2026_08.clock() == 1.0);
+        assert!(Release::R2025_12.is_like(Release::R2026_04));
+        assert!(!Release::R2025_09.is_like(Release::R2026_04), "no color LED deck");
+        let since = Feature::ALL.map(|feature| feature.since as usize);
+        assert!(since.is_sorted_by(|a, b| a >= b), "the newest first: {since:?}");
     }
 }

@@ -1,13 +1,14 @@
 //! A folder of files that appear together.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, Permissions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::output::STANDARD_OUTPUT;
+use super::output::{Output, STANDARD_OUTPUT, WholeFile};
 use super::staging::{Place, folder_in, locked};
+use crate::digest::Digested;
 use crate::error::{Error, Result};
 
 /// A folder whose files are staged inside it until all are written.
@@ -24,6 +25,8 @@ pub struct OutputFolder {
     made: bool,
     /// Files that were written, in their order.
     names: Vec<String>,
+    /// The one that has its name before the others.
+    first: usize,
 }
 
 impl OutputFolder {
@@ -42,7 +45,7 @@ impl OutputFolder {
         let made = !path.exists();
         std::fs::create_dir_all(path).map_err(unwritable)?;
         let (staging, lock) = folder_in(path).map_err(unwritable)?;
-        Ok(Self { path: path.to_owned(), staging, lock, made, names: Vec::new() })
+        Ok(Self { path: path.to_owned(), staging, lock, made, names: Vec::new(), first: 0 })
     }
 
     /// Checks before the long work that the files of these names can be written.
@@ -64,29 +67,39 @@ impl OutputFolder {
         })
     }
 
-    /// Writes a file that will be called `name`.
-    pub fn write(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
+    /// Writes a file that will be called `name`, and gives its digest.
+    pub fn write(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<String> {
         self.write_with(name, |out| out.write_all(content.as_ref()))
     }
 
-    /// Writes a file that will be called `name`, piece by piece.
+    /// Writes the file that has its name before all others: one that says which files they are, so
+    /// that it shows where a kill came between two names.
+    pub fn write_first(&mut self, name: &str, content: impl AsRef<[u8]>) -> Result<()> {
+        self.first = self.names.len();
+        self.write(name, content).map(drop)
+    }
+
+    /// Writes a file that will be called `name` onto the disk, piece by piece, and gives its
+    /// digest.
     pub fn write_with(
         &mut self,
         name: &str,
-        write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
-    ) -> Result<()> {
+        write: impl FnOnce(&mut BufWriter<Digested<File>>) -> std::io::Result<()>,
+    ) -> Result<String> {
         let file = File::create(self.staging.path().join(name));
         let written = file.and_then(|file| {
-            let mut out = BufWriter::with_capacity(1 << 18, file);
+            let mut out = BufWriter::with_capacity(1 << 18, Digested::new(file));
             write(&mut out)?;
-            out.flush()
+            let Digested { to: file, digest } = out.into_inner()?;
+            file.sync_all()?;
+            Ok(digest.hex())
         });
-        written.map_err(|source| Error::write(&self.path.join(name), source))?;
+        let sha256 = written.map_err(|source| Error::write(&self.path.join(name), source))?;
         self.names.push(name.to_owned());
-        Ok(())
+        Ok(sha256)
     }
 
-    /// Renames all staged files to their final names, in the order of writing.
+    /// Renames all staged files to their final names, in the order of writing but for the first.
     ///
     /// # Errors
     ///
@@ -94,33 +107,64 @@ impl OutputFolder {
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        let checked = self.names.iter().map(|name| {
-            let path = self.path.join(name);
-            match Place::for_path(&path) {
-                Ok(place) => Ok((self.staging.path().join(name), path, place)),
-                Err(source) => Err(Error::write(&path, source)),
+        let ready = self.names.iter().map(|name| self.ready(name)).collect::<Result<Vec<_>>>()?;
+        let mut ready: Vec<_> = ready.into_iter().map(Some).collect();
+        for index in std::iter::once(self.first).chain(0..self.names.len()) {
+            if let Some(file) = ready.get_mut(index).and_then(Option::take) {
+                file.keep()?;
             }
-        });
-        let places: Vec<_> = checked.collect::<Result<_>>()?;
-        let paths = places.into_iter().map(|(staged, path, place)| {
-            let named = match place {
-                Place::Regular(permissions) if !path.is_symlink() => permissions
-                    .map_or(Ok(()), |permissions| std::fs::set_permissions(&staged, permissions))
-                    .and_then(|()| std::fs::rename(&staged, &path)),
-                Place::Regular(_) => File::create(&path).and_then(|file| copy(&staged, file)),
-                Place::Through(file) => copy(&staged, file),
-            };
-            match named {
-                Ok(()) => Ok(path),
-                Err(source) => Err(Error::write(&path, source)),
+        }
+        Ok(self.names.iter().map(|name| self.path.join(name)).collect())
+    }
+
+    /// A staged file, all of it on the disk of its place.
+    fn ready(&self, name: &str) -> Result<Ready> {
+        let (staged, path) = (self.staging.path().join(name), self.path.join(name));
+        let place = match Place::for_path(&path) {
+            Ok(Place::Regular(_)) if path.is_symlink() => {
+                let linked = Output::create(&path)?;
+                Whereto::Linked(linked.write_with(|out| copy(&staged, out))?)
             }
-        });
-        paths.collect()
+            Ok(Place::Regular(permissions)) => Whereto::Renamed(permissions),
+            Ok(Place::Through(file)) => Whereto::Through(file),
+            Err(source) => return Err(Error::write(&path, source)),
+        };
+        Ok(Ready { staged, path, place })
     }
 }
 
-fn copy(from: &Path, mut to: File) -> std::io::Result<()> {
-    std::io::copy(&mut File::open(from)?, &mut to).map(|_| ())
+/// A file that only needs its name.
+struct Ready {
+    staged: PathBuf,
+    path: PathBuf,
+    place: Whereto,
+}
+
+enum Whereto {
+    /// Nothing, or a file whose permissions it takes over.
+    Renamed(Option<Permissions>),
+    /// Where a link leads to, perhaps on another disk.
+    Linked(WholeFile),
+    /// A device, a pipe or a socket.
+    Through(File),
+}
+
+impl Ready {
+    fn keep(self) -> Result<()> {
+        let Self { staged, path, place } = self;
+        let named = match place {
+            Whereto::Linked(file) => return file.keep().map(drop),
+            Whereto::Renamed(permissions) => permissions
+                .map_or(Ok(()), |permissions| std::fs::set_permissions(&staged, permissions))
+                .and_then(|()| std::fs::rename(&staged, &path)),
+            Whereto::Through(mut file) => copy(&staged, &mut file),
+        };
+        named.map_err(|source| Error::write(&path, source))
+    }
+}
+
+fn copy(from: &Path, to: &mut impl Write) -> std::io::Result<()> {
+    std::io::copy(&mut File::open(from)?, to).map(|_| ())
 }
 
 impl Drop for OutputFolder {

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{Read, Take};
 use std::path::{Path, PathBuf};
 
+use super::Text;
 #[cfg(target_family = "wasm")]
 use super::brought::File;
 use crate::error::{Error, Result};
@@ -60,16 +61,19 @@ impl Limit {
         read.map(|_| head).map_err(|source| Error::read(path, source))
     }
 
-    /// Reads a text file.
+    /// Reads a text file in any encoding of Unicode, whose lines end in any way, see [`Text`].
     ///
     /// # Errors
     ///
-    /// As [`Self::read`]; [`Error::Input`] with the byte where it is not UTF-8.
+    /// As [`Self::read`]; [`Error::Input`] with the byte where it is not Unicode.
     pub fn read_text(self, path: &Path) -> Result<String> {
-        String::from_utf8(self.read(path)?).map_err(|broken| {
+        let bytes = self.read(path)?;
+        let text = Text::of_unicode(&bytes).into_owned();
+        String::from_utf8(text).map_err(|broken| {
             let byte = broken.utf8_error().valid_up_to() + 1;
             let place = format!("byte {byte}");
-            Error::input(place, "no character", "text in UTF-8", "save the file as UTF-8")
+            let wanted = "text in UTF-8 or UTF-16";
+            Error::input(place, "no character", wanted, "save the file as UTF-8")
                 .in_file(path.display(), None)
         })
     }
@@ -209,5 +213,17 @@ mod tests {
         std::fs::write(file.path(), b"ab\xff").unwrap();
         let error = LIMIT.read_text(file.path()).unwrap_err().to_string();
         assert!(error.contains("byte 3"), "{error}");
+    }
+
+    #[test]
+    fn a_text_that_powershell_or_an_old_editor_wrote_is_the_same_text() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let utf16: Vec<u8> =
+            "\u{feff}a = 'ψ'\r\nb\r\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        for bytes in [&utf16, "\u{feff}a = 'ψ'\r\nb\r\n".as_bytes(), "a = 'ψ'\rb\r".as_bytes()] {
+            std::fs::write(file.path(), bytes).unwrap();
+            let text = LIMIT.read_text(file.path()).unwrap();
+            assert_eq!(text.lines().collect::<Vec<_>>(), ["a = 'ψ'", "b"], "{bytes:x?}");
+        }
     }
 }

@@ -13,6 +13,7 @@ mod folder;
 #[expect(clippy::disallowed_methods, reason = "the one place that opens foreign files")]
 mod input;
 mod jpeg;
+mod names;
 mod output;
 #[expect(clippy::disallowed_methods, reason = "locks")]
 mod staging;
@@ -26,7 +27,8 @@ pub use csv_reader::{Head, RowRules, Separator, Sheet, SheetColumn};
 pub use folder::OutputFolder;
 pub use input::{Limit, entries_in, files_in};
 pub use jpeg::JpegFrame;
-pub use output::{Output, STANDARD_OUTPUT};
+pub use names::{ending, file_name, is_file_name, name_from, path_from};
+pub use output::{Buffer, Output, STANDARD_OUTPUT, WholeFile};
 pub use staging::folder_in;
 pub use text::Text;
 pub use titles::{DEGREE, bracketed, simplified, unit};

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use super::staging::{Place, file_in};
+use super::staging::{Place, file_in, locked_soon};
+use crate::digest::Digested;
 use crate::error::{Error, Result};
 use crate::input_error;
 
@@ -67,44 +68,118 @@ impl Output {
     }
 
     /// The same, written piece by piece.
-    pub fn keep_with(
-        self,
-        write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
-    ) -> Result<PathBuf> {
-        self.finish(write, false)
+    pub fn keep_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<PathBuf> {
+        self.finish(write, false)?.keep()
     }
 
     /// The same, on the disk before it has its name.
     pub fn keep_on_disk(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
-        self.finish(|out| out.write_all(content.as_ref()), true)
+        self.write_with(|out| out.write_all(content.as_ref()))?.keep()
+    }
+
+    /// Writes the content onto the disk, piece by piece; the file has no name yet.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`]; then a regular file is as it was before.
+    pub fn write_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<WholeFile> {
+        self.finish(write, true)
     }
 
     fn finish(
         self,
-        write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
+        write: impl FnOnce(&mut Buffer<'_>) -> Written,
         sync: bool,
-    ) -> Result<PathBuf> {
+    ) -> Result<WholeFile> {
         let Self { mut path, sink } = self;
+        let mut staged = None;
         let written = match sink {
             Sink::StandardOutput => {
                 path = STANDARD_OUTPUT.into();
                 match buffered(&mut std::io::stdout().lock(), write) {
                     // A reader that went away, such as `head`, is no error.
-                    Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+                    Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {
+                        Ok(String::new())
+                    }
                     written => written,
                 }
             }
             Sink::Through(mut file) => buffered(&mut file, write),
-            Sink::Staged { mut file, place, permissions } => buffered(file.as_file_mut(), write)
-                .and_then(|()| permissions.map_or(Ok(()), |p| file.as_file().set_permissions(p)))
-                .and_then(|()| if sync { file.as_file().sync_all() } else { Ok(()) })
-                .and_then(|()| file.persist(&place).map(|_| ()).map_err(|error| error.error)),
+            Sink::Staged { mut file, place, permissions } => {
+                let written = buffered(file.as_file_mut(), write).and_then(|sha256| {
+                    permissions.map_or(Ok(()), |p| file.as_file().set_permissions(p))?;
+                    if sync { file.as_file().sync_all() } else { Ok(()) }.map(|()| sha256)
+                });
+                staged = Some((file, place));
+                written
+            }
         };
         match written {
-            Ok(()) => Ok(path),
+            Ok(sha256) => Ok(WholeFile { path, sha256, staged }),
             Err(source) => Err(Error::write(&path, source)),
         }
     }
+}
+
+/// Takes the content of a file.
+pub type Buffer<'a> = BufWriter<Digested<&'a mut dyn Write>>;
+
+type Written = std::io::Result<()>;
+
+/// A file with all its content, and without its name.
+#[derive(Debug)]
+pub struct WholeFile {
+    path: PathBuf,
+    sha256: String,
+    staged: Option<(NamedTempFile, PathBuf)>,
+}
+
+impl WholeFile {
+    /// Its name in its folder.
+    pub fn name(&self) -> String {
+        self.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Digest of its content.
+    pub fn sha256(&self) -> &str {
+        &self.sha256
+    }
+
+    /// Gives it its name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Io`]; then the file of that name is as it was before.
+    pub fn keep(self) -> Result<PathBuf> {
+        let Self { path, staged, .. } = self;
+        let named = staged.map_or(Ok(()), |(file, place)| file.persist(place).map(drop));
+        match named {
+            Ok(()) => Ok(path),
+            Err(error) => Err(Error::write(&path, error.error)),
+        }
+    }
+
+    /// Gives files of one folder their names, in their order, while no other program does.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::keep`].
+    pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
+        let mut staged = files.iter().filter_map(|file| file.staged.as_ref());
+        let _lock = staged.next().and_then(|(_, place)| locked_soon(folder(place)));
+        files.into_iter().map(Self::keep).collect()
+    }
+}
+
+/// The folder of a file.
+fn folder(path: &Path) -> &Path {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
 }
 
 impl Sink {
@@ -120,8 +195,7 @@ impl Sink {
             Place::Regular(permissions) => permissions,
         };
         let place = followed(path)?;
-        let folder = place.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let file = file_in(folder.unwrap_or(Path::new(".")))?;
+        let file = file_in(folder(&place))?;
         Ok(Self::Staged { file, place, permissions })
     }
 }
@@ -154,15 +228,16 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
+/// Writes a file, and gives the digest of its content.
 fn buffered(
     file: &mut dyn Write,
-    write: impl FnOnce(&mut BufWriter<&mut dyn Write>) -> std::io::Result<()>,
-) -> std::io::Result<()> {
-    let mut out = BufWriter::with_capacity(1 << 18, file);
+    write: impl FnOnce(&mut Buffer<'_>) -> Written,
+) -> std::io::Result<String> {
+    let mut out = BufWriter::with_capacity(1 << 18, Digested::new(file));
     let written = write(&mut out).and_then(|()| out.flush());
     // After a failure the buffer is not flushed again on drop.
-    let _ = out.into_parts();
-    written
+    let (digested, _) = out.into_parts();
+    written.map(|()| digested.digest.hex())
 }
 
 #[cfg(test)]
@@ -232,6 +307,32 @@ mod tests {
         symlink("b", path("a")).unwrap();
         symlink("a", path("b")).unwrap();
         assert!(write(&path("a"), b"").is_err(), "a circle");
+    }
+
+    /// Two writers of a pair, and a lock of their folder that neither waits for in vain.
+    #[test]
+    fn files_that_belong_together_are_of_one_writer() {
+        let parent = tempfile::tempdir().unwrap();
+        let names = ["plan.csv", "plan.scene.toml"].map(|name| parent.path().join(name));
+        let write = |writer: &str| {
+            let outputs = names.each_ref().map(|path| Output::create(path).unwrap());
+            let whole = outputs.map(|it| it.write_with(|out| out.write_all(writer.as_bytes())));
+            let whole = whole.map(Result::unwrap);
+            assert_eq!(whole[0].sha256(), crate::digest::sha256(writer.as_bytes()));
+            assert_eq!(WholeFile::keep_all(whole.into()).unwrap(), names);
+        };
+        for round in 0..50 {
+            std::thread::scope(|scope| {
+                for writer in ["a", "bb"] {
+                    scope.spawn(move || write(writer));
+                }
+            });
+            assert_eq!(text(&names[0]), text(&names[1]), "round {round}");
+        }
+        let folder = File::open(parent.path()).unwrap();
+        folder.lock().unwrap();
+        write("c");
+        assert_eq!(text(&names[1]), "c");
     }
 
     #[test]

@@ -7,11 +7,20 @@
 use std::fs::{File, FileType, OpenOptions, Permissions};
 use std::io::Result;
 use std::path::Path;
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir};
 
 const PREFIX: &str = ".noctograph-";
 const SUFFIX: &str = ".tmp";
+
+/// The file that stands for its folder.
+#[cfg(windows)]
+const LOCK: &str = ".noctograph-lock";
+#[cfg(windows)]
+const LOCK_TRIES: usize = 5000;
+#[cfg(windows)]
+const LOCK_PAUSE: Duration = Duration::from_millis(2);
 
 /// Mode of a new file before the umask.
 #[cfg(unix)]
@@ -58,8 +67,62 @@ pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
 
 /// Locks a folder until the file is closed, waiting for another program; `None` where the system
 /// has no such locks.
+#[cfg(not(windows))]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
+}
+
+/// Windows opens no folder as a file: a file in it stands for it, which one program has at a time
+/// and the system removes when that program closes it or is killed.
+#[cfg(windows)]
+pub(super) fn locked(folder: &Path) -> Option<File> {
+    // Renames take milliseconds. A folder that cannot be written is no reason to wait for ever.
+    for _ in 0..LOCK_TRIES {
+        match only_here(&folder.join(LOCK), true) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return None,
+            Err(_) => std::thread::sleep(LOCK_PAUSE),
+            file => return file.ok(),
+        }
+    }
+    None
+}
+
+#[cfg(windows)]
+pub(super) use locked as locked_soon;
+
+/// A lock as [`locked`] gives it, for a moment at most: whoever runs the program under a lock of
+/// the folder would wait forever.
+#[cfg(not(windows))]
+pub(super) fn locked_soon(folder: &Path) -> Option<File> {
+    let folder = File::open(folder).ok()?;
+    for _ in 0..500 {
+        match folder.try_lock() {
+            Ok(()) => return Some(folder),
+            Err(std::fs::TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(10)),
+            Err(std::fs::TryLockError::Error(_)) => return None,
+        }
+    }
+    None
+}
+
+/// Opens a file that no other program has open, and removes it when it is closed.
+#[cfg(windows)]
+fn only_here(path: &Path, create: bool) -> Result<File> {
+    use std::os::windows::fs::OpenOptionsExt;
+    const DELETE_ON_CLOSE: u32 = 0x0400_0000;
+    let mut options = OpenOptions::new();
+    options.write(true).create(create).share_mode(0).custom_flags(DELETE_ON_CLOSE);
+    options.open(path)
+}
+
+/// Whether a temporary file or folder is of a program that has ended.
+fn is_left_behind(path: &Path) -> bool {
+    #[cfg(windows)]
+    if path.is_dir() {
+        let fault = only_here(&path.join(LOCK), false).err();
+        return fault.is_none_or(|error| error.kind() == std::io::ErrorKind::NotFound);
+    }
+    File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
 /// Removes temporary files of ended processes.
@@ -71,7 +134,7 @@ fn remove_leftovers(folder: &Path) {
         // Others, such as a pipe, could block when they are opened.
         let opens = |kind: &FileType| is_ours && (kind.is_file() || kind.is_dir());
         let Some(kind) = entry.file_type().ok().filter(opens) else { continue };
-        if File::open(&path).is_ok_and(|file| file.try_lock().is_ok()) {
+        if is_left_behind(&path) {
             // A file that stays does no harm.
             let _ = match kind.is_dir() {
                 true => std::fs::remove_dir_all(&path),
@@ -109,5 +172,26 @@ impl Place {
             true => Self::Regular(Some(there.permissions())),
             false => Self::Through(file),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_an_ended_program_left_is_cleared_and_what_is_in_use_stays() {
+        let parent = tempfile::tempdir().unwrap();
+        let left = parent.path().join(".noctograph-dead.tmp");
+        std::fs::create_dir(&left).unwrap();
+        std::fs::write(left.join("photo.png"), "half").unwrap();
+        std::fs::write(parent.path().join(".noctograph-file.tmp"), "half").unwrap();
+        let (used, lock) = folder_in(parent.path()).unwrap();
+        assert!(lock.is_some() && !left.exists(), "cleared");
+        let (other, other_lock) = folder_in(parent.path()).unwrap();
+        assert!(used.path().exists() && other.path().exists(), "in use");
+        drop((lock, other_lock));
+        drop((used, other));
+        assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 0, "nothing is left");
     }
 }

@@ -19,20 +19,24 @@ const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}
 impl<'a> Text<'a> {
     /// The text of a file.
     pub fn decode(bytes: &'a [u8]) -> Self {
-        let mut notes = Vec::new();
-        let decoded = match bytes {
+        let bytes = Self::of_unicode(bytes);
+        if !is_windows_1252(&bytes) {
+            return Self { bytes, notes: Vec::new() };
+        }
+        let notes = vec!["it is no UTF-8: read as Windows-1252".to_owned()];
+        Self { bytes: Cow::Owned(from_windows_1252(&bytes).into_bytes()), notes }
+    }
+
+    /// The text of a file in UTF-8 or UTF-16; of another encoding its bytes.
+    pub fn of_unicode(bytes: &'a [u8]) -> Cow<'a, [u8]> {
+        with_line_feeds(match bytes {
             [0xef, 0xbb, 0xbf, rest @ ..] => Cow::Borrowed(rest),
             [0xff, 0xfe, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_le_bytes)),
             [0xfe, 0xff, rest @ ..] => Cow::Owned(from_utf16(rest, u16::from_be_bytes)),
             [1..128, 0, 1..128, 0, ..] => Cow::Owned(from_utf16(bytes, u16::from_le_bytes)),
             [0, 1..128, 0, 1..128, ..] => Cow::Owned(from_utf16(bytes, u16::from_be_bytes)),
-            _ if is_windows_1252(bytes) => {
-                notes.push("it is no UTF-8: read as Windows-1252".to_owned());
-                Cow::Owned(from_windows_1252(bytes).into_bytes())
-            }
             _ => Cow::Borrowed(bytes),
-        };
-        Self { bytes: with_line_feeds(decoded), notes }
+        })
     }
 }
 

@@ -97,6 +97,7 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::FlightData;
     use super::*;
     use nalgebra::Vector3;
 
@@ -107,7 +108,8 @@ mod tests {
             motors: [command(i); 4],
             ..FlightSample::default()
         };
-        Flight { samples: (0..100).map(sample).collect(), ..Flight::default() }
+        let samples = (0..100).map(sample).collect();
+        Flight::made(FlightData { samples, ..FlightData::default() })
     }
 
     #[test]
@@ -120,8 +122,10 @@ mod tests {
     #[test]
     fn a_gap_in_the_log_is_no_landing() {
         let mut flight = flight(|i| if (20..60).contains(&i) { 40_000.0 } else { 0.0 }, |_| 0.0);
-        flight.samples.drain(30..45);
-        flight.gaps = vec![[2.9, 4.5]];
+        flight.edit(|data| {
+            data.samples.drain(30..45);
+            data.gaps = vec![[2.9, 4.5]];
+        });
         assert_eq!(airborne(&flight), Some(20..45));
     }
 
@@ -130,7 +134,7 @@ mod tests {
         let mut flight = flight(|_| 0.0, |i| if (10..90).contains(&i) { 0.8 } else { 0.3 });
         assert_eq!(airborne(&flight), None, "motors off");
         assert!(on_floor(&flight).unwrap().contains("command reaches 0 of 65535"));
-        flight.unlogged = [Quantity::Motors, Quantity::Design].into();
+        flight.edit(|data| data.unlogged = [Quantity::Motors, Quantity::Design].into());
         assert_eq!(airborne(&flight), Some(10..90));
         assert_eq!(on_floor(&flight), None);
     }

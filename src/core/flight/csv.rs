@@ -13,12 +13,13 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::table::{MAX_QUANTITY, REWRITE_HINT, Table, write_table};
-use super::{Flight, FlightSample, Quantity, Warning};
+use super::table::{REWRITE_HINT, Table, write_table};
+use super::{Flight, FlightData, FlightSample, Quantity, Warning};
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
 use crate::lamps::HEADLIGHTS;
+use crate::product::MAX_QUANTITY;
 
 /// The column of times, first in the file.
 const TIME: &str = "time_s";
@@ -164,7 +165,7 @@ impl Flight {
         let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
         let said = table.notes().iter().cloned().chain(odd).map(Warning::File);
         let warnings = missing.into_iter().chain(said).collect();
-        Ok(Self { samples, lights, extra, gaps, unlogged, warnings })
+        Self::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })
     }
 }
 
@@ -297,7 +298,7 @@ mod tests {
         let samples: Vec<FlightSample> = samples.collect();
         let levels = (0..50).map(|i| f64::from(i % 2)).collect();
         let lights = [("headlights".to_owned(), levels)].into();
-        Flight { samples, lights, ..Flight::default() }
+        Flight::made(FlightData { samples, lights, ..FlightData::default() })
     }
 
     #[test]
@@ -306,10 +307,11 @@ mod tests {
         let digest = flight.sha256();
         assert_eq!(digest, flight.clone().sha256(), "the same flight");
         let mut moved = flight.clone();
-        moved.samples[7].position_m.y += 1e-6;
+        moved.edit(|data| data.samples[7].position_m.y += 1e-6);
         let mut darker = flight.clone();
-        darker.lights.get_mut("headlights").unwrap()[3] = 0.5;
-        let silent = Flight { unlogged: [Quantity::Motors].into(), ..flight.clone() };
+        darker.edit(|data| data.lights.get_mut("headlights").unwrap()[3] = 0.5);
+        let mut silent = flight.clone();
+        silent.edit(|data| data.unlogged = [Quantity::Motors].into());
         for other in [moved, darker, silent] {
             assert_ne!(other.sha256(), digest);
         }
@@ -323,8 +325,9 @@ mod tests {
 
     #[test]
     fn a_flight_reads_back_bit_by_bit() {
-        let mut flight = flight();
+        let flight = flight();
         assert_eq!(read_back(&flight), flight);
+        let mut flight = flight.into_data();
         let voltage = (0..50).map(|i| on_grid(f64::from(i) / 7.0)).collect();
         flight.extra.insert("pm.vbat".into(), voltage);
         let times = |i: usize| [flight.samples[i].time_s, flight.samples[i + 1].time_s];
@@ -333,9 +336,10 @@ mod tests {
         for sample in &mut flight.samples {
             (sample.motors, sample.design_m) = ([0.0; 4], Vector3::zeros());
         }
-        let back = read_back(&flight);
-        assert_eq!(back.warnings, [Warning::Unlogged(flight.unlogged.clone())]);
-        assert_eq!(Flight { warnings: vec![], ..back }, flight, "gaps, extra columns, unlogged");
+        let mut back = read_back(&Flight::made(flight.clone())).into_data();
+        let warnings = std::mem::take(&mut back.warnings);
+        assert_eq!(warnings, [Warning::Unlogged(flight.unlogged.clone())]);
+        assert_eq!(back, flight, "gaps, extra columns, unlogged");
     }
 
     proptest::proptest! {

@@ -8,7 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::Vector3;
 use serde::{Serialize, Serializer};
 
+use crate::error::{Error, Result};
 use crate::geometry::Attitude;
+use crate::product::{
+    Rules, Valid, check_length, check_levels, check_times, is_number, odd_number,
+};
 
 mod airborne;
 pub mod csv;
@@ -35,8 +39,11 @@ pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
 pub const ESTIMATE_NEES: &str = "estimate_nees";
 
 /// A flight of one drone, sampled over time.
+pub type Flight = Valid<FlightData>;
+
+/// The data of a [`Flight`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Flight {
+pub struct FlightData {
     /// Samples in rising order of time.
     pub samples: Vec<FlightSample>,
     /// Light commands in force at each sample, as received over the radio: one column per
@@ -55,15 +62,54 @@ pub struct Flight {
     pub warnings: Vec<Warning>,
 }
 
-impl Flight {
+impl FlightData {
     /// Whether the flight's log has a quantity.
     pub fn has(&self, quantity: Quantity) -> bool {
         !self.unlogged.contains(&quantity)
     }
 
+    /// Keeps the first `n` samples.
+    pub fn truncate(&mut self, n: usize) {
+        self.samples.truncate(n);
+        for column in self.lights.values_mut().chain(self.extra.values_mut()) {
+            column.truncate(n);
+        }
+        let end_s = self.samples.last().map_or(f64::NEG_INFINITY, |last| last.time_s);
+        self.gaps.retain(|[_, to_s]| *to_s <= end_s);
+    }
+
     /// Last value of a further column; `None` where the flight lacks it.
     pub fn at_end(&self, column: &str) -> Option<f64> {
         self.extra.get(column)?.last().copied()
+    }
+}
+
+impl Rules for FlightData {
+    fn check(&self) -> Result<()> {
+        check_times(self.samples.iter().map(|sample| sample.time_s))?;
+        for (row, sample) in self.samples.iter().enumerate() {
+            let names = Quantity::TABLE.iter().flat_map(|(.., columns)| columns.iter());
+            let numbers = sample.numbers();
+            // The times have their own check, and a letter is a number in any case.
+            if let Some((name, value)) = names.zip(&numbers[1..]).find(|(_, v)| !is_number(**v)) {
+                return Err(odd_number(name, row, *value));
+            }
+        }
+        for (channel, levels) in &self.lights {
+            check_levels(&format!("light.{channel}"), levels, self.samples.len())?;
+        }
+        for (name, column) in &self.extra {
+            check_length(name, column.len(), self.samples.len())?;
+        }
+        let ends_s = self.gaps.as_flattened();
+        match ends_s.windows(2).find(|pair| !(pair[0] <= pair[1])) {
+            None => Ok(()),
+            Some(pair) => {
+                let actual = format!("{} before {}", pair[0], pair[1]);
+                let hint = "give each gap its beginning and its end";
+                Err(Error::input("gaps", actual, "gaps in rising order", hint))
+            }
+        }
     }
 }
 
@@ -115,7 +161,7 @@ impl std::fmt::Display for DroneIndex {
 }
 
 impl Serialize for DroneIndex {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+    fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
         (self.0 + 1).serialize(to)
     }
 }

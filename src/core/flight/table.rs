@@ -10,15 +10,13 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::files::{Budget, Head, Limit, RowRules, Sheet, Text};
+use crate::product::MAX_QUANTITY;
 
 /// Longest flight: an hour, twelve times a Crazyflie's battery.
 pub const MAX_DURATION_S: f64 = 3600.0;
 
 /// Largest number of a table: below it squares and sums stay finite.
 pub const MAX_NUMBER: f64 = 1e30;
-
-/// Largest position in m, speed in m/s, angle in rad, motor command: far beyond a drone's world.
-pub const MAX_QUANTITY: f64 = 1e6;
 
 /// Latest or earliest time, before and after which a microsecond is lost in rounding.
 const MAX_TIME_S: f64 = 1e9;

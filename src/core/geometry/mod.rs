@@ -1,4 +1,4 @@
-//! Poses, frames and polylines: the only place where one frame is turned into another.
+//! Poses, frames, polylines and solids: the only place where one frame is turned into another.
 //!
 //! World: z up, x to the viewer's right in the written word, y into the scene; the word stands in
 //! the x-z plane. Body: x forward, y left, z up. Attitude: yaw ψ, pitch θ, roll φ with
@@ -8,9 +8,11 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 mod polyline;
+mod solid;
 
 pub use polyline::{Chords, arc_lengths, bounds, distance};
 pub use polyline::{polyline_length_m, segment_distance, simplify};
+pub use solid::Solid;
 
 /// Attitude of a body as yaw, pitch and roll; in JSON an array of the three.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]

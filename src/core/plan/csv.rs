@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 
-use super::{Plan, Setpoint};
+use super::{Plan, PlanData, Setpoint};
 use crate::error::{Error, Result};
 use crate::flight::csv::{letter_from_number, light_columns, number_from_letter};
 use crate::flight::table::{Table, write_table};
@@ -13,8 +13,9 @@ use crate::flight::table::{Table, write_table};
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
 ///
 /// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
-/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, timed light commands add `lit` before the light
-/// channels, a heading other than 0 adds `yaw_rad`, which stays the same.
+/// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, a trajectory on board `jx_m_s3` to `jz_m_s3`, timed
+/// light commands add `lit` before the light channels, a heading other than 0 adds `yaw_rad`, which
+/// stays the same.
 pub const COLUMNS: [&str; 11] = [
     "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2",
     "letter",
@@ -22,6 +23,8 @@ pub const COLUMNS: [&str; 11] = [
 
 /// Columns of the positions that are sent, where they differ from the design.
 const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
+/// Columns of the jerk of a trajectory on board.
+const JERK_COLUMNS: [&str; 3] = ["jx_m_s3", "jy_m_s3", "jz_m_s3"];
 /// Column of the design's light level, where light commands are sent ahead of it.
 const LIT_COLUMN: &str = "lit";
 /// Column of the heading.
@@ -36,20 +39,23 @@ impl Plan {
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
         let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
         let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
+        let jerk = JERK_COLUMNS.iter().filter(|_| !self.jerk_m_s3.is_empty());
         let lit = Some(&LIT_COLUMN).filter(|_| !self.lit.is_empty());
         let yaw = Some(&YAW_COLUMN).filter(|_| self.yaw_rad != 0.0);
-        let names = COLUMNS.iter().chain(sent).chain(lit).chain(yaw).map(|name| (*name).to_owned());
+        let names = COLUMNS.iter().chain(sent).chain(jerk).chain(lit).chain(yaw);
+        let names = names.map(|name| (*name).to_owned());
         let header: Vec<String> = names.chain(lights).collect();
         let rows = self.setpoints.iter().enumerate().map(|(row, setpoint)| {
             let Setpoint { time_s, position_m: p, velocity_m_s: v, .. } = setpoint;
             let a = &setpoint.acceleration_m_s2;
             let letter = number_from_letter(setpoint.letter);
             let numbers = [*time_s, p.x, p.y, p.z, v.x, v.y, v.z, a.x, a.y, a.z, letter];
-            let sent = self.sent_m.get(row).into_iter().flat_map(|sent| [sent.x, sent.y, sent.z]);
+            let further = [&self.sent_m, &self.jerk_m_s3].map(|column| column.get(row));
+            let further = further.into_iter().flatten().flat_map(|v| [v.x, v.y, v.z]);
             let lights = self.lights.values().map(move |levels| levels[row]);
             let lit = self.lit.get(row).copied();
             let yaw = Some(self.yaw_rad).filter(|yaw_rad| *yaw_rad != 0.0);
-            numbers.into_iter().chain(sent).chain(lit).chain(yaw).chain(lights)
+            numbers.into_iter().chain(further).chain(lit).chain(yaw).chain(lights)
         });
         write_table(out, &header, rows)
     }
@@ -95,12 +101,15 @@ impl Plan {
             letter: letter_from_number(columns[10][row]),
         });
         let setpoints = setpoints.collect();
-        let mut sent_m = Vec::new();
-        if table.has(SENT_COLUMNS[0]) {
-            let [x, y, z] = SENT_COLUMNS.map(|name| table.quantity(name));
+        let vectors = |names: [&'static str; 3]| -> Result<Vec<Vector3<f64>>> {
+            if !table.has(names[0]) {
+                return Ok(Vec::new());
+            }
+            let [x, y, z] = names.map(|name| table.quantity(name));
             let (x, y, z) = (x?, y?, z?);
-            sent_m = (0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect();
-        }
+            Ok((0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect())
+        };
+        let (sent_m, jerk_m_s3) = (vectors(SENT_COLUMNS)?, vectors(JERK_COLUMNS)?);
         let or_none = |name| match table.has(name) {
             true => table.quantity(name).map(<[f64]>::to_vec),
             false => Ok(Vec::new()),
@@ -112,7 +121,14 @@ impl Plan {
             let hint = "turn the drone before take-off";
             return Err(Error::input(YAW_COLUMN, other, wanted, hint));
         }
-        Ok(Self { setpoints, lights: light_columns(table)?, lit, sent_m, yaw_rad })
+        Self::new(PlanData {
+            setpoints,
+            lights: light_columns(table)?,
+            lit,
+            sent_m,
+            jerk_m_s3,
+            yaw_rad,
+        })
     }
 }
 
@@ -136,14 +152,16 @@ mod tests {
         });
         let setpoints: Vec<Setpoint> = setpoints.collect();
         let lights = [("headlights".to_owned(), vec![0.0, 1.0, 0.5, 0.0])].into();
-        let plan = Plan { setpoints, lights, ..Plan::default() };
+        let plan = PlanData { setpoints, lights, ..PlanData::default() };
         let n = plan.setpoints.len();
-        let led = Plan {
+        let led = PlanData {
             lit: vec![0.5; n],
             sent_m: vec![Vector3::x(); n],
+            jerk_m_s3: vec![Vector3::new(0.5, -2.0, 0.25); n],
             yaw_rad: -1.5,
             ..plan.clone()
         };
+        let [plan, led] = [plan, led].map(Plan::made);
         for plan in [plan, led.clone()] {
             assert_eq!(Plan::parse_csv(&written(&plan), "plan.csv").unwrap(), plan);
         }

@@ -4,13 +4,20 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use crate::error::Result;
 use crate::flight::table::on_grid;
+use crate::product::{
+    Rules, Valid, check_length, check_levels, check_times, is_number, odd_number,
+};
 
 pub mod csv;
 
 /// Everything that is sent to one drone, in order of time.
+pub type Plan = Valid<PlanData>;
+
+/// The data of a [`Plan`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Plan {
+pub struct PlanData {
     /// Setpoints; each is held until the next. A setpoint at or below the floor (z ≤ 0) asks for
     /// motors off.
     pub setpoints: Vec<Setpoint>,
@@ -24,6 +31,9 @@ pub struct Plan {
     /// Positions that are sent in place of the setpoints' own (feedforward); as long as
     /// `setpoints`, or empty. See [`Plan::sent_m()`].
     pub sent_m: Vec<Vector3<f64>>,
+    /// Jerk of a trajectory on board at each setpoint, m/s³; as long as `setpoints`, or empty:
+    /// setpoints that are sent carry none. See [`Plan::jerk_m_s3()`].
+    pub jerk_m_s3: Vec<Vector3<f64>>,
     /// Heading of the nose over the whole flight, from world x toward y.
     pub yaw_rad: f64,
 }
@@ -47,7 +57,7 @@ pub struct Setpoint {
     pub letter: Option<usize>,
 }
 
-impl Plan {
+impl PlanData {
     /// When the last setpoint is sent: the end of the plan.
     pub fn duration_s(&self) -> f64 {
         self.setpoints.last().map_or(0.0, |last| last.time_s)
@@ -61,12 +71,20 @@ impl Plan {
             setpoint.velocity_m_s = (setpoint.velocity_m_s * rate).map(on_grid);
             setpoint.acceleration_m_s2 = (setpoint.acceleration_m_s2 * (rate * rate)).map(on_grid);
         }
+        for jerk_m_s3 in &mut self.jerk_m_s3 {
+            *jerk_m_s3 = (*jerk_m_s3 * (rate * rate * rate)).map(on_grid);
+        }
         self
     }
 
     /// The position that is sent with a setpoint.
     pub fn sent_m(&self, row: usize) -> Vector3<f64> {
         self.sent_m.get(row).copied().unwrap_or_else(|| self.setpoints[row].position_m)
+    }
+
+    /// The jerk that the drone knows of at a setpoint.
+    pub fn jerk_m_s3(&self, row: usize) -> Vector3<f64> {
+        self.jerk_m_s3.get(row).copied().unwrap_or_default()
     }
 
     /// Row of the setpoint in force at a time; before the first one, its row.
@@ -128,6 +146,42 @@ impl Plan {
     pub fn push(&mut self, setpoint: Setpoint, level: f64) {
         self.setpoints.push(setpoint);
         self.lights.values_mut().for_each(|levels| levels.push(level));
+    }
+}
+
+impl Rules for PlanData {
+    fn check(&self) -> Result<()> {
+        let n = self.setpoints.len();
+        check_times(self.setpoints.iter().map(|setpoint| setpoint.time_s))?;
+        for (row, setpoint) in self.setpoints.iter().enumerate() {
+            let Setpoint { position_m, velocity_m_s, acceleration_m_s2, .. } = setpoint;
+            let vectors = [position_m, velocity_m_s, acceleration_m_s2];
+            let names = csv::COLUMNS[1..].chunks(3).zip(vectors);
+            let mut numbers = names.flat_map(|(names, vector)| names.iter().zip(vector.iter()));
+            if let Some((name, value)) = numbers.find(|(_, value)| !is_number(**value)) {
+                return Err(odd_number(name, row, *value));
+            }
+        }
+        for (channel, levels) in &self.lights {
+            check_levels(&format!("light.{channel}"), levels, n)?;
+        }
+        if !self.lit.is_empty() {
+            check_levels("lit", &self.lit, n)?;
+        }
+        for (name, vectors) in [("sent_m", &self.sent_m), ("jerk_m_s3", &self.jerk_m_s3)] {
+            if !vectors.is_empty() {
+                check_length(name, vectors.len(), n)?;
+            }
+            for (row, vector) in vectors.iter().enumerate() {
+                if let Some(value) = vector.iter().find(|value| !is_number(**value)) {
+                    return Err(odd_number(name, row, *value));
+                }
+            }
+        }
+        match is_number(self.yaw_rad) {
+            true => Ok(()),
+            false => Err(odd_number("yaw_rad", 0, self.yaw_rad)),
+        }
     }
 }
 

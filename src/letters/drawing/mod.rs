@@ -15,10 +15,10 @@ use bitmap::Traced;
 use detail::reduced;
 use layers::Color;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, ending};
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
 use noctograph_core::input_error;
-use noctograph_core::strokes::{Source, SourceStroke};
+use noctograph_core::strokes::{Source, SourceStroke, StrokesData};
 use selection::{Numbered, all, chosen};
 
 mod areas;
@@ -105,10 +105,13 @@ type ColoredLine = (Vec<[f64; 2]>, Color);
 /// for an option out of range.
 pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     options.check()?;
+    Strokes::new(drawn(path, options, ink)?)
+}
+
+fn drawn(path: &Path, options: &LetterOptions, ink: Ink) -> Result<StrokesData> {
     let file = path.display().to_string();
-    let kind = path.extension().and_then(|ext| ext.to_str()).map(str::to_ascii_lowercase);
-    match kind.as_deref() {
-        Some("svg") => {
+    match &*ending(path) {
+        "svg" => {
             let drawing = svg::read(&LIMIT.read(path)?, &file)?;
             let mut placing = Placing::new(drawing.bounds(), options, &file)
                 .map_err(|error| with_reasons(error, &drawing.warnings))?;
@@ -126,9 +129,9 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let source = Source { strokes, ..Source::default() };
             let warnings = drawing.warnings;
             let strokes = by_color(&lines, &placing, ink, &file)?;
-            Ok(Strokes { left_out, warnings, source, ..strokes })
+            Ok(StrokesData { left_out, warnings, source, ..strokes })
         }
-        Some("png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp") => {
+        "png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp" => {
             let size =
                 |extent| Ok(Placing::new(extent, options, &file)?.scale / options.cap_height_m);
             let Traced { lines, warnings, corners_px, in_file } =
@@ -147,16 +150,16 @@ pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
             let source = Source { strokes, corners_px, is_bitmap: true };
             let placing = Placing::new(extent(&lines), options, &file)?;
             let strokes = by_color(&lines, &placing, ink, &file)?;
-            Ok(Strokes { left_out, warnings, source, ..strokes })
+            Ok(StrokesData { left_out, warnings, source, ..strokes })
         }
-        Some("json") => {
+        "json" => {
             let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
             let strokes = all(traces.iter().map(|it| (&it.points, it.color)), |point| point);
             let traces = chosen(traces, |trace| trace.color, options, &file)?;
             let source = Source { strokes, ..Source::default() };
-            Ok(Strokes { source, ..write(traces, canvas, options, ink, &file)? })
+            Ok(StrokesData { source, ..write(traces, canvas, options, ink, &file)? })
         }
-        kind => Err(foreign(kind.unwrap_or(""), &file)),
+        kind => Err(foreign(kind, &file)),
     }
 }
 
@@ -197,18 +200,18 @@ fn by_color(
     placing: &Placing,
     ink: Ink,
     file: &str,
-) -> Result<Strokes> {
+) -> Result<StrokesData> {
     let numbers = lines.iter().map(|(number, (line, _))| placing.label(*number, line)).collect();
     if ink == Ink::Alike {
         let runs = lines.iter().map(|(_, (line, _))| placing.run(line)).collect();
-        return Ok(Strokes { numbers, ..placing.strokes(vec![runs], StrokeOrder::Free) });
+        return Ok(StrokesData { numbers, ..placing.strokes(vec![runs], StrokeOrder::Free) });
     }
     let mut inks = Vec::new();
     for (_, (line, color)) in lines {
         add(&mut inks, placing.run(line), *color, file)?;
     }
     let (colors, glyphs) = inks.into_iter().unzip();
-    Ok(Strokes { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Free) })
+    Ok(StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
 /// The bounds of lines: left, bottom, right, top.
@@ -240,7 +243,7 @@ fn write(
     options: &LetterOptions,
     ink: Ink,
     file: &str,
-) -> Result<Strokes> {
+) -> Result<StrokesData> {
     let n_points: usize = traces.iter().map(|(_, trace)| trace.points.len()).sum();
     if n_points > MAX_POINTS {
         return Err(too_many(file));
@@ -264,7 +267,7 @@ fn write(
         lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
-    let mut strokes = Strokes { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
+    let mut strokes = StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
     if options.pace == Pace::Written {
         set_pace(&mut strokes, &lasts_s);
     }
@@ -273,7 +276,7 @@ fn write(
 
 /// Gives lit moves the pace of the writer's pen, as a share of its mean speed, from the duration of
 /// each; nothing without durations.
-fn set_pace(strokes: &mut Strokes, lasts_s: &[f64]) {
+fn set_pace(strokes: &mut StrokesData, lasts_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();
     let whole_m: f64 = timed.iter().map(|(step, _)| distance(step.from_m, step.to_m)).sum();
@@ -393,13 +396,13 @@ impl Placing {
     }
 
     /// Glyphs, all of them as large as the drawing.
-    fn strokes(&self, glyphs: Vec<Vec<Run>>, order: StrokeOrder) -> Strokes {
+    fn strokes(&self, glyphs: Vec<Vec<Run>>, order: StrokeOrder) -> StrokesData {
         let glyphs = glyphs.into_iter().map(|runs| {
             let mut moves = pen_moves(&runs, |point| point);
             moves.retain(|step| !step.lit || step.from_m != step.to_m);
             Glyph { character: DRAWING, cell: self.cell, moves }
         });
-        Strokes { glyphs: glyphs.collect(), order, ..Strokes::default() }
+        StrokesData { glyphs: glyphs.collect(), order, ..StrokesData::default() }
     }
 }
 

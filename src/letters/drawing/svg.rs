@@ -24,7 +24,7 @@ use super::styles::{Named, Styles, check_text};
 use super::visibility::{Page, Visible};
 use super::{ColoredLine, LIMIT, MAX_POINTS, size, too_many};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Budget;
+use noctograph_core::files::{Budget, file_name};
 use noctograph_core::geometry;
 
 /// Most elements and attributes of a file, before `use`.
@@ -130,7 +130,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
             }
         }
     }
-    let mut warnings = named.sentences(&document, file);
+    let mut warnings = named.sentences(&document, &file_name(file));
     if n_alike > 0 {
         let s = if n_alike == 1 { " has" } else { "s have" };
         warnings.push(format!(

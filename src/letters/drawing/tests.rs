@@ -63,8 +63,8 @@ fn strokes_and_fills_stand_where_transforms_put_them() {
     assert!((length - around).abs() < 0.01 * around, "{length} for {around}");
     assert_eq!(strokes.bounds_m(), [0.0, 0.5, 2.0, 1.5], "on the baseline, as large as the canvas");
     assert_eq!(
-        (strokes.order, strokes.font, strokes.glyphs[0].character),
-        (StrokeOrder::Free, None, DRAWING)
+        (strokes.order, &strokes.font, strokes.glyphs[0].character),
+        (StrokeOrder::Free, &None, DRAWING)
     );
 }
 

@@ -316,6 +316,7 @@ fn spread<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::vehicle::{GustOptions, Gusts};
@@ -422,7 +423,11 @@ mod tests {
         let (name, value) = acceleration;
         let column = (0..2000).map(|i| value * (1.0 + 1e-3 * wave(i, 0.5))).collect();
         let extra = [(name.to_owned(), column)].into();
-        Flight { samples: (0..2000).map(sample).collect(), extra, ..Flight::default() }
+        Flight::made(FlightData {
+            samples: (0..2000).map(sample).collect(),
+            extra,
+            ..FlightData::default()
+        })
     }
 
     #[test]
@@ -440,7 +445,9 @@ mod tests {
         }
         let mut flight = sway(("ae483log.a_z", 0.0));
         for axis in ["x", "y", "z"] {
-            flight.extra.insert(format!("ae483log.lh_{axis}"), vec![0.25; 2000]);
+            flight.edit(|flight| {
+                flight.extra.insert(format!("ae483log.lh_{axis}"), vec![0.25; 2000])
+            });
         }
         let identified = identify(&flight, &assumed).unwrap();
         // Attitude, velocity and rates are zero throughout.
@@ -453,7 +460,9 @@ mod tests {
             assert!(said.contains(name), "{name}: {said}");
         }
         assert!(!format!("{identified:?}").contains("NaN"), "{identified:?}");
-        flight.samples.iter_mut().for_each(|sample| sample.motors = [40_000.0; 4]);
+        flight.edit(|flight| {
+            flight.samples.iter_mut().for_each(|sample| sample.motors = [40_000.0; 4])
+        });
         let error = identify(&flight, &assumed).unwrap_err().to_string();
         assert!(error.contains("never turn the drone"), "as the evening's page says: {error}");
     }
@@ -464,7 +473,8 @@ mod tests {
         let grounded = identify(&Flight::default(), &assumed).unwrap_err().to_string();
         assert!(grounded.contains("0 samples in the air"), "{grounded}");
         let unlogged = [Quantity::Motors].into();
-        let silent = identify(&Flight { unlogged, ..Flight::default() }, &assumed).unwrap_err();
+        let silent = Flight::made(FlightData { unlogged, ..FlightData::default() });
+        let silent = identify(&silent, &assumed).unwrap_err();
         assert!(silent.to_string().contains("no motor commands"), "{silent}");
     }
 }

@@ -66,7 +66,8 @@ fn a_column_light_is_that_of_the_headlights_unless_another_is_named_so() {
         })
     };
     let flight = |titles: &str| read(table(titles).as_bytes());
-    let alone = flight("light,seq").lights;
+    let alone = flight("light,seq");
+    let alone = &alone.lights;
     assert_eq!(alone.keys().collect::<Vec<_>>(), ["headlights"]);
     assert!(alone["headlights"].contains(&1.0) && alone["headlights"].contains(&0.0));
     let named = flight("light,light.headlights");

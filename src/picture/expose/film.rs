@@ -9,6 +9,8 @@
 use super::Tint;
 use super::tile::ALL;
 use noctograph_core::digest::Digest;
+use noctograph_core::error::Result;
+use noctograph_core::product::{Rules, Valid, check_picture};
 
 /// Side of a tile.
 const TILE_PX: u32 = 16;
@@ -26,8 +28,11 @@ const GLOW_BITS: i32 = 30;
 const MIN_SCALE_LOG2: i32 = -128;
 
 /// Luminous exposure of the sensor per pixel and color channel, as integer counts.
+pub type Film = Valid<FilmData>;
+
+/// The data of a [`Film`].
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Film {
+pub struct FilmData {
     /// Width.
     pub width_px: u32,
     /// Height.
@@ -38,7 +43,13 @@ pub struct Film {
     pub scale_log2: i32,
 }
 
-impl Film {
+impl Rules for FilmData {
+    fn check(&self) -> Result<()> {
+        check_picture([self.width_px, self.height_px], self.counts.len(), 3)
+    }
+}
+
+impl FilmData {
     /// Luminous exposure in lx s of one channel (0 red, 1 green, 2 blue) at a pixel,
     /// `y * width_px + x`. White light of H lx s has H in all three.
     ///

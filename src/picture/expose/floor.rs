@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use super::record::DITHER;
 use super::sources::{Rgb, Tree, exposures_lx_s, reflected, trees};
 use super::texture;
-use super::{ExposeOptions, Film, Room};
+use super::{ExposeOptions, FilmData, Room};
 use crate::light::LightTrace;
 use crate::narrow;
 use noctograph_core::camera::Camera;
@@ -118,7 +118,7 @@ impl Glow {
     }
 
     /// Adds the glow to a film.
-    pub(super) fn add_to(&self, film: &mut Film) {
+    pub(super) fn add_to(&self, film: &mut FilmData) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
         let (red, others) = film.counts.split_at_mut(pixels);
@@ -354,7 +354,7 @@ mod tests {
         let (camera, height_m) = (looking_down(), 0.4);
         let glow = Glow::new(&hanging([0.1, 2.2, height_m]), &camera, &MATTE).unwrap();
         let counts = vec![0; 3 * 320 * 200];
-        let mut film = Film { width_px: 320, height_px: 200, counts, scale_log2: -24 };
+        let mut film = FilmData { width_px: 320, height_px: 200, counts, scale_log2: -24 };
         glow.add_to(&mut film);
         for [x, y] in [[0.1, 2.2], [0.0, 2.0], [-0.5, 1.6], [0.4, 2.9], [0.6, 2.0]] {
             let point_m = Vector3::new(x, y, 0.0);
@@ -377,7 +377,7 @@ mod tests {
         let (trace, camera) = (hanging([0.1, 2.2, 0.4]), looking_down());
         let lit = |unevenness| {
             let options = ExposeOptions { unevenness, ..MATTE };
-            let mut film = Film {
+            let mut film = FilmData {
                 width_px: 320,
                 height_px: 200,
                 counts: vec![0; 3 * 320 * 200],
@@ -420,7 +420,7 @@ mod tests {
     fn no_glow_without_light_albedo_or_a_view_of_the_floor() {
         let (trace, camera) = (hanging([0.1, 2.2, 0.4]), looking_down());
         let mut up = trace.clone();
-        up.lamps[0].samples.iter_mut().for_each(|sample| sample.axis = Vector3::z());
+        up.edit(|up| up.lamps[0].samples.iter_mut().for_each(|sample| sample.axis = Vector3::z()));
         assert_eq!(Glow::new(&up, &camera, &MATTE), None, "a lamp that shines up");
         let black = ExposeOptions { floor_albedo: 0.0, ..MATTE };
         assert_eq!(Glow::new(&trace, &camera, &black), None, "a black floor");

@@ -338,6 +338,7 @@ const MIN_HALF_SIGMA: f64 = 1e-3;
 mod tests {
     use super::super::tests::{camera, lamp};
     use super::*;
+    use crate::light::LightTraceData;
 
     /// Exposure in lx s of the trail of a lamp that moves square to the optical axis, spread evenly
     /// over a width of `width_m` on the sensor: `I τ π f / (4 N² d v w)`.
@@ -383,7 +384,8 @@ mod tests {
         let camera = Camera { blur_m: 70e-6, base_iso: 0.01, ..camera(640, 400) };
         let sigma_m =
             project::intervals(&lamp, &camera).next().unwrap().sigma_px * camera.pixel_pitch_m();
-        let metered = meter(&LightTrace { lamps: vec![lamp] }, &camera).unwrap();
+        let metered =
+            meter(&LightTrace::made(LightTraceData { lamps: vec![lamp] }), &camera).unwrap();
         // The gaussian's peak is that of a trail of even brightness, √(2π) σ wide; at the ends of
         // the trail the lamp is off the axis.
         let width_m = std::f64::consts::TAU.sqrt() * sigma_m;
@@ -413,7 +415,7 @@ mod tests {
                 let along = f64::from(i) / 50.0 - 1.0;
                 (f64::from(i) / 50.0, [along * toward[0], 3.0, along * toward[1]])
             });
-            let trace = LightTrace { lamps: vec![diffuser(lamp(path))] };
+            let trace = LightTrace::made(LightTraceData { lamps: vec![diffuser(lamp(path))] });
             let metered = meter(&trace, &camera).unwrap();
             let options = super::super::ExposeOptions { floor_albedo: 0.0, ..Default::default() };
             let film = super::super::project(&trace, &camera, &options).unwrap().on_cpu().film;
@@ -436,7 +438,9 @@ mod tests {
             lamp
         }
         let camera = camera(640, 400);
-        let metered = meter(&LightTrace { lamps: vec![half(1.0), half(0.0)] }, &camera).unwrap();
+        let metered =
+            meter(&LightTrace::made(LightTraceData { lamps: vec![half(1.0), half(0.0)] }), &camera)
+                .unwrap();
         let [row] = &metered[..] else { panic!("{metered:?}") };
         assert!((row.lit_s - 2.0).abs() < 1e-9, "{row:?}");
         assert!(row.evenness_stops() < 0.3, "equally bright in both colors: {row:?}");
@@ -449,7 +453,11 @@ mod tests {
             let t = f64::from(i) / 100.0;
             (t, [(stop(t) - 2.0) * 0.2, 3.0, 0.0])
         });
-        let metered = meter(&LightTrace { lamps: vec![lamp(path)] }, &camera(1920, 1080)).unwrap();
+        let metered = meter(
+            &LightTrace::made(LightTraceData { lamps: vec![lamp(path)] }),
+            &camera(1920, 1080),
+        )
+        .unwrap();
         let [spot] = metered[0].hot_spots[..] else { panic!("{metered:?}") };
         assert!((spot.time_s - 2.0).abs() < 0.1 && (spot.duration_s - 2.0).abs() < 0.2, "{spot:?}");
         let over = spot.stops - metered[0].median_stops;
@@ -469,7 +477,9 @@ mod tests {
         for dark in &mut path.samples[200..=201] {
             dark.level = 0.0;
         }
-        let metered = meter(&LightTrace { lamps: vec![path] }, &camera(1920, 1080)).unwrap();
+        let metered =
+            meter(&LightTrace::made(LightTraceData { lamps: vec![path] }), &camera(1920, 1080))
+                .unwrap();
         let spots: Vec<f64> = metered[0].hot_spots.iter().map(|spot| spot.time_s.round()).collect();
         assert_eq!(spots, [1.0, 3.0], "{:?}", metered[0].hot_spots);
     }

@@ -57,7 +57,7 @@ use noctograph_core::settings::{Described, settings};
 use record::Record;
 use tile::ALL;
 
-pub use film::Film;
+pub use film::{Film, FilmData};
 pub use floor::Reflectance;
 pub(crate) use room::Room;
 
@@ -250,11 +250,11 @@ impl Latent {
 
     fn film(&self, counts: Vec<u32>) -> Film {
         let [width_px, height_px] = self.size_px;
-        let mut film = Film { width_px, height_px, counts, scale_log2: self.scale_log2 };
+        let mut film = FilmData { width_px, height_px, counts, scale_log2: self.scale_log2 };
         if let Some(glow) = &self.glow {
             glow.add_to(&mut film);
         }
-        film
+        Film::made(film)
     }
 }
 
@@ -343,7 +343,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     if samples > MAX_SAMPLES {
         return Err(too_many("light", "samples", samples));
     }
-    trace.lamps.iter().try_for_each(project::check)
+    Ok(())
 }
 
 /// The light of the lamps by color.

@@ -13,7 +13,6 @@ use nalgebra::Vector3;
 
 use crate::light::{Emitter, Lamp, LightSample};
 use noctograph_core::camera::Camera;
-use noctograph_core::error::{Error, Result};
 
 /// A point in the picture.
 pub(super) type Px = DVec2;
@@ -107,51 +106,6 @@ pub(super) fn intervals<'a>(
         };
         (interval.light() > 0.0).then_some(interval)
     })
-}
-
-/// Checks that a lamp's numbers are finite and within range, and that its time does not fall.
-pub(super) fn check(lamp: &Lamp) -> Result<()> {
-    let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, depth_m, .. } =
-        &lamp.emitter;
-    let settings = [
-        ("intensity_cd", *intensity_cd, 1e9),
-        ("rgb[0]", rgb[0], 1e3),
-        ("rgb[1]", rgb[1], 1e3),
-        ("rgb[2]", rgb[2], 1e3),
-        ("beam_exponent", *beam_exponent, 1e6),
-        ("spill", *spill, 1.0),
-        ("diameter_m", *diameter_m, 10.0),
-        ("depth_m", depth_m.unwrap_or(0.0), 10.0),
-    ];
-    for (key, value, max) in settings {
-        if !(0.0..=max).contains(&value) {
-            let (place, wanted) =
-                (format!("lamp `{name}`: {key}"), format!("a number from 0 to {max:e}"));
-            let hint =
-                "correct this emitter in the scene; a color outside sRGB must be brought inside";
-            return Err(Error::input(place, value, wanted, hint));
-        }
-    }
-    let mut before = f64::NEG_INFINITY;
-    for sample in &lamp.samples {
-        let LightSample { time_s, position_m, axis, level } = sample;
-        let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
-        let hint = "the flight or log that this light comes from is broken at that time";
-        if !time_s.is_finite() || *time_s < before {
-            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
-        }
-        before = *time_s;
-        for (what, v) in [("position", position_m), ("axis", axis)] {
-            if !v.iter().all(|x| x.is_finite()) {
-                let vector = format!("({}, {}, {})", v.x, v.y, v.z);
-                return Err(Error::input(place(what), vector, "three finite numbers", hint));
-            }
-        }
-        if !(0.0..=1e3).contains(level) {
-            return Err(Error::input(place("level"), level, "a number from 0 to 1", hint));
-        }
-    }
-    Ok(())
 }
 
 /// A camera and an emitter: all that does not change from sample to sample.

@@ -298,15 +298,17 @@ mod tests {
     #[test]
     fn behind_a_lamp_that_flies_on_the_floor_darkens_without_steps() {
         let mut trace = hanging([0.0; 3]);
-        let lamp = &mut trace.lamps[0];
-        (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.05, -0.5);
         let samples = (0..=200).map(|i| LightSample {
             time_s: 0.01 * f64::from(i),
             position_m: Vector3::new(0.01 * f64::from(i), 2.0, 0.5),
             axis: Vector3::x(),
             level: 1.0,
         });
-        lamp.samples = samples.collect();
+        trace.edit(|trace| {
+            let lamp = &mut trace.lamps[0];
+            (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.05, -0.5);
+            lamp.samples = samples.collect();
+        });
         let trees = trees(&trace, &looking_down(), 0.0);
         let lit = |mm: i32| seen(&trees, Vector3::new(f64::from(mm) * 0.001, 2.0, 0.0))[1];
         let most = (-500..0).map(lit).fold(0.0, f64::max);
@@ -331,7 +333,7 @@ mod tests {
                 level: 1.0,
             }
         });
-        trace.lamps[0].samples = samples.collect();
+        trace.edit(|trace| trace.lamps[0].samples = samples.collect());
         let trees = trees(&trace, &looking_down(), 0.0);
         let n = trees.iter().map(|tree| tree.branches.len()).sum::<usize>();
         assert!(n < 1000, "{n} branches");

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::{Emitter, Lamp, LightSample, LightTrace};
+use super::{Emitter, Lamp, LightSample, LightTrace, LightTraceData};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, bracketed, simplified, unit};
 use noctograph_core::flight::stamps::unit_of;
@@ -140,7 +140,7 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
     }));
     warnings.extend(too_fast(&instants));
     let lamps = lit_runs(&instants).flat_map(lamps).collect();
-    Ok((LightTrace { lamps }, warnings))
+    Ok((LightTrace::new(LightTraceData { lamps })?, warnings))
 }
 
 /// A warning of a lamp that is faster in a tenth of its steps than any drone is.

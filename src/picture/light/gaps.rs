@@ -166,6 +166,7 @@ fn spaced<'a>(flight: &Flight, samples: &'a [FlightSample]) -> Vec<Vec<&'a Fligh
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::FlightData;
 
     /// A circle of 0.5 m/s and 0.5 m/s² at 100 Hz, without the samples in the gaps.
     fn circle(gaps: &[[f64; 2]]) -> Flight {
@@ -179,7 +180,7 @@ mod tests {
             gaps.iter().all(|[from, to]| s.time_s < from + 1e-9 || s.time_s > to - 1e-9)
         };
         let samples = (0..=600).map(sample).filter(open).collect();
-        Flight { samples, gaps: gaps.to_vec(), ..Flight::default() }
+        Flight::made(FlightData { samples, gaps: gaps.to_vec(), ..FlightData::default() })
     }
 
     #[test]

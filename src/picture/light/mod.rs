@@ -23,6 +23,7 @@ use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight, Quantity};
+use noctograph_core::product::{Rules, Valid};
 use noctograph_core::srgb::{LUMINANCE, luminance, rgb_from_xyz, xyz};
 use programs::Programs;
 use radio::Change;
@@ -39,14 +40,68 @@ mod ring;
 #[cfg(test)]
 mod tests;
 
-/// Lamps moving through the world, of one drone or of several ([`LightTrace::append`]).
+/// Lamps moving through the world, of one drone or of several ([`LightTraceData::append`]).
+pub type LightTrace = Valid<LightTraceData>;
+
+/// The data of a [`LightTrace`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct LightTrace {
+pub struct LightTraceData {
     /// One for each color of each row that is ever lit.
     pub lamps: Vec<Lamp>,
 }
 
-impl LightTrace {
+impl Rules for LightTraceData {
+    fn check(&self) -> Result<()> {
+        self.lamps.iter().try_for_each(check_lamp)
+    }
+}
+
+/// Checks that a lamp's numbers are finite and within range, and that its time does not fall.
+fn check_lamp(lamp: &Lamp) -> Result<()> {
+    let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, depth_m, .. } =
+        &lamp.emitter;
+    let settings = [
+        ("intensity_cd", *intensity_cd, 1e9),
+        ("rgb[0]", rgb[0], 1e3),
+        ("rgb[1]", rgb[1], 1e3),
+        ("rgb[2]", rgb[2], 1e3),
+        ("beam_exponent", *beam_exponent, 1e6),
+        ("spill", *spill, 1.0),
+        ("diameter_m", *diameter_m, 10.0),
+        ("depth_m", depth_m.unwrap_or(0.0), 10.0),
+    ];
+    for (key, value, max) in settings {
+        if !(0.0..=max).contains(&value) {
+            let (place, wanted) =
+                (format!("lamp `{name}`: {key}"), format!("a number from 0 to {max:e}"));
+            let hint =
+                "correct this emitter in the scene; a color outside sRGB must be brought inside";
+            return Err(Error::input(place, value, wanted, hint));
+        }
+    }
+    let mut before = f64::NEG_INFINITY;
+    for sample in &lamp.samples {
+        let LightSample { time_s, position_m, axis, level } = sample;
+        let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
+        let hint = "the flight or log that this light comes from is broken at that time";
+        if !time_s.is_finite() || *time_s < before {
+            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
+        }
+        before = *time_s;
+        for (what, v) in [("position", position_m), ("axis", axis)] {
+            if !v.iter().all(|x| x.is_finite()) {
+                let vector = format!("({}, {}, {})", v.x, v.y, v.z);
+                return Err(Error::input(place(what), vector, "three finite numbers", hint));
+            }
+        }
+        if !(0.0..=1e3).contains(level) {
+            return Err(Error::input(place("level"), level, "a number from 0 to 1", hint));
+        }
+    }
+    Ok(())
+}
+
+impl LightTraceData {
     /// Time of the last sample; 0 of an empty trace.
     #[must_use]
     pub fn end_s(&self) -> f64 {
@@ -55,8 +110,8 @@ impl LightTrace {
     }
 
     /// Adds the lamps of another drone, flown at the same time.
-    pub fn append(&mut self, mut other: Self) {
-        self.lamps.append(&mut other.lamps);
+    pub fn append(&mut self, other: LightTrace) {
+        self.lamps.append(&mut other.into_data().lamps);
     }
 }
 
@@ -188,7 +243,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     let samples = gaps::stretches(flight);
     let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
     let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
-    let mut trace = LightTrace::default();
+    let mut trace = LightTraceData::default();
     for fixture in &fixtures {
         let sources = sources(fixture, &programs.changes(fixture));
         let stretches = if sources.len() > 1 { &*coarse } else { &*fine };
@@ -199,7 +254,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
             }
         }
     }
-    Ok(trace)
+    LightTrace::new(trace)
 }
 
 /// Refuses a flight without any of the channels that the lamps follow.

@@ -1,5 +1,6 @@
 //! Tests of whole flights with their lamps.
 
+use noctograph_core::flight::FlightData;
 use std::collections::BTreeSet;
 
 use super::*;
@@ -21,11 +22,11 @@ fn flight(channels: &[&str]) -> Flight {
         letter: Some(0),
     };
     let levels = |_| (0..=400).map(|i| if (50..250).contains(&i) { 1.0 } else { 0.0 }).collect();
-    Flight {
+    Flight::made(FlightData {
         samples: (0..=400).map(sample).collect(),
         lights: channels.iter().map(|name| ((*name).to_owned(), levels(name))).collect(),
-        ..Flight::default()
-    }
+        ..FlightData::default()
+    })
 }
 
 #[test]
@@ -39,11 +40,13 @@ fn light_crosses_a_short_gap_of_the_log_and_no_long_one() {
     fn gapped(to_s: f64, named: bool) -> f64 {
         let mut flight = flight(&["headlights"]);
         let hole = |s: &FlightSample| s.time_s > 1.1 + 1e-9 && s.time_s < to_s - 1e-9;
-        let levels = flight.lights.get_mut("headlights").unwrap();
-        let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
-        *levels = kept.map(|(_, level)| *level).collect();
-        flight.samples.retain(|s| !hole(s));
-        flight.gaps = if named { vec![[1.1, to_s]] } else { Vec::new() };
+        flight.edit(|flight| {
+            let levels = flight.lights.get_mut("headlights").unwrap();
+            let kept = flight.samples.iter().zip(&*levels).filter(|(s, _)| !hole(s));
+            *levels = kept.map(|(_, level)| *level).collect();
+            flight.samples.retain(|s| !hole(s));
+            flight.gaps = if named { vec![[1.1, to_s]] } else { Vec::new() };
+        });
         lit_s(&flight)
     }
     let whole_s = lit_s(&flight(&["headlights"]));
@@ -147,7 +150,7 @@ fn bitmask_128_turns_the_boards_leds_off_and_bits_light_them() {
     fn names(led_bitmask: u8) -> Vec<String> {
         let options =
             LightOptions { led_bitmask, deck: Deck::None, fixtures: None, ..Default::default() };
-        lit(&options, &[]).lamps.into_iter().map(|lamp| lamp.emitter.name).collect()
+        lit(&options, &[]).into_data().lamps.into_iter().map(|lamp| lamp.emitter.name).collect()
     }
     assert_eq!(names(0).len(), 10, "{:?}", names(0));
     assert_eq!(names(128), Vec::<String>::new());
@@ -188,7 +191,7 @@ fn a_switched_ring_fades_in_over_a_second_of_ticks() {
 fn a_fading_ring_keeps_its_light_however_many_colors_it_shows() {
     let mut flight = flight(&["headlights"]);
     let red = (0..=400).map(|i| if i < 100 { 0.0 } else { 1.0 }).collect();
-    flight.lights.insert("ring.red".to_owned(), red);
+    flight.edit(|flight| flight.lights.insert("ring.red".to_owned(), red));
     let options = LightOptions {
         ring: RingEffect::Fade(RingFade { color: [0, 255, 0], fade_s: 1.0 }),
         radio_jitter_s: 0.0,
@@ -267,9 +270,11 @@ fn the_body_hides_a_lamp_beyond_its_cone() {
 #[test]
 fn lamps_turn_with_the_body() {
     let mut flight = flight(&["headlights"]);
-    for sample in &mut flight.samples {
-        sample.attitude.yaw_rad = std::f64::consts::FRAC_PI_2;
-    }
+    flight.edit(|flight| {
+        for sample in &mut flight.samples {
+            sample.attitude.yaw_rad = std::f64::consts::FRAC_PI_2;
+        }
+    });
     let trace = light(&flight, &LightOptions::default(), 0, 0).unwrap();
     let sample = named(&trace, "headlight left").samples[0];
     assert!((sample.axis - Vector3::y()).norm() < 1e-12, "forward is now world y");
@@ -280,11 +285,13 @@ fn lamps_turn_with_the_body() {
 #[test]
 fn omitted_samples_lie_on_the_path_of_the_lamp() {
     let mut flight = flight(&["headlights"]);
-    for (i, sample) in (0..).zip(&mut flight.samples) {
-        let t = f64::from(i) * 0.01;
-        sample.position_m.z = 1.0 + 0.01 * libm::sin(2.0 * t);
-        sample.attitude.pitch_rad = 0.02 * libm::cos(2.0 * t);
-    }
+    flight.edit(|flight| {
+        for (i, sample) in (0..).zip(&mut flight.samples) {
+            let t = f64::from(i) * 0.01;
+            sample.position_m.z = 1.0 + 0.01 * libm::sin(2.0 * t);
+            sample.attitude.pitch_rad = 0.02 * libm::cos(2.0 * t);
+        }
+    });
     let trace = light(&flight, &LightOptions::default(), 0, 0).unwrap();
     let lamp = named(&trace, "power M2");
     assert!(lamp.samples.len() < 300, "{} of 401 samples", lamp.samples.len());
@@ -307,7 +314,7 @@ fn drones_differ_in_random_numbers_alone_and_add_up() {
     assert_ne!(flicker(&both), flicker(&second));
     assert_eq!(named(&both, "ring 2"), named(&second, "ring 2"));
     let n = both.lamps.len();
-    both.append(second.clone());
+    both.edit(|both| both.append(second.clone()));
     assert_eq!(both.lamps[n..], second.lamps);
 }
 
@@ -349,7 +356,7 @@ fn the_color_led_writes_each_letter_in_its_color() {
     }));
     let levels = (0..40).map(|k| if k >= 10 && k % 10 > 1 { 1.0 } else { 0.0 }).collect();
     let lights = [("color-led".to_owned(), levels)].into();
-    let flight = Flight { samples, lights, ..Flight::default() };
+    let flight = Flight::made(FlightData { samples, lights, ..FlightData::default() });
     let options = LightOptions {
         deck: Deck::ColorLed,
         letters_wrgb: vec![[0, 255, 0, 0], [0, 0, 0, 255]],
@@ -369,7 +376,7 @@ fn the_color_led_writes_each_letter_in_its_color() {
 
 #[test]
 fn a_lamp_of_several_drones_is_labeled_by_its_drone_and_keeps_its_name() {
-    let mut trace = lit(&LightOptions::default(), &["headlights"]);
+    let mut trace = lit(&LightOptions::default(), &["headlights"]).into_data();
     let lamp = &mut trace.lamps[0];
     lamp.emitter.name = "2: spare".to_owned();
     assert_eq!(lamp.label(), "2: spare");

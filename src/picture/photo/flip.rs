@@ -6,7 +6,7 @@
 //! compared in Hunt-adjusted `L*a*b*` by the distance `HyAB`, and weighted by differences of edges
 //! and points. 0 is equal, 1 the largest difference (black and white, green and blue).
 
-use super::Photo;
+use super::{Photo, PhotoData};
 use noctograph_core::srgb;
 
 /// Pixels per degree of visual angle: a 4K screen, 0.7 m wide, from 0.7 m.
@@ -71,7 +71,8 @@ impl Difference {
             })
         });
         let (width_px, height_px) = (self.width_px, self.height_px);
-        Photo { width_px, height_px, rgb8: rgb8.collect(), scene_toml: None }
+        let rgb8 = rgb8.collect();
+        Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 }
 
@@ -301,7 +302,7 @@ mod tests {
     fn picture(width: u32, height: u32, pixel: impl Fn(u32, u32) -> [u8; 3]) -> Photo {
         let rgb8 = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
         let rgb8 = rgb8.flat_map(|(x, y)| pixel(x, y)).collect();
-        Photo { width_px: width, height_px: height, rgb8, scene_toml: None }
+        Photo::made(PhotoData { width_px: width, height_px: height, rgb8, scene_toml: None })
     }
 
     /// A trail, a dot, a ramp of colors and a checkerboard.
@@ -358,7 +359,7 @@ mod tests {
     fn one_pixel_differs_at_its_place() {
         let mut changed = drawing(0);
         let index = (20 * 96 + 10) * 3;
-        changed.rgb8[index..index + 3].copy_from_slice(&[90, 90, 90]);
+        changed.edit(|changed| changed.rgb8[index..index + 3].copy_from_slice(&[90, 90, 90]));
         let map = difference(&drawing(0), &changed);
         let brightest = (0..96 * 64).max_by(|a, b| map.values[*a].total_cmp(&map.values[*b]));
         assert_eq!(brightest, Some(20 * 96 + 10));

@@ -10,8 +10,8 @@
 use rayon::prelude::*;
 
 use super::TASK_ROWS;
+use super::kernel::{DOUBLE, Plane, QUADRUPLE};
 use super::options::PhotoOptions;
-use super::spread::{DOUBLE, Plane, QUADRUPLE};
 use crate::expose::Film;
 use noctograph_core::camera::Camera;
 

@@ -26,7 +26,7 @@ use noctograph_core::settings::Described;
 
 pub use backdrop::reflectance;
 pub use camera_exif::taken_as;
-pub use noctograph_core::photo::Photo;
+pub use noctograph_core::photo::{Photo, PhotoData};
 
 pub use metadata::Metadata;
 pub use open::{read, read_with_notes};
@@ -46,13 +46,13 @@ mod camera_exif;
 pub mod exr;
 pub mod flip;
 mod glare;
+mod kernel;
 mod metadata;
 mod noise;
 mod open;
 mod options;
 pub mod png;
 mod sensor;
-mod spread;
 mod starburst;
 #[cfg(test)]
 mod tests;
@@ -91,7 +91,8 @@ pub fn develop(
         options.tone.mix(light);
         levels.row(light, out);
     })?;
-    Ok(Photo { width_px: film.width_px, height_px: film.height_px, rgb8, scene_toml: None })
+    let (width_px, height_px) = (film.width_px, film.height_px);
+    Photo::new(PhotoData { width_px, height_px, rgb8, scene_toml: None })
 }
 
 /// The readout of the sensor: [`develop`] before the tone curve.

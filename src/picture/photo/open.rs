@@ -6,9 +6,9 @@ use std::path::Path;
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 
-use super::Photo;
 use super::camera_exif::refuse_raw;
 use super::png::{LIMIT, Notes, checked_size, from_png, turned};
+use super::{Photo, PhotoData};
 use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::JpegFrame;
@@ -58,8 +58,8 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     // A broken EXIF block is ignored.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let rgb8 = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?.into_rgb8();
-    let photo = Photo { width_px, height_px, rgb8: rgb8.into_raw(), scene_toml: None };
-    Ok((turned(photo, orientation), Notes::default()))
+    let photo = PhotoData { width_px, height_px, rgb8: rgb8.into_raw(), scene_toml: None };
+    Ok((Photo::new(turned(photo, orientation))?, Notes::default()))
 }
 
 /// Refuses a JPEG file that is cut off, or takes more memory to decode than any other photo.

@@ -6,7 +6,7 @@ use std::path::Path;
 use image::DynamicImage;
 use image::metadata::Orientation;
 
-use super::{Metadata, Photo, Readout, Tone};
+use super::{Metadata, Photo, PhotoData, Readout, Tone};
 use noctograph_core::camera::{Camera, MAX_PIXELS, check_size};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
@@ -70,13 +70,13 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     let mut samples = vec![0; size];
     let frame = reader.next_frame(&mut samples).map_err(|e| broken(&e))?;
     to_rgb8(&mut samples, frame.color_type, frame.bit_depth);
-    let photo = Photo { width_px, height_px, rgb8: samples, scene_toml: None };
+    let photo = PhotoData { width_px, height_px, rgb8: samples, scene_toml: None };
     let info = reader.info();
     let orientation = info.exif_metadata.as_deref().and_then(Orientation::from_exif_chunk);
     let photo = turned(photo, orientation.unwrap_or(Orientation::NoTransforms));
     let text = |keyword| text(&info.utf8_text, keyword, path);
     Ok((
-        Photo { scene_toml: text(SCENE_KEYWORD)?, ..photo },
+        Photo::new(PhotoData { scene_toml: text(SCENE_KEYWORD)?, ..photo })?,
         Notes {
             flight_sha256: text(FLIGHT_KEYWORD)?,
             strokes_sha256: text(STROKES_KEYWORD)?,
@@ -86,16 +86,16 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
 }
 
 /// The photo turned upright.
-pub(super) fn turned(photo: Photo, orientation: Orientation) -> Photo {
+pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
     if orientation == Orientation::NoTransforms {
         return photo;
     }
-    let Photo { width_px, height_px, rgb8, scene_toml } = photo;
+    let PhotoData { width_px, height_px, rgb8, scene_toml } = photo;
     let picture = image::RgbImage::from_raw(width_px, height_px, rgb8);
     let mut picture = DynamicImage::from(picture.expect("three bytes a pixel"));
     picture.apply_orientation(orientation);
     let (width_px, height_px) = (picture.width(), picture.height());
-    Photo { width_px, height_px, rgb8: picture.into_rgb8().into_raw(), scene_toml }
+    PhotoData { width_px, height_px, rgb8: picture.into_rgb8().into_raw(), scene_toml }
 }
 
 /// Texts of a photo that Noctograph wrote.
@@ -229,7 +229,7 @@ mod tests {
     fn photo() -> Photo {
         let rgb8 = (0..5 * 4 * 3).map(|i| u8::try_from(i * 4 % 251).unwrap()).collect();
         let scene_toml = Some("seed = 7 # ψ\n".to_owned());
-        Photo { width_px: 5, height_px: 4, rgb8, scene_toml }
+        Photo::made(PhotoData { width_px: 5, height_px: 4, rgb8, scene_toml })
     }
 
     #[test]

@@ -10,7 +10,7 @@
 //! of spikes by color.
 
 use super::glare::{CELL_PX, WHOLE, cells};
-use super::spread::Plane;
+use super::kernel::Plane;
 use crate::expose::Film;
 use crate::whole;
 use noctograph_core::camera::Camera;

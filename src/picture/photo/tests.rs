@@ -2,6 +2,7 @@
 
 use super::noise::{POISSON, Source, Stream};
 use super::*;
+use crate::expose::FilmData;
 use noctograph_core::camera::CameraOptions;
 use noctograph_core::error::Result;
 use noctograph_core::srgb;
@@ -28,7 +29,7 @@ fn film([width_px, height_px]: [u32; 2], count: impl Fn(usize, usize, usize) -> 
     let rows =
         (0..3 * height).flat_map(|row| (0..width).map(move |x| (row / height, x, row % height)));
     let counts = rows.map(|(channel, x, y)| count(channel, x, y)).collect();
-    Film { width_px, height_px, counts, scale_log2: -20 }
+    Film::made(FilmData { width_px, height_px, counts, scale_log2: -20 })
 }
 
 #[expect(clippy::cast_possible_truncation, reason = "far below u32::MAX")]
@@ -50,7 +51,7 @@ fn drawing(size_px: [u32; 2]) -> Film {
 }
 
 fn rgb8(film: &Film, camera: &Camera, options: &PhotoOptions) -> Vec<u8> {
-    develop(film, camera, options, 0).unwrap().rgb8
+    develop(film, camera, options, 0).unwrap().into_data().rgb8
 }
 
 fn electrons_only() -> PhotoOptions {
@@ -94,7 +95,10 @@ fn with_all_effects_off_the_sensor_clips_and_the_curve_is_srgb() {
 #[test]
 fn one_stop_of_iso_is_one_stop_of_light() {
     let bright = film([64, 9], |_, x, y| 2 * (random(x, y) >> 12));
-    let dark = Film { counts: bright.counts.iter().map(|c| c / 2).collect(), ..bright.clone() };
+    let dark = Film::made(FilmData {
+        counts: bright.counts.iter().map(|c| c / 2).collect(),
+        ..bright.clone().into_data()
+    });
     for tone in [Tone::Camera, Tone::Neutral, Tone::Linear] {
         let options = PhotoOptions { tone, crosstalk: true, ..PhotoOptions::plain() };
         let at_100 = rgb8(&bright, &camera([64, 9], |c| c.iso = 100.0), &options);
@@ -482,7 +486,8 @@ fn a_background_joins_in_linear_light() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
     let rgb8 = vec![10, 100, 200, 250, 0, 60];
-    let room = Photo { width_px: 2, height_px: 1, rgb8: rgb8.clone(), scene_toml: None };
+    let room =
+        Photo::made(PhotoData { width_px: 2, height_px: 1, rgb8: rgb8.clone(), scene_toml: None });
     std::fs::write(&path, encode_png(&room, None, &[])).unwrap();
     let background = path.to_str().unwrap().to_owned();
     let options = PhotoOptions { background, ..PhotoOptions::plain() };
@@ -511,7 +516,7 @@ fn a_room_reflects_by_its_picture_relative_to_the_median() {
         srgb::linear_from_encoded(level / 255.0)
     }
     let rgb8 = [[0; 3], [100, 100, 200], [100; 3], [120; 3], [255; 3]].concat();
-    let room = Photo { width_px: 5, height_px: 1, rgb8, scene_toml: None };
+    let room = Photo::made(PhotoData { width_px: 5, height_px: 1, rgb8, scene_toml: None });
     std::fs::write(&path, encode_png(&room, None, &[])).unwrap();
     let background = path.to_str().unwrap().to_owned();
     let options = PhotoOptions { background, ..PhotoOptions::plain() };

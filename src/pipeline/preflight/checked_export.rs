@@ -1,12 +1,16 @@
 //! An export with its checks: the exported flights, their findings, and the files.
 
-use super::{Checked, Profile, Severity, checks, flown, of_flights, preflight};
+use super::{Checked, Profile, Severity, checks, flown, of_flights, platform, preflight};
+use crate::scene::Scene;
 use crate::shoot::Shoot;
-use noctograph_core::error::Result;
+use noctograph_core::crazyflie::Feature;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
-use noctograph_export::safety::Checks;
+use noctograph_core::lamps::COLOR_LED;
+use noctograph_export::safety::{Checks, Platform};
 use noctograph_export::{File, Form, Format, Job, Length, Mode, deviation_m, export};
 use noctograph_plan::Plan;
+use noctograph_sim::{Law, SetpointKind};
 
 /// Format of the export and limits of its checks.
 #[derive(Clone, Debug)]
@@ -44,13 +48,30 @@ pub struct ExportedFiles {
     pub deviation_m: Option<f64>,
 }
 
+/// Makes a scene the one that an export flies: as slow as a profile where one is given, paced by a
+/// clock that its script can set, and with the setpoints of the script.
+pub fn make_exportable(scene: &mut Scene, slow: Option<&Profile>, format: Format, mode: Mode) {
+    if let Some(profile) = slow {
+        profile.slow(scene);
+    }
+    // The scripts find the clock of the drone, and pace by it.
+    if scene.trajectory_clock() != 1.0 {
+        scene.plan.trajectory_clock.get_or_insert(1.0);
+    }
+    if format == Format::Cflib && mode == Mode::FullState {
+        scene.controller.setpoints = SetpointKind::FullState;
+    }
+}
+
 impl CheckedExport {
     /// Flies a shoot's plans as exported, and checks them.
     ///
     /// # Errors
     ///
-    /// As [`Shoot::as_exported`] and [`preflight`].
+    /// As [`Shoot::as_exported`] and [`preflight`]; [`Error::Input`] for a script that needs what
+    /// the scene's release of the firmware lacks.
     pub fn new(shoot: Shoot, options: ExportOptions) -> Result<Self> {
+        check_release(&shoot, options.format)?;
         let fly = |(form, length)| shoot.as_exported(form, options.tolerance_m, length);
         let trajectory = options.format.trajectory(options.mode).map(fly).transpose()?;
         let flies = trajectory.as_ref().unwrap_or(&shoot);
@@ -119,12 +140,33 @@ impl CheckedExport {
     }
 }
 
+/// Refuses a script for a controller, a lamp or a drone that the scene's release does not have.
+fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
+    let (scene, release) = (&shoot.scene, shoot.scene.vehicle.firmware);
+    let mut lamps = shoot.plans.iter().flat_map(|planned| planned.plan.lamps());
+    let is_lee = scene.controller.kind.law() == Law::Geometric;
+    let has_color_led = lamps.any(|(lamp, _)| lamp == COLOR_LED.name);
+    let is_brushless = platform(scene) == Some(Platform::Brushless);
+    let needs = [
+        (is_lee, Feature::LEE, "fly PID (controller.kind)"),
+        (has_color_led, Feature::COLOR_LED, "light the ring (light.deck)"),
+        (is_brushless, Feature::BRUSHLESS, "name the preset of the drone that flies"),
+    ];
+    let is_script = matches!(format, Format::Cflib | Format::Crazyswarm2);
+    let mut lacking =
+        needs.iter().filter(|(is_needed, feature, _)| *is_needed && !release.has(feature));
+    let Some((_, feature, hint)) = lacking.next().filter(|_| is_script) else { return Ok(()) };
+    let wanted = format!("{} or newer for {}", feature.since.name(), feature.what);
+    let hint = format!("{hint}, or set vehicle.firmware to what the drone has");
+    Err(Error::input("vehicle.firmware", release.name(), wanted, hint))
+}
+
 fn plans_of(shoot: &Shoot) -> Vec<Plan> {
     shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
 }
 
 /// The box of the word, or of the plans.
-fn bounds_m(shoot: &Shoot) -> [f64; 4] {
+pub(super) fn bounds_m(shoot: &Shoot) -> [f64; 4] {
     if let Some(strokes) = &shoot.strokes {
         return strokes.bounds_m();
     }

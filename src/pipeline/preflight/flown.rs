@@ -95,17 +95,20 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
     let ((y_m, time_s), most_m) = (farthest.unwrap_or_default(), profile.corridor_m);
     let mean_m = strays.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
     let (room, beacons) = (&scene.sensors.lighthouse, &scene.sensors.positioning);
+    let by_light = matches!(beacons, Positioning::CrossingBeams | Positioning::Sweeps);
     Row::new("corridor", stop_if(y_m.abs() > most_m), y_m).within(most_m).timed(time_s).say(
         format!("strays by {y_m:+.2} m in depth{}", at_time(time_s)),
         format!("within ±{most_m} m of the design"),
         match beacons {
-            _ if !room.people_m.is_empty() => {
+            _ if by_light && !room.people_m.is_empty() => {
                 "let people stand out of the light ({sensors.lighthouse.people_m})"
             }
-            _ if !room.mirrors_m.is_empty() || !room.panes_m.is_empty() => {
+            _ if by_light && !(room.mirrors_m.is_empty() && room.panes_m.is_empty()) => {
                 "cover what reflects ({sensors.lighthouse.mirrors_m})"
             }
-            _ if !room.silent.is_empty() => "let every station send ({sensors.lighthouse.silent})",
+            _ if by_light && !room.silent.is_empty() => {
+                "let every station send ({sensors.lighthouse.silent})"
+            }
             Positioning::UwbTwr | Positioning::UwbTdoa => {
                 "hang the anchors around the flight, in front of it and behind \
                  ({sensors.uwb.anchors_m})"
@@ -329,6 +332,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
+    use noctograph_core::flight::FlightData;
     use noctograph_letters::{LetterOptions, write};
 
     #[test]
@@ -355,7 +359,8 @@ mod tests {
         }
         let finding = |error_m: f64| {
             let samples = (0..100).map(|k| sample_at(k, error_m)).collect();
-            altitude_hold(&Flight { samples, ..Flight::default() }, Some(&strokes))
+            let flight = Flight::made(FlightData { samples, ..FlightData::default() });
+            altitude_hold(&flight, Some(&strokes))
         };
         let (good, bad) = (finding(0.02), finding(0.03));
         assert!((good.value.unwrap() - 0.4).abs() < 0.01, "2 cm for 40 cm: {good:?}");
@@ -386,7 +391,9 @@ mod tests {
     #[test]
     fn a_flight_of_ours_says_itself_how_long_a_motor_was_at_its_limit() {
         let extra = [(SATURATED_S.to_owned(), vec![0.0, 0.084])].into();
-        assert_eq!(motors(&Flight { extra, ..Flight::default() }, 1.0).value, Some(0.084));
+        let samples = vec![FlightSample::default(); 2];
+        let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
+        assert_eq!(motors(&flight, 1.0).value, Some(0.084));
     }
 
     #[test]
@@ -398,7 +405,8 @@ mod tests {
                 ..FlightSample::default()
             });
             let samples = samples.collect();
-            motors(&Flight { samples, ..Flight::default() }, 1.0).severity
+            let flight = Flight::made(FlightData { samples, ..FlightData::default() });
+            motors(&flight, 1.0).severity
         });
         let wanted = [Severity::Fine, Severity::Fine, Severity::Warning, Severity::Stop];
         assert_eq!(actual, wanted);

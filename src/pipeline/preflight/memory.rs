@@ -21,10 +21,12 @@ fn not_exported(check: &'static str, error: &Error) -> Row {
 /// Whether the plan fits the memory on board as a trajectory of either form: bytes and pieces, each
 /// with the memory's capacity.
 pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Row {
-    let Memory { bytes, pieces, formats, fits_all } = match memory(&shoot.designs()[drone]) {
+    let release = shoot.scene.vehicle.firmware;
+    let memory = match memory(release, &shoot.designs()[drone]) {
         Ok(memory) => memory,
         Err(error) => return not_exported("memory", &error),
     };
+    let Memory { bytes, flies_heading, pieces, formats, fits_all } = memory;
     let detail = formats.join(", ");
     let [bytes_beyond, pieces_beyond] = [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES]
         .map(|is| if is { ", too many" } else { "" });
@@ -32,10 +34,14 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Row {
         "" => "no form of export takes it".to_owned(),
         formats => format!("it can be exported as {formats}"),
     };
+    let heading = match flies_heading {
+        true => String::new(),
+        false => format!(", a heading that firmware {} misreads", release.name()),
+    };
     let row = Row::new("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
     Row { count: Some(pieces), ..row.within(TRAJECTORY_MEMORY_BYTES as f64) }.say(
         format!(
-            "{bytes} of {TRAJECTORY_MEMORY_BYTES} bytes compressed{bytes_beyond}; {pieces} of \
+            "{bytes} of {TRAJECTORY_MEMORY_BYTES} bytes compressed{bytes_beyond}{heading}; {pieces} of \
              {MAX_PIECES} pieces as poly4d{pieces_beyond}; {forms}"
         ),
         format!(

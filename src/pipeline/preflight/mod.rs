@@ -4,7 +4,7 @@
 //! known. Product out: a [`Row`] for each check of letters, plans, simulated flights, lamps, base
 //! stations and picture: its numbers, its sentences, and advice as keys of the scene. Problems of
 //! the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
-//! camera. Not checked: obstacles in the room.
+//! camera. Not known: what no key of the scene names, such as doors.
 
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
@@ -20,6 +20,7 @@ mod checked_export;
 mod flown;
 mod letters;
 mod memory;
+mod obstacles;
 mod picture;
 mod placement;
 mod plans;
@@ -28,17 +29,18 @@ mod room;
 mod row;
 mod surroundings;
 
-pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles};
+pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles, make_exportable};
 pub use flown::MAX_SATURATED_S;
 use flown::check_flight;
 use letters::check_letters;
 pub use memory::LED_MEMORY;
 use memory::{check_led_memory, check_memory};
+pub use obstacles::stations;
+use obstacles::{Ways, check_obstacles, check_people};
 pub use picture::PICTURE;
 use picture::{Picture, check_picture};
-pub use placement::stations;
 pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within};
-use placement::{camera_place, check_people, outside_of, place};
+use placement::{camera_place, outside_of, place};
 pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
@@ -99,7 +101,8 @@ pub fn of_flights(
     flown: Vec<Result<Flight>>,
     profile: &Profile,
 ) -> Result<Preflight> {
-    let mut findings = check_design(shoot, profile);
+    let ways = Ways::new(shoot, flown.iter().flatten());
+    let mut findings = check_design(shoot, profile, &ways);
     findings.extend(numbered(shoot, None, check_wakes(shoot, &flown)));
     let picture = Picture::new(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
@@ -126,7 +129,8 @@ pub fn of_flights(
     findings.extend(numbered(shoot, None, pictures.into_iter().filter(shown)));
     findings.extend(numbered(shoot, None, stands));
     let lit = picture.as_ref().and_then(|picture| picture.lit.as_ref());
-    let placement = lit.map(|(trace, camera)| place(shoot, trace, camera.shutter_close_s, profile));
+    let placement =
+        lit.map(|(trace, camera)| place(shoot, trace, camera.shutter_close_s, profile, &ways));
     Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
@@ -149,7 +153,7 @@ impl Shot {
     /// As [`preflight`].
     pub fn findings(&self, profile: &Profile) -> Result<Vec<Checked>> {
         let shoot = &self.shoot;
-        let mut findings = check_design(shoot, profile);
+        let mut findings = check_design(shoot, profile, &Ways::new(shoot, &self.flights));
         let outside = profile.room_m.map(|room_m| outside_of(shoot, room_m));
         findings.extend(numbered(shoot, None, outside));
         for (drone, (planned, flight)) in shoot.plans.iter().zip(&self.flights).enumerate() {
@@ -175,7 +179,8 @@ impl Shot {
     ///
     /// As [`preflight`].
     pub fn placement(&self, profile: &Profile) -> Result<Option<ShotPlan>> {
-        place(&self.shoot, &self.trace, self.camera.shutter_close_s, profile)
+        let ways = Ways::new(&self.shoot, &self.flights);
+        place(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &ways)
     }
 }
 
@@ -189,8 +194,8 @@ fn numbered(
     rows.into_iter().map(move |row| Checked { drone, row })
 }
 
-/// Letters and plans.
-fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
+/// Letters and plans, and what their ways come near to.
+fn check_design(shoot: &Shoot, profile: &Profile, ways: &Ways) -> Vec<Checked> {
     let letters = match &shoot.strokes {
         Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
         None => vec![Row::unchecked(
@@ -210,7 +215,8 @@ fn check_design(shoot: &Shoot, profile: &Profile) -> Vec<Checked> {
     // Drones with trajectories on board wait for their turn in the air.
     let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
     findings.extend(numbered(shoot, None, check_separation(&flown)));
-    findings.extend(numbered(shoot, None, check_people(shoot)));
+    findings.extend(numbered(shoot, None, check_people(shoot, ways)));
+    findings.extend(numbered(shoot, None, [check_obstacles(shoot, profile)]));
     findings.extend(numbered(shoot, None, check_surroundings(&shoot.scene, profile)));
     findings
 }
@@ -287,7 +293,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         volume_m: profile.volume_m,
         room_m: profile.room_m,
         batteries: flown.iter().map(battery).collect(),
-        scene_sha256: sha256(scene.to_toml().as_bytes()),
+        scene_sha256: sha256(scene.portable().to_toml().as_bytes()),
         scene_toml: scene.to_portable_toml(),
     }
 }
@@ -303,10 +309,12 @@ mod tests {
         let mut scene = Scene { word: "O".to_owned(), ..Scene::preset(Preset::Cf21) };
         let lower = Shoot::new(scene.clone()).unwrap().plans.remove(0).plan;
         let mut upper = lower.clone();
-        for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
-            // Across the word at its middle, and above it.
-            setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
-        }
+        upper.edit(|upper| {
+            for setpoint in upper.setpoints.iter_mut().filter(|setpoint| !setpoint.on_floor()) {
+                // Across the word at its middle, and above it.
+                setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
+            }
+        });
         fn wake_of(scene: &Scene, plans: Vec<Plan>) -> Option<Row> {
             let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
             let flown = shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok);
@@ -318,7 +326,9 @@ mod tests {
         assert_eq!(wake.severity, Severity::Warning);
 
         let mut beside = upper.clone();
-        beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3);
+        beside.edit(|beside| {
+            beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3)
+        });
         let none = wake_of(&scene, vec![beside, lower.clone()]).unwrap();
         assert_eq!((none.value, none.time_s), (Some(0.0), None), "{none:?}");
         scene.air.downwash = Downwash::None;

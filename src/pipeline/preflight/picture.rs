@@ -7,7 +7,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, Warning};
 use noctograph_picture::expose::meter::{LampReading, meter};
-use noctograph_picture::light::{Lamp, LightSample, LightTrace};
+use noctograph_picture::light::{Lamp, LightSample, LightTrace, LightTraceData};
 
 /// The check of the picture.
 pub const PICTURE: &str = "picture";
@@ -58,7 +58,7 @@ impl Picture {
     pub(super) fn light_of(&self, drone: usize) -> Option<LightTrace> {
         let (trace, _) = self.lit.as_ref()?;
         let own = trace.lamps.iter().filter(|lamp| lamp.drone.is_none_or(|index| index.0 == drone));
-        Some(LightTrace { lamps: own.cloned().collect() })
+        Some(LightTrace::made(LightTraceData { lamps: own.cloned().collect() }))
     }
 
     /// The brightest trail of a drone's lamps.

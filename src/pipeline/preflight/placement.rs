@@ -4,11 +4,12 @@
 //! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`ShotPlan`],
 //! in meters of the world: the room's middle is at x = y = 0 and the word stands at y = 0. A camera
 //! stands square in front of the word, where the word fills half of the picture, or nearer as the
-//! room asks. Not known: furniture, doors.
+//! room asks. Not known: doors.
 
 use serde::Serialize;
 
-use super::row::{Row, Severity, at_time, stop_if};
+use super::obstacles::{Ways, stations};
+use super::row::{Row, Severity};
 use super::{Profile, cap_height_m};
 use crate::scene::Scene;
 use crate::shoot::{Metered, Shoot, recommended};
@@ -16,25 +17,20 @@ use noctograph_core::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
 use noctograph_core::error::Result;
-use noctograph_core::plan::Setpoint;
 use noctograph_export::safety::FRAME_M;
 use noctograph_picture::light::LightTrace;
-use noctograph_sim::sensors::Positioning;
 
 /// Least distance of a tripod from the wall behind it, an assumption: its legs, and a hand at the
 /// release. Less would show more of the word from a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
 
+/// Least distance of a camera from the word, where the room has it: small letters in a small room
+/// would else be taken from within the flight's way.
+const TRIPOD_FROM_WORD_M: f64 = 0.5;
+
 /// Most of the picture's width or height that the word may fill: the rest is for its glow, and for
 /// a tripod that stands a little aside.
 const MOST_FILLED: f64 = 0.9;
-
-/// Timeout after the last command until a Crazyflie stops its motors; it levels out and keeps its
-/// speed: `COMMANDER_WDT_TIMEOUT_SHUTDOWN` in the firmware's `commander.h`.
-const CUT_OFF_S: f64 = 2.0;
-
-/// Standard gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// The check of the camera's place in a room, which a preview does without.
 pub const CAMERA_PLACE: &str = "camera";
@@ -50,8 +46,9 @@ pub struct ShotPlan {
     pub take_off_m: Vec<[f64; 2]>,
     /// Base stations or anchors.
     pub stations_m: Vec<[f64; 3]>,
-    /// Distance that the audience keeps from the flight: a drone that hears no more commands flies
-    /// on at its greatest speed until its motors stop, and falls.
+    /// Distance that people keep from the flight, in tenths of a meter: a drone that hears no more
+    /// commands flies on until its motors stop, and falls. Its speed is the greatest of the plans'
+    /// places, or that at which it is flown sideways.
     pub audience_from_m: f64,
     /// Greatest y of the audience, in front of the flight; `None`: no place in the room is far
     /// enough.
@@ -110,20 +107,22 @@ pub(super) fn place(
     trace: &LightTrace,
     end_s: f64,
     profile: &Profile,
+    ways: &Ways,
 ) -> Result<Option<ShotPlan>> {
     let (Some(room_m), Some(strokes)) = (profile.room_m, &shoot.strokes) else { return Ok(None) };
     let scene = &shoot.scene;
     let word_m = strokes.bounds_m();
-    let front_m = setpoints(shoot).map(|setpoint| setpoint.position_m.y).fold(0.0, f64::min);
-    let audience_from_m = audience_from_m(shoot);
-    let audience_y_m = Some(front_m - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
+    let audience_from_m = ways.audience_from_m;
+    let audience_y_m = Some(ways.front_m() - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
 
     let place = |name: String, options: CameraOptions| -> Result<CameraPlace> {
-        let (options, least_m) = framed(options, word_m, room_m)?;
+        let is_fixed = matches!(options.framing, Framing::Fixed(_));
+        let (square, least_m) = framed(options.clone(), word_m, room_m)?;
+        let options = if is_fixed { options } else { square };
         let camera = options.camera(word_m, end_s)?;
         let most_m = most_m(room_m);
         let equivalent_m = camera.focal_length_m * 0.036 / camera.sensor_width_m;
-        let fits = least_m <= most_m;
+        let fits = is_fixed || least_m <= most_m;
         let metered = fits.then(|| recommended(trace, &camera, &options, &scene.photo));
         Ok(CameraPlace {
             name,
@@ -150,54 +149,6 @@ pub(super) fn place(
         audience_y_m,
         cameras,
     }))
-}
-
-fn setpoints(shoot: &Shoot) -> impl Iterator<Item = &Setpoint> {
-    shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints)
-}
-
-/// Distance that people keep from a flight: see [`ShotPlan::audience_from_m`].
-fn audience_from_m(shoot: &Shoot) -> f64 {
-    let word_m = shoot.strokes.as_ref().map_or(0.0, |strokes| strokes.bounds_m()[3]);
-    let top_m = setpoints(shoot).map(|setpoint| setpoint.position_m.z).fold(word_m, f64::max);
-    let speed_m_s =
-        setpoints(shoot).map(|setpoint| setpoint.velocity_m_s.norm()).fold(0.0, f64::max);
-    speed_m_s * (CUT_OFF_S + (2.0 * top_m / GRAVITY_M_S2).sqrt())
-}
-
-/// How near a flight comes to people, from take-off to landing, at any height: a drone that fails
-/// falls; `None` where the scene has none.
-pub(super) fn check_people(shoot: &Shoot) -> Option<Row> {
-    let people = &shoot.scene.sensors.lighthouse.people_m;
-    let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
-        setpoints(shoot).map(move |setpoint| {
-            let [from_x, from_y] = [setpoint.position_m.x - x, setpoint.position_m.y - y];
-            ((libm::hypot(from_x, from_y) - radius_m).max(0.0), person + 1, setpoint.time_s)
-        })
-    });
-    let (least_m, person, time_s) = distances_m.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let wanted_m = audience_from_m(shoot);
-    let row = Row::new("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
-    Some(row.timed(time_s).say(
-        format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
-        format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
-        "let people stand farther off ({sensors.lighthouse.people_m}), or fly slower \
-         ({plan.style.dark_speed_m_s})",
-    ))
-}
-
-/// Beacons of the scene's positioning in the room: names and places.
-pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
-    let stations = &scene.sensors.lighthouse.stations;
-    match scene.sensors.positioning {
-        Positioning::UwbTwr | Positioning::UwbTdoa => {
-            ("anchor", scene.sensors.uwb.anchors_m.clone())
-        }
-        Positioning::Gnss => ("", Vec::new()),
-        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-            ("station", stations.iter().map(|station| station.position_m).collect())
-        }
-    }
 }
 
 /// Where each drone takes off.
@@ -290,7 +241,8 @@ fn usual(scene: &Scene, body: BodyModel, lens: LensModel) -> CameraOptions {
 }
 
 /// A camera square in front of the word, moved nearer where it would stand behind the wall of the
-/// room and the whole word stays in the picture; and its least distance from the word.
+/// room and the whole word stays in the picture, and farther off where it would stand in the
+/// flight's way; and its least distance from the word.
 fn framed(
     options: CameraOptions,
     word_m: [f64; 4],
@@ -306,8 +258,12 @@ fn framed(
     };
     let (least_m, most_m) =
         (-filled(MOST_FILLED).camera(word_m, 0.0)?.position_m.y, most_m(room_m));
-    let nearest = if least_m <= most_m { MOST_FILLED * least_m / most_m } else { word.fill_frac };
-    Ok((filled(word.fill_frac.max(nearest)), least_m))
+    if least_m > most_m {
+        return Ok((filled(word.fill_frac), least_m));
+    }
+    let fill_from = |distance_m: f64| MOST_FILLED * least_m / distance_m;
+    let [most_frac, least_frac] = [TRIPOD_FROM_WORD_M.min(most_m), most_m].map(fill_from);
+    Ok((filled(word.fill_frac.min(most_frac).max(least_frac)), least_m))
 }
 
 /// Frames the scene's word from within a room, where the scene's camera stands square in front of
@@ -358,10 +314,19 @@ impl ShotPlan {
             false => places.join(", "),
         };
         let from_m = self.audience_from_m;
-        let audience = match self.audience_y_m.map(meters) {
-            Some(y) => format!(
-                "at y below {y}, {from_m:.1} m from the flight, beside or behind the tripod"
-            ),
+        let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
+        let audience = match self.audience_y_m {
+            Some(y_m) => {
+                let beside = match tripod_m {
+                    Some([_, tripod_y_m, _]) if tripod_y_m > y_m => {
+                        "; nobody beside the tripod, which is nearer"
+                    }
+                    Some(_) => ", beside or behind the tripod",
+                    None => "",
+                };
+                let y = meters((100.0 * y_m).floor() / 100.0);
+                format!("at y below {y}, {from_m:.1} m from the flight{beside}")
+            }
             None => format!(
                 "outside the room, which is not deep enough: {from_m:.1} m from the flight, as far as \
                  a drone without commands may come"
@@ -422,7 +387,8 @@ mod tests {
         let shoot = Shoot::new(scene).unwrap();
         let lighting = shoot.clone().lighting(&|_, _| {}).unwrap();
         let end_s = lighting.camera.shutter_close_s;
-        let placement = place(&shoot, &lighting.trace, end_s, &profile).unwrap().unwrap();
+        let ways = Ways::new(&shoot, &lighting.flights);
+        let placement = place(&shoot, &lighting.trace, end_s, &profile, &ways).unwrap().unwrap();
         (shoot, lighting, placement)
     }
 
@@ -477,9 +443,17 @@ mod tests {
 
     #[test]
     fn the_audience_is_beyond_what_a_drone_flies_and_falls() {
-        let (_, _, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
+        let (mut shoot, lighting, hall) = placed("I", 0.5, [9.0, 12.0, 3.0]);
         assert!((1.0..4.0).contains(&hall.audience_from_m), "{}", hall.audience_from_m);
         assert!(hall.audience_y_m.unwrap() <= -hall.audience_from_m);
+        // Its columns may say what they will, and at a crawl people keep a meter.
+        let plan = &mut shoot.plans[0].plan;
+        plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.velocity_m_s *= 0.1));
+        let told = Ways::new(&shoot, &lighting.flights).audience_from_m;
+        assert_eq!(told, hall.audience_from_m);
+        let plan = &mut shoot.plans[0].plan;
+        plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= 20.0));
+        assert_eq!(Ways::new(&shoot, &[]).audience_from_m, 1.0);
         let (_, _, closet) = placed("I", 0.5, [2.0, 2.0, 2.5]);
         assert_eq!(closet.audience_y_m, None);
         assert!(closet.rows().iter().any(|[_, place]| place.starts_with("outside")));

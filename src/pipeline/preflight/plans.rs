@@ -118,12 +118,22 @@ fn legs(plan: &Plan) -> Vec<Leg> {
 /// setpoints miss its corners.
 const MOST_APART_FRAC: f64 = 0.25;
 
+/// Greatest speed of the places on a way, and when.
+fn fastest(legs: &[Leg]) -> (f64, f64) {
+    let whole = legs.iter().filter(|leg| leg.lasts_s >= LEG_S);
+    largest(whole.map(|leg| (leg.moved_m.norm() / leg.lasts_s, leg.time_s)))
+}
+
+/// Greatest speed of a plan's places.
+pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
+    fastest(&legs(plan)).0
+}
+
 /// Check of the plan's greatest speed.
 fn speed(plan: &Plan, profile: &Profile) -> Row {
     let told = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let legs = legs(plan);
-    let whole = legs.iter().filter(|leg| leg.lasts_s >= LEG_S);
-    let places = largest(whole.map(|leg| (leg.moved_m.norm() / leg.lasts_s, leg.time_s)));
+    let places = fastest(&legs);
     let apart_m: f64 = legs.iter().map(|leg| leg.apart_m.norm()).sum();
     let length_m = |leg: &Leg| leg.moved_m.norm().max((leg.moved_m - leg.apart_m).norm());
     let apart_frac = apart_m / legs.iter().map(length_m).sum::<f64>().max(1e-9);
@@ -324,6 +334,7 @@ pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{EvenStyle, LightLevel, PlanOptions, fleet, plan};
 
@@ -440,8 +451,10 @@ mod tests {
     /// A plan at a multiple of its times, with every nth setpoint; its columns are as they were.
     fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
         let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
-        let mut slowed = Plan { setpoints: every(plan), ..Plan::default() };
-        slowed.setpoints.iter_mut().for_each(|setpoint| setpoint.time_s *= factor);
+        let mut slowed = Plan::made(PlanData { setpoints: every(plan), ..PlanData::default() });
+        slowed.edit(|slowed| {
+            slowed.setpoints.iter_mut().for_each(|setpoint| setpoint.time_s *= factor)
+        });
         slowed
     }
 
@@ -468,10 +481,15 @@ mod tests {
         let mut plan = even("I", EvenStyle::default());
         assert_eq!(landing(&plan).severity, Severity::Fine);
         let mut flat = plan.clone();
-        flat.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.z = 0.0);
+        flat.edit(|flat| {
+            flat.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.z = 0.0)
+        });
         assert_eq!(landing(&flat).found, "never leaves the floor");
         let end = plan.setpoints.iter().rposition(|setpoint| setpoint.position_m.z > 0.3).unwrap();
-        plan.setpoints.truncate(end + 1);
+        plan.edit(|plan| {
+            plan.setpoints.truncate(end + 1);
+            plan.lights.clear();
+        });
         assert_eq!(landing(&plan).severity, Severity::Stop);
     }
 

@@ -36,7 +36,7 @@ pub struct Profile {
 
 /// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which
 /// a flight may stray from its design.
-const ROOM_MARGIN_M: f64 = 0.2;
+pub(super) const ROOM_MARGIN_M: f64 = 0.2;
 
 /// Greatest distance of a base station from the middle of a wide room, to the side and in depth:
 /// the other end of a word of 4 m is then within the 6 m that a station reaches.

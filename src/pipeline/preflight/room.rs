@@ -19,35 +19,63 @@ const LEAST_ROOM_M: [f64; 3] = [1.5, 1.5, 1.0];
 const GREATEST_ROOM_M: [f64; 3] = [60.0, 60.0, 20.0];
 
 /// Units that sizes of rooms are typed in by mistake, per meter.
-const OTHER_UNITS: [(&str, f64); 3] =
-    [("centimeters", 100.0), ("millimeters", 1000.0), ("inches", 39.37)];
+const OTHER_UNITS: [(&str, f64); 4] =
+    [("centimeters", 100.0), ("millimeters", 1000.0), ("inches", 39.37), ("feet", 1.0 / FOOT_M)];
 
-/// Reads the size of a room: `4x3x2.5`.
+/// Units that may follow the numbers.
+const UNITS: [(&str, f64); 4] = [("cm", 0.01), ("mm", 0.001), ("ft", FOOT_M), ("m", 1.0)];
+
+const FOOT_M: f64 = 0.3048;
+
+/// Height of a ceiling from which numbers without a unit are asked about: rooms are 8 feet high,
+/// and few halls 8 m. A sports hall of 7 m passes, and the check `room` speaks of it.
+const FEET_FROM: f64 = 7.5;
+
+/// A room in words, to centimeters.
+fn in_words(room_m: [f64; 3]) -> String {
+    room_m.map(|m| ((100.0 * m).round() / 100.0).to_string()).join("x")
+}
+
+/// A room whose numbers are feet, in words, in meters.
+pub(super) fn from_feet(room: [f64; 3]) -> String {
+    in_words(room.map(|feet| FOOT_M * feet))
+}
+
+/// Reads the size of a room: `4x3x2.5`, or with a unit, `13x20x8ft`.
 ///
 /// # Errors
 ///
 /// What is wanted, and the unit that was probably meant.
 pub fn parse_room(text: &str) -> std::result::Result<[f64; 3], String> {
-    let in_words = |room_m: [f64; 3]| room_m.map(|m| format!("{m}")).join("x");
     let wanted = format!(
-        "wanted WIDTHxDEPTHxHEIGHT in meters, from {} to {}, such as 4x3x2.5",
+        "wanted WIDTHxDEPTHxHEIGHT in meters, from {} to {}, such as 4x3x2.5, or with its unit, such \
+         as 20x30x9m or 13x20x8ft",
         in_words(LEAST_ROOM_M),
         in_words(GREATEST_ROOM_M)
     );
+    let typed =
+        UNITS.into_iter().find_map(|(unit, m)| Some((text.trim_end().strip_suffix(unit)?, m)));
+    let (text, unit_m) = typed.map_or((text, None), |(text, unit_m)| (text, Some(unit_m)));
     let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
     let sides: Option<Vec<f64>> = sides.collect();
     let Some(Ok(sides)) = sides.map(<[f64; 3]>::try_from) else { return Err(wanted) };
     fn fits(sides: [f64; 3]) -> bool {
         (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&sides[side]))
     }
-    if fits(sides) {
+    let room_m = match unit_m {
+        None | Some(1.0) => sides,
+        Some(unit_m) => sides.map(|side| (1e3 * unit_m * side).round() / 1e3),
+    };
+    if unit_m.is_some() {
+        return if fits(room_m) { Ok(room_m) } else { Err(wanted) };
+    }
+    if fits(sides) && sides[2] < FEET_FROM {
         return Ok(sides);
     }
     let meant = OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|m| m / per_m)));
     Err(match meant.into_iter().find(|(_, room_m)| fits(*room_m)) {
         Some((unit, room_m)) => {
-            let room_m = in_words(room_m.map(|m| (100.0 * m).round() / 100.0));
-            format!("is this in {unit}, a room of {room_m} m? {wanted}")
+            format!("is this in {unit}, a room of {} m? {wanted}", in_words(room_m))
         }
         None => wanted,
     })
@@ -107,11 +135,20 @@ mod tests {
     #[test]
     fn a_room_in_another_unit_is_asked_about_and_halls_are_bounded() {
         assert_eq!(parse_room("4x3x2.5"), Ok([4.0, 3.0, 2.5]));
-        assert_eq!(parse_room("20 X 20 × 8"), Ok([20.0, 20.0, 8.0]));
+        assert_eq!(parse_room("20 X 20 × 8 m"), Ok([20.0, 20.0, 8.0]));
+        assert_eq!(parse_room("13x20x8ft"), Ok([3.962, 6.096, 2.438]));
+        assert_eq!(parse_room("400x300x250cm"), parse_room("4x3x2.5"));
+        for halls in ["12x20x6", "10x15x4", "15x28x7", "22x44x7"] {
+            assert!(parse_room(halls).is_ok(), "{halls}");
+        }
         for (typed, question) in [
+            ("13x20x8", "is this in feet, a room of 3.96x6.1x2.44 m?"),
+            ("30x40x9", "is this in feet, a room of 9.14x12.19x2.74 m?"),
+            ("50x84x24", "is this in feet, a room of 15.24x25.6x7.32 m?"),
+            ("13x20x8in", "wanted"),
             ("400x300x250", "is this in centimeters, a room of 4x3x2.5 m?"),
             ("4000x3000x2500", "is this in millimeters, a room of 4x3x2.5 m?"),
-            ("100x30x8", "wanted WIDTHxDEPTHxHEIGHT in meters, from 1.5x1.5x1 to 60x60x20"),
+            ("300x30x8", "wanted WIDTHxDEPTHxHEIGHT in meters, from 1.5x1.5x1 to 60x60x20"),
             ("1x3x2.5", "wanted"),
             ("4x3", "wanted"),
             ("nanx3x2", "wanted"),

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::Profile;
+use super::room::from_feet;
 use super::row::{Row, Severity, stop_if, warn_if};
 use crate::scene::Scene;
 use noctograph_core::error::Result;
@@ -17,19 +18,28 @@ const COVERAGE_STEP_M: f64 = 0.1;
 
 /// Whether two base stations see the box of the whole flight.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
-    let unchecked = |why| {
+    let unchecked = |why, advice| {
         let wanted = "base stations, and a flight for them to see";
-        let advice = "name the stations: {sensors.lighthouse.stations}";
         Ok(Row::unchecked("coverage", why, wanted, advice))
     };
+    if !is_by_lighthouse(scene) {
+        let unused = Row::new("coverage", Severity::Fine, None).within(1.0);
+        return Ok(unused.say("not used: it does not fly by Lighthouse", "", ""));
+    }
     if scene.sensors.lighthouse.stations.is_empty() {
-        return unchecked("the scene has no base stations");
+        let advice = "name the stations: {sensors.lighthouse.stations}";
+        return unchecked("the scene has no base stations", advice);
     }
     let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
-    let bounds_m = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
-    if bounds_m[0] >= bounds_m[2] || bounds_m[1] >= bounds_m[3] {
-        return unchecked("the flight has no width or no height");
+    let [left, bottom, right, top] = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
+    if left > right {
+        return unchecked("the plan never leaves the floor", "plan a flight");
     }
+    // A drone takes up room where its way, such as that of an I, does not.
+    let half_m = 0.5 * COVERAGE_STEP_M;
+    let aside_m = |low: f64, high: f64| if high - low < COVERAGE_STEP_M { half_m } else { 0.0 };
+    let [wide_m, high_m] = [aside_m(left, right), aside_m(bottom, top)];
+    let bounds_m = [left - wide_m, bottom - high_m, right + wide_m, top + high_m];
     let (mut sensors, silent) = (scene.sensors.clone(), silent_stations(plan, scene));
     let stations = scene.sensors.lighthouse.stations.iter().enumerate();
     let heard = stations.filter(|(station, _)| !silent.contains(station));
@@ -84,6 +94,7 @@ pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Row> {
         wind(scene, profile),
         baseline(scene),
         sunlight(scene, profile),
+        ceiling(profile),
     ];
     rows.into_iter().filter(|row| row.severity != Severity::Fine).collect()
 }
@@ -137,7 +148,7 @@ fn baseline(scene: &Scene) -> Row {
     let places: Vec<_> = places.collect();
     let each = |a: &Vector3<f64>| places.iter().map(|b| (a - b).norm()).fold(0.0, f64::max);
     let widest_m = places.iter().map(each).fold(0.0, f64::max);
-    let is_near = places.len() > 1 && widest_m < BASELINE_M;
+    let is_near = is_by_lighthouse(scene) && places.len() > 1 && widest_m < BASELINE_M;
     Row::new("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
         format!("base stations are {widest_m:.2} m apart"),
         format!("{BASELINE_M} m or more between two of them"),
@@ -147,14 +158,33 @@ fn baseline(scene: &Scene) -> Row {
 
 /// Check for Lighthouse in sunlight.
 fn sunlight(scene: &Scene, profile: &Profile) -> Row {
-    let is_lighthouse = match scene.sensors.positioning {
-        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => true,
-        Positioning::UwbTwr | Positioning::UwbTdoa | Positioning::Gnss => false,
-    };
-    Row::new("sunlight", warn_if(is_lighthouse && profile.is_outdoors), None).say(
+    let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
+    Row::new("sunlight", warn_if(is_blind), None).say(
         "outdoors by Lighthouse, whose infrared receivers the sun blinds",
         "darkness, or positioning that sunlight does not reach",
         "fly after dusk, or by {sensors.positioning=uwb-twr}",
+    )
+}
+
+fn is_by_lighthouse(scene: &Scene) -> bool {
+    match scene.sensors.positioning {
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => true,
+        Positioning::UwbTwr | Positioning::UwbTdoa | Positioning::Gnss => false,
+    }
+}
+
+/// Height of a ceiling from which a room's numbers may be feet: those of rooms are 7 feet and more
+/// high, and halls in meters are seldom higher.
+const FEET_FROM: f64 = 6.5;
+
+/// Check that the room was not measured in feet, by its ceiling.
+fn ceiling(profile: &Profile) -> Row {
+    let room_m = profile.room_m.unwrap_or_default();
+    let height_m = room_m[2];
+    Row::new("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
+        format!("a ceiling at {height_m} m: if these are feet, {} m are meant", from_feet(room_m)),
+        "the room's true size in meters: the fence stands at its walls",
+        "measure a wall; feet are typed so: 13x20x8ft ({expose.room_m})",
     )
 }
 

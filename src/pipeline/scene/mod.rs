@@ -11,7 +11,7 @@ use toml::Table;
 use noctograph_core::camera::CameraOptions;
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, ending};
 use noctograph_core::settings::{Described, settings};
 use noctograph_letters::{self as letters, Ink, LetterOptions, Strokes};
 use noctograph_picture::expose::ExposeOptions;
@@ -27,19 +27,21 @@ use noctograph_sim::{
 
 mod advice;
 mod carried;
-mod idle;
 mod implied;
 mod named;
 mod preset;
 mod task;
 mod text;
+mod travel;
+mod unused_keys;
 
 pub use advice::{Change, SceneAdvice};
 pub use carried::CarriedScene;
-pub use idle::reason;
 pub use named::NamedScene;
 pub use preset::Preset;
 pub use task::SceneTask;
+pub use travel::{SceneFiles, folder_of};
+pub use unused_keys::reason;
 
 settings! {
     /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that
@@ -108,8 +110,7 @@ impl Scene {
     /// As [`Self::read`], and [`Error::Input`] for a photo or a flight without a scene.
     pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
         let file = path.display().to_string();
-        let ends_in = |ending| path.extension().is_some_and(|it| it.eq_ignore_ascii_case(ending));
-        if ends_in("csv") || ends_in("json") {
+        if ["csv", "json"].contains(&&*ending(path)) {
             let Some(carried) = CarriedScene::read(path)? else {
                 let wanted = "the log of an exported script, or a plan or flight beside its scene";
                 let hint = "name the scene's own file";
@@ -117,19 +118,14 @@ impl Scene {
             };
             return carried.scene(settings);
         }
-        if !ends_in("png") {
-            let text = LIMIT.read_text(path)?;
-            if text.trim().is_empty() {
-                let hint = "what printed it may have failed: print it again";
-                return Err(Error::input(file, "an empty file", "a scene", hint));
-            }
-            return Self::parse_with(&text, &file, settings);
+        if ending(path) != "png" {
+            return Self::parse_in(&text::of_file(path)?, &file, &folder_of(path), settings);
         }
-        let Some(toml) = photo::read_with_notes(path)?.0.scene_toml else {
+        let Some(toml) = photo::read_with_notes(path)?.0.into_data().scene_toml else {
             let (actual, wanted) = ("a photo without a scene", "a photo of this program");
             return Err(Error::input(file, actual, wanted, "name the scene's own file"));
         };
-        Self::parse_with(&toml, &format!("{file} (scene)"), settings)
+        Self::parse_in(&toml, &format!("{file} (scene)"), &folder_of(path), settings)
     }
 
     /// Reads the text of a scene; `file` is its name in messages.
@@ -151,12 +147,29 @@ impl Scene {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
+        Self::parse_in(toml, file, Path::new(""), settings)
+    }
+
+    /// The same of a file in a folder, from which the files that its text names are looked for.
+    /// Those of settings are looked for from the present folder.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`], as [`Self::read`].
+    pub fn parse_in(
+        toml: &str,
+        file: &str,
+        folder: &Path,
+        settings: &[(&str, &str)],
+    ) -> Result<Self> {
         let with_line = |error| text::with_line(error, toml, file);
         let mut set = Table::new();
         for (key, value) in settings {
             text::overlay(&mut set, text::single(key, value)?, Self::SHAPE.settings());
         }
-        let mut layers = vec![text::read(toml, file)?, set];
+        let mut named = text::read(toml, file)?;
+        travel::find_files(&mut named, folder);
+        let mut layers = vec![named, set];
         let preset = match implied::last_name(&layers, "preset") {
             Some(name) => name.parse()?,
             None => Preset::default(),
@@ -192,15 +205,9 @@ impl Scene {
         text::scene_of(values)
     }
 
-    /// The same without documentation and with names of files instead of paths, for sharing.
+    /// The portable scene without documentation.
     pub fn to_portable_toml(&self) -> String {
-        let mut scene = self.clone();
-        for path in scene.files_mut() {
-            if let Some(name) = Path::new(path).file_name() {
-                *path = name.to_string_lossy().into_owned();
-            }
-        }
-        toml::to_string(&scene).expect("a checked scene is a TOML table")
+        toml::to_string(&self.portable()).expect("a checked scene is a TOML table")
     }
 
     /// Its fonts by name or file, its drawing and its background.
@@ -255,11 +262,11 @@ impl Scene {
     ///
     /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
     pub fn settle_files(&mut self) -> Result<()> {
-        for path in self.files_mut().filter(|name| name.contains('.')) {
+        for path in self.files_mut().filter(|name| travel::is_file(name)) {
             if let Ok(absolute) = std::path::absolute(&*path)
-                && absolute.exists()
+                && let Some(absolute) = absolute.to_str().filter(|_| absolute.exists())
             {
-                *path = absolute.display().to_string();
+                *path = absolute.to_owned();
             }
         }
         let drawing = Path::new(&self.letters.drawing);
@@ -287,7 +294,7 @@ impl Scene {
     /// As [`letters::draw`] and [`letters::write`].
     pub fn strokes(&self) -> Result<Strokes> {
         if !self.letters.drawing.is_empty() {
-            let ink = if idle::writes_in_color(self) { Ink::ByColor } else { Ink::Alike };
+            let ink = if unused_keys::writes_in_color(self) { Ink::ByColor } else { Ink::Alike };
             return letters::draw(self.letters.drawing.as_ref(), &self.letters, ink);
         }
         letters::write(&self.word, &self.letters)

@@ -1,12 +1,14 @@
 //! The scene file as text: the commented file that is printed, unknown keys, and the line
 //! numbers of errors.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Table, Value};
 
-use super::{Preset, Scene, implied};
+use super::{LIMIT, Preset, Scene, implied};
+use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Place, Result, Segment};
 use noctograph_core::settings::{
     Described, Setting, Shape, Variant, joined, of_kind, similar, unknown_name,
@@ -14,6 +16,9 @@ use noctograph_core::settings::{
 
 /// Columns of the printed file.
 const WIDTH: usize = 80;
+/// Table of a scene file: names of the files that it was written with, and their SHA-256. It is no
+/// setting.
+const DIGESTS: &str = "sha256";
 /// Advice on a broken scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
 
@@ -160,13 +165,76 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
 ///
 /// [`Error::Input`] with the line of a syntax error, an unknown key or an unknown name.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
-    let table: Table = toml.parse().map_err(|error: toml::de::Error| {
+    let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
         let actual = error.message().replace('\n', "; ");
         Error::input("", actual, "keys and values of a scene", HINT).in_file(file, line)
     })?;
-    check_keys(&table).map_err(|error| with_line(error, toml, file))?;
+    name_release(&mut table);
+    take_digests(&mut table)
+        .and_then(|_digests| check_keys(&table))
+        .map_err(|error| with_line(error, toml, file))?;
     Ok(table)
+}
+
+/// The text of a scene file.
+///
+/// # Errors
+///
+/// [`Error::Io`] where it cannot be read, [`Error::Input`] where it is empty.
+pub(super) fn of_file(path: &Path) -> Result<String> {
+    let text = LIMIT.read_text(path)?;
+    if text.trim().is_empty() {
+        let hint = "what printed it may have failed: print it again";
+        return Err(Error::input(path.display(), "an empty file", "a scene", hint));
+    }
+    Ok(text)
+}
+
+/// The digests of a scene file's text; none of a text that is no TOML, which its reader refuses.
+pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>> {
+    let mut table = toml.parse().unwrap_or_default();
+    take_digests(&mut table).map_err(|error| with_line(error, toml, file))
+}
+
+/// Takes the digests out of a scene file's table, which then has nothing but settings.
+///
+/// # Errors
+///
+/// [`Error::Input`] for what is no digest.
+fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
+    let digests = match table.remove(DIGESTS) {
+        None => return Ok(BTreeMap::new()),
+        Some(digests) => digests.try_into::<BTreeMap<String, String>>().ok(),
+    };
+    let is_digest =
+        |text: &String| text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
+    digests.filter(|digests| digests.values().all(is_digest)).ok_or_else(|| {
+        let wanted = "names of files, each with 64 hexadecimal digits";
+        let hint = "leave the table as it was written: it has no settings";
+        Error::input(DIGESTS, "something else", wanted, hint)
+    })
+}
+
+/// The table of digests, behind a scene's settings.
+pub(super) fn of_digests(digests: BTreeMap<String, String>) -> String {
+    let digests = Value::try_from(digests).expect("texts are a table");
+    let table = Table::from_iter([(DIGESTS.to_owned(), digests)]);
+    format!(
+        "\n# Files that this scene was written with, by SHA-256. This is no setting: beside\n\
+         # other files the scene is refused.\n{table}"
+    )
+}
+
+/// Names the release of a firmware with the number of a patch (`2025.12.1`).
+fn name_release(table: &mut Table) {
+    let vehicle = table.get_mut("vehicle").and_then(Value::as_table_mut);
+    let firmware = vehicle.and_then(|vehicle| vehicle.get_mut("firmware"));
+    if let Some(Value::String(name)) = firmware
+        && let Some(release) = Release::named(name)
+    {
+        release.name().clone_into(name);
+    }
 }
 
 /// Checks that all keys and names of a scene's table exist.
@@ -311,7 +379,8 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
     for part in key.rsplit('.') {
         value = Value::Table([(part.to_owned(), value)].into_iter().collect());
     }
-    let Value::Table(table) = value else { unreachable!("a key has at least one part") };
+    let Value::Table(mut table) = value else { unreachable!("a key has at least one part") };
+    name_release(&mut table);
     check_keys(&table)?;
     Ok(table)
 }

@@ -21,7 +21,8 @@ impl Shoot {
             LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
             LightClock::Light => aim(&self.scene, &lamps, &plan, &rehearse(&self.scene, &plan)?),
         };
-        let plans = flown(&designs, form, tolerance_m, length)?.into_iter().map(timed);
+        let release = self.scene.vehicle.firmware;
+        let plans = flown(release, &designs, form, tolerance_m, length)?.into_iter().map(timed);
         Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
     }
 
@@ -31,7 +32,7 @@ impl Shoot {
     pub fn by_its_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();
         for Planned { plan, ends } in &mut self.plans {
-            *plan = std::mem::take(plan).paced(rate);
+            *plan = Plan::made(std::mem::take(plan).into_data().paced(rate));
             ends.iter_mut().for_each(|end| end.time_s /= rate);
         }
         self
@@ -44,7 +45,8 @@ impl Shoot {
     ///
     /// As [`flown`].
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
-        let plans = flown(&self.designs(), Form::Compressed, tolerance_m, Length::Any)?;
+        let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
+        let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;
         let lamps = self.lamps();
         Ok(plans.into_iter().map(|plan| as_lit(plan, &lamps)).collect())
     }
@@ -62,25 +64,27 @@ impl Shoot {
 fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     let (lit, commanded) = (plan.lit(), plan.commanded());
     let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
-    for (channel, levels) in &mut plan.lights {
-        if lamps.contains(channel) {
-            levels.clone_from(&lit);
-            continue;
-        }
-        // A color where no light was commanded is that of the nearest command within the stroke.
-        let stretches = lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0));
-        let mut end = 0;
-        for stretch in stretches {
-            let rows = end..end + stretch.len();
-            end = rows.end;
-            let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
-            for row in rows {
-                let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
-                levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
+    plan.edit(|plan| {
+        for (channel, levels) in &mut plan.lights {
+            if lamps.contains(channel) {
+                levels.clone_from(&lit);
+                continue;
+            }
+            // A color where no light was commanded is that of the nearest command in the stroke.
+            let stretches = lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0));
+            let mut end = 0;
+            for stretch in stretches {
+                let rows = end..end + stretch.len();
+                end = rows.end;
+                let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
+                for row in rows {
+                    let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
+                    levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
+                }
             }
         }
-    }
-    plan.lit.clear();
+    });
+    plan.edit(|plan| plan.lit.clear());
     in_colors(plan, light)
 }
 
@@ -101,7 +105,9 @@ mod tests {
         for form in [Form::Compressed, Form::Poly4d] {
             let exported = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard).unwrap();
             let Planned { plan, ends: timed } = &exported.plans[0];
-            let flown = flown(&shoot.designs(), form, form.tolerance_m(), Length::OnBoard).unwrap();
+            let (release, within_m) = (shoot.scene.vehicle.firmware, form.tolerance_m());
+            let designs = shoot.designs();
+            let flown = flown(release, &designs, form, within_m, Length::OnBoard).unwrap();
             let flight = rehearse(&shoot.scene, &flown[0]).unwrap();
             let as_designed = ends(&shoot.scene, &flown[0], &flight).unwrap();
             let (timed_m, as_designed_m) = (worst_m(timed), worst_m(&as_designed));

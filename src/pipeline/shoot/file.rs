@@ -5,6 +5,7 @@ use std::path::Path;
 use crate::scene::Scene;
 use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::files::ending;
 use noctograph_core::settings::settings;
 use noctograph_picture::expose::Film;
 use noctograph_picture::photo::png::{FLIGHT_KEYWORD, LOG_GAPS_KEYWORD, STROKES_KEYWORD};
@@ -31,7 +32,7 @@ impl Format {
     ///
     /// [`Error::Input`] for another ending, whose format is not written.
     pub fn from_path(path: &Path) -> Result<Self> {
-        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let extension = ending(path);
         match &*extension {
             "exr" => Ok(Self::Exr),
             "png" | "" => Ok(Self::Png),
@@ -93,7 +94,7 @@ pub(super) fn encode(
             photo::encode_png(photo, Some(&metadata), &notes)
         }
         Format::Png16 => {
-            let toml = scene.to_toml();
+            let toml = scene.portable().to_toml();
             let camera = (camera, dots_per_inch);
             readout()?.encode_png16(scene.photo.tone, camera, &notes, Some(&toml))
         }
@@ -101,7 +102,7 @@ pub(super) fn encode(
         Format::Exr => unreachable!("a page asks for PNG"),
         #[cfg(not(target_family = "wasm"))]
         Format::Exr => {
-            let notes = [&*notes, &[("noctograph.scene", scene.to_toml())]].concat();
+            let notes = [&*notes, &[("noctograph.scene", scene.portable().to_toml())]].concat();
             readout()?.encode_exr(camera, &notes)
         }
     })

@@ -15,6 +15,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("preset", "the values of the keys that are left out"),
     ("letters.fallback", "words with letters that the font lacks"),
     ("sensors.lighthouse.stations", "`coverage` and `check`"),
+    ("sensors.lighthouse.people_m", "`coverage`, `check`, and sweeps"),
     (
         "vehicle.firmware",
         "outages of the radio of more than 0.5 s, landings after full states, the clock of µSD logs \
@@ -105,7 +106,6 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
         }
         // Eight drones make commands late by more than a tick.
         ("radio.drones", ..) => vec!["8".into()],
-        ("sensors.lighthouse.people_m", ..) => vec!["[[-1.2, -1.1, 0.5]]".into()],
         ("sensors.lighthouse.silent", ..) => vec!["[[0.0, 0.0, 100.0]]".into()],
         ("sensors.heights", ..) => vec!["[\"barometer\"]".into()],
         ("camera.white_balance", ..) => vec!["3200.0".into()],

@@ -110,9 +110,11 @@ impl Shoot {
                 }
             };
             if several {
-                trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)));
+                trace.edit(|trace| {
+                    trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)))
+                });
             }
-            all.append(trace);
+            all.edit(|all| all.append(trace));
         }
         problems.extend(self.lost_strokes());
         let warnings = self.strokes.iter().flat_map(|strokes| &strokes.warnings);
@@ -126,7 +128,9 @@ impl Shoot {
         let lamps = problems::writing(&flights, &all, &self.scene.light);
         let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
         writing.dedup();
-        problems.splice(..0, problems::before(&flights, &lamps, &camera));
+        let glyph = self.strokes.as_ref().and_then(|strokes| strokes.glyphs.first());
+        let cap_height_m = glyph.map_or(0.0, |glyph| glyph.cell.cap_height_m);
+        problems.splice(..0, problems::before(&flights, &lamps, &camera, cap_height_m));
         Ok(Lighting { flights, trace: all, writing, camera, metered, problems })
     }
 

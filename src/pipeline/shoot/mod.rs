@@ -38,6 +38,7 @@ use noctograph_sim::{Avionics, Drone, EstimatorKind, Session, SimOptions, fly, f
 
 mod exported;
 mod file;
+mod infer_lights;
 #[cfg(test)]
 mod keys;
 mod lighting;
@@ -45,20 +46,19 @@ mod metering;
 mod moments;
 mod planned;
 mod problems;
-mod relit;
 mod response;
 mod shot;
 mod written;
 
 pub use file::Format;
+pub use infer_lights::{infer_lights_if_dark, light_all_along};
 pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 use planned::plan;
 pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
 pub use problems::{CHECK_LIGHT, Problem, writing};
-pub use relit::{light_all_along, relit_where_dark};
 pub use response::step_responses;
-pub use shot::{Shot, flight_sha256, known};
+pub use shot::{Shot, WriteFile, flight_sha256, known};
 
 /// Longest time of all plans together: a fleet of sixteen for 22 minutes. All pairs of plans are
 /// compared, and an hour of flight takes seconds.
@@ -218,7 +218,7 @@ impl Shoot {
     /// together.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
         scene.check()?;
-        let whole_s = plans.iter().map(Plan::duration_s).sum::<f64>();
+        let whole_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();
         if whole_s > MAX_TOGETHER_S {
             let actual = format!("{} that last {whole_s:.0} s together", plans.len());
             let wanted = format!("at most {MAX_TOGETHER_S} s");

@@ -8,8 +8,8 @@ use super::Shot;
 use crate::scene::Scene;
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
-use noctograph_picture::expose::{Film, project};
-use noctograph_picture::light::{Lamp, LightTrace};
+use noctograph_picture::expose::{Film, FilmData, project};
+use noctograph_picture::light::{Lamp, LightTrace, LightTraceData};
 use noctograph_picture::photo::{Noise, Photo, PhotoOptions, develop, reflectance};
 
 impl Shot {
@@ -34,7 +34,7 @@ impl Shot {
         let scale_log2 = whole.scale_log2() + 1;
         let (width_px, height_px) = (camera.width_px, camera.height_px);
         let counts = vec![0; 3 * width_px as usize * height_px as usize];
-        let mut film = Film { width_px, height_px, counts, scale_log2 };
+        let mut film = Film::made(FilmData { width_px, height_px, counts, scale_log2 });
         let Camera { shutter_open_s, shutter_close_s: end_s, .. } = camera;
         let mut time_s = shutter_open_s;
         for moment in 1..=n {
@@ -44,10 +44,12 @@ impl Shot {
             let since = Camera { shutter_open_s: time_s, ..until.clone() };
             let lit = part(&self.trace, time_s, shutter_close_s);
             let latent = project(&lit, &since, expose)?.reflected_by(room.clone());
-            let more = latent.at_scale(scale_log2)?.develop_on_all().counts;
-            for (sum, count) in film.counts.iter_mut().zip(more) {
-                *sum = sum.saturating_add(count);
-            }
+            let more = latent.at_scale(scale_log2)?.develop_on_all();
+            film.edit(|film| {
+                for (sum, count) in film.counts.iter_mut().zip(&more.counts) {
+                    *sum = sum.saturating_add(*count);
+                }
+            });
             time_s = shutter_close_s;
             each(time_s, develop(&film, &until, expose, &options, *seed)?)?;
         }
@@ -63,7 +65,7 @@ fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
         let samples = &lamp.samples[first.saturating_sub(1)..(last + 1).min(lamp.samples.len())];
         Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples: samples.to_vec() }
     };
-    LightTrace { lamps: trace.lamps.iter().map(part).collect() }
+    LightTrace::made(LightTraceData { lamps: trace.lamps.iter().map(part).collect() })
 }
 
 #[cfg(test)]

@@ -72,7 +72,9 @@ pub(super) fn plan(
                 // The plan is off by the mean error of real flights, which the rehearsal does not
                 // have.
                 let mean_error_m = Vector3::from(scene.plan.mean_error_m);
-                flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m);
+                flight.edit(|flight| {
+                    flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m)
+                });
                 corrected(&led, &flight, &inverse)
             }
         };
@@ -103,7 +105,7 @@ pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
                 true => f64::from(color(*letter, k)) / 255.0,
                 false => 0.0,
             };
-            plan.lights.insert((*channel).to_owned(), rows.map(level).collect());
+            plan.edit(|plan| plan.lights.insert((*channel).to_owned(), rows.map(level).collect()));
         }
     };
     add(RING.name, RING.colors, &|letter, k| light.ring_rgb_of(letter)[k]);

@@ -190,6 +190,11 @@ fn in_words(spans_s: &[[f64; 2]]) -> String {
 /// Share of a lamp's light that may face away from the camera: a stroke's end, not a letter.
 const MOST_AWAY: f64 = 0.02;
 
+/// Longest way at a stretch, in cap heights, along which it may: ends of strokes that are as much
+/// too short are no fault of the light either (`lit transit`), and the ring's are, low in high
+/// letters.
+const LONGEST_AWAY_H: f64 = 0.1;
+
 /// Least share of a lamp's intensity on its axis that counts as shining at the camera.
 const AWAY_SHARE: f64 = 0.02;
 
@@ -230,7 +235,12 @@ pub fn writing<'a>(
 }
 
 /// Obstacles that flights, lamps and camera show before a photo is taken.
-pub(super) fn before(flights: &[Flight], lamps: &[&Lamp], camera: &Camera) -> Vec<Problem> {
+pub(super) fn before(
+    flights: &[Flight],
+    lamps: &[&Lamp],
+    camera: &Camera,
+    cap_height_m: f64,
+) -> Vec<Problem> {
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =
@@ -239,28 +249,41 @@ pub(super) fn before(flights: &[Flight], lamps: &[&Lamp], camera: &Camera) -> Ve
     let (early_s, late_s) = (last_s - close_s, open_s - first_s);
     let early = (early_s > SLACK_S).then_some(Problem::ShutterCloses { at_s: close_s, early_s });
     let late = (late_s > SLACK_S).then_some(Problem::ShutterOpens { at_s: open_s, late_s });
-    early.into_iter().chain(late).chain(unlit_or_away(lamps, camera)).collect()
+    early.into_iter().chain(late).chain(unlit_or_away(lamps, camera, cap_height_m)).collect()
 }
 
 /// Lamps that are never lit while the shutter is open, or that face away from the camera.
-fn unlit_or_away(lamps: &[&Lamp], camera: &Camera) -> Option<Problem> {
+fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<Problem> {
     let open = camera.shutter_open_s..=camera.shutter_close_s;
     let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
-    let away_frac = |lamp: &&Lamp| {
-        let shares = lamp.samples.iter().filter(lit).map(|sample| {
+    // Share of the light, and the longest way of it at a stretch.
+    let away = |lamp: &&Lamp| {
+        let (mut n_lit, mut n_away, mut way_m, mut longest_m) = (0_u32, 0_u32, 0.0, 0.0_f64);
+        let mut before_m: Option<Vector3<f64>> = None;
+        for sample in &lamp.samples {
             let toward: Vector3<f64> = camera.position_m - sample.position_m;
-            let cos = sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
-            lamp.emitter.share(cos)
-        });
-        let (away, seen): (Vec<f64>, Vec<f64>) = shares.partition(|share| *share < AWAY_SHARE);
-        let n = away.len() + seen.len();
-        (n > 0).then(|| away.len() as f64 / n as f64)
+            let cos = || sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
+            let is_away = lit(&sample) && lamp.emitter.share(cos()) < AWAY_SHARE;
+            n_lit += u32::from(lit(&sample));
+            n_away += u32::from(is_away);
+            let step_m = before_m.map_or(0.0, |from_m| (sample.position_m - from_m).norm());
+            way_m = if is_away { way_m + step_m } else { 0.0 };
+            before_m = is_away.then_some(sample.position_m);
+            longest_m = longest_m.max(way_m);
+        }
+        (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
     };
-    match lamps.iter().filter_map(away_frac).reduce(f64::min) {
-        None => Some(Problem::Unlit),
-        Some(away_frac) if away_frac > MOST_AWAY => Some(Problem::FacesAway { away_frac }),
-        Some(_) => None,
-    }
+    let (away_frac, longest_m) = match lamps.iter().filter_map(away).reduce(least) {
+        None => return Some(Problem::Unlit),
+        Some(away) => away,
+    };
+    let is_seen = away_frac <= MOST_AWAY || longest_m <= LONGEST_AWAY_H * cap_height_m;
+    (!is_seen).then_some(Problem::FacesAway { away_frac })
+}
+
+/// The lamp that faces away the least.
+fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    if b.0 < a.0 { b } else { a }
 }
 
 /// A photo without a visible trail: all black or all white.
@@ -315,7 +338,7 @@ pub(super) fn outside(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use noctograph_picture::light::{Emitter, LightSample};
+    use noctograph_picture::light::{Emitter, LightSample, LightTraceData};
 
     #[test]
     fn a_lamp_writes_whatever_its_name() {
@@ -329,10 +352,10 @@ mod tests {
             emitter: Emitter { name: fixture.name.clone(), ..emitter() },
             samples: Vec::<LightSample>::new(),
         });
-        let trace = LightTrace { lamps: lamps.collect() };
+        let trace = LightTrace::made(LightTraceData { lamps: lamps.collect() });
         options.fixtures = Some(fixtures);
         let mut flight = Flight::default();
-        flight.lights.insert("headlights".into(), vec![]);
+        flight.edit(|flight| flight.lights.insert("headlights".into(), vec![]));
         assert!(!writing(&[flight], &trace, &options).is_empty());
     }
 

@@ -7,6 +7,7 @@
 use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
+use noctograph_core::plan::PlanData;
 use noctograph_plan::response::StepResponse;
 use noctograph_plan::{Plan, Setpoint};
 use noctograph_sim::{Drone, SimOptions, fly};
@@ -40,7 +41,8 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
         };
         let end_s = BEFORE_S + AFTER_S;
         let setpoints = vec![step(0.0, 0.0), step(BEFORE_S, step_m), step(end_s, step_m)];
-        fly(&Plan { setpoints, ..Plan::default() }, &Drone::new(&options, 0), &mut |_| {})
+        let plan = Plan::made(PlanData { setpoints, ..PlanData::default() });
+        fly(&plan, &Drone::new(&options, 0), &mut |_| {})
     };
     let (still, stepped) = rayon::join(|| after(0.0), || after(STEP_M));
     let (still, stepped) = (still?, stepped?);

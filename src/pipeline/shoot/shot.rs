@@ -1,5 +1,6 @@
 //! The photograph with every product on the way to it.
 
+use std::io::Write;
 use std::sync::OnceLock;
 
 use super::file::{Format, Shown, encode};
@@ -8,7 +9,6 @@ use super::{Judging, Lighting, Metered, Shoot};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
-use noctograph_letters::Strokes;
 use noctograph_picture::expose::{Backend, Developer, Exposure, Film, project};
 use noctograph_picture::light::LightTrace;
 use noctograph_picture::light::gaps::{Gap, dark};
@@ -69,7 +69,39 @@ impl Shot {
     pub fn flight_sha256(&self) -> Option<String> {
         joined(self.digests())
     }
+
+    /// Hands out the photo (PNG), and a flight and a plan of each drone, numbered if there are
+    /// several. `put` writes a file and returns its SHA-256. Returns the digests of flights and
+    /// plans, which their scene takes.
+    ///
+    /// # Errors
+    ///
+    /// Those of `put`.
+    pub fn each_file(
+        &self,
+        mut put: impl FnMut(&str, &WriteFile<'_>) -> Result<String>,
+    ) -> Result<Vec<(String, String)>> {
+        if let Some(png) = &self.file {
+            put("photo.png", &|out| out.write_all(png))?;
+        }
+        let mut digests = Vec::new();
+        for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
+            let number = match self.shoot.plans.len() {
+                1 => String::new(),
+                _ => format!("-{}", index + 1),
+            };
+            let [flown, plan] = ["flight", "plan"].map(|kind| format!("{kind}{number}.csv"));
+            let sha256 = put(&flown, &|mut out| flight.write_csv(&mut out))?;
+            digests.push((flown, sha256));
+            let sha256 = put(&plan, &|mut out| planned.plan.write_csv(&mut out))?;
+            digests.push((plan, sha256));
+        }
+        Ok(digests)
+    }
 }
+
+/// Writes the content of a file.
+pub type WriteFile<'a> = dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a;
 
 /// SHA-256 of flights, separated by spaces; `None` where there are none.
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
@@ -77,7 +109,7 @@ pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
 }
 
 fn digests(flights: &[Flight]) -> Vec<String> {
-    flights.iter().map(Flight::sha256).collect()
+    flights.iter().map(|flight| flight.sha256()).collect()
 }
 
 fn tracking(flights: &[Flight]) -> Vec<Option<Tracking>> {
@@ -115,7 +147,7 @@ impl Shoot {
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
-        photo.scene_toml = self.format.map(|_| scene.to_toml());
+        photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
         let tracked = OnceLock::new();
         let read = || match reader {
             None => Ok(None),
@@ -175,7 +207,7 @@ impl Shoot {
         let strokes = self.strokes.as_ref().filter(|_| from_file);
         Shown {
             flight_sha256: joined(digests),
-            strokes_sha256: strokes.map(Strokes::sha256),
+            strokes_sha256: strokes.map(|strokes| strokes.sha256()),
             log_gaps: flights.iter().flat_map(log_gaps).collect(),
         }
     }

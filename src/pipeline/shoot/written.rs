@@ -27,7 +27,9 @@ pub(super) fn as_written(
         ends.flat_map(|(ends, _)| [ends[0].position_m, ends[1].position_m]).collect::<Vec<_>>()
     });
     let plan_m = bounds(lit.map(|place_m| [place_m.x, place_m.z]));
-    let Some(word_m) = strokes.as_ref().map(Strokes::bounds_m) else { return Ok((scene, strokes)) };
+    let Some(word_m) = strokes.as_ref().map(|strokes| strokes.bounds_m()) else {
+        return Ok((scene, strokes));
+    };
     let sides = |[left, bottom, right, top]: [f64; 4]| [right - left, top - bottom];
     let ([width_m, height_m], [wide_m, high_m]) = (sides(word_m), sides(plan_m));
     let (size_m, scale) = match width_m > height_m {

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use noctograph_core::flight::{Flight, FlightSample};
+use noctograph_core::flight::{Flight, FlightData, FlightSample};
 
 /// A flight whose position and design are functions of time, sampled every `step_s` from 0 to
 /// `end_s`, with all motors carrying and the estimate at the position.
@@ -27,7 +27,7 @@ pub(crate) fn flight(
             ..FlightSample::default()
         }
     });
-    Flight { samples: samples.collect(), ..Flight::default() }
+    Flight::made(FlightData { samples: samples.collect(), ..FlightData::default() })
 }
 
 /// The origin at all times.

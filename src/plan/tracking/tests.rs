@@ -1,5 +1,6 @@
 //! Flights with known errors.
 
+use noctograph_core::flight::FlightData;
 use std::f64::consts::TAU;
 
 use super::constructed::{flight, square, still};
@@ -26,9 +27,11 @@ fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
     // As a plan that leads its controller, while the design has begun and goes on.
     for lead_s in [0.02, 0.1, 0.4, 1.2] {
         let mut flown = flight(0.004, 20.0, |t| square(t + lead_s), square);
-        for sample in &mut flown.samples {
-            sample.letter = (1.0..18.0).contains(&sample.time_s).then_some(0);
-        }
+        flown.edit(|flown| {
+            for sample in &mut flown.samples {
+                sample.letter = (1.0..18.0).contains(&sample.time_s).then_some(0);
+            }
+        });
         let ahead = track(&flown, Part::Letters).unwrap();
         near(ahead.lag_s, -lead_s, 2e-6, "lead");
         near(ahead.in_plane_rmse_after_lag_m(), 0.0, 2e-5, "without it");
@@ -77,7 +80,7 @@ fn a_wider_circle_flown_late_has_its_radial_error_as_contour_error() {
     // From 1 s on, when the design that the drone trails has begun.
     let late =
         flown.samples.iter().map(|s| FlightSample { letter: (s.time_s >= 1.0).then_some(0), ..*s });
-    let flown = Flight { samples: late.collect(), ..Flight::default() };
+    let flown = Flight::made(FlightData { samples: late.collect(), ..FlightData::default() });
     let tracking = track(&flown, Part::Letters).unwrap();
     near(tracking.lag_s, 0.3, 1e-4, "lag");
     near(tracking.in_plane_rmse_after_lag_m(), 0.01, 1e-5, "after lag");
@@ -101,10 +104,12 @@ fn a_crossing_stroke_does_not_reduce_the_contour_error() {
         design(t) + Vector3::z() * up_m
     }
     let mut flown = flight(0.01, 7.0, wrong, design);
-    for sample in &mut flown.samples {
-        let straight = sample.time_s < 2.0 || sample.time_s > 5.0;
-        sample.letter = straight.then_some(0);
-    }
+    flown.edit(|flown| {
+        for sample in &mut flown.samples {
+            let straight = sample.time_s < 2.0 || sample.time_s > 5.0;
+            sample.letter = straight.then_some(0);
+        }
+    });
     let tracking = track(&flown, Part::Letters).unwrap();
     near(tracking.contour.mean_m, 0.05, 1e-6, "the other stroke does not count");
 }
@@ -116,7 +121,7 @@ fn p95_bounds_19_of_20_samples() {
     let mut flown = flight(0.01, 0.99, up, design);
     let contour = |flown: &Flight| track(flown, Part::All).unwrap().contour;
     near(contour(&flown).p95_m, 0.001, 1e-9, "95 of 100");
-    flown.samples[94].position_m.z = 0.6;
+    flown.edit(|flown| flown.samples[94].position_m.z = 0.6);
     near(contour(&flown).p95_m, 0.1, 1e-9, "94 of 100");
     near(contour(&flown).max_m, 0.1, 1e-9, "the farthest");
 }
@@ -126,10 +131,12 @@ fn drift_observer_error_and_attitude_are_measured() {
     let design = |_| Vector3::z();
     let mut flown =
         flight(0.01, 1.99, |t| Vector3::new(0.0, if t < 1.0 { -0.1 } else { 0.3 }, 1.0), design);
-    for (k, sample) in flown.samples.iter_mut().enumerate() {
-        sample.estimate_m.x += 0.004;
-        sample.attitude.pitch_rad = if k % 2 == 0 { 0.1 } else { -0.3 };
-    }
+    flown.edit(|flown| {
+        for (k, sample) in flown.samples.iter_mut().enumerate() {
+            sample.estimate_m.x += 0.004;
+            sample.attitude.pitch_rad = if k % 2 == 0 { 0.1 } else { -0.3 };
+        }
+    });
     let tracking = track(&flown, Part::All).unwrap();
     let drift = Drift { min_y_m: -0.1, max_y_m: 0.3, in_corridor_frac: 0.5 };
     assert_eq!(tracking.drift, drift);
@@ -139,7 +146,7 @@ fn drift_observer_error_and_attitude_are_measured() {
     near(sigma.pitch_rad, 0.2, 1e-12, "sigma");
     assert_eq!((max.pitch_rad, max.yaw_rad), (0.3, 0.0));
     assert_eq!(tracking.lag_s, 0.0, "a design that does not move has no lag");
-    flown.unlogged = [Quantity::Attitude, Quantity::Estimate].into();
+    flown.edit(|flown| flown.unlogged = [Quantity::Attitude, Quantity::Estimate].into());
     let tracking = track(&flown, Part::All).unwrap();
     assert_eq!((tracking.attitude, tracking.observer_rmse_m), (None, None), "not logged");
 }
@@ -147,17 +154,19 @@ fn drift_observer_error_and_attitude_are_measured() {
 #[test]
 fn a_part_holds_its_samples() {
     let mut flown = flight(0.1, 1.0, square, square);
-    for (k, sample) in flown.samples.iter_mut().enumerate() {
-        sample.letter = (k > 4).then_some(0);
-        sample.motors = [if (2..9).contains(&k) { 40_000.0 } else { 3_000.0 }; 4];
-    }
-    flown.samples[5].motors[2] = 0.0;
+    flown.edit(|flown| {
+        for (k, sample) in flown.samples.iter_mut().enumerate() {
+            sample.letter = (k > 4).then_some(0);
+            sample.motors = [if (2..9).contains(&k) { 40_000.0 } else { 3_000.0 }; 4];
+        }
+    });
+    flown.edit(|flown| flown.samples[5].motors[2] = 0.0);
     let n = |flown: &Flight, part| track(flown, part).unwrap().n_samples;
     assert_eq!(n(&flown, Part::All), 11);
     assert_eq!(n(&flown, Part::Letters), 6);
     assert_eq!(n(&flown, Part::Airborne), 7, "a motor that stops for a moment ends no flight");
     assert_eq!(Part::from_flight(&flown), Part::Letters);
-    flown.samples.iter_mut().for_each(|s| s.letter = None);
+    flown.edit(|flown| flown.samples.iter_mut().for_each(|s| s.letter = None));
     assert_eq!(Part::from_flight(&flown), Part::Airborne);
 }
 
@@ -167,9 +176,11 @@ fn a_flight_without_samples_letters_air_or_design_is_refused() {
     assert!(refused(&Flight::default(), Part::All).contains("no sample"));
     let mut flown = flight(0.1, 1.0, square, still);
     assert!(refused(&flown, Part::All).contains("no design position"));
-    flown.samples.iter_mut().for_each(|s| (s.motors, s.letter) = ([9.0; 4], None));
+    flown.edit(|flown| {
+        flown.samples.iter_mut().for_each(|s| (s.motors, s.letter) = ([9.0; 4], None))
+    });
     assert!(refused(&flown, Part::Letters).contains("writes a letter"));
     assert!(refused(&flown, Part::Airborne).contains("in the air"));
-    flown.unlogged = [Quantity::Position].into();
+    flown.edit(|flown| flown.unlogged = [Quantity::Position].into());
     assert!(refused(&flown, Part::All).contains("no position"));
 }

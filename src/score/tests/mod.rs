@@ -2,6 +2,7 @@
 
 use super::*;
 use noctograph_core::camera::Camera;
+use noctograph_core::strokes::StrokesData;
 use noctograph_core::strokes::{Glyph, Move};
 use noctograph_letters::{LetterOptions, write};
 use studio::{Dice, Shot, camera, score, word};
@@ -236,7 +237,11 @@ fn digits_of_another_font_are_read() {
             moves.map(|p| Move { from_m: place(p[0]), to_m: place(p[1]), lit: true, pace: 1.0 });
         Glyph { character, cell: glyph.cell, moves: moves.collect() }
     });
-    let strokes = Strokes { word: "7420".into(), glyphs: glyphs.collect(), ..cells.clone() };
+    let strokes = Strokes::made(StrokesData {
+        word: "7420".into(),
+        glyphs: glyphs.collect(),
+        ..cells.clone().into_data()
+    });
     let verdict = Shot::new(&strokes).verdict(&strokes);
     assert!(verdict.legible && verdict.read == "7420", "{verdict:?}");
 }
@@ -289,13 +294,18 @@ fn degenerate_photos_have_a_verdict() {
 
     let mut camera = shot.camera.clone();
     let mut photo = shot.photo();
-    photo.rgb8.fill(255);
+    photo.edit(|photo| photo.rgb8.fill(255));
     let white = score(&photo, &noor, &camera, &ScoreOptions::default()).unwrap();
     assert_eq!(white.reason, Some(Reason::NoLight), "all is equally bright");
 
     (camera.width_px, camera.height_px) = (1, 1);
     for byte in [0, 255] {
-        let dot = Photo { width_px: 1, height_px: 1, rgb8: vec![byte; 3], scene_toml: None };
+        let dot = Photo::made(PhotoData {
+            width_px: 1,
+            height_px: 1,
+            rgb8: vec![byte; 3],
+            scene_toml: None,
+        });
         let verdict = score(&dot, &noor, &camera, &ScoreOptions::default()).unwrap();
         assert!(!verdict.legible && verdict.reason.is_some(), "{verdict:?}");
     }
@@ -315,10 +325,10 @@ fn unusable_input_is_refused_by_name() {
         score(&shot.photo(), strokes, camera, options).unwrap_err().to_string()
     };
     let options = ScoreOptions::default();
-    let empty = Strokes { glyphs: Vec::new(), ..noor.clone() };
+    let empty = Strokes::made(StrokesData { glyphs: Vec::new(), ..noor.clone().into_data() });
     assert!(refuse(&empty, &shot.camera, &options).contains("empty word"));
     let mut foreign = noor.clone();
-    foreign.glyphs[2].character = 'Ж';
+    foreign.edit(|foreign| foreign.glyphs[2].character = 'Ж');
     let text = refuse(&foreign, &shot.camera, &options);
     assert!(text.contains("letter 3") && text.contains("'Ж'"), "{text}");
     assert!(
@@ -326,10 +336,10 @@ fn unusable_input_is_refused_by_name() {
         "{text}"
     );
     let mut dark = noor.clone();
-    dark.glyphs[1].moves.clear();
+    dark.edit(|dark| dark.glyphs[1].moves.clear());
     assert!(refuse(&dark, &shot.camera, &options).contains("leaves light"));
     let mut wide = noor.clone();
-    wide.glyphs[0].cell.width_m = 1e3;
+    wide.edit(|wide| wide.glyphs[0].cell.width_m = 1e3);
     assert!(refuse(&wide, &shot.camera, &options).contains("width of a letter"));
     let text = refuse(&noor, &camera(&noor, 320, 0.0), &options);
     assert!(text.contains("480 x 270") && text.contains("320 x 180"), "{text}");

@@ -57,7 +57,7 @@ fn nothing_is_read_where_nothing_is_written() {
     for [width_px, height_px] in [[1, 1], [1, 500], [7, 3]] {
         for level in [0, 255] {
             let rgb8 = vec![level; 3 * width_px as usize * height_px as usize];
-            let photo = Photo { width_px, height_px, rgb8, scene_toml: None };
+            let photo = Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None });
             assert_eq!(read(&photo).text, "", "{width_px}x{height_px}");
         }
     }
@@ -68,7 +68,7 @@ fn a_word_is_found_by_its_ink_where_no_camera_is_known() {
     for text in ["NOOR", "JAZZ", "BOX"] {
         let strokes = word(text);
         let photo = Shot::new(&strokes).photo();
-        let view = locate(&photo, &read(&photo), &strokes).unwrap().unwrap();
+        let view = find_word(&photo, &read(&photo), &strokes).unwrap().unwrap();
         let verdict = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
         let verdict = verdict.score(&photo, &view).unwrap();
         assert!(verdict.readability > 0.5 && verdict.read == text, "{verdict:?}");
@@ -122,8 +122,8 @@ fn shapes_are_no_writing() {
     ];
     let is_writing = |moves: Vec<Move>| {
         let mut strokes = noor.clone();
-        strokes.glyphs.truncate(1);
-        strokes.glyphs[0].moves = moves;
+        strokes.edit(|strokes| strokes.glyphs.truncate(1));
+        strokes.edit(|strokes| strokes.glyphs[0].moves = moves);
         let shot = Shot { camera: camera(&noor, 480, 0.0), ..Shot::new(&strokes) };
         let reading = read(&shot.photo()).of_writing();
         !reading.text.is_empty()

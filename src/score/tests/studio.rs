@@ -9,7 +9,7 @@ use super::super::{Known, Reader, ScoreOptions, Verdict};
 use noctograph_core::camera::Camera;
 use noctograph_core::error::Result;
 use noctograph_core::geometry::camera_from_world;
-use noctograph_core::photo::Photo;
+use noctograph_core::photo::{Photo, PhotoData};
 use noctograph_core::srgb::encoded_from_linear;
 use noctograph_core::strokes::{Move, Strokes};
 use noctograph_letters::{LetterOptions, write};
@@ -223,11 +223,11 @@ impl Shot {
         };
         let rgb8 =
             linear.values.iter().flat_map(|value| self.tint.map(|tint| encode(tint * value)));
-        Photo {
+        Photo::made(PhotoData {
             rgb8: rgb8.collect(),
             width_px: self.camera.width_px,
             height_px: self.camera.height_px,
             scene_toml: None,
-        }
+        })
     }
 }

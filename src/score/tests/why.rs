@@ -90,7 +90,7 @@ fn a_letter_drawn_as_another_one_is_a_flaw_of_design() {
     let options = LetterOptions { font: "ae483-fixed".into(), ..Default::default() };
     for (character, flawed) in [('T', None), ('H', Some((Some(1), Some('T'))))] {
         let mut strokes = write("NTE", &options).unwrap();
-        strokes.glyphs[1].character = character;
+        strokes.edit(|strokes| strokes.glyphs[1].character = character);
         let verdict = explained(&Shot::new(&strokes), &strokes);
         let design = verdict.causes.iter().find(|cause| cause.kind == CauseKind::Design);
         let actual = design.map(|cause| (cause.letter, cause.reads_as));

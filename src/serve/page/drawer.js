@@ -344,7 +344,7 @@ function ofShot() {
   return parts;
 }
 
-/** @param {Remedy} remedy */
+/** @param {Suggestion} remedy */
 function remedy({ gain, set, said }) {
   const button = make(
     "button",
@@ -353,7 +353,7 @@ function remedy({ gain, set, said }) {
     make("small", {}, t("gain", { percent: Math.round(100 * gain) })),
   );
   button.onclick = () => {
-    put(Object.fromEntries(set.map(({ key, value }) => [key, value])));
+    put(Object.fromEntries(set.flatMap(({ key, value }) => (value === null ? [] : [[key, value]]))));
     build();
   };
   return button;

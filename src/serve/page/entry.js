@@ -11,9 +11,9 @@ import { day, LANGUAGES, preferred, putWords, sentence, speak, t } from "./words
 
 const photo = /** @type {HTMLImageElement} */ (byId("photo")),
   light = /** @type {HTMLCanvasElement} */ (byId("light"));
-/** @type {Entry | null} */
+/** @type {ForVisitor | null} */
 let entry = null;
-/** @type {Replay | null} */
+/** @type {LightMap | null} */
 let map = null;
 /** @type {((share: number) => void) | null} */
 let show = null;

@@ -27,7 +27,7 @@ function sheet(width, height) {
 
 /**
  * @param {HTMLImageElement} image decoded
- * @param {Replay} replay
+ * @param {LightMap} replay
  * @param {HTMLCanvasElement} canvas
  */
 export function exposure(image, replay, canvas) {

@@ -34,7 +34,7 @@ const strip = replay(byId("replay"), stage.expose);
  * @property {Said | null} error why there is no photograph
  * @property {Said | null} refused why it was not sent
  * @property {Said[]} stops why it is not safe to fly, as far as that is known
- * @property {Source | null} source what a file has
+ * @property {DrawnSource | null} source what a file has
  * @property {string} of what of the wish that depends on
  * @property {boolean} busy whether many wait
  * @property {boolean} linked whether its link was given

@@ -8,7 +8,7 @@ import { replay } from "./replay.js";
 import { refusal, save } from "./save.js";
 import { number, preferred, putWords, sentence, speak, t } from "./words.js";
 
-/** Tabs, and the states of an entry that are in each. @type {[string, EntryState[]][]} */
+/** Tabs, and the states of an entry that are in each. @type {[string, State[]][]} */
 const TABS = [
   ["waiting", ["waiting"]],
   ["approved", ["approved", "flying"]],
@@ -16,11 +16,11 @@ const TABS = [
   ["not-shown", ["rejected"]],
 ];
 
-/** @type {{ revision: number, paused: boolean, flying: string | null, entries: Entry[] }} */
+/** @type {{ revision: number, paused: boolean, flying: string | null, entries: ForOperator[] }} */
 let queue = { revision: -1, paused: false, flying: null, entries: [] };
 let tab = "waiting",
   chosen = "";
-/** What was answered, to be undone. @type {{ id: string, was: EntryState, now: EntryState }[]} */
+/** What was answered, to be undone. @type {{ id: string, was: State, now: State }[]} */
 const answered = [];
 /** When the one in the air took off, as far as this page knows. */
 let tookOff = 0;
@@ -36,7 +36,7 @@ const frame = make("div", { className: "frame" }, photo, light),
   bar = make("div", { className: "replay", dir: "ltr" });
 /** @type {((share: number) => void) | null} */
 let show = null;
-/** @type {Replay | null} */
+/** @type {LightMap | null} */
 let map = null;
 const strip = replay(bar, (share) => {
   light.hidden = share >= 1 || !map;
@@ -49,7 +49,7 @@ const strip = replay(bar, (share) => {
 const inTab = (/** @type {string} */ name) =>
   queue.entries.filter(({ state }) => TABS.find(([known]) => known === name)?.[1].includes(state));
 const current = () => queue.entries.find(({ id }) => id === chosen);
-const title = (/** @type {Entry} */ entry) => entry.title ?? t("a-drawing");
+const title = (/** @type {ForOperator} */ entry) => entry.title ?? t("a-drawing");
 
 /** Another entry, or another state of it, that nobody asked for: what was meant for the old waits. */
 function hold() {
@@ -104,7 +104,7 @@ function putHeader() {
   byId("export").setAttribute("aria-disabled", `${!ready}`);
 }
 
-/** @param {Entry[]} list */
+/** @param {ForOperator[]} list */
 function putList(list) {
   const box = byId("list"),
     had = box.contains(document.activeElement);
@@ -146,7 +146,7 @@ function putList(list) {
   if (had) /** @type {HTMLElement | null} */ (box.querySelector("[aria-current]"))?.focus();
 }
 
-/** What an operator should look at. @param {Entry} entry */
+/** What an operator should look at. @param {ForOperator} entry */
 function note(entry) {
   if (entry.stops.length) return sentence("stops", entry.stops[0]);
   if (entry.obstacles.length) return sentence("obstacles", entry.obstacles[0]);
@@ -206,12 +206,12 @@ function putEntry() {
   putPhoto(entry);
 }
 
-/** @param {Entry} entry */
+/** @param {ForOperator} entry */
 async function putPhoto(entry) {
   [show, map] = [null, null];
   photo.src = `entries/${entry.id}/photo.jpg`;
   photo.alt = entry.title === null ? t("alt-drawing") : t("alt", { title: entry.title });
-  const told = /** @type {Replay | null} */ (
+  const told = /** @type {LightMap | null} */ (
     await get(`entries/${entry.id}/replay.json`).catch(() => null)
   );
   await photo.decode().catch(() => {});
@@ -242,7 +242,7 @@ function step(word, face, by) {
   return button;
 }
 
-/** @param {Entry} entry */
+/** @param {ForOperator} entry */
 function actions(entry) {
   const gap = make("span", { className: "gap" });
   const order = [step("sooner", "↑", -1), step("later", "↓", 1)];
@@ -286,7 +286,7 @@ function actions(entry) {
   return [action("back-to-waiting", "W", "second", () => answer("wait")), watch];
 }
 
-/** @param {Entry} entry */
+/** @param {ForOperator} entry */
 const hide = ({ hidden }) =>
   action(hidden ? "show-again" : "take-down", "D", "second", () =>
     answer(hidden ? "show" : "hide"),
@@ -321,7 +321,7 @@ function putAir() {
 
 /* ---------- What is answered ---------- */
 
-const BECOMES = /** @type {Record<string, EntryState>} */ ({
+const BECOMES = /** @type {Record<string, State>} */ ({
   approve: "approved",
   reject: "rejected",
   wait: "waiting",
@@ -329,7 +329,7 @@ const BECOMES = /** @type {Record<string, EntryState>} */ ({
   flown: "flown",
 });
 
-/** @param {string} what @param {Entry | undefined} [entry] */
+/** @param {string} what @param {ForOperator | undefined} [entry] */
 async function answer(what, entry = current()) {
   if (!entry || entry.id === own || Date.now() < held) return;
   const at = inTab(tab).findIndex(({ id }) => id === entry.id);
@@ -512,7 +512,7 @@ addEventListener("keydown", (event) => {
 
 /* ---------- All together ---------- */
 
-/** Looks what the queue is now. @param {(list: Entry[]) => void} [then] before it is shown */
+/** Looks what the queue is now. @param {(list: ForOperator[]) => void} [then] before it is shown */
 async function load(then) {
   const told = await get("queue.json").catch(() => null);
   if (!told) return;

@@ -27,7 +27,7 @@ const note = make("p", {}),
   set = make("button", { type: "button", className: "second" });
 view.append(make("div", { className: "hold" }, box), note, set, inks);
 
-/** @type {Source | null} */
+/** @type {DrawnSource | null} */
 let source = null;
 /** Its strokes, as they are touched. @type {Stroke[]} */
 let strokes = [];
@@ -48,7 +48,7 @@ function size() {
 }
 
 /** Shows what is chosen of an opened file. */
-export function putPicture(/** @type {Source | null} */ found) {
+export function putPicture(/** @type {DrawnSource | null} */ found) {
   if (found !== source || !svg.childElementCount) putStrokes(found);
   const [width, height] = size();
   const picture = opened().kind === "jpg" ? `data:image/jpeg;base64,${opened().text}` : "";
@@ -66,7 +66,7 @@ export function putPicture(/** @type {Source | null} */ found) {
   putInks();
 }
 
-function putStrokes(/** @type {Source | null} */ found) {
+function putStrokes(/** @type {DrawnSource | null} */ found) {
   source = found;
   strokes = (found?.strokes ?? []).map(({ color, at }, i) => ({
     id: i + 1,

@@ -7,7 +7,7 @@ import { t } from "./words.js";
 const PLAYED_MS = 6000;
 const still = matchMedia("(prefers-reduced-motion: reduce)");
 
-/** Where the lamp begins and ends, in 1/100 s. @param {Replay} replay */
+/** Where the lamp begins and ends, in 1/100 s. @param {LightMap} replay */
 export function span({ strokes }) {
   const begin = strokes.reduce((least, { at }) => Math.min(least, at[0]), Infinity);
   const end = strokes.reduce((most, { at }) => Math.max(most, at[at.length - 3]), 0);
@@ -93,7 +93,7 @@ export function replay(box, expose) {
       put(share);
     },
     /** A new photograph: whole, unless it is one more of the same. */
-    load(/** @type {Replay} */ map, /** @type {number} */ flight_s, isSame = false) {
+    load(/** @type {LightMap} */ map, /** @type {number} */ flight_s, isSame = false) {
       if (!isSame) stop();
       seconds = flight_s;
       const { begin, length } = span(map);

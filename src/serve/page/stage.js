@@ -14,7 +14,7 @@ const light = /** @type {HTMLCanvasElement} */ (byId("light"));
 
 /** @type {((share: number) => void) | null} */
 let show = null;
-/** @type {Replay | null} */
+/** @type {LightMap | null} */
 let map = null;
 let wanted = 1;
 
@@ -37,7 +37,7 @@ export function expose(/** @type {number} */ share) {
 
 /**
  * Shows a photograph once it is decoded. Returns whether it is still wanted then.
- * @param {string} src @param {string} alt @param {Replay} replay @param {number} aspect
+ * @param {string} src @param {string} alt @param {LightMap} replay @param {number} aspect
  * @param {() => boolean} wanted
  */
 export async function hang(src, alt, replay, aspect, wanted) {
@@ -62,7 +62,7 @@ export async function hang(src, alt, replay, aspect, wanted) {
   return true;
 }
 
-/** Between which shares of the photograph's height the lamp shines. @param {Replay} replay */
+/** Between which shares of the photograph's height the lamp shines. @param {LightMap} replay */
 function extent({ strokes }) {
   const heights = strokes.flatMap(({ at }) => at.filter((_, i) => i % 3 === 2));
   const [top, bottom] = heights.reduce(([a, b], y) => [Math.min(a, y), Math.max(b, y)], [1e4, 0]);
@@ -82,7 +82,7 @@ export const dim = (/** @type {boolean} */ waits) => frame.classList.toggle("wai
 
 /**
  * The letters' places on the photograph, and what is wrong with those that do not read.
- * @param {Shot["boxes"]} boxes @param {Letter[]} read
+ * @param {Shot["boxes"] | undefined} boxes @param {LetterVerdict[]} read
  */
 export function mark(boxes, read) {
   const written = boxes?.length ? letters() : [];

@@ -178,7 +178,7 @@ async function putEvening() {
     canvas = make("canvas", { "aria-hidden": "true" });
   show.replaceChildren(make("div", { className: "frame" }, first, canvas));
   canvas.hidden = true;
-  const map = /** @type {Replay | null} */ (
+  const map = /** @type {LightMap | null} */ (
     await get(`wall/${photos[0].key}.json`).catch(() => null)
   );
   await first.decode().catch(() => {});

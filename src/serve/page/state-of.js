@@ -2,7 +2,7 @@
 
 import { t } from "./words.js";
 
-/** @param {Entry | null} entry */
+/** @param {ForVisitor | null} entry */
 export function becomes(entry) {
   if (!entry) return t("state-waiting");
   const parts = [t(`state-${entry.state}`)];

@@ -85,7 +85,7 @@ async function put(photo) {
   light.hidden = true;
   newest.dataset.key = photo.key;
   newest.replaceChildren(make("div", { className: "frame" }, whole, light), caption(photo, true));
-  const map = /** @type {Replay | null} */ (await get(`wall/${photo.key}.json`).catch(() => null));
+  const map = /** @type {LightMap | null} */ (await get(`wall/${photo.key}.json`).catch(() => null));
   await whole.decode().catch(() => {});
   byId("bare").hidden = photos.length > 0;
   if (map?.strokes.length && newest.dataset.key === photo.key)

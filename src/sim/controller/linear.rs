@@ -81,7 +81,7 @@ mod tests {
     use std::collections::VecDeque;
 
     use super::*;
-    use crate::design::design;
+    use crate::gain_design::design;
     use crate::options::{ControllerKind, Law, PidOptions};
     use crate::vehicle::Vehicle;
     use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -170,9 +170,11 @@ mod tests {
         for &kind in kinds.filter(|kind| !matches!(kind.law(), Law::StateFeedback { .. })) {
             let mut options = SimOptions::cf21();
             options.controller.kind = kind;
+            // The firmware's own leave 3 ms, little more than a tick.
+            options.controller.geometric.k_attitude = [330.0; 3];
             let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
             let design = design(&options, lag_s).unwrap();
-            assert!(design.k.is_none() && design.n_controller_states >= 6);
+            assert!(design.k.is_none() && design.n_controller_states >= 3);
             let margins = design.lagging_margins.expect("stable");
             for (input, name) in [(1, "tau_y"), (3, "f_z")] {
                 let one = margins[input];

@@ -144,6 +144,7 @@ mod tests {
             position_m: Vector3::new(0.3, 0.2, 0.8),
             velocity_m_s: Vector3::new(0.2, 0.1, -0.1),
             acceleration_m_s2: Vector3::new(0.0, 0.0, 1.19),
+            jerk_m_s3: Vector3::zeros(),
         };
         let held = regulator(ControllerKind::Lqr);
         assert_eq!(held.wrench(&at_rest(reference.held_m, 0.0), &reference).0, held.hover);

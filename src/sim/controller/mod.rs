@@ -13,7 +13,7 @@ mod reference;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::Vector4;
+use nalgebra::{Vector3, Vector4};
 
 use self::altitude::AltitudeHold;
 pub use self::altitude::ThrustMap;
@@ -25,7 +25,7 @@ use self::lqr::Lqr;
 use self::pid::PidCascade;
 pub(super) use self::reference::Reference;
 use super::options::{ControllerKind, SimOptions};
-use crate::vehicle::State;
+use crate::vehicle::{State, attitude, velocity};
 use noctograph_core::error::Result;
 
 /// A controller.
@@ -39,6 +39,17 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Learns that another kind of setpoint follows: the drone levels out, returns from it, or
     /// lands after full states.
     fn change_mode(&mut self, _: &State) {}
+
+    /// Turns estimate and reference into those by which the controller flies without setpoints, as
+    /// the firmware does: level, at the height of the last one, wherever that takes it. To the
+    /// controller it looks as if the drone stood at its place in x and y.
+    fn level_out(&self, estimate: &mut State, reference: &mut Reference) {
+        let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);
+        *reference = Reference::holding(held_m);
+        let world_from_body = attitude(estimate).world_from_body();
+        let rising_m_s = Vector3::z() * (world_from_body * velocity(estimate)).z;
+        estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
+    }
 
     /// What the controller remembers from one command to the next and acts on, as values that may
     /// be set; nothing for the regulators, whose gains are known.

@@ -18,6 +18,7 @@ use nalgebra::{Vector3, Vector4};
 use super::{Command, Controller, Reference};
 use crate::options::{PidOptions, SimOptions};
 use crate::vehicle::{Mixer, State, attitude, position, rate, velocity};
+use noctograph_core::crazyflie::Feature;
 
 /// Full command of a motor in the firmware.
 const FULL: f64 = 65_535.0;
@@ -161,14 +162,14 @@ impl PidCascade {
             velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
             attitude: with_bounds(attitude, [20.0, 20.0, 360.0], f64::INFINITY),
             rate,
-            most: if options.battery.is_compensated() { f64::INFINITY } else { vehicle.motor_max },
+            most: options.most_command(),
             scale: options.vehicle.motor_max / FULL,
             ticks_per_position: fast_hz / slow_hz,
             ticks: 0,
             wanted: [0.0; 2],
             thrust: 0.0,
             thrust_base,
-            resets: vehicle.firmware.resets_loops(),
+            resets: vehicle.firmware.has(&Feature::RESET),
         }
     }
 

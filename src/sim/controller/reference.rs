@@ -18,6 +18,8 @@ pub(crate) struct Reference {
     pub(crate) velocity_m_s: Vector3<f64>,
     /// Acceleration of the design.
     pub(crate) acceleration_m_s2: Vector3<f64>,
+    /// Jerk of a trajectory on board; setpoints that are sent carry none.
+    pub(crate) jerk_m_s3: Vector3<f64>,
 }
 
 impl Reference {
@@ -29,21 +31,29 @@ impl Reference {
             position_m: setpoint.design_m(time_s) + (sent_m - setpoint.position_m),
             velocity_m_s: setpoint.velocity_m_s + setpoint.acceleration_m_s2 * since_s,
             acceleration_m_s2: setpoint.acceleration_m_s2,
+            jerk_m_s3: Vector3::zeros(),
         }
     }
 
     /// A place that is held.
     pub(crate) fn holding(place_m: Vector3<f64>) -> Self {
         let still = Vector3::zeros();
-        Self { held_m: place_m, position_m: place_m, velocity_m_s: still, acceleration_m_s2: still }
+        Self {
+            held_m: place_m,
+            position_m: place_m,
+            velocity_m_s: still,
+            acceleration_m_s2: still,
+            jerk_m_s3: still,
+        }
     }
 
     /// The same, turned about the vertical axis.
     pub(crate) fn turned(self, angle_rad: f64) -> Self {
-        let Self { held_m, position_m, velocity_m_s, acceleration_m_s2 } = self;
-        let [held_m, position_m, velocity_m_s, acceleration_m_s2] =
-            [held_m, position_m, velocity_m_s, acceleration_m_s2].map(|v| turned(&v, angle_rad));
-        Self { held_m, position_m, velocity_m_s, acceleration_m_s2 }
+        let Self { held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3 } = self;
+        let [held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3] =
+            [held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3]
+                .map(|v| turned(&v, angle_rad));
+        Self { held_m, position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3 }
     }
 
     /// State and thrust per mass (m/s²) with which a drone that looks along x would follow the

@@ -6,7 +6,7 @@
 //! the filter would read a thrust map from that which is not there.
 
 use crate::controller::ThrustMap;
-use crate::estimate::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
+use crate::kalman::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
 use crate::options::AltitudeOptions;
 use crate::sensors::HeightSensor;
 use noctograph_core::crazyflie::GRAVITY_M_S2;

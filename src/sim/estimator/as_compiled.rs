@@ -10,28 +10,12 @@ use crate::sensors::{
     DECK_SENSORS_M, Generation, HeightSensor, Positioning, Range, Readings, SensorOptions, Station,
     StationPose, Sweep,
 };
+use crate::tests::Numbers;
 use crate::vehicle::{RigidBody, attitude};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::random::Noise;
 
 const TICK_S: f64 = 0.002;
-
-/// Numbers of the harness: splitmix64.
-struct Numbers(u64);
-
-impl Numbers {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
-    }
-
-    fn normal(&mut self) -> f64 {
-        let sum: f64 = (0..4).map(|_| self.uniform()).sum();
-        (sum - 2.0) * 1.732_050_807_568_877_2
-    }
-}
 
 /// `a sin³ wt` with its first two derivatives.
 fn bow(a: f64, w: f64, t: f64) -> [f64; 3] {

@@ -12,7 +12,7 @@
 use nalgebra::Vector3;
 
 use super::ekf::START;
-use crate::estimate::{Density, ERRORS, Measurement, Normal, Part, Span, toward, variance_rate};
+use crate::kalman::{Density, ERRORS, Measurement, Normal, Part, Span, toward, variance_rate};
 use crate::options::{EstimatorKind, SimOptions};
 use crate::sensors::{Clock, HeightSensor, SensorOptions, Turn, turns};
 use noctograph_core::crazyflie::GRAVITY_M_S2;

@@ -24,9 +24,9 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimator;
+use super::delayed::{DelayedState, delayed, interpolated};
 use super::ekf::{Ekf, START, Source};
-use super::past::{Past, interpolated, past};
-use crate::estimate::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
+use crate::kalman::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
 use crate::options::{ObserverOptions, Share};
 use crate::sensors::{
     Fleet, Leg, Message, PeerRange, Readings, Reckoning, SensorOptions, Shared, Target,
@@ -176,28 +176,28 @@ impl Cooperative {
     }
 
     /// Place of another drone at a time up to its last message.
-    fn past_of_peer(&self, k: usize, time_s: f64) -> Option<Past> {
+    fn delayed_state_of_peer(&self, k: usize, time_s: f64) -> Option<DelayedState> {
         let peer = &self.peers[k];
         let now = peer.motions.back()?;
         let then = interpolated(&peer.motions, time_s)?;
-        Some(past(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
+        Some(delayed(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
     }
 
     /// Takes in the ranges of another drone to anchors, and its heights.
     fn correct_peer(&mut self, k: usize, message: &Message) {
         for shared in message.ranges.iter().chain(&message.heights) {
-            let Some(past) = self.past_of_peer(k, shared.time_s) else { continue };
+            let Some(then) = self.delayed_state_of_peer(k, shared.time_s) else { continue };
             let (direction, expected_m) = match shared.target {
                 Target::Anchor(anchor) => match self.own.model.anchors_m.get(anchor) {
-                    Some(anchor_m) => toward(&(past.position_m - anchor_m)),
+                    Some(anchor_m) => toward(&(then.position_m - anchor_m)),
                     None => continue,
                 },
-                Target::Height(_) => (Vector3::z(), past.position_m.z),
+                Target::Height(_) => (Vector3::z(), then.position_m.z),
                 Target::Drone(_) => continue,
             };
-            let slope = past.slope(k + 1, direction, None);
+            let jacobian = then.jacobian(k + 1, direction, None);
             let link = (message.from, shared.target);
-            self.correct(link, &slope, shared.measured_m - expected_m, shared.variance);
+            self.correct(link, &jacobian, shared.measured_m - expected_m, shared.variance);
         }
     }
 
@@ -213,7 +213,8 @@ impl Cooperative {
             }
             let own = &self.own.motion;
             let no_tilt = Vector3::zeros();
-            let here = past(own.position_m, own.velocity_m_s, no_tilt, &self.dead_reckoning, &then);
+            let here =
+                delayed(own.position_m, own.velocity_m_s, no_tilt, &self.dead_reckoning, &then);
             let world_from_body = own.world_from_body;
             let link = (self.place, Target::Drone(place));
             let variance = self.own.model.range[TWO_WAY];
@@ -222,15 +223,15 @@ impl Cooperative {
                 let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
                 let theirs = direction.dot(&(covariance * direction));
-                let slope = here.slope(0, direction, Some(&world_from_body));
-                self.correct(link, &slope, distance_m - expected_m, variance + theirs);
-            } else if let Some(there) = self.past_of_peer(k, then.time_s) {
+                let jacobian = here.jacobian(0, direction, Some(&world_from_body));
+                self.correct(link, &jacobian, distance_m - expected_m, variance + theirs);
+            } else if let Some(there) = self.delayed_state_of_peer(k, then.time_s) {
                 let (direction, expected_m) = toward(&(here.position_m - there.position_m));
-                let slope = [
-                    here.slope(0, direction, Some(&world_from_body)),
-                    there.slope(k + 1, -direction, None),
+                let jacobian = [
+                    here.jacobian(0, direction, Some(&world_from_body)),
+                    there.jacobian(k + 1, -direction, None),
                 ];
-                self.correct(link, slope.as_flattened(), distance_m - expected_m, variance);
+                self.correct(link, jacobian.as_flattened(), distance_m - expected_m, variance);
             }
         }
     }
@@ -263,13 +264,16 @@ impl Cooperative {
             if self.used.len() > RANGES_KEPT {
                 self.used.pop_front();
             }
-            let pasts = self.past_of_peer(i, range.time_s).zip(self.past_of_peer(j, range.time_s));
-            let Some((one, two)) = pasts else { continue };
+            let states = self
+                .delayed_state_of_peer(i, range.time_s)
+                .zip(self.delayed_state_of_peer(j, range.time_s));
+            let Some((one, two)) = states else { continue };
             let (direction, expected_m) = toward(&(one.position_m - two.position_m));
-            let slope = [one.slope(i + 1, direction, None), two.slope(j + 1, -direction, None)];
+            let jacobian =
+                [one.jacobian(i + 1, direction, None), two.jacobian(j + 1, -direction, None)];
             let link = (key.1, Target::Drone(key.2));
             let variance = self.own.model.range[TWO_WAY];
-            self.correct(link, slope.as_flattened(), range.measured_m - expected_m, variance);
+            self.correct(link, jacobian.as_flattened(), range.measured_m - expected_m, variance);
         }
     }
 

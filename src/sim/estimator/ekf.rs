@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::sweep_filter::SweepFilter;
 use super::{Estimator, state_at};
-use crate::estimate::{
+use crate::kalman::{
     Density, Inertial, Measurement, Normal, Part, StepTest, TURN, toward, variance_rate,
 };
 use crate::options::EkfOptions;

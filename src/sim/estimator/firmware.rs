@@ -26,7 +26,7 @@ use super::deck::{Deck, Rotation};
 use super::ekf::{Model, START};
 use super::sweep_filter::SweepFilter;
 use super::tdoa_filter::TdoaFilter;
-use crate::estimate::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles};
+use crate::kalman::{Measurement, Normal, Part, TURN, Turned, VELOCITY, angles};
 use crate::options::{FirmwareOptions, HorizontalForce, ObserverOptions, SweepAttitude};
 use crate::sensors::{DECK_SENSORS_M, Range, Readings, SensorOptions};
 use crate::vehicle::{State, state};

@@ -315,7 +315,7 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
     let rms_m = |options: &SimOptions| {
         let errors_m = (0..2).flat_map(|seed| {
             let flight = flown(&plan, options, seed).unwrap();
-            let in_air = flight.samples.into_iter().filter(|s| s.letter.is_some());
+            let in_air = flight.samples.iter().filter(|s| s.letter.is_some());
             in_air.map(|s| s.position_m.z - s.estimate_m.z).collect::<Vec<f64>>()
         });
         let all: Vec<f64> = errors_m.collect();

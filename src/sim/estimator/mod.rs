@@ -9,12 +9,12 @@ mod as_compiled;
 mod bound;
 mod cooperative;
 mod deck;
+mod delayed;
 mod ekf;
 mod firmware;
 #[cfg(test)]
 mod in_flight;
 mod luenberger;
-mod past;
 mod sweep_filter;
 mod tdoa_filter;
 
@@ -29,14 +29,14 @@ use self::firmware::Firmware;
 use self::luenberger::Observer;
 pub(super) use self::luenberger::{hover_model, observer_gain, without_yaw};
 use super::options::{EstimatorKind, SimOptions};
-use crate::estimate::{Inertial, angles};
+use crate::kalman::{Inertial, angles};
 use crate::sensors::{Fleet, Positioning, Readings};
 use crate::vehicle::{RigidBody, State, state};
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
 
 /// An estimator outside the program: what it makes of the readings of a tick and its duration in s,
-/// in the order of [`STATES`](crate::design::STATES).
+/// in the order of [`STATES`](crate::gain_design::STATES).
 pub type Update = Box<dyn FnMut(&Readings<'_>, f64) -> [f64; 12] + Send>;
 
 /// An estimator outside the program, and its last estimate.

@@ -44,7 +44,8 @@ settings! {
         "lqr-integral" => LqrIntegral,
         /// The firmware's default cascade of PID loops, on held position setpoints.
         "pid" => Pid,
-        /// Geometric tracking on SE(3) (Lee, Leok, `McClamroch` 2010), about the moving design.
+        /// Geometric tracking on SE(3) (Lee, Leok, `McClamroch` 2010) on full states, as in the
+        /// firmware.
         "geometric" => Geometric,
         /// Altitude by the estimated thrust map, all else as lqr-feedforward.
         "altitude" => Altitude,
@@ -139,8 +140,8 @@ settings! {
     ///
     /// Default: gains that are those of the team's regulator for small angles (its gains over the
     /// inertia, and over that of the pitch times gravity), with integrals slow beside them. The
-    /// firmware's own (`controller_lee.c`, commit 0640f1c: 9, 7, 5, over Förster's inertia 332, 78,
-    /// 724) tolerate more motor lag, and round the corners of letters two and a half times as much.
+    /// firmware's own (`controller_lee.c`, releases 2024.10 to 2026.08: 7, 4, 0, over Förster's
+    /// inertia 422, 69, 1810) tolerate more motor lag.
     pub struct GeometricOptions {
         /// Acceleration per position error, 1/s².
         k_position: f64 = 9.8, in 0.0..=1e4;

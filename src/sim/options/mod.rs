@@ -129,6 +129,15 @@ impl SimOptions {
         PlantOptions { vehicle, battery, air, floor }
     }
 
+    /// Largest command that the firmware gives a motor: none where it compensates the battery
+    /// first, and the battery caps what it drives.
+    pub(crate) fn most_command(&self) -> f64 {
+        match self.battery.is_compensated() {
+            true => f64::INFINITY,
+            false => self.vehicle.motor_max,
+        }
+    }
+
     /// Hover throttle that the altitude filter believes before the flight.
     pub fn believed_hover_throttle(&self) -> f64 {
         self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())

@@ -90,7 +90,7 @@ impl Imu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::estimate::variance_rate;
+    use crate::kalman::variance_rate;
     use crate::sensors::density::{gathered, random_walk_density, white_density};
 
     const RATE_HZ: f64 = 500.0;

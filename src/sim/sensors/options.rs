@@ -122,16 +122,16 @@ settings! {
         /// each station's mirror image.
         ///
         /// They reach `sweeps` and `crossing-beams`, as do people and silent stations.
-        mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
-            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        /// `check` keeps the flight away from them with any positioning.
+        mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4;
         /// Panes of glass: a point and the normal of each. They reflect 8 % at normal incidence and
         /// more at grazing incidence; the deck receives a reflection up to 6 m times the root of
         /// the reflectance.
-        panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4,
-            for "sensors.positioning" = "crossing-beams" | "sweeps";
-        /// People who stand in the light, 1.8 m high: x, y and radius of each.
-        people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4,
-            for "sensors.positioning" = "crossing-beams" | "sweeps";
+        panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4;
+        /// People in the room, 1.8 m high: x, y and radius of each. They take the light of
+        /// `sweeps` and `crossing-beams`. `check` keeps the flight away from them with any
+        /// positioning.
+        people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4;
         /// Outages: number of the station, from 0, and the outage's begin and end, s.
         silent: Vec<[f64; 3]> = Vec::new(), in 0.0..=1e5,
             for "sensors.positioning" = "crossing-beams" | "sweeps";

@@ -35,8 +35,10 @@ pub(super) struct Limit {
     pub(super) gain: f64,
     /// Largest thrust.
     pub(super) max_n: f64,
-    /// Thrust below which a motor stops.
+    /// Thrust below which a motor stops, or idles.
     pub(super) least_n: f64,
+    /// Thrust of an idling motor.
+    pub(super) idle_n: f64,
 }
 
 impl Battery {
@@ -81,20 +83,23 @@ impl Battery {
     #[inline(always)]
     pub(super) fn limit(&self, full_n: f64) -> Limit {
         if self.is_cut_off() {
-            return Limit { gain: 0.0, max_n: 0.0, least_n: 0.0 };
+            return Limit { gain: 0.0, max_n: 0.0, least_n: 0.0, idle_n: 0.0 };
         }
         let max_n = self.thrust_n(self.voltage_v);
         match self.options.compensation {
-            Compensation::Firmware => {
-                Limit { gain: 1.0, max_n, least_n: self.options.least_thrust_n }
-            }
-            Compensation::None => Limit { gain: max_n / full_n, max_n, least_n: 0.0 },
+            Compensation::Firmware => Limit {
+                gain: 1.0,
+                max_n,
+                least_n: self.options.least_thrust_n,
+                idle_n: self.idle_n(),
+            },
+            Compensation::None => Limit { gain: max_n / full_n, max_n, least_n: 0.0, idle_n: 0.0 },
         }
     }
 
     /// Thrusts that a battery gives that cannot give those wanted: with the firmware's
-    /// compensation, duty cycles lowered by what the largest one exceeds a full one; else each
-    /// motor full.
+    /// compensation, duty cycles lowered by what the largest one exceeds a full one, but not below
+    /// idling; else each motor full.
     #[inline(never)]
     pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
         if self.is_cut_off() || self.options.compensation == Compensation::None {
@@ -102,8 +107,20 @@ impl Battery {
         }
         let motors_v = wanted_n.map(|wanted_n| self.motor_v(wanted_n));
         let excess_v = motors_v.max() - self.voltage_v;
-        motors_v
-            .map(|motor_v| if motor_v > excess_v { self.thrust_n(motor_v - excess_v) } else { 0.0 })
+        let idle_n = self.idle_n();
+        motors_v.map(|motor_v| match motor_v > excess_v {
+            true => self.thrust_n(motor_v - excess_v).max(idle_n),
+            false => idle_n,
+        })
+    }
+
+    /// Thrust of an idling motor at the present voltage.
+    #[inline(always)]
+    fn idle_n(&self) -> f64 {
+        match self.options.idle_frac > 0.0 {
+            true => self.thrust_n(self.options.idle_frac * self.voltage_v),
+            false => 0.0,
+        }
     }
 
     /// Thrust of a motor at a voltage.
@@ -204,6 +221,19 @@ mod tests {
         assert_eq!(given_n[3], 0.0);
         battery.options.compensation = Compensation::None;
         assert_eq!(battery.lowered(&wanted_n, max_n)[1], wanted_n[1], "each alone");
+    }
+
+    #[test]
+    fn an_armed_motor_idles() {
+        let options = SimOptions::cf_brushless();
+        let mut battery = Battery::new(&options.battery).unwrap();
+        battery.voltage_v = 4.0;
+        let limit = battery.limit(0.2);
+        // 7000 of 65,535 of 4 V.
+        assert!((limit.idle_n - 0.00466).abs() < 1e-4, "{} N", limit.idle_n);
+        let given_n = battery.lowered(&Vector4::new(0.4, 0.1, 0.001, 0.0), limit.max_n);
+        assert_eq!((given_n[2], given_n[3]), (limit.idle_n, limit.idle_n));
+        assert_eq!(cf21().0.limit(0.12).idle_n, 0.0, "brushed motors stop");
     }
 
     #[test]

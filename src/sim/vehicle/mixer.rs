@@ -46,24 +46,34 @@ impl Mixer {
         self.motors_from_wrench * wrench
     }
 
-    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, none below zero,
-    /// and whether any was cut.
-    ///
-    /// Where a motor is asked for more than `most`, all four are lowered by the excess: thrust
-    /// gives way to attitude (firmware `power_distribution_quadrotor.c`, `powerDistributionLegacy`
-    /// and `powerDistributionCap`). Where the battery's compensation comes first and caps what it
-    /// drives, there is no most (`stabilizer.c`, `controlMotors`).
+    /// Commands m1…m4 that the firmware distributes for a wrench, none below zero or above
+    /// `most`, and whether any was cut (`power_distribution_quadrotor.c`,
+    /// `powerDistributionForceTorque`).
+    pub(crate) fn distributed(&self, wrench: &Wrench, most: f64) -> (Vector4<f64>, bool) {
+        capped(&self.unbounded_motors(wrench), most)
+    }
+
+    /// Commands m1…m4 for commanded roll, pitch, yaw and thrust in the same unit, likewise
+    /// (`powerDistributionLegacy`).
     pub(crate) fn motors_from_commands(commands: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
-        let wanted = MOTOR_SIGNS.transpose() * commands;
-        let excess = (wanted.max() - most).max(0.0);
-        let motors = wanted.map(|m| (m - excess).max(0.0));
-        (motors, motors != wanted)
+        capped(&(MOTOR_SIGNS.transpose() * commands), most)
     }
 
     /// Wrench of four commands, with immediate motors and the center of mass in the middle.
     pub(crate) fn wrench(&self, motors: &Vector4<f64>) -> Wrench {
         self.wrench_from_motors * motors
     }
+}
+
+/// Commands of which none is below zero or above `most`, and whether any was cut.
+///
+/// Where a motor is asked for more than `most`, all four are lowered by the excess: thrust gives
+/// way to attitude (`powerDistributionCap`). Where the battery's compensation comes first and caps
+/// what it drives, there is no most here (`stabilizer.c`, `controlMotors`).
+fn capped(wanted: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
+    let excess = (wanted.max() - most).max(0.0);
+    let motors = wanted.map(|m| (m - excess).max(0.0));
+    (motors, motors != *wanted)
 }
 
 #[cfg(test)]
@@ -107,6 +117,17 @@ mod tests {
             let weak = Mixer::motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0), most);
             assert_eq!(weak, (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));
         }
+    }
+
+    #[test]
+    fn a_wrench_beyond_the_motors_keeps_its_torque() {
+        let options = VehicleOptions::default();
+        let mixer = Mixer::new(&options);
+        let wrench = Wrench::new(2e-4, -3e-4, 1e-4, 0.6);
+        let (motors, cut) = mixer.distributed(&wrench, options.motor_max);
+        let given = mixer.wrench(&motors);
+        assert!(cut && (motors.max() - options.motor_max).abs() < 1e-9, "{motors}");
+        assert!((given - wrench).xyz().norm() < 1e-15 && given[3] < 0.52, "{given}");
     }
 
     #[test]

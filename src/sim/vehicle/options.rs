@@ -19,7 +19,7 @@ settings! {
     /// `docs/functional-areas/pwm-to-thrust.md`); propellers of radius 23 mm, 30 mm above the floor
     /// (constants of the ground-effect module in `XinLong-Li/cf-frimware-2022-12`).
     pub struct VehicleOptions {
-        /// Release of the Crazyflie's firmware.
+        /// Release of the Crazyflie's firmware, with or without the number of a patch.
         firmware: Release = Release::MODELED;
         /// Mass with battery and decks.
         mass_kg: f64 = 0.0351, in 1e-3..=100.0;
@@ -128,6 +128,8 @@ settings! {
         compensation: Compensation = Compensation::Firmware;
         /// Thrust below which the firmware's compensation stops a motor, N.
         least_thrust_n: f64 = 0.0, in 0.0..=1e3, for "battery.compensation" = "firmware";
+        /// Least duty cycle of an armed motor in the air, as a share of a full one.
+        idle_frac: f64 = 0.0, in 0.0..=1.0, for "battery.compensation" = "firmware";
         /// Voltage under load below which, after 5 s, the motors stop for good; 0: never.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
     }
@@ -136,8 +138,8 @@ settings! {
     pub enum Compensation {
         /// A command is a thrust: the duty cycle rises as the voltage falls. Where one motor's is
         /// full, all four are lowered by the same amount: attitude has priority over thrust. The
-        /// controller `pid` may thus command more than `vehicle.motor_max`, which a full battery
-        /// gives.
+        /// controllers `pid` and `geometric` may thus command more than `vehicle.motor_max`, which
+        /// a full battery gives.
         ///
         /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
         /// `powerDistributionCap`, `power_distribution_quadrotor.c`.

@@ -192,7 +192,7 @@ impl Plant {
 
     /// Thrust toward which each motor is driven.
     #[inline(always)]
-    fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
+    pub(crate) fn thrusts_n(&mut self, commands: &[f64; 4]) -> Vector4<f64> {
         let thrusts_n = Vector4::from(*commands) * self.thrust_per_command_n;
         let Some(battery) = &self.battery else {
             let full_n = thrusts_n.map(|thrust_n| thrust_n.min(self.full_thrust_n));
@@ -200,7 +200,7 @@ impl Plant {
         };
         let limit = battery.limit(self.full_thrust_n);
         let mut wanted_n =
-            (thrusts_n * limit.gain).map(|n| if n < limit.least_n { 0.0 } else { n });
+            (thrusts_n * limit.gain).map(|n| if n < limit.least_n { limit.idle_n } else { n });
         if wanted_n.max() > limit.max_n {
             self.short_steps += 1;
             wanted_n = battery.lowered(&wanted_n, limit.max_n);

@@ -38,7 +38,7 @@ impl FrameAlignment {
     /// A flight with every sample moved.
     fn placed(&self, flight: &Flight) -> Flight {
         let mut placed = flight.clone();
-        placed.samples.iter_mut().for_each(|sample| self.place(sample));
+        placed.edit(|placed| placed.samples.iter_mut().for_each(|sample| self.place(sample)));
         placed
     }
 

@@ -18,7 +18,7 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use noctograph_core::error::{Error, Result, within};
-use noctograph_core::flight::{Flight, FlightSample, Quantity};
+use noctograph_core::flight::{Flight, FlightData, FlightSample, Quantity};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::input_error;
 use noctograph_core::statistics::weighted_quantile;
@@ -155,7 +155,7 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
 fn flown(flight: &Flight) -> Result<Flight> {
     let samples = Part::Airborne.samples(flight)?.into_iter();
     let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
-    Ok(Flight { samples, ..Flight::default() })
+    Ok(Flight::made(FlightData { samples, ..FlightData::default() }))
 }
 
 /// Letters of two flights that lie this far apart are different ones: a fifth of a capital.

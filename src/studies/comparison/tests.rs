@@ -16,10 +16,12 @@ fn aside(wait_s: f64, step_s: f64) -> Flight {
 #[test]
 fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
     let (a, mut b) = (aside(1.0, 0.004), aside(2.7, 0.011));
-    for sample in &mut b.samples {
-        sample.time_s += 523.25;
-        sample.position_m += Vector3::new(0.0, 0.01, -0.03);
-    }
+    b.edit(|b| {
+        for sample in &mut b.samples {
+            sample.time_s += 523.25;
+            sample.position_m += Vector3::new(0.0, 0.01, -0.03);
+        }
+    });
     let options = ComparisonOptions { part: Part::All, ..Default::default() };
     let comparison = compare(&a, &b, &options).unwrap();
     near(comparison.offset_s, -524.95, 2e-4, "offset");
@@ -34,10 +36,12 @@ fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
 #[test]
 fn flown_paths_set_the_clocks_where_setpoints_lead() {
     let (a, mut b) = (aside(1.0, 0.004), aside(1.0, 0.01));
-    for sample in &mut b.samples {
-        sample.design_m = square(sample.time_s - 0.5);
-        sample.time_s += 40.0;
-    }
+    b.edit(|b| {
+        for sample in &mut b.samples {
+            sample.design_m = square(sample.time_s - 0.5);
+            sample.time_s += 40.0;
+        }
+    });
     let by = |alignment| {
         let options = ComparisonOptions { alignment, ..Default::default() };
         compare(&a, &b, &options).unwrap()
@@ -61,7 +65,7 @@ fn gaps_are_not_interpolated() {
     let whole = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     assert_eq!(whole.n_samples, 1201);
     // B is silent for 0.7 s and jumps meanwhile.
-    b.samples.retain(|sample| sample.time_s <= 3.0 || sample.time_s >= 3.7);
+    b.edit(|b| b.samples.retain(|sample| sample.time_s <= 3.0 || sample.time_s >= 3.7));
     let options = ComparisonOptions::default();
     let gapped = compare(&a, &b, &options).unwrap();
     assert_eq!((gapped.n_samples, gapped.max_m), (1201 - 69, 0.0), "the gap is left out");
@@ -72,15 +76,17 @@ fn gaps_are_not_interpolated() {
 #[test]
 fn attitude_is_compared_the_short_way_round() {
     let (mut a, mut b) = (aside(0.0, 0.01), aside(0.0, 0.02));
-    a.samples.iter_mut().for_each(|sample| sample.attitude.yaw_rad = 3.1);
-    for (k, sample) in b.samples.iter_mut().enumerate() {
-        let turn = if k % 2 == 0 { 0.0 } else { std::f64::consts::TAU };
-        sample.attitude.yaw_rad = -3.1 + turn;
-    }
+    a.edit(|a| a.samples.iter_mut().for_each(|sample| sample.attitude.yaw_rad = 3.1));
+    b.edit(|b| {
+        for (k, sample) in b.samples.iter_mut().enumerate() {
+            let turn = if k % 2 == 0 { 0.0 } else { std::f64::consts::TAU };
+            sample.attitude.yaw_rad = -3.1 + turn;
+        }
+    });
     let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     let turned = comparison.attitude_rmse.unwrap();
     near(turned.yaw_rad, std::f64::consts::TAU - 6.2, 1e-9, "yaw");
-    b.unlogged = [Quantity::Attitude].into();
+    b.edit(|b| b.unlogged = [Quantity::Attitude].into());
     let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     assert_eq!(comparison.attitude_rmse, None, "not logged");
 }
@@ -99,7 +105,10 @@ fn flights_of_different_words_are_refused() {
                 ..FlightSample::default()
             }
         };
-        Flight { samples: (0..100).map(sample).collect(), ..Flight::default() }
+        Flight::made(FlightData {
+            samples: (0..100).map(sample).collect(),
+            ..FlightData::default()
+        })
     }
     let options = ComparisonOptions { part: Part::Letters, ..ComparisonOptions::default() };
     assert!(compare(&sweep(0.5), &sweep(0.52), &options).is_ok(), "2 cm");
@@ -132,13 +141,17 @@ fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
 fn captured(turn_rad: f64, shift_m: Vector3<f64>, noise_m: f64) -> Flight {
     let mut flight = aside(1.0, 0.01);
     let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
-    for (index, sample) in flight.samples.iter_mut().enumerate() {
-        sample.time_s += 7.0;
-        let shake = noise_m * if index % 2 == 0 { 1.0 } else { -1.0 };
-        sample.position_m = turn * (sample.position_m + Vector3::y() * shake) + shift_m;
-        sample.design_m = Vector3::zeros();
-    }
-    flight.unlogged = [Quantity::Design, Quantity::Attitude, Quantity::Motors].into();
+    flight.edit(|flight| {
+        for (index, sample) in flight.samples.iter_mut().enumerate() {
+            sample.time_s += 7.0;
+            let shake = noise_m * if index % 2 == 0 { 1.0 } else { -1.0 };
+            sample.position_m = turn * (sample.position_m + Vector3::y() * shake) + shift_m;
+            sample.design_m = Vector3::zeros();
+        }
+    });
+    flight.edit(|flight| {
+        flight.unlogged = [Quantity::Design, Quantity::Attitude, Quantity::Motors].into()
+    });
     flight
 }
 
@@ -185,7 +198,9 @@ fn one_frame_is_not_moved_and_two_that_no_transform_joins_are_refused() {
     assert!(error.contains("after the best turn and shift"), "{error}");
     // Setpoints say the frame: a drone that flew elsewhere did so.
     let mut elsewhere = aside(1.0, 0.01);
-    elsewhere.samples.iter_mut().for_each(|sample| sample.position_m.x += 1.0);
+    elsewhere.edit(|elsewhere| {
+        elsewhere.samples.iter_mut().for_each(|sample| sample.position_m.x += 1.0)
+    });
     let comparison =
         compare(&a, &elsewhere, &ComparisonOptions { part: Part::All, ..Default::default() });
     assert_eq!(comparison.unwrap().placement, None);

@@ -1,3 +1,4 @@
+use noctograph_core::flight::FlightData;
 use std::fmt::Write;
 
 use super::*;
@@ -142,29 +143,35 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
         motors: [43_000.0 + f64::from(i / 100 % 7), 43_000.0, 43_000.0, 43_000.0],
         ..FlightSample::default()
     };
-    let hover = || Flight { samples: (0..3000).map(sample).collect(), ..Flight::default() };
+    let hover = || {
+        Flight::made(FlightData {
+            samples: (0..3000).map(sample).collect(),
+            ..FlightData::default()
+        })
+    };
     let log = GatheredLog { path: "a".into(), drone: "a".into(), name: "a".into() };
     let flaws = |flight: Result<Flight>| EveningLog::new(&log, flight, &scene).flaws;
     assert_eq!(flaws(Ok(hover())), []);
     let warnings = |flight: Flight| EveningLog::new(&log, Ok(flight), &scene).warnings;
     assert!(warnings(hover())[0].contains("does not show the rotors' lag"));
     let mut moving = hover();
-    moving.samples[1500].design_m.x = 0.1;
+    moving.edit(|moving| moving.samples[1500].design_m.x = 0.1);
     assert_eq!(warnings(moving), [""; 0]);
     let (mut short, mut holed, mut limited, mut silent) = (hover(), hover(), hover(), hover());
-    short.samples.truncate(500);
+    short.edit(|short| short.samples.truncate(500));
     assert!(matches!(flaws(Ok(short))[..], [Flaw::Short(s)] if (s - 4.99).abs() < 1e-9));
-    holed.samples.drain(1000..1500);
-    holed.gaps = vec![[9.99, 15.0]];
+    holed.edit(|holed| _ = holed.samples.drain(1000..1500));
+    holed.edit(|holed| holed.gaps = vec![[9.99, 15.0]]);
     assert!(
         matches!(flaws(Ok(holed))[..], [Flaw::Gaps(share)] if (share - 5.01 / 29.99).abs() < 1e-9)
     );
-    limited.samples[..100].iter_mut().for_each(|s| s.motors[1] = 65_535.0);
+    limited.edit(|limited| limited.samples[..100].iter_mut().for_each(|s| s.motors[1] = 65_535.0));
     assert!(matches!(flaws(Ok(limited))[..], [Flaw::Saturated(s)] if (s - 1.0).abs() < 1e-9));
-    silent.unlogged = [Quantity::Motors].into();
+    silent.edit(|silent| silent.unlogged = [Quantity::Motors].into());
     assert!(matches!(flaws(Ok(silent))[..], [Flaw::Silent(_)]));
     let mut frozen = hover();
-    frozen.samples.iter_mut().for_each(|sample| sample.motors = [43_000.0; 4]);
+    frozen
+        .edit(|frozen| frozen.samples.iter_mut().for_each(|sample| sample.motors = [43_000.0; 4]));
     assert_eq!(flaws(Ok(frozen)), [Flaw::Frozen]);
     let missing = noctograph_core::error::Error::Stopped;
     assert!(matches!(flaws(Err(missing))[..], [Flaw::Unreadable(_)]));

@@ -6,7 +6,7 @@ use super::scenario::{HoldScenario, SPEED_M_S};
 use super::{Hold, HoldSample, SAMPLES_HZ, SET_M};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::Result;
-use noctograph_plan::{Plan, Setpoint};
+use noctograph_plan::{Plan, PlanData, Setpoint};
 use noctograph_sim::vehicle::Plant;
 use noctograph_sim::{Avionics, Drone, SimOptions, fly_watched};
 
@@ -61,5 +61,5 @@ fn level_flight(duration_s: f64) -> Plan {
         acceleration_m_s2: Vector3::zeros(),
         letter: None,
     });
-    Plan { setpoints: setpoints.collect(), ..Plan::default() }
+    Plan::made(PlanData { setpoints: setpoints.collect(), ..PlanData::default() })
 }

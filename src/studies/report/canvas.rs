@@ -9,7 +9,7 @@ use tiny_skia::{
 };
 
 use noctograph_letters::{Cell, Font, Trace};
-use noctograph_picture::photo::{self, Photo};
+use noctograph_picture::photo::{self, Photo, PhotoData};
 
 /// Red, green, blue.
 pub(super) type Rgb = [u8; 3];
@@ -101,7 +101,7 @@ impl Canvas {
 
     /// A canvas over a photo, which the file has inside.
     pub(super) fn over(photo: &Photo) -> Self {
-        let Photo { width_px, height_px, .. } = photo;
+        let PhotoData { width_px, height_px, .. } = &**photo;
         let image = format!(
             "<image width=\"{width_px}\" height=\"{height_px}\" \
              href=\"data:image/png;base64,{}\"/>\n",
@@ -218,7 +218,7 @@ impl Pixels {
         let [width_px, height_px] = [self.pixels.width(), self.pixels.height()];
         let rgba = self.pixels.take();
         let rgb8 = rgba.as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect();
-        Photo { width_px, height_px, rgb8, scene_toml: None }
+        Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
     /// The lines of a text from its lower left corner on, and its right end. Characters that the
@@ -309,7 +309,8 @@ mod tests {
     #[test]
     fn pixels_show_what_the_file_says() {
         let (width_px, height_px, rgb8) = (100, 60, vec![255; 3 * 6000]);
-        let mut pixels = Pixels::new(&Photo { width_px, height_px, rgb8, scene_toml: None });
+        let mut pixels =
+            Pixels::new(&Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }));
         draw(&mut pixels);
         let picture = pixels.photo();
         let pixel = |x: usize, y: usize| &picture.rgb8[3 * (100 * y + x)..][..3];

@@ -47,11 +47,16 @@ pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::photo::PhotoData;
 
     #[test]
     fn a_label_is_written_and_leads_to_what_it_names() {
-        let photo =
-            Photo { width_px: 200, height_px: 100, rgb8: vec![0; 60_000], scene_toml: None };
+        let photo = Photo::made(PhotoData {
+            width_px: 200,
+            height_px: 100,
+            rgb8: vec![0; 60_000],
+            scene_toml: None,
+        });
         let label = Label { text: "lamp".into(), text_px: [20.0, 30.0], named_px: [150.0, 80.0] };
         let drawn = labeled(&photo, &[label]);
         let inked = |xs: std::ops::Range<usize>, ys: std::ops::Range<usize>| {

@@ -78,6 +78,7 @@ fn label(canvas: &mut impl Surface, corners: &[[f64; 2]], letter: &LetterVerdict
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::photo::PhotoData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_score::{Homography, Known, Reader, ScoreOptions, View};
 
@@ -89,7 +90,7 @@ mod tests {
         for y in 50..150 {
             rgb8[3 * (200 * y + 68)..3 * (200 * y + 74)].fill(255);
         }
-        let photo = Photo { width_px, height_px, rgb8, scene_toml: None };
+        let photo = Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None });
         let corners = [[70.0, 50.0], [130.0, 50.0], [130.0, 150.0], [70.0, 150.0]];
         let plane = Homography::from_corners(strokes.bounds_m(), corners, [200, 200]).unwrap();
         let reader = Reader::new(&strokes, &ScoreOptions::default()).unwrap();

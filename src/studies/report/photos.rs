@@ -1,7 +1,7 @@
 //! Two photos in one frame: one laid over the other.
 
 use noctograph_core::srgb;
-use noctograph_picture::photo::Photo;
+use noctograph_picture::photo::{Photo, PhotoData};
 
 /// Transform of a point `q` of one picture, in pixels from its top left corner, to
 /// `scale R(rotation) q + shift` in another.
@@ -87,7 +87,7 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
             rgb8.extend(sum.map(|sum| encoded(sum / n)));
         }
     }
-    Photo { width_px, height_px, rgb8, ..photo }
+    Photo::made(PhotoData { width_px, height_px, rgb8, ..photo.into_data() })
 }
 
 /// Warps a render into a frame, padded with black; also returns which pixels it covers.
@@ -130,7 +130,7 @@ pub fn placed(
             }));
         }
     }
-    (Photo { width_px, height_px, rgb8, scene_toml: None }, covered)
+    (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
 /// The two pixels around a place of `n`, and the share of the second.
@@ -159,7 +159,7 @@ pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
         let (render, photo) = (luminance(render), luminance(photo));
         [render, 0.4 * render + 0.6 * photo, photo].map(encoded)
     });
-    Photo { rgb8: rgb8.collect(), scene_toml: None, ..*photo }
+    Photo::made(PhotoData { rgb8: rgb8.collect(), scene_toml: None, ..**photo })
 }
 
 /// The nearest level of a light.
@@ -176,7 +176,7 @@ mod tests {
         let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));
         let pixel = |(x, y): (u32, u32)| if (x + y).is_multiple_of(2) { [255; 3] } else { [0; 3] };
         let rgb8 = places.flat_map(pixel).collect();
-        Photo { width_px, height_px, rgb8, scene_toml: None }
+        Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
     #[test]
@@ -214,12 +214,18 @@ mod tests {
 
     #[test]
     fn an_overlay_is_white_where_both_are_and_colored_where_one_is() {
-        let one =
-            |level| Photo { width_px: 1, height_px: 1, rgb8: vec![level; 3], scene_toml: None };
+        let one = |level| {
+            Photo::made(PhotoData {
+                width_px: 1,
+                height_px: 1,
+                rgb8: vec![level; 3],
+                scene_toml: None,
+            })
+        };
         assert_eq!(overlay(&one(255), &one(255)).rgb8, [255; 3]);
-        let render = overlay(&one(255), &one(0)).rgb8;
+        let render = overlay(&one(255), &one(0)).into_data().rgb8;
         assert!(render[0] == 255 && render[2] == 0, "{render:?}");
-        let photo = overlay(&one(0), &one(255)).rgb8;
+        let photo = overlay(&one(0), &one(255)).into_data().rgb8;
         assert!(photo[0] == 0 && photo[2] == 255, "{photo:?}");
     }
 }

@@ -52,7 +52,7 @@ pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> S
         legend.push((name, pen));
         curves.push(Curve { pen, pieces });
     }
-    let longest_s = plans.iter().map(Plan::duration_s).fold(0.0, f64::max);
+    let longest_s = plans.iter().map(|plan| plan.duration_s()).fold(0.0, f64::max);
     let marks = plans.iter().enumerate().flat_map(|(i, plan)| marks(plan, i, plans.len()));
     let shown = if numbers.len() <= MOST_TIMES { numbers } else { &[] };
     let number = |(number, [x, y]): &(usize, [f64; 2])| Mark {

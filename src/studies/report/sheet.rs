@@ -4,7 +4,7 @@ use ab_glyph::{Font, FontRef, ScaleFont, point};
 
 use crate::{Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
-use noctograph_picture::photo::Photo;
+use noctograph_picture::photo::{Photo, PhotoData};
 
 /// Roboto Thin (Apache 2.0, see fonts/README.md); its capitals keep to a pixel at this size.
 const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
@@ -79,7 +79,8 @@ fn contact_sheet<'a>(rows: impl Iterator<Item = (&'a str, &'a [(Photo, String)])
     let height = GAP_PX + heights.sum::<usize>();
     let px = |side: usize| u32::try_from(side).expect("a sheet of photos");
     let rgb8 = vec![GROUND; 3 * width * height];
-    let mut sheet = Photo { width_px: px(width), height_px: px(height), rgb8, scene_toml: None };
+    let (width_px, height_px) = (px(width), px(height));
+    let mut sheet = PhotoData { width_px, height_px, rgb8, scene_toml: None };
     let mut top = GAP_PX;
     for (title, photos) in rows {
         write(&mut sheet, title, [GAP_PX, top]);
@@ -91,10 +92,10 @@ fn contact_sheet<'a>(rows: impl Iterator<Item = (&'a str, &'a [(Photo, String)])
         }
         top += height + 2 * LINE_PX + GAP_PX;
     }
-    sheet
+    Photo::made(sheet)
 }
 
-fn paste(sheet: &mut Photo, photo: &Photo, [left, top]: [usize; 2]) {
+fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     let [width, row_bytes] = [sheet.width_px as usize, 3 * photo.width_px as usize];
     for (y, row) in photo.rgb8.chunks_exact(row_bytes).enumerate() {
         let start = 3 * ((top + y) * width + left);
@@ -103,7 +104,7 @@ fn paste(sheet: &mut Photo, photo: &Photo, [left, top]: [usize; 2]) {
 }
 
 /// Writes one line of text with its upper left corner at a pixel; what does not fit is cut off.
-fn write(sheet: &mut Photo, text: &str, [left, top]: [usize; 2]) {
+fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
     let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
     let scaled = font.as_scaled(TEXT_PX);
     let width = sheet.width_px as usize;
@@ -134,11 +135,13 @@ mod tests {
 
     #[test]
     fn photos_stand_in_rows_with_their_text() {
-        let photo = |width_px: u32, level: u8| Photo {
-            width_px,
-            height_px: 20,
-            rgb8: vec![level; 60 * width_px as usize],
-            scene_toml: None,
+        let photo = |width_px: u32, level: u8| {
+            Photo::made(PhotoData {
+                width_px,
+                height_px: 20,
+                rgb8: vec![level; 60 * width_px as usize],
+                scene_toml: None,
+            })
         };
         let row = |level| {
             vec![(photo(300, level), "median".to_owned()), (photo(200, level), "worst".to_owned())]

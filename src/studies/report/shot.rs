@@ -10,11 +10,10 @@ use super::plans::plan_view;
 use noctograph_core::camera::INFINITY_M;
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, Quantity};
-use noctograph_picture::expose::Film;
 use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
 use noctograph_pipeline::preflight::{Checked, ShotPlan};
-use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::scene::Change;
 use noctograph_pipeline::shoot::{Shot, writing};
 use noctograph_score::LetterVerdict;
 
@@ -91,26 +90,15 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     }
     page = page.drawings(&shot_plan(shot, notes.placement));
     page = page.section("To make it again").printed(notes.command);
-    let changes = with_names(scene).changes();
+    let changes = scene.portable().changes();
     let base = format!("Settings that differ from the preset {}", scene.preset.name());
     let head = ["key", "value", "in the preset"];
     page =
         page.text(&(base + if changes.is_empty() { ": none." } else { ":" })).table(head, changes);
     let digests =
-        [("film", shot.film.as_ref().map(Film::sha256)), ("flight", shot.flight_sha256())];
+        [("film", shot.film.as_ref().map(|film| film.sha256())), ("flight", shot.flight_sha256())];
     let digests = digests.into_iter().filter_map(|(name, sha256)| Some([name.to_owned(), sha256?]));
     Ok(page.table(["digest", "SHA-256"], digests))
-}
-
-/// A scene with the names of its files in place of their paths, which are of this machine alone.
-fn with_names(scene: &Scene) -> Scene {
-    let mut scene = scene.clone();
-    for path in [&mut scene.letters.font, &mut scene.letters.drawing] {
-        if let Some(name) = Path::new(path).file_name() {
-            *path = name.to_string_lossy().into_owned();
-        }
-    }
-    scene
 }
 
 /// Letters that are likely besides the expected one, each with its share.

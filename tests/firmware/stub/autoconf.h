@@ -1,3 +1,5 @@
 #pragma once
 #define CONFIG_DECK_LIGHTHOUSE_MAX_N_BS 4
+#ifndef CONFIG_PLATFORM_CF21BL
 #define CONFIG_PLATFORM_CF2 1
+#endif

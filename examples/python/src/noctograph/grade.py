@@ -211,14 +211,30 @@ def _shown(hidden: Sequence[str]) -> list[str]:
 
 
 def _submissions(given: PathLike | Sequence[PathLike]) -> dict[str, Path]:
-    """Files by the names of their rows: those without their endings, where no two share one."""
-    if isinstance(given, (str, os.PathLike)):
-        folder = Path(given)
-        files = sorted(it for it in folder.iterdir() if not it.name.startswith((".", "_"))) if folder.is_dir() else [folder]
-    else:
-        files = [Path(path) for path in given]
-    same = Counter(file.stem for file in files)
-    return {file.stem if same[file.stem] == 1 else str(file): file for file in files}
+    """Files by the names of their rows: those without their endings, behind the name of the student's folder, where
+    no two share one. Hidden files are named and left out."""
+    files: list[tuple[str, Path]] = []
+    for path in [Path(it) for it in ([given] if isinstance(given, (str, os.PathLike)) else given)]:
+        files += _handed(path, "") if path.is_dir() else [(path.stem, path)]
+    same = Counter(name for name, _ in files)
+    return {name if same[name] == 1 else str(file): file for name, file in files}
+
+
+def _handed(folder: Path, student: str) -> list[tuple[str, Path]]:
+    """Files of a folder, and of the folders of its students."""
+    entries = sorted(folder.iterdir())
+    hidden = [it.name for it in entries if it.name.startswith((".", "_"))]
+    if hidden:
+        print(f"warning: {folder}: not read, as hidden: {', '.join(hidden)}", file=sys.stderr)
+    files: list[tuple[str, Path]] = []
+    for it in entries:
+        if it.name in hidden:
+            continue
+        if it.is_dir() and not student:
+            files += _handed(it, f"{it.name}/") or [(it.name, it)]
+        else:
+            files.append((student + it.stem, it))
+    return files
 
 
 def grade(
@@ -272,7 +288,7 @@ def grade(
     sources: dict[str, bytes] = {}
     for name, file in files.items():
         try:
-            ending = file.suffix if file.is_file() else ""  # neither a folder nor a pipe
+            ending = file.suffix.lower() if file.is_file() else ""  # neither a folder nor a pipe
             if ending == ".py" and os.name == "posix":
                 if file.stat().st_size > MOST_BYTES:
                     raise Failed(f"more than {MOST_BYTES} bytes")

@@ -101,6 +101,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         infos: dict[str, Any] = {}
         for index in np.flatnonzero(seen["landed"]):
             outcome = self._sessions.outcome(int(index))
+            assert outcome is not None, "an episode ends once"
             info = {"probability": outcome["probability"], "read": outcome["read"]}
             infos = self._add_info(infos, info, int(index))
             reward[index] += seen["time_s"][index] * outcome["probability"]

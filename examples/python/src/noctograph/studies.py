@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._noctograph import (
     Scene, Sessions, __version__, outcomes as _outcomes, ranking as _ranking, trials as _trials, tuning as _tuning,
 )  # fmt: skip
+from .answers import Candidate
 from .commands import PathLike, Report
 from .errors import InputError
 
@@ -375,7 +376,7 @@ def tune(
     conditions: str = "room",
     seed: int = 0,
     folder: PathLike | None = None,
-    callback: Callable[[int, dict[str, Any]], bool | None] | None = None,
+    callback: Callable[[int, Candidate], bool | None] | None = None,
 ) -> tuple[Scene, Report]:
     """Searches the settings with which a scene writes most legibly in the least time.
 

@@ -1,5 +1,6 @@
 //! Tests of the whole module on the CPU; `twins` compares the backends.
 
+use crate::light::LightTraceData;
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
@@ -65,7 +66,7 @@ pub(super) fn hanging(place: [f64; 3]) -> LightTrace {
     let mut lamp = lamp([(0.0, place), (3.0, place)]);
     (lamp.emitter.spill, lamp.emitter.visible_cos) = (0.0, 0.0);
     lamp.samples.iter_mut().for_each(|sample| sample.axis = -Vector3::z());
-    LightTrace { lamps: vec![lamp] }
+    LightTrace::made(LightTraceData { lamps: vec![lamp] })
 }
 
 /// A lissajous figure of 2 m with a pause, at 250 Hz, 3 m away.
@@ -93,7 +94,7 @@ fn latent(lamps: Vec<Lamp>, camera: &Camera, tolerance_px: f64) -> Latent {
         floor_albedo: 0.0,
         ..ExposeOptions::default()
     };
-    project(&LightTrace { lamps }, camera, &options).expect("light")
+    project(&LightTrace::made(LightTraceData { lamps }), camera, &options).expect("light")
 }
 
 /// Scenes by name that all backends expose to the same bits.
@@ -135,7 +136,9 @@ pub(super) fn scenes() -> Vec<(&'static str, Latent)> {
 /// The CPU's film, merged at `merge_tolerance_px`.
 fn film(lamps: &[Lamp], camera: &Camera, merge_tolerance_px: f64, scale: Option<i32>) -> Film {
     let options = ExposeOptions { merge_tolerance_px, ..Default::default() };
-    let latent = project(&LightTrace { lamps: lamps.to_vec() }, camera, &options).expect("latent");
+    let latent =
+        project(&LightTrace::made(LightTraceData { lamps: lamps.to_vec() }), camera, &options)
+            .expect("latent");
     let latent = scale.map_or(Ok(latent.clone()), |scale| latent.at_scale(scale));
     latent.expect("a coarse scale").on_cpu().film
 }
@@ -416,7 +419,7 @@ fn no_pixel_overflows_and_few_bits_are_unused() {
     let peak = exposed.counts.iter().copied().max().expect("pixels");
     assert!(peak > 1 << 26, "peak is {peak} counts");
 
-    let trace = LightTrace { lamps: lamps.to_vec() };
+    let trace = LightTrace::made(LightTraceData { lamps: lamps.to_vec() });
     let latent = project(&trace, &camera, &ExposeOptions::default()).expect("latent");
     let refused = latent.at_scale(exposed.scale_log2 - 8);
     assert!(matches!(refused, Err(Error::Infeasible { .. })), "a scale that overflows is refused");
@@ -459,8 +462,7 @@ fn broken_samples_are_refused_by_lamp_and_time() {
     fn refused(spoil: fn(&mut Lamp)) -> String {
         let mut lamp = figure(10);
         spoil(&mut lamp);
-        let trace = LightTrace { lamps: vec![lamp] };
-        project(&trace, &camera(64, 48), &ExposeOptions::default()).expect_err("broken").to_string()
+        LightTrace::new(LightTraceData { lamps: vec![lamp] }).expect_err("broken").to_string()
     }
     let text = refused(|lamp| lamp.samples[5].position_m.z = f64::NAN);
     assert!(text.contains("`headlight` at 0.02 s: position"), "{text}");

@@ -1,5 +1,6 @@
 //! The two backends leave the same bits, and constants and structs of the shader are those here.
 
+use crate::light::LightTraceData;
 use wgpu::naga;
 
 use super::super::curves::LOW_BITS;
@@ -112,7 +113,7 @@ fn a_shader_that_does_not_compile_is_an_error_of_the_device() {
 
 #[test]
 fn the_chosen_backend_is_used_and_leaves_the_same_film() {
-    let trace = LightTrace { lamps: vec![figure(800)] };
+    let trace = LightTrace::made(LightTraceData { lamps: vec![figure(800)] });
     let exposed = |backend| expose(&trace, &camera(320, 200), &ExposeOptions::default(), backend);
     let on_cpu = exposed(BackendChoice::Cpu).expect("film");
     assert_eq!((on_cpu.backend, &*on_cpu.adapter), (Backend::Cpu, "CPU"), "cpu");

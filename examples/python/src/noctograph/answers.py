@@ -1,0 +1,262 @@
+"""What stages find, as dictionaries: made by tests/it/answer_types.rs of the types in Rust."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, TypedDict
+
+
+class Advice(TypedDict):
+    """A sentence of advice."""
+
+    kind: CauseKind
+    """The kind of fault that it removes."""
+    text: str
+    """A sentence for people."""
+    gain: float | None
+    """Gain in readability, 0 to 1: the photo was read again with all faults of the kind taken out. `None` where they cannot be taken out."""
+
+
+class Calibration(TypedDict):
+    """Method of a verdict's readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds `m` of the letters, the log-odds `r` of the word against its rival, and how usual its spelling `s` is: the mean of ln p over its letters, each after the four before it, above −2.2, times 1 − m / 8, for m from 0 to 8."""
+
+    reader: str
+    """Readers whose reading it predicts."""
+    constant: float
+    """Constant of the regression."""
+    mean_log_odds: float
+    """Weight of the letters' mean log-odds, each within −9 and 8."""
+    rival: float
+    """Weight of the log-odds of the word against the likeliest other one, within ±9."""
+    spelling: float
+    """Weight of the spelling: the mean of ln p over the word's letters, each after the four before it, −4 at least and above −2.2, as far as the letters are unclear."""
+
+
+class Candidate(TypedDict):
+    """One setting of the knobs with its figures."""
+
+    number: int
+    """Its number, in the order of asking."""
+    settings: dict[str, Any]
+    """The scene's values of the keys that the knobs turn, in their own units."""
+    n_flights: int
+    """Flights that it was judged by."""
+    merit: float
+    """Mean merit."""
+    legibility: float
+    """Mean probability of being read."""
+    legible: Estimate
+    """Share of flights whose photo is legible."""
+    duration_s: float | None
+    """Mean time of a flight; `None` where every one was lost."""
+    broken: float
+    """How much of its limits it broke: 0 keeps to all, 1 is a whole limit."""
+    given_up: bool
+    """Given up after half of its flights."""
+
+
+class Cause(TypedDict):
+    """A fault in the photo, and the letter's gain without it."""
+
+    kind: CauseKind
+    """Its kind."""
+    letter: int | None
+    """Index of the letter, from 0; `None` where it concerns the whole word."""
+    length_mm: float | None
+    """Length, distance or width in the plane of the word."""
+    at_m: list[float] | None
+    """Its middle in the plane of the word, to the right and up."""
+    missing: MissingRun | None
+    """The part of a stroke that is missing."""
+    lamp_delay_s: float | None
+    """Delay of the lamp, where light leads from stroke to stroke and the speed is known."""
+    log_gap_s: list[float] | None
+    """First and last moment of the gap in the log that a part of a stroke is missing for."""
+    reads_as: str | None
+    """The letter that it looks like, of a fault of design."""
+    gain: float | None
+    """Gain in the letter's share without the fault, −1 to 1: the photo was read again with the fault taken out. `None` where it cannot be taken out."""
+
+
+CauseKind = Literal[
+    "missing_run",
+    "log_gap",
+    "lit_transit",
+    "streak",
+    "dwell_blob",
+    "overlap",
+    "other_stray",
+    "shifted",
+    "glow",
+    "few_pixels",
+    "dim",
+    "design",
+    "off_path",
+]
+"""Kind of a fault."""
+
+
+class Estimate(TypedDict):
+    """A figure and the interval in which it lies at a stated level."""
+
+    value: float
+    """The figure of all values."""
+    low: float
+    """Lower end."""
+    high: float
+    """Upper end."""
+
+
+class Flown(TypedDict, total=False):
+    """Figures of a flight."""
+
+    contour_m: float
+    """Mean distance from the path in the word's plane."""
+    lag_s: float
+    """Lag behind the design."""
+    rmse_x_m: float
+    """Root mean square error against the design along x."""
+    rmse_y_m: float
+    """Along y."""
+    rmse_z_m: float
+    """Along z."""
+    drift_y_m: float
+    """Largest distance from the word's plane."""
+    tilt_rad: float
+    """Largest tilt: roll or pitch."""
+    saturated_frac: float
+    """Share of the time in which a motor is saturated."""
+    duration_s: float
+    """Duration of the whole flight."""
+    energy_j: float
+    """Energy of the whole flight: current of the thrust and of the electronics at the open-circuit voltage."""
+
+
+class LetterVerdict(TypedDict):
+    """The verdict on one letter."""
+
+    expected: str
+    """The letter that should be there."""
+    best: str | None
+    """The likeliest letter; `None` where it is likeliest that there is none."""
+    p: float | None
+    """Share of the expected letter in the choice among all, the other letters being right, 0 to 1; `None` for punctuation, which is not judged."""
+    no_letter: float | None
+    """Share of no letter at all, 0 to 1; `None` for punctuation."""
+    rivals: list[Rival]
+    """The three likeliest other letters, the likeliest first."""
+    shift_m: list[float] | None
+    """Offset of the letter from its place in the word, to the right and up; this and the next four are `None` where faults were not looked for."""
+    recall: float | None
+    """Share of the intended strokes that has light within 0.1 cap heights, once they are moved onto it."""
+    precision: float | None
+    """Share of the light's lines that is within 0.1 cap heights of an intended stroke."""
+    missing_mm: float | None
+    """Length of the intended strokes without light."""
+    stray_mm: float | None
+    """Length of the light's lines away from the intended strokes."""
+    confusion: list[Rival]
+    """Shares of all letters in the choice, the likeliest first, down to a thousandth."""
+
+
+class MissingRun(TypedDict):
+    """A part of an intended stroke without light."""
+
+    stroke: int
+    """The run of the pen within the letter, from 0."""
+    from_mm: float
+    """Start along the run."""
+    to_mm: float
+    """End along the run."""
+
+
+class Outcome(Flown, TypedDict):
+    """The result of one trial: a line of a `Store`."""
+
+    read: str
+    """The letters that were read."""
+    all_read: bool
+    """Whether every letter was read as intended."""
+    legible: bool
+    """Whether the word counts as legible."""
+    probability: float
+    """Probability that a viewer reads the word and no other at first sight, 0 to 1: `read_probability`."""
+    log_odds: float
+    """Its log-odds, −10 to 10: they still have a slope where the probability is flat."""
+    similarity: float
+    """Mean share of the intended letters, 0 to 1: it has a slope where the probability has none."""
+    lost: str | None
+    """How a drone was lost; `None` where none was."""
+
+
+class Placement(TypedDict):
+    """Placement of the word against the intended one."""
+
+    shift_m: list[float]
+    """To the right and up, in the plane of the word."""
+    scale: float
+    """Size by intended size, about the middle of the word."""
+    rotation_rad: float
+    """Counterclockwise, about the middle of the word."""
+
+
+Reason = Literal[
+    "not_in_photo",
+    "no_light",
+    "too_small",
+    "out_of_range",
+    "other_length",
+    "misread",
+    "unsure",
+]
+"""Why a word is not legible."""
+
+
+class Rival(TypedDict):
+    """Another letter that a place resembles."""
+
+    letter: str
+    """The letter."""
+    p: float
+    """Its share in the choice among all, 0 to 1."""
+
+
+class RivalWord(TypedDict):
+    """A word that a photo may be taken for."""
+
+    word: str
+    """The word."""
+    p: float
+    """Its share in the choice between it and the expected word, 0 to 1."""
+
+
+class Verdict(TypedDict):
+    """Whether the word in a photo is legible, and why not."""
+
+    word: str
+    """The word that should be there."""
+    read: str
+    """The likeliest letter in the place of each, `?` where there is none; punctuation as it should be."""
+    legible: bool
+    """Whether the word is read: the readability reaches `legible_probability`, and no other word is likelier."""
+    readability: float
+    """Probability that a viewer reads the word at first sight, 0 to 1."""
+    rival: RivalWord | None
+    """The likeliest other word; `None` where nothing can be seen."""
+    faithfulness: float | None
+    """Agreement of light and intended strokes: harmonic mean of the share of the strokes that has light and the share of the light that has strokes, 0 to 1; `None` where it was not computed."""
+    calibration: Calibration
+    """The regression that gave the readability."""
+    placement: Placement | None
+    """Placement of the word; `None` where there is no light."""
+    cap_height_px: float | None
+    """Height of a capital in the photo, pixels; `None` where the photo does not show the place."""
+    letters: list[LetterVerdict]
+    """One for each letter of the word, in its order."""
+    reason: Reason | None
+    """Why the word is not legible; `None` where it is."""
+    second_opinion: str | None
+    """Blind recognition: the text that is read without knowledge of the word; `None` where nothing can be seen."""
+    causes: list[Cause]
+    """Faults, the most costly first; empty where they were not looked for."""
+    advice: list[Advice]
+    """Changes to make, at most three, the most gainful first; empty where faults were not looked for."""

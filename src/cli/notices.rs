@@ -1,0 +1,16 @@
+//! `noctograph notices`: licenses of what is built in.
+
+use clap::Args;
+
+use super::{Report, Result, json};
+
+/// Made from the lock by `tests/notices --write`.
+const NOTICES: &str = include_str!("notices.txt");
+
+#[derive(Debug, Args)]
+pub(super) struct NoticesArgs {}
+
+#[expect(clippy::unnecessary_wraps, reason = "a verb")]
+pub(super) fn run(_: &NoticesArgs) -> Result<Report> {
+    Ok(Report::new(NOTICES.to_owned(), json!({ "notices": NOTICES })))
+}

@@ -1,0 +1,34 @@
+//! How this process was started: as the program, or by the Python package.
+
+use std::ffi::OsString;
+use std::process::Command;
+use std::sync::OnceLock;
+
+static PROGRAM: OnceLock<Vec<OsString>> = OnceLock::new();
+static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// Tells which command starts this program again, where that is not the file of this process: an
+/// interpreter with its arguments.
+pub fn starts_as(program: Vec<OsString>) {
+    let _ = PROGRAM.set(program);
+}
+
+/// Tells the arguments that were typed, where they are not those of this process.
+pub fn typed_as(words: Vec<OsString>) {
+    let _ = WORDS.set(words);
+}
+
+/// This program once more, without arguments.
+pub(super) fn program() -> std::io::Result<Command> {
+    let Some([program, arguments @ ..]) = PROGRAM.get().map(Vec::as_slice) else {
+        return std::env::current_exe().map(Command::new);
+    };
+    let mut command = Command::new(program);
+    command.args(arguments);
+    Ok(command)
+}
+
+/// The arguments that were typed.
+pub(super) fn words() -> Vec<OsString> {
+    WORDS.get().cloned().unwrap_or_else(|| std::env::args_os().skip(1).collect())
+}

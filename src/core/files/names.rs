@@ -1,0 +1,78 @@
+//! Names of files: their endings, and the names by which one file refers to another.
+
+use std::path::{Path, PathBuf};
+
+/// Endings of files that the program reads or writes, and of those that are taken for them.
+const ENDINGS: [&str; 27] = [
+    "bmp", "csv", "exr", "gif", "heic", "html", "jpeg", "jpg", "json", "jsonl", "lst", "otc",
+    "otf", "png", "skyc", "strokes", "svg", "toml", "traj", "tsv", "ttc", "ttf", "txt", "vviz",
+    "webp", "yaml", "zip",
+];
+
+/// The ending of a file's name, in lower case and without its point; empty where it has none. Old
+/// systems and cameras write names in capitals.
+pub fn ending(path: impl AsRef<Path>) -> String {
+    path.as_ref().extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// Whether a text ends as the name of a file does.
+pub fn is_file_name(text: &str) -> bool {
+    ENDINGS.contains(&&*ending(text))
+}
+
+/// The name of a file without its folders; bytes that are not Unicode are replaced.
+pub fn file_name(path: impl AsRef<Path>) -> String {
+    path.as_ref().file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// The path that a name in a file refers to: from the file's folder on. Its folders are separated
+/// by `/` or, where no file is called so, by the `\` of Windows.
+pub fn path_from(folder: &Path, name: &str) -> PathBuf {
+    let path = folder.join(name);
+    match !name.contains('\\') || path.exists() {
+        true => path,
+        false => folder.join(name.replace('\\', "/")),
+    }
+}
+
+/// The name by which a file of a folder refers to one below it, separated by `/` on every system;
+/// `None` of a file elsewhere.
+pub fn name_from(folder: &Path, path: &Path) -> Option<String> {
+    let folder = folder_of(&folder.join("file"))?;
+    let path = folder_of(path)?.join(path.file_name()?);
+    let parts = path.strip_prefix(folder).ok()?.components();
+    let parts: Vec<_> = parts.map(|part| part.as_os_str().to_string_lossy()).collect();
+    Some(parts.join("/"))
+}
+
+/// The folder of a file without links and `..`.
+fn folder_of(path: &Path) -> Option<PathBuf> {
+    std::path::absolute(path).ok()?.parent()?.canonicalize().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn endings_have_no_case() {
+        let endings = ["a/PLAN.CSV", "b.Csv", "c.csv", "d", ".csv", "e.CSV.bak"].map(ending);
+        assert_eq!(endings, ["csv", "csv", "csv", "", "", "bak"]);
+        assert!(is_file_name("PLAN.CSV") && is_file_name("a.txt") && !is_file_name("U.S.A."));
+    }
+
+    #[test]
+    fn a_file_is_named_from_a_folder_above_it_and_found_from_there() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir_all(folder.path().join("art/out")).unwrap();
+        let path = folder.path().join("art/logo.svg");
+        std::fs::write(&path, "").unwrap();
+        assert_eq!(name_from(folder.path(), &path).as_deref(), Some("art/logo.svg"));
+        let roundabout = folder.path().join("art/out/../logo.svg");
+        assert_eq!(name_from(folder.path(), &roundabout).as_deref(), Some("art/logo.svg"));
+        assert_eq!(name_from(&folder.path().join("art/out"), &path), None, "it is not below");
+        for name in ["art/logo.svg", r"art\logo.svg", &path.display().to_string()] {
+            assert!(path_from(folder.path(), name).is_file(), "{name}");
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Solids, and how near a way comes to them.
+
+use nalgebra::Vector3;
+
+/// A convex solid, so that its distance has one minimum along a straight way.
+#[derive(Clone, Debug)]
+pub enum Solid {
+    /// All places within a radius of a box: the least and greatest x, y and z, which may be equal
+    /// or infinite.
+    Block {
+        /// Ends along x, y and z.
+        ends_m: [[f64; 2]; 3],
+        /// The radius.
+        radius_m: f64,
+    },
+    /// A plane: a point, and the unit normal.
+    Plane(Vector3<f64>, Vector3<f64>),
+}
+
+impl Solid {
+    /// An upright pillar without ends.
+    pub fn pillar([x_m, y_m]: [f64; 2], radius_m: f64) -> Self {
+        let ends_m = [[x_m; 2], [y_m; 2], [f64::NEG_INFINITY, f64::INFINITY]];
+        Self::Block { ends_m, radius_m }
+    }
+
+    /// Distance from a place; 0 within.
+    pub fn distance_m(&self, place_m: &Vector3<f64>) -> f64 {
+        let beyond_m = |[low, high]: [f64; 2], m: f64| (low - m).max(m - high).max(0.0);
+        let distance_m = match self {
+            Self::Block { ends_m: [x, y, z], radius_m } => {
+                let [x, y] = [beyond_m(*x, place_m.x), beyond_m(*y, place_m.y)];
+                libm::hypot(libm::hypot(x, y), beyond_m(*z, place_m.z)) - radius_m
+            }
+            Self::Plane(point_m, normal) => (place_m - point_m).dot(normal).abs(),
+        };
+        distance_m.max(0.0)
+    }
+
+    /// Least distance along a straight way, by ternary search to 1e-6 of it; `None` where it is not
+    /// below `most_m`.
+    pub fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
+        let along_m = |share: f64| self.distance_m(&from_m.lerp(&to_m, share));
+        if along_m(0.0) - (to_m - from_m).norm() >= most_m {
+            return None;
+        }
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..36 {
+            let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];
+            if along_m(a) < along_m(b) { high = b } else { low = a }
+        }
+        let least_m = along_m(low).min(along_m(0.0)).min(along_m(1.0));
+        (least_m < most_m).then_some(least_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_way_comes_as_near_as_it_does() {
+        let ways = |y: f64, z: f64| [Vector3::new(-3.0, y, z), Vector3::new(7.0, y, z)];
+        let nearest_m = |solid: &Solid, y: f64, z: f64| solid.nearer_m(ways(y, z), 9.0).unwrap();
+        let pillar = Solid::pillar([1.0, 2.0], 0.25);
+        assert!((nearest_m(&pillar, 0.5, 40.0) - 1.25).abs() < 1e-9, "at any height");
+        let table = Solid::Block { ends_m: [[0.0, 1.0], [-1.0, 1.0], [0.0, 0.7]], radius_m: 0.0 };
+        assert!((nearest_m(&table, 0.0, 1.0) - 0.3).abs() < 1e-9, "above it");
+        assert!((nearest_m(&table, 1.3, 1.1) - 0.5).abs() < 1e-9, "across its edge");
+        assert_eq!(nearest_m(&table, 0.9, 0.6), 0.0, "through it");
+        let mirror = Solid::Plane(Vector3::new(2.0, 0.0, 0.0), Vector3::x());
+        assert!(nearest_m(&mirror, 0.0, 1.0) < 1e-5, "through it");
+        assert_eq!(pillar.nearer_m(ways(0.0, 0.0), 1.7), None);
+    }
+}

@@ -1,0 +1,218 @@
+//! Products that cannot be wrong: data that is checked once, when a stage has made it, and that is
+//! read from then on.
+
+use std::ops::Deref;
+
+use crate::error::{Error, Result};
+
+/// Largest position in m, speed in m/s, angle in rad, motor command: far beyond a drone's world.
+pub const MAX_QUANTITY: f64 = 1e6;
+
+/// Data with rules: lengths that agree, finite numbers, times that do not fall.
+pub trait Rules {
+    /// Checks the rules.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Input`](crate::error::Error::Input) with the place, the value found and the values
+    /// wanted.
+    fn check(&self) -> Result<()>;
+}
+
+/// Data that follows its rules. Its fields can be read, and change only through [`Self::edit`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Valid<T>(T);
+
+impl<T: Rules> Valid<T> {
+    /// Checks data.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rules::check`].
+    pub fn new(data: T) -> Result<Self> {
+        data.check()?;
+        Ok(Self(data))
+    }
+
+    /// The product of a stage whose own work keeps the rules.
+    ///
+    /// # Panics
+    ///
+    /// If it does not: a defect of the stage.
+    #[must_use]
+    pub fn made(data: T) -> Self {
+        Self::new(data).unwrap_or_else(|error| panic!("a product breaks its rules: {error}"))
+    }
+
+    /// Changes the data.
+    ///
+    /// # Panics
+    ///
+    /// As [`Self::made`].
+    pub fn edit<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> R {
+        let changed = change(&mut self.0);
+        if let Err(error) = self.0.check() {
+            panic!("a product breaks its rules: {error}");
+        }
+        changed
+    }
+
+    /// The data, to be changed or taken apart.
+    pub fn into_data(self) -> T {
+        self.0
+    }
+}
+
+impl<T> Deref for Valid<T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.0
+    }
+}
+
+const FINITE_HINT: &str = "give one row for each time, with finite numbers in SI units";
+
+/// Checks that a column is as long as the times.
+pub(crate) fn check_length(name: &str, rows: usize, times: usize) -> Result<()> {
+    if rows == times {
+        return Ok(());
+    }
+    let wanted = format!("{times} rows, as time_s");
+    Err(Error::input(name, format_args!("{rows} rows"), wanted, FINITE_HINT))
+}
+
+/// Whether a number is finite, and within the world of a drone.
+pub fn is_number(value: f64) -> bool {
+    value.abs() <= MAX_QUANTITY
+}
+
+/// The error of a number that is not.
+pub fn odd_number(name: &str, row: usize, value: f64) -> Error {
+    let wanted = format!("a number within ±{MAX_QUANTITY}");
+    Error::input(name, format_args!("{value} in row {row}"), wanted, FINITE_HINT)
+}
+
+/// Checks that times are finite and do not fall.
+pub fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> {
+    let mut last_s = f64::NEG_INFINITY;
+    for (row, time_s) in times_s.into_iter().enumerate() {
+        // Not a number, too, is no time after the last.
+        if !(time_s.is_finite() && time_s >= last_s) {
+            let actual = format!("{time_s} after {last_s} in row {row}");
+            return Err(Error::input("time_s", actual, "rising times", "sort the rows by time"));
+        }
+        last_s = time_s;
+    }
+    Ok(())
+}
+
+/// Checks a column of light levels.
+pub(crate) fn check_levels(name: &str, levels: &[f64], times: usize) -> Result<()> {
+    check_length(name, levels.len(), times)?;
+    match levels.iter().position(|level| !(0.0..=1.0).contains(level)) {
+        None => Ok(()),
+        Some(row) => {
+            let actual = format!("{} in row {row}", levels[row]);
+            let hint = "1 is the lamp at full: divide bytes by 255";
+            Err(Error::input(name, actual, "levels from 0 to 1", hint))
+        }
+    }
+}
+
+/// Checks the size of a picture, whose values are so many for each pixel.
+pub fn check_picture(size_px: [u32; 2], values: usize, channels: usize) -> Result<()> {
+    let [width_px, height_px] = size_px;
+    let wanted = width_px as usize * height_px as usize * channels;
+    if wanted > 0 && values == wanted {
+        return Ok(());
+    }
+    let actual = format!("{values} values for {width_px} x {height_px} pixels");
+    let wanted = format!("one pixel or more, and {channels} values for each: {wanted}");
+    Err(Error::input(
+        "picture",
+        actual,
+        wanted,
+        "give the size of the picture that the values have",
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flight::{Flight, FlightData, FlightSample};
+    use crate::photo::{Photo, PhotoData};
+    use crate::plan::{Plan, PlanData, Setpoint};
+    use crate::strokes::{Cell, Glyph, Strokes, StrokesData};
+
+    fn refused<T>(made: Result<T>, said: &[&str]) {
+        let error = made.err().expect("it breaks a rule").to_string();
+        assert!(said.iter().all(|part| error.contains(part)), "{error}, not {said:?}");
+    }
+
+    fn flight(change: impl FnOnce(&mut FlightData)) -> Result<Flight> {
+        let samples = (0..400)
+            .map(|row| FlightSample { time_s: 0.01 * f64::from(row), ..FlightSample::default() });
+        let mut flight = FlightData { samples: samples.collect(), ..FlightData::default() };
+        change(&mut flight);
+        Flight::new(flight)
+    }
+
+    fn plan(change: impl FnOnce(&mut PlanData)) -> Result<Plan> {
+        let mut plan = PlanData { setpoints: vec![Setpoint::default(); 3], ..PlanData::default() };
+        change(&mut plan);
+        Plan::new(plan)
+    }
+
+    fn lights(levels: usize, level: f64) -> std::collections::BTreeMap<String, Vec<f64>> {
+        [("headlights".to_owned(), vec![level; levels])].into()
+    }
+
+    #[test]
+    fn a_flight_that_cannot_be_is_refused_with_place_found_and_wanted() {
+        assert!(flight(|it| it.lights = lights(400, 1.0)).is_ok());
+        refused(flight(|it| it.samples[7].position_m.y = f64::NAN), &["y_m", "NaN in row 7", "±"]);
+        refused(flight(|it| it.samples[7].motors[2] = 1e9), &["m3", "row 7"]);
+        refused(flight(|it| it.samples[9].time_s = 0.0), &["time_s", "0 after 0.08", "rising"]);
+        refused(flight(|it| it.lights = lights(100, 1.0)), &["headlights", "100 rows", "400 rows"]);
+        refused(flight(|it| it.lights = lights(0, 1.0)), &["headlights", "0 rows"]);
+        refused(flight(|it| it.lights = lights(400, 255.0)), &["255 in row 0", "from 0 to 1"]);
+        refused(flight(|it| _ = it.extra.insert("v".into(), vec![0.0])), &["v: found 1 rows"]);
+        refused(flight(|it| it.gaps = vec![[2.0, 1.0]]), &["gaps", "2 before 1"]);
+    }
+
+    #[test]
+    fn a_plan_that_cannot_be_is_refused() {
+        assert!(plan(|_| ()).is_ok());
+        refused(plan(|it| it.setpoints[1].time_s = f64::INFINITY), &["time_s", "inf after 0"]);
+        refused(plan(|it| it.setpoints[2].velocity_m_s.x = f64::NAN), &["vx_m_s", "NaN in row 2"]);
+        refused(plan(|it| it.lights = lights(2, 1.0)), &["light.headlights", "2 rows", "3 rows"]);
+        refused(plan(|it| it.lit = vec![-0.5; 3]), &["lit", "-0.5 in row 0"]);
+        refused(plan(|it| it.sent_m = vec![nalgebra::Vector3::zeros()]), &["sent_m", "1 rows"]);
+        refused(plan(|it| it.yaw_rad = f64::NAN), &["yaw_rad", "NaN"]);
+    }
+
+    #[test]
+    fn a_photo_and_strokes_that_cannot_be_are_refused() {
+        let photo = |width_px, bytes| PhotoData {
+            width_px,
+            height_px: 2,
+            rgb8: vec![0; bytes],
+            scene_toml: None,
+        };
+        assert!(Photo::new(photo(2, 12)).is_ok());
+        refused(Photo::new(photo(2, 11)), &["11 values for 2 x 2 pixels", "12"]);
+        refused(Photo::new(photo(0, 0)), &["0 x 2 pixels", "one pixel or more"]);
+        let cell = Cell { left_m: 0.0, baseline_m: f64::NAN, width_m: 1.0, cap_height_m: 1.0 };
+        let glyphs = vec![Glyph { character: 'I', cell, moves: Vec::new() }];
+        let strokes = StrokesData { glyphs, ..StrokesData::default() };
+        refused(Strokes::new(strokes), &["glyphs", "NaN in row 0"]);
+    }
+
+    #[test]
+    #[should_panic(expected = "a product breaks its rules: time_s")]
+    fn a_change_that_breaks_a_rule_is_a_defect() {
+        let mut flight = flight(|_| ()).unwrap();
+        flight.edit(|flight| flight.samples.swap(0, 5));
+    }
+}

@@ -1,0 +1,191 @@
+//! Log values of half precision that lost the carry of their rounding.
+//!
+//! Firmware without [`Feature::HALF_PRECISION`] rounds the mantissa up without a carry into an
+//! exponent that is odd: a value that rounds to 0.5, 2, 8 or another 2·4ⁿ is logged as exactly half
+//! of it. All other values are right. A sample that is half of both its neighbors is such a value,
+//! and twice the sample is what had to be logged. Logs on the card have no half precision.
+
+use half::f16;
+
+use super::recording::{Column, Recording, shortened};
+use noctograph_core::crazyflie::{Feature, Release};
+
+/// Largest distance of each neighbor from twice the sample, and of their mean, relative to it.
+const NEIGHBOR: f64 = 0.4;
+const MEAN: f64 = 0.1;
+/// Most samples in a row: the values that lose their carry are 0.12 mm at half a meter.
+const LONGEST: usize = 4;
+/// Steps to a unit of the decimals of a text; more are those of a binary number.
+const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
+/// Least steps of a column below a value: numbers that are counted in whole ones are no halves.
+const STEPS: f64 = 64.0;
+
+/// Doubles the samples that lost their carry, with a warning, unless the log names a firmware that
+/// keeps it.
+pub(super) fn restore(recording: &mut Recording) {
+    let release = recording.firmware.as_deref().and_then(Release::parse);
+    if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
+        return;
+    }
+    let mut restored = Vec::new();
+    for block in &mut recording.blocks {
+        for Column { name, values, .. } in &mut block.columns {
+            let rows = lost(values);
+            let Some(first) = rows.first().filter(|first| may_be_half(values, values[**first]))
+            else {
+                continue;
+            };
+            let (n, since_s) = (rows.len(), block.time_s[*first] - block.time_s[0]);
+            restored.push(format!("{name} ({n} of {}, from {since_s:.2} s)", values.len()));
+            rows.iter().for_each(|row| values[*row] *= 2.0);
+        }
+    }
+    if !restored.is_empty() {
+        let (last, list) = (Feature::HALF_PRECISION.last_without().name(), shortened(&restored));
+        recording.warnings.push(format!(
+            "samples that are half of both their neighbors are doubled, as values of half precision \
+             (FP16) that lost a carry in firmware up to {last}: {list}"
+        ));
+    }
+}
+
+/// The rows that look as if they had lost their carry.
+fn lost(values: &[f64]) -> Vec<usize> {
+    let (mut rows, mut start) = (Vec::new(), 0);
+    for run in values.chunk_by(|a, b| a == b) {
+        let (value, end) = (run[0], start + run.len());
+        if start > 0 && end < values.len() && run.len() <= LONGEST && may_have_lost(value) {
+            let (before, after) = (values[start - 1], values[end]);
+            let is_near = |x: f64, share: f64| (x - 2.0 * value).abs() <= share * 2.0 * value.abs();
+            if is_near(before, NEIGHBOR)
+                && is_near(after, NEIGHBOR)
+                && is_near(f64::midpoint(before, after), MEAN)
+            {
+                rows.extend(start..end);
+            }
+        }
+        start = end;
+    }
+    rows
+}
+
+/// Whether a value is what is left of one that lost its carry: a power of 4.
+fn may_have_lost(value: f64) -> bool {
+    let bits = f16::from_f64(value).to_bits();
+    bits & 0x03ff == 0 && bits >> 10 & 1 == 1
+}
+
+/// Whether no value has digits that half precision lacks, as far as they are printed, and these
+/// tell the given one from its neighbors.
+fn may_be_half(values: &[f64], value: f64) -> bool {
+    let finite = || values.iter().filter(|value| value.is_finite());
+    let are_whole = |scale: &f64| {
+        finite().all(|value| {
+            let scaled = value * scale;
+            (scaled - scaled.round()).abs() <= 1e-9 * scaled.abs().max(1.0)
+        })
+    };
+    let step = DECIMALS.into_iter().find(are_whole).map_or(0.0, f64::recip);
+    let is_half =
+        |value: &f64| (value - f64::from(f16::from_f64(*value))).abs() <= 0.5 * step * (1.0 + 1e-6);
+    step <= value.abs() / STEPS && finite().all(is_half)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::Block;
+
+    /// `single2half` of firmware up to 2026.04, read as cflib does.
+    fn logged(value: f32) -> f64 {
+        let bits = value.to_bits();
+        let (sign, exponent) = (bits >> 31, bits >> 23 & 0xff);
+        assert!((112..=142).contains(&exponent), "{value}");
+        let mantissa = (bits >> 13 & 0x3ff) + (bits >> 12 & 1);
+        let half = sign << 15 | (exponent - 112) << 10 | mantissa;
+        f64::from(f16::from_bits(u16::try_from(half).unwrap()))
+    }
+
+    fn restored(values: &[f64], firmware: Option<&str>) -> (Vec<f64>, String) {
+        let columns = vec![Column::new("a".into(), values.to_vec())];
+        let time_s = (0_u32..).map(|i| 0.1 * f64::from(i)).take(values.len()).collect();
+        let blocks = vec![Block { time_s, columns, ..Block::default() }];
+        let firmware = firmware.map(str::to_owned);
+        let mut log = Recording { blocks, firmware, ..Recording::default() };
+        restore(&mut log);
+        (log.blocks[0].columns[0].values.clone(), log.warnings.join("\n"))
+    }
+
+    #[test]
+    fn the_firmwares_own_conversion_gives_these_bits() {
+        let (mut n_lost, mut logs) = (0, Vec::new());
+        for line in include_str!("recorded/half.txt").lines().filter(|it| !it.starts_with('#')) {
+            let words: Vec<&str> = line.split(' ').collect();
+            let [value, before, since] = words[..] else { panic!("{line}") };
+            let [before, since] = [before, since]
+                .map(|bits| f64::from(f16::from_bits(u16::from_str_radix(bits, 16).unwrap())));
+            let value: f32 = value.parse().unwrap();
+            assert_eq!(logged(value), before, "{value}");
+            assert_eq!(since, if before == since { before } else { 2.0 * before }, "{value}");
+            n_lost += usize::from(before != since);
+            assert!(before == since || may_have_lost(before), "{value}");
+            logs.push((before, since));
+        }
+        assert_eq!((n_lost, logs.len()), (8, 19));
+    }
+
+    #[test]
+    fn the_values_that_lose_their_carry_are_those_below_twice_a_power_of_four() {
+        assert_eq!([0.49995, 1.9998, -7.9995].map(logged), [0.25, 1.0, -4.0]);
+        assert_eq!([0.9999, 3.9999, 0.4998].map(logged), [1.0, 4.0, 0.499_755_859_375]);
+        for power in -6..=7 {
+            let value = 4_f32.powi(power);
+            let below = f32::from_bits((2.0 * value).to_bits() - 1);
+            assert!(
+                logged(below) == f64::from(value) && may_have_lost(f64::from(value)),
+                "{below}"
+            );
+            assert!(!may_have_lost(f64::from(2.0 * value)));
+        }
+    }
+
+    #[test]
+    fn a_signal_that_reaches_them_comes_back_as_it_was_rounded() {
+        for amplitude in [0.49995_f32, -0.49995, 1.9998, 31.997, 127.987] {
+            let true_values: Vec<f32> = (0_u16..400)
+                .map(|i| amplitude * (1.0 - 0.1 * libm::cosf(0.05 * f32::from(i) + 0.01).powi(2)))
+                .collect();
+            let seen: Vec<f64> = true_values.iter().copied().map(logged).collect();
+            let (values, said) = restored(&seen, None);
+            let jumps = |values: &[f64]| {
+                let pairs = values.windows(2);
+                pairs.filter(|pair| (pair[1] / pair[0] - 1.0).abs() > 0.3).count()
+            };
+            assert!(jumps(&seen) > 1 && said.contains("up to 2026.04"), "{amplitude}: {said}");
+            assert_eq!(jumps(&values), 0, "{amplitude}");
+            for (value, true_value) in values.iter().zip(&true_values) {
+                let error = (value - f64::from(*true_value)).abs();
+                assert!(error <= 0.5e-3 * value.abs(), "{value} of {true_value}");
+            }
+            assert_eq!(restored(&seen, Some("2026.04")).0, values);
+            assert_eq!(restored(&seen, Some("2026.08")), (seen.clone(), String::new()));
+            let printed: Vec<f64> = seen.iter().map(|v| (v * 1e4).round() / 1e4).collect();
+            assert_eq!(jumps(&restored(&printed, None).0), 0, "{amplitude} with four decimals");
+        }
+    }
+
+    #[test]
+    fn what_is_no_half_is_left_as_it_is() {
+        for values in [
+            &[2.0, 2.0, 1.0, 2.0, 2.0, 3.0][..], // stations that are seen
+            &[0.5, 0.25, 0.5, 0.25, 0.5],        // setpoints
+            &[0.499_981, 0.500_123, 0.25, 0.500_021], // six decimals: a real dip
+            &[0.499_755_859_375, 0.25, 0.25, 0.25, 0.25, 0.25, 0.499_511_718_75],
+            &[0.25, 0.499_755_859_375, 0.499_511_718_75, 0.25], // the ends
+            &[0.125, 0.25, 0.499_755_859_375, 1.0],             // a climb
+        ] {
+            let (after, said) = restored(values, None);
+            assert_eq!((after.as_slice(), said.as_str()), (values, ""));
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The door of the WebAssembly module: a request and its answer are JSON in the module's memory.
+//!
+//! The worker reserves as many bytes as a request has, writes them there, and calls a function,
+//! which returns how many bytes the answer has; these begin at [`output`].
+
+#![allow(unsafe_code, reason = "functions are exported by their names")]
+
+use std::sync::{Mutex, PoisonError};
+
+use super::about::{About, Brand, Host, Limits, Role, WallRule, colors};
+use super::answer::{Asked, PageAnswer, Studio};
+use super::request::{Asker, MAX_WORD, PhotoRequest, Product};
+use noctograph_pipeline::scene::{Preset, Scene};
+use noctograph_pipeline::shoot::Stage;
+use serde_json::json;
+
+#[link(wasm_import_module = "page")]
+unsafe extern "C" {
+    /// Tells the page how far a photo is: in the flight (0) or in the exposure (1).
+    safe fn progress(stage: u32, share: f64);
+}
+
+static INPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+static OUTPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+static BASE: Mutex<String> = Mutex::new(String::new());
+
+/// Reserves place for a request, and returns where it is.
+#[unsafe(no_mangle)]
+extern "C" fn reserve(bytes: usize) -> *mut u8 {
+    let mut input = INPUT.lock().unwrap_or_else(PoisonError::into_inner);
+    *input = vec![0; bytes];
+    input.as_mut_ptr()
+}
+
+/// Where the answer is.
+#[unsafe(no_mangle)]
+extern "C" fn output() -> *const u8 {
+    OUTPUT.lock().unwrap_or_else(PoisonError::into_inner).as_ptr()
+}
+
+/// Takes the scene that pages begin with, as the text of its file.
+#[unsafe(no_mangle)]
+extern "C" fn base() -> usize {
+    let text = String::from_utf8(input()).unwrap_or_default();
+    *BASE.lock().unwrap_or_else(PoisonError::into_inner) = text;
+    told("{}".to_owned())
+}
+
+/// What a page without a server has to know: colors, limits, and the scene that its controls begin
+/// with.
+#[unsafe(no_mangle)]
+extern "C" fn about() -> usize {
+    let scene = Scene::preset(Preset::default());
+    let about = About {
+        host: Host { role: Role::Visitor, boot: "", brand: &Brand::default() },
+        alone: true,
+        home: true,
+        kiosk: false,
+        network: false,
+        paused: false,
+        wall: WallRule::Approved,
+        limits: Limits { letters: MAX_WORD, body_bytes: 256 << 10 },
+        colors: colors(),
+        deck: scene.light.deck,
+        base: None,
+        scene: Some(&scene),
+    };
+    told(json!(about).to_string())
+}
+
+/// The photo while one types.
+#[unsafe(no_mangle)]
+extern "C" fn live() -> usize {
+    answered(|_| Product::Live)
+}
+
+/// The large photo.
+#[unsafe(no_mangle)]
+extern "C" fn photos() -> usize {
+    answered(|photo| Product::Large { advice: false, files: photo.files })
+}
+
+/// The scripts that fly it, in an archive.
+#[unsafe(no_mangle)]
+extern "C" fn script() -> usize {
+    answered(|_| Product::Script)
+}
+
+/// Reads the request, and answers it with its number.
+fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
+    let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
+        Ok(photo) => photo,
+        Err(message) => return told(message.json().to_string()),
+    };
+    let base = BASE.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let studio = Studio {
+        scene: &|settings| Scene::parse_with(&base, "scene", settings),
+        typeface: &|_word| Ok(None),
+        advice: &|_shot| Ok(Vec::new()),
+        has_audience: !base.is_empty(),
+        watch: &|stage, share| progress(u32::from(stage == Stage::Exposing), share),
+    };
+    let made = studio.make(product(&photo), &photo.subject);
+    told(PageAnswer::new(Asked { id: None, number: photo.number }, made).json())
+}
+
+fn input() -> Vec<u8> {
+    std::mem::take(&mut *INPUT.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Puts an answer where the page reads it; returns its bytes.
+fn told(answer: String) -> usize {
+    let bytes = answer.len();
+    *OUTPUT.lock().unwrap_or_else(PoisonError::into_inner) = answer.into_bytes();
+    bytes
+}

@@ -1,0 +1,32 @@
+//! Photo service: what a page asks for becomes a photograph with its verdict: typed facts, and
+//! files as bytes beside them.
+//!
+//! A [`request`] is read and checked, its subject prepared as a scene, flown and photographed
+//! ([`answer`]); where it is refused, a message says why ([`messages`]). The crate `serve` answers
+//! the requests of its visitors so. Compiled to WebAssembly, it answers them in the browser: `door`
+//! has the functions that a page's worker calls, and `src/photo_service/build` writes the page
+//! around it.
+
+#![deny(unsafe_code)]
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
+
+use noctograph_pipeline::preflight::Profile;
+use noctograph_pipeline::scene::Scene;
+
+pub mod about;
+pub mod answer;
+#[cfg(target_family = "wasm")]
+mod door;
+pub mod messages;
+pub mod replay;
+pub mod request;
+mod subject;
+
+/// A scene that is ready to be planned, and what its flight is checked against.
+#[derive(Clone, Debug)]
+pub struct PreparedScene {
+    /// The scene, with its word or drawing.
+    pub scene: Scene,
+    /// Limits of the flight.
+    pub profile: Profile,
+}

@@ -1,0 +1,335 @@
+//! Messages to visitors as data: a key with its values, which the page words in the visitor's
+//! language, and the English sentence for a page that lacks the key. No path of this machine is in
+//! it.
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use noctograph_core::error::{Error, Segment};
+use noctograph_pipeline::preflight::{Checked, Severity};
+use noctograph_pipeline::scene::Change;
+use noctograph_pipeline::shoot::Problem;
+
+/// A message.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub struct Message {
+    /// Name of the sentence: `word-long`.
+    pub key: String,
+    /// Its figures, by name with their unit.
+    pub values: Value,
+    /// An English sentence, where the page has none.
+    pub text: String,
+    /// What to do, in English; may be empty.
+    pub hint: String,
+}
+
+/// Declares the keys of refusals: name, status of HTTP where it is one, English sentence and hint.
+macro_rules! keys {
+    ($($key:ident $name:literal $status:literal $text:literal $hint:literal;)+) => {
+        /// What can be refused.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Key { $(#[doc = $text] $key,)+ }
+
+        impl Key {
+            /// All keys.
+            pub const ALL: &[Self] = &[$(Self::$key,)+];
+
+            /// Its name: `word-long`.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$key => $name,)+ }
+            }
+
+            /// Status of HTTP.
+            pub fn status(self) -> u16 {
+                match self { $(Self::$key => $status,)+ }
+            }
+
+            fn sentences(self) -> [&'static str; 2] {
+                match self { $(Self::$key => [$text, $hint],)+ }
+            }
+        }
+    };
+}
+
+keys! {
+    PageOld "page-old" 400 "the page asks for something else" "reload the page";
+    WordLong "word-long" 422 "the word is too long" "write a shorter word";
+    WordEmpty "word-empty" 422 "there is no word" "type or draw something";
+    LetterMissing "letter-missing" 422 "a letter cannot be written" "write it with another letter";
+    LettersMany "letters-many" 422 "too many of these letters in a row" "write fewer";
+    DrawingEmpty "drawing-empty" 422 "there is nothing to follow" "draw a line";
+    DrawingBroken "drawing-broken" 422 "the drawing cannot be read" "save it as plain SVG or JPEG";
+    DrawingText "drawing-text" 422 "a text is no path" "convert it to paths";
+    DrawingLarge "drawing-large" 422 "the drawing has too many strokes" "draw a simpler one";
+    PictureNone "picture-none" 422 "no lines are found in the picture" "choose a picture of lines on paper";
+    FlightLong "flight-long" 422 "the flight would take too long" "write or draw less";
+    FlightImpossible "flight-impossible" 422 "this cannot be flown" "change something and try again";
+    TooSlow "too-slow" 422 "it took too long" "write or draw less";
+    TooLarge "too-large" 422 "it took too much memory" "write or draw less";
+    NotSafe "not-safe" 409 "not safe to fly" "change something: the report says what";
+    NotPossible "not-possible" 422 "this is not possible" "change something and try again";
+    Broken "broken" 500 "the program failed on this" "change something and try again";
+    Busy "busy" 503 "many visitors wait" "try again";
+    Closed "gone" 404 "this is no longer kept" "take the photo again";
+    DiskFull "disk-full" 507 "it could not be written down" "ask the host: the disk may be full";
+    EntriesMany "entries-many" 429 "too many are sent from here at once" "try again in a moment";
+    QueueFull "queue-full" 503 "as many wait as can be flown" "come again later";
+    Paused "paused" 503 "nothing is taken at the moment" "try again later";
+    NotHere "not-here" 403 "this is for the machine of the host only" "ask the host";
+    Conflict "conflict" 409 "somebody else was faster" "look again";
+}
+
+/// What can be refused with a key.
+pub type KeyResult<T> = Result<T, Key>;
+
+/// Keys of what stops a flight: the checks, whose names the crate `studio` gives.
+const STOPS: &str = "stop-acceleration stop-altitude-hold stop-baseline stop-battery stop-camera \
+    stop-corridor stop-coverage stop-doubled-stroke stop-estimator stop-evenness stop-flight \
+    stop-flight-time stop-frame stop-headlights stop-jump stop-landing stop-led-memory \
+    stop-light-never-off stop-lit-dwell stop-lit-transit stop-lost-stroke stop-memory \
+    stop-motors stop-obstacles stop-pen-jump stop-people stop-picture stop-separation \
+    stop-speed stop-sunlight stop-tail stop-thrust stop-tilt stop-volume stop-wake stop-weight \
+    stop-wind stop-other";
+
+/// Keys of advice: the settings that a remedy changes first.
+const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering set-camera.shutter_open_s \
+    set-camera.width_px set-controller.kind set-letters.cap_height_m set-letters.font \
+    set-letters.spacing_m set-light.led_bitmask set-light.ring set-photo.ambient_cd_m2 \
+    set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
+    set-plan.style set-other";
+
+/// A key of a list, or the last, which stands for any other.
+fn listed(keys: &str, key: &str) -> String {
+    let known = keys.split(' ').find(|known| *known == key);
+    known.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
+}
+
+impl Message {
+    /// A refusal in words of its own.
+    pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
+        Self { key: key.name().into(), values, text, hint: hint.into() }
+    }
+
+    /// A request that no page of this program sends.
+    pub fn of_old_page(found: &str) -> Self {
+        let text = format!("{}: {found}", Key::PageOld.sentences()[0]);
+        Self { text, ..Key::PageOld.into() }
+    }
+
+    /// A flight that is not safe.
+    pub fn of_stops(stops: &[Self]) -> Self {
+        let key = Key::NotSafe;
+        let texts: Vec<&str> = stops.iter().map(|stop| &*stop.text).collect();
+        let text = format!("{}: {}", key.sentences()[0], texts.join("; "));
+        Self { text, ..Self::from(key).with_values(json!({ "stops": stops })) }
+    }
+
+    /// An error of a stage, which followed a picture or something else.
+    pub fn of_error(error: &Error, is_picture: bool) -> Self {
+        let key = key_of(error, is_picture);
+        let values = match error {
+            Error::Letter { position, letter, .. } => {
+                json!({ "letter": letter, "position": position })
+            }
+            _ => json!({}),
+        };
+        Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
+    }
+
+    /// What there is to say of a log: in English, as it names parts of the log.
+    pub fn of_log(text: &str) -> Self {
+        let (text, hint) = (without_paths(text), String::new());
+        Self { key: "log".into(), values: json!({}), text, hint }
+    }
+
+    /// A problem of the picture.
+    pub fn of_problem(problem: &Problem) -> Self {
+        let (key, values) = match problem {
+            Problem::ShutterCloses { at_s, early_s } => {
+                ("shutter-closes", json!({ "at_s": at_s, "early_s": early_s }))
+            }
+            Problem::ShutterOpens { at_s, late_s } => {
+                ("shutter-opens", json!({ "at_s": at_s, "late_s": late_s }))
+            }
+            Problem::Unlit => ("unlit", json!({})),
+            Problem::FacesAway { away_frac } => ("faces-away", json!({ "away_frac": away_frac })),
+            Problem::Overexposed { white_frac, .. } => {
+                ("overexposed", json!({ "white_frac": white_frac }))
+            }
+            Problem::Underexposed(_) => ("underexposed", json!({})),
+            Problem::Flight(..) => ("flight-warning", json!({})),
+            Problem::Gaps { spans_s, .. } => ("log-gaps", json!({ "n": spans_s.len() })),
+            Problem::LostStrokes { letters, .. } => ("lost-strokes", json!({ "letters": letters })),
+            Problem::Drawing(_) => ("drawing-part", json!({})),
+            Problem::Outside { what, .. } => ("outside", json!({ "what": what })),
+            Problem::NoPicture(_) => ("no-picture", json!({})),
+        };
+        let text = without_paths(&problem.sentence(Change::to_string));
+        Self { key: key.into(), values, text, hint: String::new() }
+    }
+
+    /// What stops a flight; `None` of what does not.
+    pub fn of_stop(checked: &Checked) -> Option<Self> {
+        let row = &checked.row;
+        let values = json!({
+            "value": row.value, "limit": row.limit, "time_s": row.time_s, "detail": row.detail,
+            "drone": checked.drone,
+        });
+        let key = listed(STOPS, &format!("stop-{}", row.check.replace(' ', "-").to_lowercase()));
+        let text = format!("{}: {}", row.check, checked.finding());
+        let message = Self { key, values, text, hint: row.change(Change::to_string) };
+        (row.severity == Severity::Stop).then_some(message)
+    }
+
+    /// A change that helps.
+    pub fn of_changes(changes: &[Change]) -> Option<Self> {
+        let first = changes.first()?;
+        let key = listed(ADVICE, &format!("set-{}", first.key));
+        let text = changes.iter().map(Change::to_string).collect::<Vec<_>>().join(", ");
+        Some(Self { key, values: json!({ "value": first.value }), text, hint: String::new() })
+    }
+
+    /// The message with other values.
+    #[must_use]
+    pub fn with_values(self, values: Value) -> Self {
+        Self { values, ..self }
+    }
+
+    /// What is answered where something was refused.
+    pub fn json(&self) -> Value {
+        json!({ "error": self })
+    }
+}
+
+impl From<Key> for Message {
+    fn from(key: Key) -> Self {
+        let [text, hint] = key.sentences();
+        Self::new(key, json!({}), text.into(), hint)
+    }
+}
+
+fn key_of(error: &Error, is_picture: bool) -> Key {
+    match error {
+        Error::Letter { .. } => Key::LetterMissing,
+        Error::Input { place, found, wanted, .. } => {
+            let is_at = |name: &str| {
+                place.key() == name || place.0.contains(&Segment::File(name.to_owned()))
+            };
+            let is_drawing = place.0.iter().any(
+                |segment| matches!(segment, Segment::File(name) if name.starts_with("drawing.")),
+            );
+            match &**wanted {
+                _ if is_at("settings") || is_at("request") || is_at("visitor") => Key::PageOld,
+                "at least one stroke" if is_picture => Key::PictureNone,
+                "at least one stroke" => Key::DrawingEmpty,
+                _ if is_drawing && ["of more ", "more than "].iter().any(|w| found.contains(w)) => {
+                    Key::DrawingLarge
+                }
+                "paths in place of text" => Key::DrawingText,
+                "a drawing, handwriting or a logo" => Key::PictureNone,
+                _ if is_drawing || is_at("drawing") => Key::DrawingBroken,
+                _ if is_at("word") => Key::LettersMany,
+                _ => Key::NotPossible,
+            }
+        }
+        Error::Infeasible { what, .. } => {
+            let is_long = ["than an hour", "too much for a flight", "longest flight"];
+            match is_long.iter().any(|words| what.contains(words)) {
+                true => Key::FlightLong,
+                false => Key::FlightImpossible,
+            }
+        }
+        Error::Io { .. } => Key::DiskFull,
+        _ => Key::NotPossible,
+    }
+}
+
+/// A text with the names of files in place of their paths, which begin with a slash that no letter
+/// or digit is before.
+fn without_paths(text: &str) -> String {
+    let name = |word: &str| {
+        let begins = |begin: &usize| !word[..*begin].ends_with(char::is_alphanumeric);
+        match word.match_indices('/').map(|(begin, _)| begin).find(begins) {
+            Some(begin) => word[..begin].to_owned() + word.rsplit('/').next().unwrap_or_default(),
+            None => word.to_owned(),
+        }
+    };
+    text.split(' ').map(name).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use noctograph_pipeline::preflight::Row;
+
+    #[test]
+    fn names_of_files_stand_in_place_of_paths() {
+        let text = "/tmp/.noctograph-x.tmp/job-1/drawing.svg:3: (`/tmp/a/b.png`) and 1/2 m/s";
+        assert_eq!(without_paths(text), "drawing.svg:3: (`b.png`) and 1/2 m/s");
+    }
+
+    /// A check that is new goes into `STOPS`, or here.
+    #[test]
+    fn the_page_has_a_key_for_every_check_that_can_stop() {
+        let never_stop = ["lamps", "room"];
+        let page = include_str!("../../docs/reference/json.md");
+        let rows = page.lines().skip_while(|line| *line != "| check | value | limit |").skip(2);
+        let cells = rows.map_while(|line| line.strip_prefix("| ")?.split(" |").next());
+        let checks: Vec<&str> = cells.flat_map(|cell| cell.split(", ")).collect();
+        assert!(checks.len() > 25, "{checks:?}");
+        for check in checks.into_iter().filter(|check| !never_stop.contains(check)) {
+            let row = Row { check, severity: Severity::Stop, ..Row::default() };
+            let key = Message::of_stop(&Checked { drone: None, row }).unwrap().key;
+            assert_ne!(key, "stop-other", "{check} is not in STOPS");
+        }
+    }
+
+    /// Every key has a sentence in every language of the page, with the values that are its own.
+    #[test]
+    fn the_page_words_every_key_in_every_language() {
+        let errors: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
+        let problems = [
+            Problem::ShutterCloses { at_s: 1.0, early_s: 1.0 },
+            Problem::ShutterOpens { at_s: 1.0, late_s: 1.0 },
+            Problem::Unlit,
+            Problem::FacesAway { away_frac: 0.5 },
+            Problem::Overexposed { white_frac: 0.5, settings: String::new() },
+            Problem::Underexposed(String::new()),
+            Problem::Gaps { spans_s: Vec::new(), bridged_m: None },
+            Problem::LostStrokes { font: String::new(), letters: String::new() },
+            Problem::Drawing(String::new()),
+            Problem::Outside { what: "word", sides: String::new() },
+            Problem::NoPicture(String::new()),
+        ];
+        let obstacles: Vec<String> =
+            problems.iter().map(|it| Message::of_problem(it).key).collect();
+        let reasons = "misread no-light not-in-photo other-length out-of-range too-small unsure";
+        let reasons: Vec<_> = reasons.split(' ').collect();
+        let keys = json!({
+            "errors": errors, "obstacles": obstacles, "reasons": reasons,
+            "advice": ADVICE.split(' ').collect::<Vec<_>>(),
+            "stops": STOPS.split(' ').collect::<Vec<_>>(),
+        });
+        // What tests/exhibit.py compares with the tables of words.
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../serve/page/keys.json");
+        if std::env::var_os("NOCTOGRAPH_BLESS").is_some() {
+            std::fs::write(file, format!("{keys:#}\n")).unwrap();
+        }
+        let known: Value = serde_json::from_str(&std::fs::read_to_string(file).unwrap()).unwrap();
+        assert_eq!(known, keys, "NOCTOGRAPH_BLESS=1 writes {file} anew");
+        for name in ["de", "en", "es", "fr"] {
+            let file = format!("{}/../serve/page/words/{name}.json", env!("CARGO_MANIFEST_DIR"));
+            let table = std::fs::read_to_string(file).unwrap();
+            let table: Value = serde_json::from_str(&table).unwrap();
+            for (group, keys) in keys.as_object().unwrap() {
+                for key in keys.as_array().unwrap() {
+                    let words = &table[group][key.as_str().unwrap()];
+                    assert!(
+                        words.as_str().is_some_and(|it| !it.is_empty()),
+                        "{name}: {group} {key}"
+                    );
+                }
+            }
+        }
+    }
+}

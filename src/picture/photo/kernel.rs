@@ -1,0 +1,231 @@
+//! Spreading of light over neighbors in integers, with every count conserved.
+//!
+//! A value V is divided in shares `c_j / 2^s` with sum 1. Part j gets `⌊V c_0…j / 2^s⌋ -
+//! ⌊V c_0…j-1 / 2^s⌋`, so that the rounded parts add up to V. Light that would leave the picture is
+//! mirrored at its border, so that uniform light stays uniform.
+//!
+//! The blur of `flip` (any kernel, in f32) conserves no counts.
+
+/// Light of cells, row by row.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Plane {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) values: Vec<u64>,
+}
+
+/// Kernel that spreads the light of a cell along an axis; values must stay below 2^58.
+#[derive(Debug)]
+pub(super) struct Kernel<const PARTS: usize> {
+    /// Places per cell.
+    pub(super) step: usize,
+    /// First place of cell 0.
+    first: isize,
+    /// Shares up to and with each part, in units of `2^-shift`.
+    cumulative: [u64; PARTS],
+    shift: u32,
+}
+
+/// 1-2-1.
+pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
+
+/// Cells twice as wide to cells, 1-3-3-1.
+pub(super) const DOUBLE: Kernel<4> =
+    Kernel { step: 2, first: -1, cumulative: [1, 4, 7, 8], shift: 3 };
+
+/// Cells four pixels wide to pixels, 1-3-5-7-7-5-3-1.
+pub(super) const QUADRUPLE: Kernel<8> =
+    Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
+
+impl<const PARTS: usize> Kernel<PARTS> {
+    /// Light of one part of a cell.
+    #[inline(always)]
+    pub(super) fn part(&self, value: u64, part: usize) -> u64 {
+        let until = |part: usize| (value * self.cumulative[part]) >> self.shift;
+        until(part) - if part == 0 { 0 } else { until(part - 1) }
+    }
+
+    /// Place of a part of a cell among `n` places.
+    pub(super) fn place(&self, cell: usize, part: usize, n: usize) -> usize {
+        let (place, n) = ((self.step * cell + part).cast_signed() + self.first, n.cast_signed());
+        let mirrored = if place < 0 { -1 - place } else { place };
+        let mirrored = if mirrored >= n { 2 * n - 1 - mirrored } else { mirrored };
+        mirrored.clamp(0, n - 1).cast_unsigned()
+    }
+
+    /// Cells and parts that each of `n` places receives.
+    pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
+        let mut sources = vec![Vec::new(); n];
+        for cell in 0..cells {
+            for part in 0..PARTS {
+                sources[self.place(cell, part, n)].push((cell, part));
+            }
+        }
+        sources
+    }
+
+    /// Light of all parts of a cell.
+    #[inline(always)]
+    fn parts(&self, value: u64) -> [u64; PARTS] {
+        let until = self.cumulative.map(|share| (value * share) >> self.shift);
+        std::array::from_fn(|part| until[part] - if part == 0 { 0 } else { until[part - 1] })
+    }
+
+    /// Adds the light of a row of cells to a row of places, with `add`.
+    #[inline(always)]
+    pub(super) fn along<T>(&self, cells: &[u64], out: &mut [T], add: impl Fn(&mut T, u64)) {
+        let n = out.len();
+        for (cell, &value) in cells.iter().enumerate() {
+            let parts = self.parts(value);
+            let start = (self.step * cell).wrapping_add_signed(self.first);
+            if let Some(out) = out.get_mut(start..start.wrapping_add(PARTS)) {
+                out.iter_mut().zip(parts).for_each(|(out, part)| add(out, part));
+            } else {
+                for (part, light) in parts.into_iter().enumerate() {
+                    add(&mut out[self.place(cell, part, n)], light);
+                }
+            }
+        }
+    }
+}
+
+impl Kernel<8> {
+    /// Light of cells below which [`Self::along_narrow`] holds.
+    pub(super) fn most_narrow(&self) -> u64 {
+        1 << (32 - self.shift)
+    }
+
+    /// The same as [`Self::along`] for faint cells, four places at once; sums saturate.
+    #[inline(always)]
+    pub(super) fn along_narrow(&self, cells: &[u64], out: &mut [u32]) {
+        let n = out.len();
+        #[expect(clippy::cast_possible_truncation, reason = "faint, and up to 32")]
+        let parts = |value: u64| {
+            let until = self.cumulative.map(|share| (value as u32 * share as u32) >> self.shift);
+            let part = |part: usize| until[part] - if part == 0 { 0 } else { until[part - 1] };
+            [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|k| part(k + 4))]
+        };
+        // The parts of a cell that leave the picture are mirrored at its border.
+        let inside = out.get_mut(2..).map(|out| out.as_chunks_mut::<4>().0).unwrap_or_default();
+        let mut before = cells.first().map_or([0; 4], |first| parts(*first)[1]);
+        for (places, &cell) in inside.iter_mut().zip(cells.get(1..).unwrap_or_default()) {
+            let [own, after] = parts(cell);
+            for (place, (own, before)) in places.iter_mut().zip(own.iter().zip(before)) {
+                *place = place.saturating_add(own + before);
+            }
+            before = after;
+        }
+        let n_inside = inside.len();
+        let last = cells.len().saturating_sub(2).max(1)..cells.len();
+        for cell in (0..cells.len().min(1)).chain(last) {
+            for (half, parts) in parts(cells[cell]).into_iter().enumerate() {
+                let block = cell + half;
+                if (1..=n_inside).contains(&block) && block < cells.len() {
+                    continue;
+                }
+                for (part, light) in parts.into_iter().enumerate() {
+                    let out = &mut out[self.place(cell, 4 * half + part, n)];
+                    *out = out.saturating_add(light);
+                }
+            }
+        }
+    }
+}
+
+impl Plane {
+    pub(super) fn dark(width: usize, height: usize) -> Self {
+        Self { width, height, values: vec![0; width * height] }
+    }
+
+    /// Adds the light spread along both axes to `out`.
+    #[inline(always)]
+    pub(super) fn spread_into<const PARTS: usize>(&self, kernel: &Kernel<PARTS>, out: &mut Self) {
+        let mut row = vec![0; self.width];
+        for (y, sources) in kernel.sources(self.height, out.height).iter().enumerate() {
+            row.fill(0);
+            for &(cell, part) in sources {
+                let cells = &self.values[cell * self.width..][..self.width];
+                for (sum, &value) in row.iter_mut().zip(cells) {
+                    *sum += kernel.part(value, part);
+                }
+            }
+            let places = &mut out.values[y * out.width..][..out.width];
+            kernel.along(&row, places, |place, light| *place += light);
+        }
+    }
+
+    /// Blurred by 1-2-1 along both axes.
+    pub(super) fn blurred(&self) -> Self {
+        let mut out = Self::dark(self.width, self.height);
+        self.spread_into(&BLUR, &mut out);
+        out
+    }
+
+    /// Sums of 2 × 2 cells.
+    pub(super) fn halved(&self) -> Self {
+        let mut out = Self::dark(self.width.div_ceil(2), self.height.div_ceil(2));
+        for (y, row) in self.values.chunks_exact(self.width).enumerate() {
+            let sums = &mut out.values[(y / 2) * out.width..][..out.width];
+            for (sum, pair) in sums.iter_mut().zip(row.chunks(2)) {
+                *sum += pair.iter().sum::<u64>();
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spreading_keeps_every_count_at_every_size() {
+        for (width, height) in [(1, 1), (2, 3), (3, 2), (7, 5), (16, 9)] {
+            let mut seed = 1_u64;
+            let mut plane = Plane::dark(width, height);
+            for value in &mut plane.values {
+                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                *value = seed >> 20;
+            }
+            let sum: u64 = plane.values.iter().sum();
+            assert_eq!(plane.blurred().values.iter().sum::<u64>(), sum, "{width}x{height}");
+            assert_eq!(plane.halved().values.iter().sum::<u64>(), sum, "{width}x{height}");
+            for (w, h) in [(2 * width, 2 * height), (2 * width - 1, 2 * height - 1)] {
+                let mut fine = Plane::dark(w, h);
+                plane.spread_into(&DOUBLE, &mut fine);
+                assert_eq!(fine.values.iter().sum::<u64>(), sum, "{w}x{h}");
+            }
+        }
+    }
+
+    #[test]
+    fn faint_cells_leave_the_same_counts_four_places_at_once() {
+        let mut state = 7_u32;
+        let mut random = || {
+            state = state.wrapping_mul(0x9e37_79b9) ^ state >> 15;
+            state
+        };
+        for n in 1..40_usize {
+            let cells: Vec<u64> = (0..n.div_ceil(4)).map(|_| u64::from(random() >> 5)).collect();
+            let mut one: Vec<u32> = (0..n).map(|_| random().saturating_mul(3)).collect();
+            let mut four = one.clone();
+            QUADRUPLE.along(&cells, &mut one, |out, light| {
+                *out = out.saturating_add(u32::try_from(light).unwrap());
+            });
+            QUADRUPLE.along_narrow(&cells, &mut four);
+            assert_eq!(one, four, "{n} places");
+        }
+    }
+
+    #[test]
+    fn uniform_light_stays_uniform() {
+        let plane = Plane { width: 6, height: 4, values: vec![64; 24] };
+        assert_eq!(plane.blurred(), plane);
+        let mut fine = Plane::dark(12, 8);
+        plane.spread_into(&DOUBLE, &mut fine);
+        assert!(fine.values.iter().all(|value| *value == 16), "{fine:?}");
+        let mut pixels = vec![0; 24];
+        QUADRUPLE.along(&[32; 6], &mut pixels, |pixel, light| *pixel += light);
+        assert_eq!(pixels, [8; 24]);
+    }
+}

@@ -1,0 +1,212 @@
+//! People and things in the room: how near a flight comes to them.
+//!
+//! In: a [`Shoot`], and its flights. Out: the distance of an audience, and the rows `people` and
+//! `obstacles`. People keep as far off as a drone without commands may come. Things keep from the
+//! design what a wall does, and the drone's reach. What stands on the floor keeps it at any height:
+//! a drone that lands in an emergency comes straight down. Not known: doors, cables, and all that
+//! no key of the scene names.
+
+use std::f64::consts::SQRT_2;
+
+use nalgebra::Vector3;
+
+use super::Profile;
+use super::checked_export::bounds_m;
+use super::plans::greatest_speed_m_s;
+use super::profile::ROOM_MARGIN_M;
+use super::row::{Row, Severity, at_time, stop_if};
+use crate::scene::Scene;
+use crate::shoot::Shoot;
+use noctograph_core::crazyflie::MOTORS_STOP_S;
+use noctograph_core::flight::Flight;
+use noctograph_core::geometry::{Solid, segment_distance};
+use noctograph_core::plan::{Plan, Setpoint};
+use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
+use noctograph_sim::sensors::Positioning;
+use noctograph_sim::vehicle::FloorStep;
+
+/// Standard gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.806_65;
+
+/// Radius of a tripod with its camera at the height of a flight, an assumption: less hides a long
+/// lens or a leg, more leaves no place for a camera in the smallest room.
+const TRIPOD_M: f64 = 0.15;
+
+/// Radius of a base station or an anchor with its stand, an assumption: a station is 75 mm wide.
+const BEACON_M: f64 = 0.05;
+
+/// Least slope of the normal of a plane that is no wall: a floor that reflects is flown above.
+const LEVEL_COS: f64 = 0.7;
+
+/// The ways of all drones: as planned and, where they are known, as flown.
+pub(super) struct Ways {
+    /// Straight pieces, with their beginning's time.
+    pieces: Vec<([Vector3<f64>; 2], f64)>,
+    /// See [`super::ShotPlan::audience_from_m`].
+    pub(super) audience_from_m: f64,
+}
+
+impl Ways {
+    /// The plans of a shoot, and flights of them.
+    pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
+        let plans = || shoot.plans.iter().map(|planned| &planned.plan);
+        // A file's columns of velocities are not asked: they may be of another flight.
+        let mut speed_m_s = plans().map(greatest_speed_m_s).fold(0.0, f64::max);
+        let mut pieces: Vec<_> = plans().flat_map(|plan| pieces(plan)).collect();
+        for sample in flights.into_iter().flat_map(|flight| &flight.samples) {
+            let velocity_m_s = sample.attitude.world_from_body() * sample.velocity_body_m_s;
+            speed_m_s = speed_m_s.max(velocity_m_s.xy().norm());
+            pieces.push(([sample.position_m; 2], sample.time_s));
+        }
+        let word_m = shoot.strokes.as_ref().map_or(0.0, |strokes| strokes.bounds_m()[3]);
+        let top_m = pieces.iter().map(|([from_m, _], _)| from_m.z).fold(word_m, f64::max);
+        let comes_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
+        // Rounded up to what is printed, so that sentence and check agree.
+        Self { pieces, audience_from_m: ((10.0 * comes_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
+    }
+
+    /// Least y: nearest to the camera.
+    pub(super) fn front_m(&self) -> f64 {
+        let ends = self.pieces.iter().flat_map(|(ends, _)| ends);
+        ends.map(|end| end.y).fold(0.0, f64::min)
+    }
+}
+
+/// The straight pieces between the setpoints of a plan.
+fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
+    let pairs = plan.setpoints.windows(2);
+    pairs.map(|pair| ([pair[0].position_m, pair[1].position_m], pair[0].time_s))
+}
+
+/// How near a flight comes to people, from take-off to landing, at any height: a drone that fails
+/// falls; `None` where the scene has none.
+pub(super) fn check_people(shoot: &Shoot, ways: &Ways) -> Option<Row> {
+    let people = &shoot.scene.sensors.lighthouse.people_m;
+    let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
+        ways.pieces.iter().map(move |([from, to], time_s)| {
+            let beside_m = segment_distance([*x, *y], [[from.x, from.y], [to.x, to.y]]);
+            ((beside_m - radius_m).max(0.0), person + 1, *time_s)
+        })
+    });
+    let (least_m, person, time_s) = distances_m.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let wanted_m = ways.audience_from_m;
+    let row = Row::new("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
+    Some(row.timed(time_s).say(
+        format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
+        format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
+        "let people stand farther off ({sensors.lighthouse.people_m}), or fly slower \
+         ({plan.style.dark_speed_m_s})",
+    ))
+}
+
+/// A thing in the room.
+struct Thing {
+    name: String,
+    shape: Solid,
+    /// Whether a drone takes off from it, and may fly above it.
+    is_stand: bool,
+    advice: &'static str,
+}
+
+/// How near the plans come to the camera and to the things that the scene names.
+pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Row {
+    // Motors are at the corners of a square, and propellers that do not overlap reach half of its
+    // side beyond them.
+    let limit_m = ROOM_MARGIN_M + (1.0 + SQRT_2) * shoot.scene.vehicle.arm_m;
+    let wanted =
+        format!("{limit_m:.2} m or more from take-off to landing, and straight down from there");
+    let (mut least_m, mut nearest) = (f64::INFINITY, None);
+    for plan in shoot.plans.iter().map(|planned| &planned.plan) {
+        let ramps = ramps(&plan.setpoints);
+        for thing in things(shoot, plan, profile) {
+            for (row, (piece, time_s)) in pieces(plan).enumerate() {
+                let is_left = thing.is_stand && ramps(row);
+                if let Some(m) = thing.shape.nearer_m(piece, least_m).filter(|_| !is_left) {
+                    (least_m, nearest) = (m, Some((thing.name.clone(), time_s, thing.advice)));
+                }
+            }
+        }
+    }
+    let Some((name, time_s, advice)) = nearest else {
+        return Row::new("obstacles", Severity::Fine, None).say("none is named", wanted, "");
+    };
+    let row = Row::new("obstacles", stop_if(least_m < limit_m), least_m).within(limit_m);
+    let (row, when) = (row.timed(time_s).detailed(name.as_str()), at_time(time_s));
+    row.say(format!("{name} is {least_m:.2} m from the flight, nearest{when}"), wanted, advice)
+}
+
+/// Whether the piece after a setpoint is of the take-off or the landing: before and after the
+/// letters, above the mark.
+fn ramps(setpoints: &[Setpoint]) -> impl Fn(usize) -> bool + use<> {
+    fn length<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
+        let Some(mark) = setpoints.clone().next() else { return 0 };
+        let above = |s: &&Setpoint| (s.position_m - mark.position_m).xy().norm() <= START_RADIUS_M;
+        setpoints.by_ref().take_while(|s| s.letter.is_none() && above(s)).count()
+    }
+    let (rise, sink) = (length(setpoints.iter()), length(setpoints.iter().rev()));
+    let n = setpoints.len();
+    move |row| row + 1 < rise || row + sink >= n
+}
+
+/// The camera, and what the scene puts into the room of a plan.
+fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
+    let scene = &shoot.scene;
+    let ceiling_m = profile.room_m.map_or(profile.volume_m[1][2], |room_m| room_m[2]);
+    let mark_m = plan.setpoints.first().map_or(Vector3::zeros(), |first| first.position_m);
+    let stand_m = scene.floor.height_m(mark_m.x, mark_m.y);
+    let mut things = Vec::new();
+    let mut add = |name: String, shape, is_stand, advice| {
+        things.push(Thing { name, shape, is_stand, advice });
+    };
+    if let Ok(camera) = scene.camera.camera(bounds_m(shoot), 0.0) {
+        let shape = Solid::pillar([camera.position_m.x, camera.position_m.y], TRIPOD_M);
+        let advice = "stand the camera farther off ({camera.framing})";
+        add("the camera on its tripod".to_owned(), shape, false, advice);
+    }
+    let (beacon, places_m) = stations(scene);
+    for (index, [x, y, z]) in places_m.into_iter().enumerate() {
+        // In the lower half of a room they stand, above it they hang.
+        let shape = match z < 0.5 * ceiling_m {
+            true => Solid::pillar([x, y], BEACON_M),
+            false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
+        };
+        let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
+        add(format!("{beacon} {}", index + 1), shape, false, advice);
+    }
+    for (number, FloorStep { x_m, y_m, height_m }) in scene.floor.steps.iter().enumerate() {
+        let is_stand = *height_m == stand_m;
+        let top_m = if is_stand { *height_m } else { f64::INFINITY };
+        let ends_m = [*x_m, *y_m, [f64::NEG_INFINITY, top_m]];
+        let advice = "move it out of the flight's way ({floor.steps}), or write smaller or higher \
+                      ({letters.canvas_m}, {letters.baseline_m})";
+        let shape = Solid::Block { ends_m, radius_m: 0.0 };
+        add(format!("floor.steps[{number}]"), shape, is_stand, advice);
+    }
+    let lighthouse = &scene.sensors.lighthouse;
+    for (key, planes) in [("mirrors_m", &lighthouse.mirrors_m), ("panes_m", &lighthouse.panes_m)] {
+        for (number, [point_m, normal]) in planes.iter().enumerate() {
+            let normal = Vector3::from(*normal).normalize();
+            // One on the floor is flown above; a normal of zero is no plane and no number here.
+            if normal.z.abs() < LEVEL_COS {
+                let name = format!("sensors.lighthouse.{key}[{number}]");
+                let advice = "fly in front of it ({sensors.lighthouse.mirrors_m})";
+                add(name, Solid::Plane(Vector3::from(*point_m), normal), false, advice);
+            }
+        }
+    }
+    things
+}
+
+/// Beacons of the scene's positioning in the room: names and places.
+pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
+    let stations = &scene.sensors.lighthouse.stations;
+    match scene.sensors.positioning {
+        Positioning::UwbTwr | Positioning::UwbTdoa => {
+            ("anchor", scene.sensors.uwb.anchors_m.clone())
+        }
+        Positioning::Gnss => ("", Vec::new()),
+        Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+            ("station", stations.iter().map(|station| station.position_m).collect())
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! Set keys without effect, with the reason: keys of another choice, or of a part that is switched
+//! off.
+
+use toml::{Table, Value};
+
+use super::Scene;
+use noctograph_core::files::ending;
+use noctograph_core::settings::{Described, Need, Setting, Shape, joined, of_kind};
+use noctograph_picture::expose::meter::is_colored;
+use noctograph_picture::light::{COLOR_LED, Drive, Fixture, RING, RingEffect};
+use noctograph_plan::{PlanOptions, Style};
+use noctograph_sim::EstimatorKind;
+use noctograph_sim::sensors::Positioning;
+use noctograph_sim::vehicle::{Gusts, VehicleOptions};
+
+/// Keys or tables, a test whether they are without effect in a scene, and the reason. Needs of one
+/// other setting stand in the declaration ([`Need`]); here are conditions on several.
+type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
+
+const RULES: &[Rule] = &[
+    (
+        &["letters.trace"],
+        |s| !is_typeface(s) && !is_bitmap(s),
+        "letters.font is no typeface, and letters.drawing no picture",
+    ),
+    (
+        &["letters.font", "letters.width_m", "letters.gap_m"],
+        |s| !s.letters.drawing.is_empty(),
+        "letters.drawing takes the place of a word",
+    ),
+    (&["letters.pace"], |s| !is_handwriting(s), "letters.drawing is no handwriting"),
+    (&["letters.line_gap_m"], |s| !s.word.contains('\n'), "the word has one line"),
+    (
+        &["vehicle.rotor_thrust_n_s2"],
+        |s| !has_rotor_speeds(&s.vehicle),
+        "the rotors have no lag, drag or inertia",
+    ),
+    (
+        &["controller.lqr.motor_lag"],
+        |s| s.vehicle.motor_rise_s + s.vehicle.motor_fall_s == 0.0,
+        "the motors have no lag",
+    ),
+    (
+        &["observer.ekf.gate_sigmas"],
+        |s| {
+            let altitude = s.observer.kind == EstimatorKind::Altitude;
+            let gated = !altitude && !s.sensors.heights.is_empty();
+            s.sensors.positioning == Positioning::Sweeps && !gated
+        },
+        "sweeps pass the firmware's own filter, and nothing else is measured",
+    ),
+    (&["air.wind_m_s", "air.gusts.time_s"], |s| !feels_air(&s.vehicle), NO_DRAG),
+    (
+        &["air.gusts"],
+        |s| {
+            let blows = feels_air(&s.vehicle) && s.air.wind_m_s[..2] != [0.0; 2];
+            s.air.gusts == Gusts::Dryden && !blows
+        },
+        "these gusts grow with the wind and push by drag: one of both is 0",
+    ),
+    (
+        &["light.ring"],
+        |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
+        "no lamp is of the ring",
+    ),
+    (
+        &["light.color_led_wrgb", "light.color_led_levels"],
+        |s| !has_color_led(s),
+        "no lamp is of the color LED deck",
+    ),
+    (
+        &["camera.metering.color_stops"],
+        |s| {
+            let set = s.light.color_led_wrgb[1..] != [0; 3] || !s.light.letters_wrgb.is_empty();
+            let led = set || !s.letters.drawing.is_empty();
+            let fixtures = s.light.fixtures();
+            let colored = fixtures.iter().filter(|lamp| is_colored(lamp));
+            let own: Vec<_> = colored.filter_map(|lamp| commanded(lamp)).collect();
+            !s.plan.lights.iter().any(|lamp| {
+                lamp == COLOR_LED.name && led
+                    || lamp.starts_with(RING.name)
+                    || own.contains(&lamp.as_str())
+            })
+        },
+        "the plan writes in white",
+    ),
+    (
+        &["light.letters_wrgb"],
+        |s| !writes_in_color(s),
+        "headlights are white: only the color LED deck and the ring write in colors",
+    ),
+    (
+        &["light.led_bitmask"],
+        |s| s.light.led_bitmask < 128 || !has_lamp(s, |f| f.bitmask_bit.is_some()),
+        "bit 7, which lets it switch lamps, is not set, or no lamp has a bit in it",
+    ),
+    (
+        &["camera.lens", "camera.f_number", "camera.base_iso"],
+        |s| s.camera.body.fixed_lens().is_some(),
+        "a telephone has a lens of its own",
+    ),
+    (
+        &["photo.ambient_cd_m2", "photo.ambient_from_m", "expose.unevenness"],
+        |s| !s.photo.background.is_empty(),
+        "photo.background has the light and the texture of its room",
+    ),
+];
+
+/// Keys that `coverage` and `check` use whatever the drone's sensors are: stations, and what stands
+/// in the flight's way.
+const ALWAYS_USED: [&str; 4] = [
+    "sensors.lighthouse.stations",
+    "sensors.lighthouse.people_m",
+    "sensors.lighthouse.mirrors_m",
+    "sensors.lighthouse.panes_m",
+];
+
+const NO_DRAG: &str =
+    "the drone has no drag (vehicle.body_drag_n_s_m, rotor_drag_n_s2_m, airspeed_moment_n_s)";
+
+fn is_typeface(scene: &Scene) -> bool {
+    scene.letters.drawing.is_empty()
+        && std::iter::once(&scene.letters.font)
+            .chain(&scene.letters.fallback)
+            .any(|name| ["ttf", "otf", "ttc", "otc"].contains(&&*ending(name)))
+}
+
+fn is_handwriting(scene: &Scene) -> bool {
+    ending(&scene.letters.drawing) == "json"
+}
+
+fn is_bitmap(scene: &Scene) -> bool {
+    let kinds = ["png", "jpg", "jpeg", "webp", "gif", "bmp"];
+    kinds.contains(&&*ending(&scene.letters.drawing))
+}
+
+fn has_rotor_speeds(vehicle: &VehicleOptions) -> bool {
+    vehicle.motor_rise_s + vehicle.motor_fall_s > 0.0
+        || vehicle.rotor_drag_n_s2_m > 0.0
+        || vehicle.rotor_inertia_kg_m2 > 0.0
+}
+
+fn feels_air(vehicle: &VehicleOptions) -> bool {
+    vehicle.body_drag_n_s_m.iter().any(|drag| *drag > 0.0)
+        || vehicle.rotor_drag_n_s2_m > 0.0
+        || vehicle.airspeed_moment_n_s > 0.0
+}
+
+fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {
+    scene.light.fixtures().iter().any(is)
+}
+
+/// The channel of a lamp whose color is that of its dies.
+fn commanded(lamp: &Fixture) -> Option<&str> {
+    matches!(lamp.drive, Drive::Command(_)).then(|| lamp.drive.channel()).flatten()
+}
+
+fn has_color_led(scene: &Scene) -> bool {
+    has_lamp(scene, |f| f.drive == Drive::ColorLed)
+}
+
+/// Whether the ring writes, with an effect of one color.
+fn ring_writes(scene: &Scene) -> bool {
+    !matches!(scene.light.ring, RingEffect::Off | RingEffect::DoubleSpin)
+        && scene.plan.lights.iter().any(|channel| channel == RING.name)
+        && has_lamp(scene, |f| matches!(f.drive, Drive::Ring(_)))
+}
+
+/// Whether a lamp writes that has colors.
+pub(super) fn writes_in_color(scene: &Scene) -> bool {
+    has_color_led(scene) || ring_writes(scene)
+}
+
+/// The reason why a key has no effect in a scene, its own before that of the tables around it;
+/// `None` if it has an effect.
+pub fn reason(scene: &Scene, key: &str) -> Option<String> {
+    let values = Value::Table(scene.to_table());
+    if ALWAYS_USED.contains(&key) {
+        return None;
+    }
+    let mut reasons = Vec::new();
+    let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
+    for part in key.split('.') {
+        path = joined(&path, part);
+        let mut rules = RULES.iter().filter(|(keys, ..)| keys.contains(&&*path));
+        let rule = rules.find(|(_, is_idle, _)| is_idle(scene));
+        reasons.extend(rule.map(|(_, _, why)| (*why).to_owned()));
+        let Some(setting) = settings.iter().find(|setting| setting.key == part) else { break };
+        let mut needs = setting.needs.iter().filter(|need| need.key != key);
+        reasons.extend(needs.find_map(|need| unmet(need, &values)));
+        settings = match setting.shape {
+            Shape::Group(settings) => settings,
+            Shape::Tagged(variants) => {
+                let kinds = names_at(&values, &path);
+                let variant = variants.iter().find(|it| kinds.iter().any(|kind| kind == it.name));
+                variant.map_or(&[][..], |variant| variant.settings)
+            }
+            Shape::Plain | Shape::Names(_) => &[],
+        };
+    }
+    reasons.pop()
+}
+
+/// The reason why a setting's need is not met; `None` if it is met.
+fn unmet(need: &Need, values: &Value) -> Option<String> {
+    let Need { key, names, holds } = need;
+    let set_values = values_at(values, key);
+    let names_there = names_at(values, key);
+    if names.is_empty() {
+        fn is_off(value: &Value) -> bool {
+            value.as_float() == Some(0.0)
+                || value.as_integer() == Some(0)
+                || value.as_str().is_some_and(str::is_empty)
+        }
+        let is_set = set_values.first().is_some_and(|value| !is_off(value));
+        let why = match set_values.first() {
+            Some(_) if is_set => format!("{key} is set"),
+            Some(value) if value.is_float() => format!("{key} is 0"),
+            _ => format!("{key} is not set"),
+        };
+        return (is_set != *holds).then_some(why);
+    }
+    let named = names.iter().find(|name| names_there.iter().any(|there| there == *name));
+    (named.is_some() != *holds).then(|| match (named, names) {
+        (Some(name), _) => format!("{key} is {name}"),
+        (None, names) => {
+            let (last, others) = names.split_last().expect("there are names");
+            let either = if others.is_empty() { "not" } else { "neither" };
+            let nor = if others.is_empty() {
+                String::new()
+            } else {
+                format!("{} nor ", others.join(", "))
+            };
+            format!("{key} is {either} {nor}{last}")
+        }
+    })
+}
+
+/// The values at a dotted key, in each table of a list.
+fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
+    key.split('.').fold(vec![values], |values, part| {
+        let rows = values.into_iter().flat_map(|value| match value {
+            Value::Array(rows) => rows.iter().collect(),
+            value => vec![value],
+        });
+        rows.filter_map(|row| row.get(part)).collect()
+    })
+}
+
+/// The names at a dotted key: of a choice, of the kind of a table, of a list; or whole numbers.
+fn names_at(values: &Value, key: &str) -> Vec<String> {
+    let all = values_at(values, key).into_iter().flat_map(|value| match value {
+        Value::Array(items) => items.iter().collect(),
+        value => vec![value],
+    });
+    let names = all.filter_map(|value| match value {
+        Value::Integer(number) => Some(number.to_string()),
+        value => value.as_str().or_else(|| value.get("kind")?.as_str()).map(str::to_owned),
+    });
+    names.collect()
+}
+
+impl Scene {
+    /// Keys that differ from the preset's and have no effect, each with the reason.
+    pub fn unused_keys(&self) -> Vec<(String, String)> {
+        let plan = match &self.plan.style {
+            Style::Even(_) => PlanOptions::even(),
+            Style::Team(_) => PlanOptions::default(),
+        };
+        let usual = Self { plan, ..Self::preset(self.preset) };
+        let [own, usual] = [self, &usual].map(Self::to_table);
+        let mut keys = Vec::new();
+        differing("", Self::SHAPE.settings(), [&own, &usual], &mut keys);
+        keys.into_iter().filter_map(|key| reason(self, &key).map(|why| (key, why))).collect()
+    }
+}
+
+/// The keys whose values differ between two tables; for different choices, the choice alone.
+fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: &mut Vec<String>) {
+    for setting in settings {
+        let path = joined(path, setting.key);
+        let [a, b] = [own, usual].map(|table| table.get(setting.key));
+        match (setting.shape, a, b) {
+            (_, a, b) if a == b => {}
+            (Shape::Group(settings), Some(Value::Table(a)), Some(Value::Table(b))) => {
+                differing(&path, settings, [a, b], keys);
+            }
+            (Shape::Tagged(variants), Some(Value::Table(a)), Some(Value::Table(b)))
+                if a.get("kind") == b.get("kind") =>
+            {
+                differing(&path, of_kind(variants, a), [a, b], keys);
+            }
+            _ => keys.push(path),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::{Preset, Scene};
+
+    fn idle(toml: &str) -> Vec<String> {
+        let scene = Scene::parse(toml, "my.toml").unwrap();
+        scene.unused_keys().into_iter().map(|(key, _)| key).collect()
+    }
+
+    #[test]
+    fn a_key_of_a_choice_that_was_not_made_is_named() {
+        let bare = "preset = \"ae483-2022\"\n";
+        let idle = |toml: &str| idle(&format!("{bare}{toml}"));
+        assert_eq!(idle("[air]\nwind_m_s = [1.0, 0.0, 0.0]"), ["air.wind_m_s"]);
+        assert_eq!(
+            idle("[controller]\nkind = \"pid\"\nlqr.q_integral = [1.0, 1.0, 1.0]"),
+            ["controller.lqr.q_integral"]
+        );
+        assert_eq!(
+            idle("[air]\nwind_m_s = [1.0, 0.0, 0.0]\n[vehicle]\nbody_drag_n_s_m = [0.1, 0.1, 0.1]"),
+            [""; 0]
+        );
+        assert_eq!(idle("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
+        assert_eq!(idle("[light]\nled_bitmask = 128"), [""; 0]);
+        assert_eq!(idle("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);
+        let room = "[photo]\nbackground = \"room.png\"\nambient_cd_m2 = 0.1";
+        assert_eq!(idle(room), ["photo.ambient_cd_m2"]);
+        let in_color = |chromaticity: &str| {
+            let toml = format!(
+                "[plan]\nlights = [\"laser\"]\n[[light.fixtures]]\ndrive.command = \"laser\"\n\
+                 parameter = \"laser.power\"\ndies = [{{ chromaticity = {chromaticity} }}]\n"
+            );
+            let scene = Scene::parse(&toml, "my.toml").unwrap();
+            super::reason(&scene, "camera.metering.color_stops").is_none()
+        };
+        assert!(in_color("[0.694, 0.306]") && !in_color("[0.3127, 0.329]"), "red, white");
+    }
+
+    #[test]
+    fn no_preset_and_no_shipped_scene_has_unused_keys() {
+        for &preset in Preset::ALL {
+            assert_eq!(Scene::preset(preset).unused_keys(), [], "{preset:?}");
+        }
+        for name in ["team", "pid", "geometric", "tuned"] {
+            assert_eq!(Scene::find(name, &[]).unwrap().scene.unused_keys(), [], "{name}");
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Letters and lights of a real flight's log, which holds neither, inferred from the flown word and
+//! the setpoints.
+
+use std::path::Path;
+
+use super::{Recording, Shoot};
+use crate::scene::{Preset, Scene};
+use noctograph_core::error::Result;
+use noctograph_core::flight::{Flight, Quantity, airborne};
+use noctograph_logs::ImportOptions;
+use noctograph_plan::infer_lights;
+
+impl Shoot {
+    /// Photographs a flight, a log or a light trace; a log without lights has those of the scene's
+    /// word, or is lit all along. Beside it what one should know of the log.
+    ///
+    /// # Errors
+    ///
+    /// As [`Recording::read`], [`infer_lights_if_dark`] and [`Self::with_recordings`].
+    pub fn of_log(mut scene: Scene, path: &Path) -> Result<(Self, Vec<String>)> {
+        let firmware = Some(scene.vehicle.firmware);
+        let options = ImportOptions { firmware, ..ImportOptions::default() };
+        let (mut recording, mut notes) = Recording::read(path, &options)?;
+        if let Recording::Flight(flight) = &mut recording {
+            if let Some(preset) = infer_lights_if_dark(flight, &mut scene)? {
+                notes.push(format!("the letters are those of {}", preset.name()));
+            }
+            if flight.lights.is_empty() {
+                if scene.has_strokes() {
+                    notes.push("lit all along: no setpoints tell where the lights were on".into());
+                }
+                light_all_along(flight, &scene);
+            }
+        }
+        Ok((Self::with_recordings(scene, vec![recording])?, notes))
+    }
+}
+
+/// Gives a flight without lights the letters of the scene's word, if it has one, and their lights.
+/// Where the setpoints are not on the scene's letters, and these are those of a preset, the other
+/// presets' are tried: font, size and place. The scene then has them; returned is that preset.
+///
+/// # Errors
+///
+/// As [`infer_lights`].
+pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
+    // Lights are inferred from setpoints.
+    let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);
+    if !is_unlit || !scene.has_strokes() {
+        return Ok(None);
+    }
+    let Err(error) = infer_lights(flight, &scene.strokes()?) else { return Ok(None) };
+    let presets = || Preset::ALL.iter().map(|preset| (*preset, Scene::preset(*preset).letters));
+    let is_preset = presets().any(|(_, letters)| letters == scene.letters);
+    for (preset, letters) in presets().filter(|_| is_preset) {
+        let tried = Scene { letters, ..scene.clone() };
+        let Ok(strokes) = tried.strokes() else { continue };
+        if infer_lights(flight, &strokes).is_ok() {
+            scene.letters = tried.letters;
+            return Ok(Some(preset));
+        }
+    }
+    Err(error)
+}
+
+/// Gives a flight the light of its lamps in the air, from take-off to landing, in the place of
+/// letters.
+pub fn light_all_along(flight: &mut Flight, scene: &Scene) {
+    let air = airborne(flight).unwrap_or_default();
+    let levels = (0..flight.samples.len()).map(|i| f64::from(u8::from(air.contains(&i))));
+    let levels: Vec<f64> = levels.collect();
+    for channel in &scene.plan.lights {
+        flight.edit(|flight| flight.lights.insert(channel.clone(), levels.clone()));
+    }
+}

@@ -1,0 +1,103 @@
+//! Letters and headlight schedule of a flight whose log has neither.
+//!
+//! The team's logs hold the setpoints, and its letters know along which moves the headlights were
+//! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move at or
+//! after the current one that contains it, and never backward.
+
+use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::{Flight, Quantity};
+use noctograph_core::geometry::segment_distance;
+use noctograph_core::lamps::HEADLIGHTS;
+use noctograph_core::strokes::{Move, Strokes};
+
+/// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints;
+/// strokes lie centimeters apart.
+const ON_MOVE_M: f64 = 0.01;
+
+/// Share of the word's strokes that the setpoints must run along: words share some strokes.
+const LEAST_FLOWN: f64 = 0.6;
+
+/// Gives a flight its letters and the column `light.headlights`.
+///
+/// # Errors
+///
+/// [`Error::Input`] where the flight has no setpoints, or hardly any on the strokes.
+pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
+    let hint = "name the word that was flown, and the size of its letters under [letters]; a log \
+                without lights must write them stroke by stroke, as style team does";
+    if !flight.has(Quantity::Design) {
+        let wanted = "setpoints, from which letters and lights are inferred";
+        return Err(Error::input("flight", "no setpoints", wanted, hint));
+    }
+    let (word, glyphs) = (&strokes.word, strokes.glyphs.iter().enumerate());
+    let moves: Vec<(usize, Move)> =
+        glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
+    let (mut progress, mut levels) = (Progress::default(), Vec::new());
+    // Where along each move the setpoints began and ended.
+    let mut flown_m = vec![[f64::INFINITY, 0.0]; moves.len()];
+    let mut letters = Vec::with_capacity(flight.samples.len());
+    for sample in &flight.samples {
+        let begun = progress.advance(&moves, [sample.design_m.x, sample.design_m.z]);
+        letters.push(begun.map(|(letter, _)| letter));
+        levels.push(f64::from(begun.is_some_and(|(_, lit)| lit)));
+        if begun.is_some() {
+            let [from_m, to_m] = &mut flown_m[progress.index];
+            (*from_m, *to_m) = (from_m.min(progress.along_m), to_m.max(progress.along_m));
+        }
+    }
+    let strokes = moves.iter().zip(&flown_m).filter(|((_, leg), _)| leg.lit);
+    let (mut flown_m, mut all_m) = (0.0, 0.0);
+    for ((_, Move { from_m, to_m, .. }), [began_m, ended_m]) in strokes {
+        flown_m += (ended_m - began_m).max(0.0);
+        all_m += libm::hypot(to_m[0] - from_m[0], to_m[1] - from_m[1]);
+    }
+    if flown_m < LEAST_FLOWN * all_m {
+        let actual = format!("{flown_m:.2} of {all_m:.2} m of its strokes in the setpoints");
+        let place = format!("word {word}");
+        return Err(Error::input(place, actual, "a flight that writes this word", hint));
+    }
+    flight.edit(|flight| {
+        for (sample, letter) in flight.samples.iter_mut().zip(letters) {
+            sample.letter = letter;
+        }
+        flight.lights.insert(HEADLIGHTS.to_owned(), levels);
+    });
+    Ok(())
+}
+
+/// Progress of the setpoints along the moves.
+#[derive(Debug, Default)]
+struct Progress {
+    index: usize,
+    along_m: f64,
+}
+
+impl Progress {
+    /// Advances to a setpoint: letter and light of its move, once the move has begun. While the
+    /// drone waits at the beginning of a letter its light is still off.
+    fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
+        let onward = moves.iter().enumerate().skip(self.index);
+        let (index, along_m) = onward.into_iter().find_map(|(index, (_, leg))| {
+            let along_m = along(leg, point)?;
+            let backward = index == self.index && along_m < self.along_m - ON_MOVE_M;
+            (!backward).then_some((index, along_m))
+        })?;
+        let (letter, leg) = moves[index];
+        let first_of_letter = index == 0 || moves[index - 1].0 != letter;
+        // The farthest point counts: after a slow turn the drone is soon on the next move.
+        let farthest_m = if index == self.index { self.along_m.max(along_m) } else { along_m };
+        *self = Self { index, along_m: farthest_m };
+        (along_m > 0.0 || !first_of_letter).then_some((letter, leg.lit))
+    }
+}
+
+/// Distance of a point along a move; `None` beside it.
+fn along(leg: &Move, [x, y]: [f64; 2]) -> Option<f64> {
+    let [from_x, from_y] = leg.from_m;
+    let (dx, dy) = (leg.to_m[0] - from_x, leg.to_m[1] - from_y);
+    let length_m = libm::hypot(dx, dy);
+    let off_m = segment_distance([x, y], [leg.from_m, leg.to_m]);
+    let along_m =
+        if length_m > 0.0 { ((x - from_x) * dx + (y - from_y) * dy) / length_m } else { 0.0 };
+    (off_m < ON_MOVE_M).then_some(along_m.clamp(0.0, length_m))
+}

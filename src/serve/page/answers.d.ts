@@ -1,0 +1,404 @@
+// What the server answers: made by tests/it/answer_types.rs of the types in Rust. Read by tsc alone.
+
+/** What the pages of visitors and of the operator have to know. */
+interface About extends Host {
+  /** Whether the page has no server. */
+  alone?: boolean;
+  /** Whether it is shown on the host's machine. */
+  home: boolean;
+  /** Whether it is shown on a screen that stands in the hall. */
+  kiosk: boolean;
+  /** Whether other machines are served. */
+  network: boolean;
+  /** Whether nothing is taken at the moment. */
+  paused: boolean;
+  /** What the wall shows. */
+  wall: WallRule;
+  /** Limits of what is asked for. */
+  limits: Limits;
+  /** Colors that the page offers. */
+  colors: OfferedColor[];
+  /** The scene's deck of lights. */
+  deck: string;
+  /** The text of the scene, where visitors' browsers make photos. */
+  base?: string;
+  /** The scene that the controls begin with, on the host's machine. */
+  scene?: Record<string, any>;
+}
+
+/** A sentence of advice. */
+interface Advice {
+  /** The kind of fault that it removes. */
+  kind: CauseKind;
+  /** A sentence for people. */
+  text: string;
+  /** Gain in readability, 0 to 1: the photo was read again with all faults of the kind taken out. null where they cannot be taken out. */
+  gain: number | null;
+}
+
+/** What a page that asks gets back with its answer. */
+interface Asked {
+  /** The text that asked for a large photo: whoever sends the photo to be flown sends this text. */
+  id?: string;
+  /** Number of the request. */
+  number: number | null;
+}
+
+/** The words of a host. */
+interface Brand {
+  /** Name of the evening. */
+  title: string | null;
+  /** What is said of it, by language. */
+  sentence: Record<string, string>;
+  /** What one agrees to who sends a photo, by language. */
+  consent: Record<string, string>;
+  /** Whether there is a logo. */
+  logo: boolean;
+}
+
+/** Method of a verdict's readability: `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds `m` of the letters, the log-odds `r` of the word against its rival, and how usual its spelling `s` is: the mean of ln p over its letters, each after the four before it, above −2.2, times 1 − m / 8, for m from 0 to 8. */
+interface Calibration {
+  /** Readers whose reading it predicts. */
+  reader: string;
+  /** Constant of the regression. */
+  constant: number;
+  /** Weight of the letters' mean log-odds, each within −9 and 8. */
+  mean_log_odds: number;
+  /** Weight of the log-odds of the word against the likeliest other one, within ±9. */
+  rival: number;
+  /** Weight of the spelling: the mean of ln p over the word's letters, each after the four before it, −4 at least and above −2.2, as far as the letters are unclear. */
+  spelling: number;
+}
+
+/** A fault in the photo, and the letter's gain without it. */
+interface Cause {
+  /** Its kind. */
+  kind: CauseKind;
+  /** Index of the letter, from 0; null where it concerns the whole word. */
+  letter: number | null;
+  /** Length, distance or width in the plane of the word. */
+  length_mm: number | null;
+  /** Its middle in the plane of the word, to the right and up. */
+  at_m: [number, number] | null;
+  /** The part of a stroke that is missing. */
+  missing: MissingRun | null;
+  /** Delay of the lamp, where light leads from stroke to stroke and the speed is known. */
+  lamp_delay_s: number | null;
+  /** First and last moment of the gap in the log that a part of a stroke is missing for. */
+  log_gap_s: [number, number] | null;
+  /** The letter that it looks like, of a fault of design. */
+  reads_as: string | null;
+  /** Gain in the letter's share without the fault, −1 to 1: the photo was read again with the fault taken out. null where it cannot be taken out. */
+  gain: number | null;
+}
+
+/** Kind of a fault. */
+type CauseKind = "missing_run" | "log_gap" | "lit_transit" | "streak" | "dwell_blob" | "overlap" | "other_stray" | "shifted" | "glow" | "few_pixels" | "dim" | "design" | "off_path";
+
+/** A key of a scene, and the value that it should have. */
+interface Change {
+  /** Dotted key. */
+  key: string;
+  /** The value, as `parse_with` takes it; null: the sentence about it says which way it goes. */
+  value: string | null;
+}
+
+/** A drawing as its file has it: in whole pixels of a picture, or in thousandths of the larger side of any other. y points down. */
+interface DrawnSource {
+  /** Those of the sheet of paper that is drawn. */
+  corners: [[number, number], [number, number], [number, number], [number, number]] | null;
+  /** All strokes in the order of their numbers. */
+  strokes: DrawnStroke[];
+}
+
+/** A stroke of a drawing's file. */
+interface DrawnStroke {
+  /** Points: x, y, x, y … */
+  at: number[];
+  /** Its color by name. */
+  color: string | null;
+}
+
+/** What an entry keeps of the facts of its photo. */
+interface Figures {
+  /** Number of drones; 0 in an entry of an earlier version. */
+  drones: number;
+  /** Seconds of the longest flight. */
+  flight_s: number;
+  /** Whether the word is read; null of a drawing, as the next three. */
+  legible: boolean | null;
+  letters: LetterVerdict[] | null;
+  /** What makes any word unreadable. */
+  obstacles: Message[];
+  read: string | null;
+  reason: Reason | null;
+  /** What stops its flight: nothing, or it would not have been kept. */
+  stops: Message[];
+}
+
+/** An entry as the operator sees it. It borrows, as a queue of hundreds is asked for often. */
+interface ForOperator extends Figures {
+  id: string;
+  number: number;
+  title: string | null;
+  made: string;
+  state: State;
+  hidden: boolean;
+  visitor: string | null;
+}
+
+/** An entry as its visitor sees it. */
+interface ForVisitor {
+  id: string;
+  number: number;
+  title: string | null;
+  /** The day. */
+  made: string;
+  state: State;
+  language: string;
+  flight_s: number;
+  read: string | null;
+  legible: boolean | null;
+  /** Entries that fly before it, and the time that they take. */
+  ahead: number;
+  ahead_s: number;
+}
+
+/** What the pages of all roles have to know. */
+interface Host {
+  /** Whose page it is. */
+  role: Role;
+  /** Name of this run of the program. */
+  boot: string;
+  /** The host's words. */
+  brand: Brand;
+}
+
+/** What there is to say of the large photo: the members of `preview --json`, and what the page needs. */
+interface LargeFacts extends PhotoFacts, Partial<Verdict> {
+  /** The controller that flew, as the scene has it. */
+  controller: Record<string, any>;
+  /** Number of drones. */
+  drones: number;
+  /** SHA-256 of the flights. */
+  flight_sha256: string | null;
+  /** Changes that help where the word does not read. */
+  remedies: Suggestion[];
+  /** What stops its flight. */
+  stops: Message[];
+}
+
+/** The verdict on one letter. */
+interface LetterVerdict {
+  /** The letter that should be there. */
+  expected: string;
+  /** The likeliest letter; null where it is likeliest that there is none. */
+  best: string | null;
+  /** Share of the expected letter in the choice among all, the other letters being right, 0 to 1; null for punctuation, which is not judged. */
+  p: number | null;
+  /** Share of no letter at all, 0 to 1; null for punctuation. */
+  no_letter: number | null;
+  /** The three likeliest other letters, the likeliest first. */
+  rivals: Rival[];
+  /** Offset of the letter from its place in the word, to the right and up; this and the next four are null where faults were not looked for. */
+  shift_m: [number, number] | null;
+  /** Share of the intended strokes that has light within 0.1 cap heights, once they are moved onto it. */
+  recall: number | null;
+  /** Share of the light's lines that is within 0.1 cap heights of an intended stroke. */
+  precision: number | null;
+  /** Length of the intended strokes without light. */
+  missing_mm: number | null;
+  /** Length of the light's lines away from the intended strokes. */
+  stray_mm: number | null;
+  /** Shares of all letters in the choice, the likeliest first, down to a thousandth. */
+  confusion: Rival[];
+}
+
+/** Where the light is when. */
+interface LightMap {
+  /** Seconds of the longest flight. */
+  seconds: number;
+  /** In the order of their beginnings. */
+  strokes: MappedStroke[];
+}
+
+/** Limits of what a page asks for. */
+interface Limits {
+  /** Most characters of a word. */
+  letters: number;
+  /** Most bytes of a request. */
+  body_bytes: number;
+}
+
+/** What there is to say of the photo while one types. */
+interface LiveFacts extends PhotoFacts {
+  /** The drawing; null of a word. */
+  source: DrawnSource | null;
+  /** The verdict; null of a drawing. */
+  verdict: Verdict | null;
+}
+
+/** A stroke of light. */
+interface MappedStroke {
+  /** Where the lamp is when: t in 1/100 s, x and y in 1/10000 of the photo, again and again. */
+  at: number[];
+  /** Index of the letter; null in a drawing. */
+  letter: number | null;
+  /** Color of the light. */
+  rgb: [number, number, number];
+}
+
+/** A message. */
+interface Message {
+  /** Name of the sentence: `word-long`. */
+  key: string;
+  /** Its figures, by name with their unit. */
+  values: any;
+  /** An English sentence, where the page has none. */
+  text: string;
+  /** What to do, in English; may be empty. */
+  hint: string;
+}
+
+/** A part of an intended stroke without light. */
+interface MissingRun {
+  /** The run of the pen within the letter, from 0. */
+  stroke: number;
+  /** Start along the run. */
+  from_mm: number;
+  /** End along the run. */
+  to_mm: number;
+}
+
+/** A color that the page offers: that of the screen, and the bytes of each lamp that show it. */
+interface OfferedColor {
+  /** Its name. */
+  name: string;
+  /** That of the screen (sRGB). */
+  screen: [number, number, number];
+  /** White, red, green and blue of the color deck. */
+  "color-led": [number, number, number, number];
+  /** The same of the ring. */
+  ring: [number, number, number, number];
+}
+
+/** What there is to say of a photo of either size. */
+interface PhotoFacts {
+  /** A box for each letter; none of a drawing. */
+  boxes: ([number, number, number, number] | null)[];
+  /** Seconds of the longest flight. */
+  flight_s: number;
+  /** Height in pixels. */
+  height: number;
+  /** What makes any word unreadable. */
+  obstacles: Message[];
+  /** Where the light is when. */
+  replay: LightMap;
+  /** What else one should know. */
+  warnings: Message[];
+  /** Width in pixels. */
+  width: number;
+}
+
+/** Placement of the word against the intended one. */
+interface Placement {
+  /** To the right and up, in the plane of the word. */
+  shift_m: [number, number];
+  /** Size by intended size, about the middle of the word. */
+  scale: number;
+  /** Counterclockwise, about the middle of the word. */
+  rotation_rad: number;
+}
+
+/** The whole queue, for the operator. */
+interface Queue {
+  revision: number;
+  paused: boolean;
+  /** In the order of flight. */
+  entries: ForOperator[];
+  /** Name of the entry that is in the air. */
+  flying: string | null;
+}
+
+/** Why a word is not legible. */
+type Reason = "not_in_photo" | "no_light" | "too_small" | "out_of_range" | "other_length" | "misread" | "unsure";
+
+/** Another letter that a place resembles. */
+interface Rival {
+  /** The letter. */
+  letter: string;
+  /** Its share in the choice among all, 0 to 1. */
+  p: number;
+}
+
+/** A word that a photo may be taken for. */
+interface RivalWord {
+  /** The word. */
+  word: string;
+  /** Its share in the choice between it and the expected word, 0 to 1. */
+  p: number;
+}
+
+/** Whose page it is. */
+type Role = "visitor" | "operator" | "entry";
+
+type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
+
+/** Changes of a scene that help its word. */
+interface Suggestion {
+  /** How much the probability that the word is read grows. */
+  gain: number;
+  /** The changes in words. */
+  said: Message;
+  /** The keys with their values. */
+  set: Change[];
+}
+
+/** Whether the word in a photo is legible, and why not. */
+interface Verdict {
+  /** The word that should be there. */
+  word: string;
+  /** The likeliest letter in the place of each, `?` where there is none; punctuation as it should be. */
+  read: string;
+  /** Whether the word is read: the readability reaches `legible_probability`, and no other word is likelier. */
+  legible: boolean;
+  /** Probability that a viewer reads the word at first sight, 0 to 1. */
+  readability: number;
+  /** The likeliest other word; null where nothing can be seen. */
+  rival: RivalWord | null;
+  /** Agreement of light and intended strokes: harmonic mean of the share of the strokes that has light and the share of the light that has strokes, 0 to 1; null where it was not computed. */
+  faithfulness: number | null;
+  /** The regression that gave the readability. */
+  calibration: Calibration;
+  /** Placement of the word; null where there is no light. */
+  placement: Placement | null;
+  /** Height of a capital in the photo, pixels; null where the photo does not show the place. */
+  cap_height_px: number | null;
+  /** One for each letter of the word, in its order. */
+  letters: LetterVerdict[];
+  /** Why the word is not legible; null where it is. */
+  reason: Reason | null;
+  /** Blind recognition: the text that is read without knowledge of the word; null where nothing can be seen. */
+  second_opinion: string | null;
+  /** Faults, the most costly first; empty where they were not looked for. */
+  causes: Cause[];
+  /** Changes to make, at most three, the most gainful first; empty where faults were not looked for. */
+  advice: Advice[];
+}
+
+/** What the wall shows. */
+interface Wall {
+  revision: number;
+  photos: WallPhoto[];
+}
+
+interface WallPhoto {
+  key: string;
+  title: string | null;
+  flight_s: number;
+  /** Whether it is in the air. */
+  flying: boolean;
+}
+
+/** What the wall shows. */
+type WallRule = "approved" | "open";

@@ -1,0 +1,80 @@
+//! Delayed states: positions of drones in the past, as functions of their present errors. A message
+//! that arrives late is a measurement of one. Method: the motion since then is integrated from the
+//! inertial messages received. Stochastic cloning (Roumeliotis and Burdick, ICRA 2002) keeps a copy
+//! of the state instead.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
+use crate::sensors::{Leg, Reckoning};
+
+/// Between two messages further apart, the motion is not interpolated: curves of letters bend.
+const LONGEST_GAP_S: f64 = 0.3;
+/// Distance from a message within which its motion is used in any case.
+const NEAR_S: f64 = 0.05;
+
+/// A position in the past as a function of a drone's present errors.
+pub(super) struct DelayedState {
+    pub(super) position_m: Vector3<f64>,
+    /// Time since.
+    span_s: f64,
+    /// Integral of the specific force since, world frame.
+    force_m_s: Vector3<f64>,
+}
+
+impl DelayedState {
+    /// The Jacobian of a measurement along a direction at this position. The tilt of this drone is
+    /// in its body's frame, those of others are in the world's.
+    pub(super) fn jacobian(
+        &self,
+        drone: usize,
+        direction: Vector3<f64>,
+        world_from_body: Option<&Matrix3<f64>>,
+    ) -> [Part; 3] {
+        let turn = self.force_m_s.cross(&direction) * (0.5 * self.span_s);
+        let turn = world_from_body.map_or(turn, |r| r.tr_mul(&turn));
+        let first = ERRORS * drone;
+        [
+            Part::Three(first, direction),
+            Part::Three(first + TURN, turn),
+            Part::Three(first + VELOCITY, direction * -self.span_s),
+        ]
+    }
+}
+
+/// The place at the time `then`, of a drone that is now at `position_m`.
+pub(super) fn delayed(
+    position_m: Vector3<f64>,
+    velocity_m_s: Vector3<f64>,
+    tilt_rad: Vector3<f64>,
+    now: &Reckoning,
+    then: &Reckoning,
+) -> DelayedState {
+    let Leg { span_s, gained_m_s, moved_m, force_m_s } = now.since(then);
+    let turned_m_s = tilt_rad.cross(&force_m_s);
+    let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
+    let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
+    DelayedState { position_m: position_m - since_m, span_s, force_m_s }
+}
+
+/// The motion at a time between two messages: the cubic with their places and velocities.
+pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
+    let after = motions.partition_point(|t| t.time_s < time_s);
+    let (a, b) = (motions.get(after.checked_sub(1)?)?, motions.get(after)?);
+    let h = b.time_s - a.time_s;
+    let from_end_s = (time_s - a.time_s).min(b.time_s - time_s);
+    if h > LONGEST_GAP_S && from_end_s > NEAR_S {
+        return None;
+    }
+    let s = (time_s - a.time_s) / h;
+    let step_m = b.position_m - a.position_m;
+    let (va, vb) = (a.velocity_m_s * h, b.velocity_m_s * h);
+    let (c2, c3) = (step_m * 3.0 - va * 2.0 - vb, va + vb - step_m * 2.0);
+    Some(Reckoning {
+        time_s,
+        position_m: a.position_m + (va + (c2 + c3 * s) * s) * s,
+        velocity_m_s: (va + (c2 * 2.0 + c3 * (3.0 * s)) * s) / h,
+    })
+}

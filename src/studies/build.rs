@@ -1,0 +1,53 @@
+//! Names the source that decides the outcome of a flight, in `NOCTOGRAPH_SOURCE`: two builds of one
+//! source have the same name, from a clone or an archive, on every system.
+
+#![expect(clippy::disallowed_methods, reason = "the source")]
+
+use std::path::{Path, PathBuf};
+
+/// Folders from this one: the crates that decide an outcome, letters' shapes and shaders.
+const FOLDERS: [&str; 10] = [
+    "../core",
+    "../letters",
+    "../logs",
+    "../picture",
+    "../pipeline",
+    "../plan",
+    "../score",
+    "../sim",
+    "../../fonts",
+    "../../shaders",
+];
+
+fn main() {
+    let mut files = Vec::new();
+    for folder in FOLDERS.into_iter().chain(["."]) {
+        println!("cargo::rerun-if-changed={folder}");
+        walk(Path::new(folder), &mut files);
+    }
+    files.sort();
+    // FNV-1a of 64 bits: against mistakes, not against an adversary.
+    let mut digest = 0xcbf2_9ce4_8422_2325_u64;
+    for path in files {
+        let name = path.to_string_lossy().replace('\\', "/");
+        let bytes = std::fs::read(&path).expect("a file of the source can be read");
+        // Git on Windows may have given lines other ends.
+        for byte in name.bytes().chain(bytes).filter(|byte| *byte != b'\r') {
+            digest = (digest ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+    println!("cargo::rustc-env=NOCTOGRAPH_SOURCE={digest:016x}");
+}
+
+/// Adds the files in a folder and below: code and what is built in, no hidden file of an editor.
+fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
+    let entries = std::fs::read_dir(folder).expect("a folder of the source can be read");
+    for path in entries.map(|entry| entry.expect("an entry can be read").path()) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if path.is_dir() {
+            walk(&path, files);
+        } else if !name.starts_with('.') && !name.ends_with('~') && name != "Cargo.toml" {
+            files.push(path);
+        }
+    }
+}
