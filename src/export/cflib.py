@@ -123,6 +123,7 @@ class Drone:
         self.latest, self.heard_s, self.wrong_since_s = {}, {}, {}
         self.lifted_s = None  # when the first command that lifts it was sent
         self.landing_s = None  # when the last landing was sent
+        self.highest_m = -math.inf  # since the first command that lifts it
         self.heard_last_s = -math.inf
         self.may_fly = False
         self.stamp_ms, self.stamped_s = None, 0.0
@@ -409,6 +410,7 @@ class Drone:
 
     def _heard(self, stamp_ms, values, block):
         self.latest.update(values)
+        self.highest_m = max(self.highest_m, values.get("stateEstimate.z", -math.inf))
         self.heard_last_s = self.clock()
         if block.name in self.heard_s:
             self.heard_s[block.name] = self.clock()
@@ -854,12 +856,12 @@ def write(drone, mode, clock):
     on_its_own = mode == "trajectory"
     zero_s = drone.clock() - (DATA["trajectory"]["start_s"] if on_its_own else 0.0)
     if on_its_own:
-        drone.lifted_s, drone.may_fly = drone.clock(), True
+        drone.lifted_s, drone.may_fly, drone.highest_m = drone.clock(), True, -math.inf
         since = len(drone.columns.get("ctrltarget.z", {"time": []})["time"])
         drone.start_trajectory()
         if not isinstance(drone, Paper):
             drone.wait_until(drone.lifted_s + TAKE_OFF_S + 0.5)
-            if drone.latest.get("stateEstimate.z", 0.0) < LIFTED_M:
+            if drone.highest_m < LIFTED_M:
                 raise Stopped("the drone has not taken off")
         if clock is None:
             clock = known_clock(drone.about.get("firmware"))

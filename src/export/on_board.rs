@@ -151,7 +151,8 @@ fn flown_alone(
             .map(|time_s| timeline.position_m(time_s, &position_m));
         let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0]
             .map(|step| timeline.position_m(time_s + step * JERK_DIFFERENCE_S, &position_m));
-        let jerk_m_s3 = (3.0 * (j1 - j2) + j3 - j0) / JERK_DIFFERENCE_S.powi(3);
+        let jerk_m_s3 = (3.0 * (j1 - j2) + j3 - j0)
+            / (JERK_DIFFERENCE_S * JERK_DIFFERENCE_S * JERK_DIFFERENCE_S);
         out.jerk_m_s3.push(jerk_m_s3.map(on_grid));
         out.setpoints.push(Setpoint {
             time_s,

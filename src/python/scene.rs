@@ -133,10 +133,9 @@ impl PyScene {
     /// again.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let scene = self.0.beside(&path).map_err(|error| raised(py, &error))?;
-        let copies = scene.copies.iter();
-        copies
-            .map(|(name, bytes)| save(py, &path.with_file_name(name), bytes))
-            .collect::<PyResult<()>>()?;
+        for (name, bytes) in &scene.copies {
+            save(py, &path.with_file_name(name), bytes)?;
+        }
         save(py, &path, scene.toml.as_bytes())
     }
 

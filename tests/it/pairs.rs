@@ -299,14 +299,15 @@ fn check_pair(folder: &Path, whole: &[[String; 2]]) -> bool {
     let pair = ["p.csv", "p.scene.toml"].map(|name| text(&folder.join(name)));
     let is_whole = whole.contains(&pair);
     let carried = CarriedScene::read(&folder.join("p.csv"));
-    assert_eq!(carried.is_ok_and(|carried| carried.unwrap().is_bound), is_whole);
+    let is_bound = carried.is_ok_and(|carried| carried.unwrap().is_bound);
+    assert_eq!(is_bound, is_whole, "its digest tells");
     is_whole
 }
 
 /// The pairs of both plans, of which the second one is left.
 fn both_pairs(folder: &Path) -> [[String; 2]; 2] {
     [FIRST, OTHER].map(|word| {
-        assert!(plan(folder, &word).status().unwrap().success());
+        assert!(plan(folder, &word).status().unwrap().success(), "planned");
         ["p.csv", "p.scene.toml"].map(|name| text(&folder.join(name)))
     })
 }

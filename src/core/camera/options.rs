@@ -178,7 +178,7 @@ impl CameraOptions {
                 let aspect = f64::from(self.width_px) / f64::from(self.height_px);
                 let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
                 let distance_m = width_m * self.focal_length_m() / body.sensor_width_m;
-                if !(distance_m.is_finite() && distance_m > 0.0) {
+                if !distance_m.is_finite() || distance_m <= 0.0 {
                     let hint = "write something, or set camera.framing to fixed";
                     let wanted = "a word that the camera can be set up for";
                     return Err(Error::input("camera.framing", "nothing written", wanted, hint));

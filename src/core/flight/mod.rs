@@ -102,7 +102,7 @@ impl Rules for FlightData {
             check_length(name, column.len(), self.samples.len())?;
         }
         let ends_s = self.gaps.as_flattened();
-        match ends_s.windows(2).find(|pair| !(pair[0] <= pair[1])) {
+        match ends_s.windows(2).find(|pair| pair[0] > pair[1] || pair[0].is_nan()) {
             None => Ok(()),
             Some(pair) => {
                 let actual = format!("{} before {}", pair[0], pair[1]);

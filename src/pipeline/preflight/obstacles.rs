@@ -52,7 +52,7 @@ impl Ways {
         let plans = || shoot.plans.iter().map(|planned| &planned.plan);
         // A file's columns of velocities are not asked: they may be of another flight.
         let mut speed_m_s = plans().map(greatest_speed_m_s).fold(0.0, f64::max);
-        let mut pieces: Vec<_> = plans().flat_map(|plan| pieces(plan)).collect();
+        let mut pieces: Vec<_> = plans().flat_map(pieces).collect();
         for sample in flights.into_iter().flat_map(|flight| &flight.samples) {
             let velocity_m_s = sample.attitude.world_from_body() * sample.velocity_body_m_s;
             speed_m_s = speed_m_s.max(velocity_m_s.xy().norm());
