@@ -14,7 +14,7 @@ pub trait Rules {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](crate::error::Error::Input) with the place, the value found and the values
+    /// [`Error::Input`] with the place, the value found and the values
     /// wanted.
     fn check(&self) -> Result<()>;
 }

@@ -16,11 +16,11 @@
 //!   is frozen while the drone moves counts as not logged. Both are warnings.
 //!   `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
-//!   are known, interpolated linearly. Longer gaps have no samples: they are listed in
-//!   [`Flight::gaps`]. Other measured quantities are held over gaps of their own (with a warning);
-//!   setpoints, motor commands and unknown columns are always held.
+//!   are known, interpolated linearly. Longer gaps have no samples: they are listed in the flight's
+//!   `gaps`. Other measured quantities are held over gaps of their own (with a warning); setpoints,
+//!   motor commands and unknown columns are always held.
 //! - **In-flight part**: nothing is cut away; [`noctograph_core::flight::airborne`] finds it.
-//! - **Unknown columns** stay in [`Flight::extra`], in the units of the log.
+//! - **Unknown columns** stay in the flight's `extra`, in the units of the log.
 //! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
 //!   have columns `light.<channel>`.
 //! - A flight file of ours ([`Flight::read_csv`]) is read as it is; of the options,

@@ -76,7 +76,9 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
 /// earlier flights.
 fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
     let mut plan = plan;
-    plan.edit(|plan| plan.yaw_rad = options.yaw_rad);
+    if plan.yaw_rad != options.yaw_rad {
+        plan.edit(|plan| plan.yaw_rad = options.yaw_rad);
+    }
     let plan = match options.trajectory_clock {
         None | Some(1.0) => plan,
         Some(rate) => light_timing::on_trajectory_clock(plan, rate),

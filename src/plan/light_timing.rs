@@ -32,7 +32,7 @@ pub enum Between {
 const LEAST_APART_S: f64 = 0.001;
 
 /// Moves the light commands of a plan so that light begins and ends at the strokes' ends in
-/// `flight`. The design's light is kept in [`Plan::lit`].
+/// `flight`. The design's light is kept in [`PlanData::lit`].
 ///
 /// # Errors
 ///

@@ -519,7 +519,7 @@ def test_errors_say_what_is_wrong():
         (([0, 1], np.zeros((3, 3))), "position_m"),
         (([1, 0], np.zeros((2, 3))), "time_s"),
         (([0, np.nan], np.zeros((2, 3))), "time_s"),
-        (([0, 1], [[0, 0, 0], [0, np.inf, 0]]), "position_m"),
+        (([0, 1], [[0, 0, 0], [0, np.inf, 0]]), "y_m"),
     ]:
         with pytest.raises(nc.InputError) as caught:
             nc.Flight(*arguments)

@@ -4,7 +4,7 @@
 //! columns of a quantity that a real log lacks are left out together. One column `light.<channel>`
 //! a light channel; `light` by itself is that of the headlights. `gap_before` is 1 in the first
 //! row after a gap, and is there only in files with gaps. Columns of other names are kept as
-//! [`Flight::extra`]; the simulator's are `saturated_s` and, for a drone with a battery,
+//! [`FlightData::extra`]; the simulator's are `saturated_s` and, for a drone with a battery,
 //! `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -88,11 +88,12 @@ impl Rules for FlightData {
     fn check(&self) -> Result<()> {
         check_times(self.samples.iter().map(|sample| sample.time_s))?;
         for (row, sample) in self.samples.iter().enumerate() {
-            let names = Quantity::TABLE.iter().flat_map(|(.., columns)| columns.iter());
-            let numbers = sample.numbers();
             // The times have their own check, and a letter is a number in any case.
-            if let Some((name, value)) = names.zip(&numbers[1..]).find(|(_, v)| !is_number(**v)) {
-                return Err(odd_number(name, row, *value));
+            let numbers = sample.numbers();
+            if let Some(odd) = numbers[1..].iter().position(|value| !is_number(*value)) {
+                let mut names = Quantity::TABLE.iter().flat_map(|(.., columns)| columns.iter());
+                let name = names.nth(odd).expect("a letter is a number");
+                return Err(odd_number(name, row, numbers[1 + odd]));
             }
         }
         for (channel, levels) in &self.lights {

@@ -26,13 +26,13 @@ pub struct PlanData {
     pub lights: BTreeMap<String, Vec<f64>>,
     /// Light level of the design at each setpoint, where commands are sent ahead of it
     /// (light timing); as long as `setpoints`, or empty where it equals `lights`. See
-    /// [`Plan::lit()`].
+    /// [`PlanData::lit()`].
     pub lit: Vec<f64>,
     /// Positions that are sent in place of the setpoints' own (feedforward); as long as
-    /// `setpoints`, or empty. See [`Plan::sent_m()`].
+    /// `setpoints`, or empty. See [`PlanData::sent_m()`].
     pub sent_m: Vec<Vector3<f64>>,
     /// Jerk of a trajectory on board at each setpoint, m/s³; as long as `setpoints`, or empty:
-    /// setpoints that are sent carry none. See [`Plan::jerk_m_s3()`].
+    /// setpoints that are sent carry none. See [`PlanData::jerk_m_s3()`].
     pub jerk_m_s3: Vec<Vector3<f64>>,
     /// Heading of the nose over the whole flight, from world x toward y.
     pub yaw_rad: f64,
@@ -156,10 +156,10 @@ impl Rules for PlanData {
         for (row, setpoint) in self.setpoints.iter().enumerate() {
             let Setpoint { position_m, velocity_m_s, acceleration_m_s2, .. } = setpoint;
             let vectors = [position_m, velocity_m_s, acceleration_m_s2];
-            let names = csv::COLUMNS[1..].chunks(3).zip(vectors);
-            let mut numbers = names.flat_map(|(names, vector)| names.iter().zip(vector.iter()));
-            if let Some((name, value)) = numbers.find(|(_, value)| !is_number(**value)) {
-                return Err(odd_number(name, row, *value));
+            let mut numbers = vectors.into_iter().flatten().copied();
+            if let Some(odd) = numbers.clone().position(|value| !is_number(value)) {
+                let value = numbers.nth(odd).expect("it was there");
+                return Err(odd_number(csv::COLUMNS[1 + odd], row, value));
             }
         }
         for (channel, levels) in &self.lights {

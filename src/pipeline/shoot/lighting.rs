@@ -114,7 +114,11 @@ impl Shoot {
                     trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)))
                 });
             }
-            all.edit(|all| all.append(trace));
+            if all.lamps.is_empty() {
+                all = trace;
+            } else {
+                all.edit(|all| all.append(trace));
+            }
         }
         problems.extend(self.lost_strokes());
         let warnings = self.strokes.iter().flat_map(|strokes| &strokes.warnings);

@@ -72,9 +72,11 @@ pub(super) fn plan(
                 // The plan is off by the mean error of real flights, which the rehearsal does not
                 // have.
                 let mean_error_m = Vector3::from(scene.plan.mean_error_m);
-                flight.edit(|flight| {
-                    flight.samples.iter_mut().for_each(|sample| sample.position_m += mean_error_m)
-                });
+                if mean_error_m != Vector3::zeros() {
+                    flight.edit(|flight| {
+                        flight.samples.iter_mut().for_each(|s| s.position_m += mean_error_m)
+                    });
+                }
                 corrected(&led, &flight, &inverse)
             }
         };

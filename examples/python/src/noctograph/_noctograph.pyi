@@ -16,6 +16,7 @@ _Path = str | os.PathLike[str]
 
 __all__ = [
     "__version__",
+    "main",
     "Scene",
     "Plan",
     "Flight",
