@@ -469,9 +469,22 @@ def load_script(path):
     return script
 
 
+class Linked:
+    """What scripts ask of cflib's SyncCrazyflie beside its drone."""
+
+    def __exit__(self, *_):
+        self.cf.close_link()
+
+    def _connection_failed(self, uri, why):
+        pass
+
+    def is_params_updated(self):
+        return True
+
+
 def links(parts, clock, radios):
     """A stand-in for cflib's SyncCrazyflie: each link opened is the drone of the next script."""
-    class Link:
+    class Link(Linked):
         def __init__(self, uri, cf):
             data = parts[len(radios)].DATA
             self.cf = Radio(clock, place=data["start_m"], gains=data["gains"])
@@ -479,14 +492,5 @@ def links(parts, clock, radios):
 
         def __enter__(self):
             return self
-
-        def __exit__(self, *_):
-            self.cf.close_link()
-
-        def _connection_failed(self, uri, why):
-            pass
-
-        def is_params_updated(self):
-            return True
 
     return Link

@@ -28,7 +28,7 @@ from cflib.crtp.crtpstack import CRTPPacket
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from sentences import TRUE, sentences, untrue  # noqa: E402
-from drone import CFLIB, LOGS, PARAMS, Block, Clock, Radio, SharedClock, links, load_script  # noqa: E402
+from drone import CFLIB, LOGS, PARAMS, Block, Clock, Linked, Radio, SharedClock, links, load_script  # noqa: E402
 
 WORK = sys.argv[1]
 cflib.crazyflie.log.LogConfig = Block
@@ -127,7 +127,7 @@ class Part:
                    if name.startswith("light."))
 
 
-class Link:
+class Link(Linked):
     """Stands in for cflib's SyncCrazyflie: a link that is opened at once, or after `again_s` to a drone
     that was lost."""
 
@@ -149,15 +149,6 @@ class Link:
                 raise OSError("no drone answers")
             self.part.radios.append(self.cf)
         return self
-
-    def __exit__(self, *_):
-        self.cf.close_link()
-
-    def _connection_failed(self, uri, why):
-        pass
-
-    def is_params_updated(self):
-        return True
 
 
 class Show:

@@ -45,26 +45,28 @@ impl Write for Digest {
     }
 }
 
-/// A writer that takes the digest of what it writes.
+/// A writer that takes the digest of what it writes, if it is asked for.
 #[derive(Debug)]
 pub struct Digested<W> {
     /// Where it is written.
     pub to: W,
-    /// The digest so far.
-    pub digest: Digest,
+    /// The digest so far; `None`: not asked for.
+    pub digest: Option<Digest>,
 }
 
 impl<W: Write> Digested<W> {
     /// Nothing is written yet.
     pub fn new(to: W) -> Self {
-        Self { to, digest: Digest::default() }
+        Self { to, digest: Some(Digest::default()) }
     }
 }
 
 impl<W: Write> Write for Digested<W> {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         let n = self.to.write(bytes)?;
-        self.digest.add(&bytes[..n]);
+        if let Some(digest) = &mut self.digest {
+            digest.add(&bytes[..n]);
+        }
         Ok(n)
     }
 

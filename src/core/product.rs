@@ -41,7 +41,7 @@ impl<T: Rules> Valid<T> {
     /// If it does not: a defect of the stage.
     #[must_use]
     pub fn made(data: T) -> Self {
-        Self::new(data).unwrap_or_else(|error| panic!("a product breaks its rules: {error}"))
+        Self::new(data).unwrap_or_else(|error| broken(&error))
     }
 
     /// Changes the data.
@@ -51,9 +51,7 @@ impl<T: Rules> Valid<T> {
     /// As [`Self::made`].
     pub fn edit<R>(&mut self, change: impl FnOnce(&mut T) -> R) -> R {
         let changed = change(&mut self.0);
-        if let Err(error) = self.0.check() {
-            panic!("a product breaks its rules: {error}");
-        }
+        self.0.check().unwrap_or_else(|error| broken(&error));
         changed
     }
 
@@ -61,6 +59,11 @@ impl<T: Rules> Valid<T> {
     pub fn into_data(self) -> T {
         self.0
     }
+}
+
+/// Ends a stage that made what cannot be.
+fn broken(error: &Error) -> ! {
+    panic!("a product breaks its rules: {error}")
 }
 
 impl<T> Deref for Valid<T> {
@@ -83,18 +86,18 @@ pub(crate) fn check_length(name: &str, rows: usize, times: usize) -> Result<()> 
 }
 
 /// Whether a number is finite, and within the world of a drone.
-pub fn is_number(value: f64) -> bool {
+pub(crate) fn is_number(value: f64) -> bool {
     value.abs() <= MAX_QUANTITY
 }
 
 /// The error of a number that is not.
-pub fn odd_number(name: &str, row: usize, value: f64) -> Error {
+pub(crate) fn odd_number(name: &str, row: usize, value: f64) -> Error {
     let wanted = format!("a number within ±{MAX_QUANTITY}");
     Error::input(name, format_args!("{value} in row {row}"), wanted, FINITE_HINT)
 }
 
 /// Checks that times are finite and do not fall.
-pub fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> {
+pub(crate) fn check_times(times_s: impl IntoIterator<Item = f64>) -> Result<()> {
     let mut last_s = f64::NEG_INFINITY;
     for (row, time_s) in times_s.into_iter().enumerate() {
         // Not a number, too, is no time after the last.

@@ -74,8 +74,7 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
 
 /// The plan with its heading, on the clock that will pace it, moved against the mean error of
 /// earlier flights.
-fn adjusted(plan: Plan, options: &PlanOptions) -> Plan {
-    let mut plan = plan;
+fn adjusted(mut plan: Plan, options: &PlanOptions) -> Plan {
     if plan.yaw_rad != options.yaw_rad {
         plan.edit(|plan| plan.yaw_rad = options.yaw_rad);
     }

@@ -205,7 +205,7 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
         let sent_m = plan.sent_m(i);
         let moving = s.velocity_m_s.iter().chain(&s.acceleration_m_s2);
         let mut values = s.position_m.iter().chain(moving).chain(&sent_m);
-        if let Some(value) = values.find(|value| value.is_nan() || value.abs() >= LOST) {
+        if let Some(value) = values.find(|value| value.abs() >= LOST) {
             let wanted = format!("a number within ±{LOST}");
             return Err(Error::input(format!("plan, setpoint {i}"), value, wanted, hint));
         }

@@ -20,6 +20,15 @@ fn flown(letter: &str) -> Flight {
     fly(&plan, &Drone::new(&options, 3), &mut |_| {}).unwrap()
 }
 
+/// Keeps the first samples of a flight.
+fn shorten(flight: &mut Flight, n: usize) {
+    flight.edit(|flight| {
+        flight.samples.truncate(n);
+        let columns = flight.lights.values_mut().chain(flight.extra.values_mut());
+        columns.for_each(|column| column.truncate(n));
+    });
+}
+
 type Variable = (&'static str, fn(&FlightSample) -> f64);
 
 /// The firmware's variables by block, in the firmware's units and signs.
@@ -221,7 +230,7 @@ fn letters_come_back_from_every_dialect() {
 #[test]
 fn logs_cut_off_anywhere_are_read_that_far_or_refused() {
     let mut flight = flown("K");
-    flight.edit(|flight| flight.truncate(900));
+    shorten(&mut flight, 900);
     let logs = [
         ("log.json", json_2022(&flight).into_bytes()),
         ("log.csv", plain(&flight).into_bytes()),
@@ -305,7 +314,7 @@ fn cell(text: &str, n: usize, column: usize, with: &str) -> String {
 #[test]
 fn broken_tables_are_read_with_a_warning_or_refused() {
     let mut flight = flown("S");
-    flight.edit(|flight| flight.truncate(600));
+    shorten(&mut flight, 600);
     let text = plain(&flight);
     let body: Vec<&str> = text.lines().skip(1).collect();
     let head = text.lines().next().unwrap();
@@ -377,7 +386,7 @@ fn scaled(flight: &Flight, factor: f64) -> String {
 #[test]
 fn broken_json_is_read_with_a_warning_or_refused() {
     let mut flight = flown("S");
-    flight.edit(|flight| flight.truncate(400));
+    shorten(&mut flight, 400);
     let text = json_2022(&flight);
     let first = format!("{:?}", flight.samples[0].position_m.x);
     let with = |from: &str, to: &str| text.replacen(from, to, 1);
@@ -420,7 +429,7 @@ fn broken_json_is_read_with_a_warning_or_refused() {
 #[test]
 fn broken_usd_logs_are_refused_or_recovered() {
     let mut flight = flown("S");
-    flight.edit(|flight| flight.truncate(400));
+    shorten(&mut flight, 400);
     let recover = ImportOptions { damaged: Damaged::Recover, ..ImportOptions::default() };
     for version in [1, 2] {
         let body = usd_body(&flight, version);

@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::output::{Output, STANDARD_OUTPUT, WholeFile};
 use super::staging::{Place, folder_in, locked};
-use crate::digest::Digested;
+use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 
 /// A folder whose files are staged inside it until all are written.
@@ -92,7 +92,7 @@ impl OutputFolder {
             write(&mut out)?;
             let Digested { to: file, digest } = out.into_inner()?;
             file.sync_all()?;
-            Ok(digest.hex())
+            Ok(digest.map_or_else(String::new, Digest::hex))
         });
         let sha256 = written.map_err(|source| Error::write(&self.path.join(name), source))?;
         self.names.push(name.to_owned());

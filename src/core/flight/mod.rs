@@ -68,16 +68,6 @@ impl FlightData {
         !self.unlogged.contains(&quantity)
     }
 
-    /// Keeps the first `n` samples.
-    pub fn truncate(&mut self, n: usize) {
-        self.samples.truncate(n);
-        for column in self.lights.values_mut().chain(self.extra.values_mut()) {
-            column.truncate(n);
-        }
-        let end_s = self.samples.last().map_or(f64::NEG_INFINITY, |last| last.time_s);
-        self.gaps.retain(|[_, to_s]| *to_s <= end_s);
-    }
-
     /// Last value of a further column; `None` where the flight lacks it.
     pub fn at_end(&self, column: &str) -> Option<f64> {
         self.extra.get(column)?.last().copied()
