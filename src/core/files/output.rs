@@ -86,8 +86,8 @@ impl Output {
         self.finish(write, true)
     }
 
-    /// Writes the content; `is_bound`: onto the disk and with its digest, as one of several files that
-    /// belong together.
+    /// Writes the content; `is_bound`: onto the disk and with its digest, as one of several files
+    /// that belong together.
     fn finish(
         self,
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
@@ -230,8 +230,8 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
-/// Writes a file, and gives the digest of its content where it is asked for: of a photograph it would
-/// cost a tenth of all its work.
+/// Writes a file, and gives the digest of its content if it is asked for: of a photograph it would
+/// cost a twelfth of all the work.
 fn buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,
