@@ -5,8 +5,9 @@
 //! cargo run --release --example advice      # the table of docs/advice.md (docs/figures advice)
 //! ```
 
+use noctograph::diagnostic::Change;
 use noctograph::error::Error;
-use noctograph::scene::{Change, Scene};
+use noctograph::scene::Scene;
 use noctograph::shoot::{Judging, Shoot};
 use noctograph::studies::remedies;
 
@@ -120,7 +121,7 @@ fn followed(set: &[(&str, &str)], changes: &[Change], seed: u64) -> Outcome<Scen
         let old =
             |(key, _): &(&str, &str)| key.starts_with("plan.style") && change.key == "plan.style";
         settings.retain(|setting| !old(setting));
-        settings.push((change.key, change.value.as_deref().ok_or("a value")?));
+        settings.push((&*change.key, change.value.as_deref().ok_or("a value")?));
     }
     let scene = Scene::parse_with("", "scene", &settings)?;
     Ok(Scene { seed, ..scene })

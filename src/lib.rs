@@ -70,7 +70,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-pub use noctograph_core::{camera, crazyflie, error, flight, geometry, lamps, strokes};
+pub use noctograph_core::{camera, crazyflie, diagnostic, error, flight, geometry, lamps, strokes};
 pub use noctograph_logs::identify;
 pub use noctograph_picture::{expose, light, photo};
 pub use noctograph_pipeline::{preflight, scene, shoot};

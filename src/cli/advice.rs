@@ -5,7 +5,8 @@ use clap::Command;
 
 use super::outcome::typed_words;
 use super::{Error, typefaces};
-use crate::scene::{Change, Scene};
+use crate::scene::Scene;
+use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};
 
 /// Keys that have a flag, and what it takes.
@@ -30,11 +31,13 @@ pub(super) fn mentioned(change: &Change) -> String {
 
 /// Changes of a scene as they are typed.
 pub(super) fn typed(changes: &[Change]) -> String {
-    if let [Change { key: "camera.width_px", value: Some(width) }, height] = changes {
+    if let [Change { key, value: Some(width) }, height] = changes
+        && key == "camera.width_px"
+    {
         return format!("--size {width}x{}", height.value.as_deref().unwrap_or_default());
     }
     fn flag_or_setting(change: &Change) -> String {
-        let (key, value) = (change.key, change.value.as_deref().unwrap_or_default());
+        let (key, value) = (&*change.key, change.value.as_deref().unwrap_or_default());
         match (OF_KEYS.iter().find(|(own, ..)| *own == key), value) {
             (Some((_, flag, _)), value) => format!("{flag} {value}"),
             (None, "word") if key == "camera.framing" => "--camera auto".to_owned(),
@@ -45,45 +48,39 @@ pub(super) fn typed(changes: &[Change]) -> String {
     changes.iter().map(flag_or_setting).collect::<Vec<_>>().join(" ")
 }
 
-/// Flags that mend an error at a place, and their effect; given where the verb has the flag.
-const FLAGS: [(&str, &str, &str); 21] = [
-    (
-        "a letter of the word",
-        "font",
-        "names another font: simplex, or a file *.ttf, *.otf or *.strokes",
-    ),
-    ("camera", "corners", "names the corners of the line instead of a camera"),
-    ("axes", "axes", "says which axes the log's world has"),
+/// Flags that mend an error with a code or at a key, and their effect; given if the verb has the
+/// flag.
+const FLAGS: [(&str, &str, &str); 19] = [
+    ("letter-missing", "font", "names another font: simplex, or a file *.ttf, *.otf or *.strokes"),
+    ("word-unseen", "corners", "names the corners of the line instead of a camera"),
+    ("axes-unknown", "axes", "says which axes the log's world has"),
     ("camera.framing.position_m", "camera auto", "puts the camera in front of the word"),
     (
         "camera.framing.position_m",
         "set camera.framing.position_m=[X,Y,Z]",
         "places it, of a fixed camera, Y below 0",
     ),
-    ("flight", "part", "chooses the part that is compared: letters, airborne or all"),
-    ("flight A", "offset", "sets B's clock without the designs"),
-    ("flight B", "offset", "sets B's clock without the designs"),
-    ("flights A and B", "offset", "sets B's clock"),
+    ("part-empty", "part", "chooses the part that is compared: letters, airborne or all"),
+    ("clocks-apart", "offset", "sets B's clock"),
     ("letters.drawing", "trust", "opens the file"),
     ("letters.font", "font", "names another font"),
     ("letters.font", "trust", "opens the file"),
-    ("lights of the flight", "word", "infers lights and letters of a log from its setpoints"),
-    ("lights of the flight", "lit", "shows a log lit all along"),
+    ("lights-missing", "word", "infers lights and letters of a log from its setpoints"),
+    ("lights-missing", "lit", "shows a log lit all along"),
     ("plan.drones", "drones", "sets the number of drones"),
     ("plan.drones", "style even", "lets several drones share a word"),
     ("plan.style", "style", "sets the way of flying"),
     ("sensors.lighthouse.stations", "lighthouse", "reads the base stations from cfclient's file"),
-    ("word or file", "drawing", "draws a picture, or strokes as JSON"),
-    ("word or file", "scene", "takes the scene of a file or a folder"),
-    ("times", "period", "gives a table without times its seconds from row to row"),
+    ("word-or-file", "drawing", "draws a picture, or strokes as JSON"),
+    ("word-or-file", "scene", "takes the scene of a file or a folder"),
+    ("times-missing", "period", "gives a table without times its seconds from row to row"),
 ];
 
 /// Flags and keys that mend an error of a verb.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
-    let path = match error {
-        Error::Letter { .. } => "a letter of the word",
-        Error::Input { place, .. } => place.key(),
-        _ => return Vec::new(),
+    let (code, path) = match error {
+        Error::Input { place, .. } => (error.code(), place.key()),
+        _ => (error.code(), ""),
     };
     let has = |typed: &str| {
         let name = typed.split(' ').next();
@@ -94,8 +91,9 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
         typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
     }
-    let special =
-        FLAGS.iter().filter(|(place, flag, _)| *place == path && has(flag) && !is_typed(flag));
+    let special = FLAGS
+        .iter()
+        .filter(|(name, flag, _)| [code, path].contains(name) && has(flag) && !is_typed(flag));
     let mut advice: Vec<String> =
         special.map(|(_, flag, effect)| format!("`--{flag}` {effect}")).collect();
     if let Error::Letter { letter, .. } = error
@@ -126,28 +124,28 @@ fn flag(path: &str, verb: &Command) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::diagnostic::Help;
 
     #[test]
     fn advice_names_keys_and_values_that_a_scene_takes() {
         let sources = [
-            include_str!("../pipeline/preflight/row.rs"),
             include_str!("../pipeline/preflight/flown.rs"),
             include_str!("../pipeline/preflight/mod.rs"),
             include_str!("../pipeline/shoot/problems.rs"),
         ];
         let texts = sources.iter().flat_map(|source| source.split('"'));
         let changes = texts.filter(|text| text.contains('.')).flat_map(|text| {
-            let changes = crate::scene::SceneAdvice(text).changes().collect::<Vec<_>>();
+            let changes = Help::from(text).changes().cloned().collect::<Vec<_>>();
             changes.into_iter().filter(|change| change.key.starts_with(char::is_alphabetic))
         });
         let changes: Vec<Change> = changes
             .filter(|it| it.key.contains('.') && !it.key.contains([':', ' ', '(']))
             .collect();
         for change in &changes {
-            assert!(paths(Scene::SHAPE.settings()).contains(change.key), "{change}");
+            assert!(paths(Scene::SHAPE.settings()).contains(&*change.key), "{change}");
             // Styles and decks have keys of their own.
             let settings = [("plan.style", "even"), ("light.deck", "led-ring")];
-            let value = change.value.as_deref().map(|value| (change.key, value));
+            let value = change.value.as_deref().map(|value| (&*change.key, value));
             let settings: Vec<_> = settings.into_iter().chain(value).collect();
             assert!(Scene::parse_with("", "scene", &settings).is_ok(), "{change}");
         }
@@ -162,7 +160,7 @@ mod tests {
         let lights = new("plan.lights", "[\"ring\"]");
         assert_eq!(typed(std::slice::from_ref(&lights)), "--set plan.lights='[\"ring\"]'");
         assert_eq!(mentioned(&lights), "plan.lights = [\"ring\"]");
-        assert_eq!(mentioned(&Change { key: "word", value: None }), "--word WORD");
+        assert_eq!(mentioned(&Change { key: "word".into(), value: None }), "--word WORD");
     }
 
     fn advice_for(error: &Error, verb: &str) -> String {
@@ -181,12 +179,15 @@ mod tests {
         assert!(advice_for(&item, "fly").contains("--set controller.lqr.q="));
         assert!(advice_at("plan.style.jerk_m_s3", "fly").contains("--set plan.style.jerk_m_s3="));
         assert!(advice_at("camera.framing.position_m", "preview").contains("`--camera auto`"));
-        assert!(advice_at("flight B", "compare").contains("--offset"));
+        let advice_of = |code: &'static str, verb: &str| {
+            advice_for(&Error::input("", "x", "y", "z").coded(code), verb)
+        };
+        assert!(advice_of("clocks-apart", "compare").contains("--offset"));
         assert!(
-            advice_at("flight", "compare").contains("--part")
-                && advice_at("flight", "identify").is_empty()
+            advice_of("part-empty", "compare").contains("--part")
+                && advice_of("part-empty", "identify").is_empty()
         );
-        assert!(advice_at("lights of the flight", "expose").starts_with("`--word` infers lights"));
+        assert!(advice_of("lights-missing", "expose").starts_with("`--word` infers lights"));
         assert_eq!(advice_at("import.max_gap_s", "import"), "`--max-gap` sets it");
         assert_eq!(advice_at("budget", "tune"), "`--budget` sets it");
         let [wanted, hint] = ["", ""].map(str::to_owned);

@@ -4,7 +4,8 @@ use super::{
     Args, ProfileFlags, Report, Result, StandFlag, SubjectFlags, findings, json, print, show,
     wrapped,
 };
-use crate::preflight::{Preflight, Severity, preflight};
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::preflight::{Preflight, preflight};
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArgs {
@@ -26,7 +27,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     )?;
     let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings, placement } = preflight(&shoot, &profile)?;
-    let stops = findings.iter().any(|checked| checked.row.severity == Severity::Stop);
+    let stops = findings.iter().any(Diagnostic::is_stop);
     let product = json!({
         "fly": !stops, "profile": profile, "drones": shoot.plans.len(),
         "findings": findings.iter().map(findings::json).collect::<Vec<_>>(),
@@ -42,7 +43,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
     }
     let counted = |severity, one: &str, several: &str| match findings
         .iter()
-        .filter(|checked| checked.row.severity == severity)
+        .filter(|finding| finding.severity == severity)
         .count()
     {
         0 => None,

@@ -67,15 +67,15 @@ FLIP      {mean_flip:.3}, mean difference over the render
 /// Corners of the letters in both pictures, pair by pair.
 fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {
     if render.is_empty() || render.len() != photo.len() {
-        return Err(Error::Infeasible {
-            what: format!(
+        return Err(Error::infeasible(
+            format!(
                 "{} letters are read in the render, {} in the photograph: they are laid over each \
                  other by their letters",
                 render.len(),
                 photo.len()
             ),
-            hint: "compare photographs of the same word; cut the photograph to it".into(),
-        });
+            "compare photographs of the same word; cut the photograph to it",
+        ));
     }
     let pairs = render.iter().zip(photo).flat_map(|(one, other)| {
         let [from, to] = [one, other].map(|letter| {

@@ -8,11 +8,11 @@ use super::{
     Args, Error, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, findings, json,
     named, warn,
 };
+use crate::diagnostic::{Diagnostic, Severity};
 use crate::export::{Form, Format, Length, Mode, check_memory, end_heights_m, stem};
 use crate::plan::Plan;
 use crate::preflight::{
-    Checked, CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, Severity,
-    make_exportable,
+    CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, make_exportable,
 };
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::Release;
@@ -144,18 +144,18 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
 }
 
 /// The findings that stop an exported flight; prints its warnings.
-fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Checked]) -> Option<String> {
+fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
     let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
-    for row in checks.iter().map(|it| &it.row).filter(|row| row.severity == Severity::Warning) {
-        let actual = &row.found;
-        match row.check {
-            PICTURE => warn([format!("{actual}: {}", row.change(mentioned))]),
+    for check in checks.iter().filter(|check| check.severity == Severity::Warning) {
+        match check.code {
+            PICTURE => warn([check.sentence(mentioned)]),
             LED_MEMORY if plays => warn([format!(
-                "the lights take {actual} of the LED timing memory: the script sends them over the \
-                 radio"
+                "the lights take {} of the LED timing memory: the script sends them over the \
+                 radio",
+                check.message
             )]),
             _ => {}
         }

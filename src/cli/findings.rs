@@ -2,10 +2,10 @@
 
 use super::advice::mentioned;
 use super::wrapped;
-use crate::preflight::{Checked, Severity};
+use crate::diagnostic::Diagnostic;
 
 /// The table of findings with advice.
-pub(super) fn table(findings: &[Checked]) -> String {
+pub(super) fn table(findings: &[Diagnostic]) -> String {
     let mut text = String::new();
     for [mark, check, finding, wanted, change] in findings.iter().map(|it| it.cells(mentioned)) {
         text += &wrapped(&format!("{mark:5} {check:16} "), &finding);
@@ -19,16 +19,15 @@ pub(super) fn table(findings: &[Checked]) -> String {
 }
 
 /// A finding as JSON: numbers, sentences and advice.
-pub(super) fn json(checked: &Checked) -> serde_json::Value {
-    let mut json = serde_json::json!(checked);
-    json["change"] = checked.row.change(mentioned).into();
+pub(super) fn json(finding: &Diagnostic) -> serde_json::Value {
+    let mut json = serde_json::json!(finding);
+    json["change"] = finding.change(mentioned).into();
     json
 }
 
 /// The stops in one line; `None` where there are none.
-pub(super) fn stops<'a>(findings: impl IntoIterator<Item = &'a Checked>) -> Option<String> {
-    let stops = findings.into_iter().filter(|checked| checked.row.severity == Severity::Stop);
-    let stops: Vec<String> =
-        stops.map(|stop| format!("{} ({})", stop.row.check, stop.finding())).collect();
+pub(super) fn stops<'a>(findings: impl IntoIterator<Item = &'a Diagnostic>) -> Option<String> {
+    let stops = findings.into_iter().filter(|finding| finding.is_stop());
+    let stops: Vec<String> = stops.map(|stop| format!("{} ({stop})", stop.code)).collect();
     (!stops.is_empty()).then(|| stops.join("; "))
 }

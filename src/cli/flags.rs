@@ -482,5 +482,6 @@ fn check_folder(word: &str) -> Result<()> {
 
 fn no_word(word: &str, actual: String) -> Error {
     let hint = format!("`--word {}` writes it as a word", shell_word(word.as_ref()));
-    Error::input("word or file", actual, "a word, or a file *.csv where a plan may be named", hint)
+    let wanted = "a word, or a file *.csv where a plan may be named";
+    Error::input("word or file", actual, wanted, hint).coded("word-or-file")
 }

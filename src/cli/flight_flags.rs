@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Args, Error, Result, message, named, set_word, shell_word, warn_of};
+use super::{Args, Result, message, named, set_word, shell_word, warn_of};
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
@@ -133,18 +133,14 @@ pub(super) fn infer_lights_if_dark(
     scene: &mut Scene,
     path: &Path,
 ) -> Result<()> {
-    let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| match error {
-        Error::Input { place, found, wanted, .. } => {
-            let hint = format!(
-                "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
-                 SCENE.toml`; style even flies strokes in another order, which only a log with lights \
-                 tells",
-                shell_word(path),
-                shell_word(scene.word.as_ref()),
-            );
-            Error::Input { place, found, wanted, hint }
-        }
-        other => other,
+    let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| {
+        let hint = format!(
+            "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
+             SCENE.toml`; style even flies strokes in another order, which only a log with lights tells",
+            shell_word(path),
+            shell_word(scene.word.as_ref()),
+        );
+        error.with_hint(hint)
     })?;
     if let Some(preset) = preset {
         let (path, name) = (path.display(), preset.name());

@@ -10,7 +10,7 @@ use super::{
     Error, FlightFlags, OutputFolder, Report, Result, SceneFlags, json, numbers, warn, warn_of,
 };
 use crate::flight::table::on_grid;
-use crate::flight::{Flight, FlightData, FlightSample, Quantity, Warning};
+use crate::flight::{Flight, FlightData, FlightSample, Quantity, warning::UNLOGGED};
 use crate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, Room, Track, check_count, link_errors,
     locate, locate_enlarged, locate_shared, nis_interval, position_error,
@@ -19,6 +19,7 @@ use crate::logs::{self, OnClock};
 use crate::report::{NamedFlight, front_view, top_view};
 use crate::scene::Scene;
 use crate::sensors::read_anchors;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
 use noctograph_core::statistics::median;
@@ -267,7 +268,7 @@ fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> 
 fn read<'a>(args: &LocateArgs, scene: &Scene, path: &'a PathBuf) -> Result<Dated<'a>> {
     let mut dated = logs::import_on_clock(path, &args.flights.options(Some(scene)))?;
     // A log needs only ranges here, and a reference only positions.
-    let is_wanted = |warning: &Warning| !matches!(warning, Warning::Unlogged(_));
+    let is_wanted = |warning: &Diagnostic| warning.code != UNLOGGED;
     dated.flight.edit(|flight| flight.warnings.retain(is_wanted));
     warn_of(path, &dated.flight.warnings);
     let OnClock { flight, zero_stamp_s, .. } = dated;

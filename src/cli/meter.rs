@@ -40,7 +40,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     };
     let scene = shoot.scene.clone();
     let lighting = shoot.lighting(&watch())?;
-    let warnings = lighting.problems.iter().filter(|problem| !problem.is_obstacle());
+    let warnings = lighting.problems.iter().filter(|problem| !problem.is_stop());
     warn(warnings.map(|problem| problem.sentence(mentioned)));
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);

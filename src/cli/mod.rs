@@ -370,9 +370,11 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
     }
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
     if threads > 0 {
-        let pool = pool(threads).map_err(|error| Error::Infeasible {
-            what: format!("{threads} threads cannot be started: {error}"),
-            hint: "ask for fewer threads".into(),
+        let pool = pool(threads).map_err(|error| {
+            Error::infeasible(
+                format!("{threads} threads cannot be started: {error}"),
+                "ask for fewer threads",
+            )
         })?;
         return pool.install(work);
     }
@@ -392,8 +394,8 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
 }
 
 fn no_thread(error: impl std::fmt::Display) -> Error {
-    let hint = "allow more processes (ulimit -u)".into();
-    Error::Infeasible { what: format!("no thread can be started: {error}"), hint }
+    let hint = "allow more processes (ulimit -u)";
+    Error::infeasible(format!("no thread can be started: {error}"), hint)
 }
 
 /// Prints a result on stdout. A reader that went away, such as `head`, is no error.

@@ -11,11 +11,12 @@ use super::{
     Args, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value, findings,
     json, line, named, show, table, typed_command, warn, watch, wrapped,
 };
+use crate::diagnostic::Diagnostic;
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
-use crate::shoot::{Format, Problem, Shoot, Shot};
+use crate::shoot::{Format, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
 
 /// The page of `--report`.
@@ -63,8 +64,8 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let backend = tried(args.picture.backend)?;
     let (format, keeps_film) = (Some(Format::Png), args.report);
     let shot = Shoot { format, keeps_film, backend, ..shoot }.take(&watch())?;
-    let sentence = |problem: &Problem| problem.sentence(mentioned);
-    let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_obstacle() == are);
+    let sentence = |problem: &Diagnostic| problem.sentence(mentioned);
+    let problems = |are: bool| shot.problems.iter().filter(move |it| it.is_stop() == are);
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
     warn(problems(false).map(sentence));
 
@@ -81,7 +82,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let placement = shot.placement(&profile)?;
     warn_of_no_place(placement.as_ref());
     // A photo is taken from a place behind the wall, too; it is warned of.
-    let stops = findings::stops(findings.iter().filter(|it| it.row.check != CAMERA_PLACE));
+    let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));
 
     let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());
     let flights =

@@ -1,88 +1,14 @@
-//! Errors, grouped by how they are fixed. Imports nothing of this crate.
+//! Errors, grouped by how they are fixed.
 
 use std::path::{Component, Path, PathBuf};
+
+pub use crate::place::{DroneIndex, Place, Segment};
 
 /// Result of everything in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Characters of a value that are printed: more than any digest or name that is a value.
 const LONGEST_FOUND: usize = 160;
-
-/// Place of a value, from the outside in. Printed: `scene.toml:12: vehicle.mass_kg`, `plan.csv:7`,
-/// `scene.toml:40: light.fixtures[2].name`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place(pub Vec<Segment>);
-
-/// One step on the way to a value.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Segment {
-    /// A file, as it was named, or a part of one.
-    File(String),
-    /// A line of the file, from 1.
-    Line(u64),
-    /// A key, dotted where it is one of a table, a column or a flag.
-    Key(String),
-    /// An index of a list, from 0.
-    Index(usize),
-}
-
-impl Place {
-    /// A file as a whole.
-    pub fn file(name: impl std::fmt::Display) -> Self {
-        Self(vec![Segment::File(name.to_string())])
-    }
-
-    /// The key in the innermost file, without indices and what follows them.
-    pub fn key(&self) -> &str {
-        let is_file = |it: &Segment| matches!(it, Segment::File(_) | Segment::Line(_));
-        match &self.0[self.0.iter().rposition(is_file).map_or(0, |file| file + 1)..] {
-            [Segment::Key(key), ..] => key,
-            _ => "",
-        }
-    }
-}
-
-impl std::fmt::Display for Place {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let mut outer: Option<&Segment> = None;
-        for segment in &self.0 {
-            match segment {
-                Segment::Line(line) => write!(f, ":{line}")?,
-                Segment::Index(index) => write!(f, "[{index}]")?,
-                Segment::File(name) | Segment::Key(name) => {
-                    let is_nested = matches!(segment, Segment::Key(_));
-                    let gap = match outer {
-                        None => "",
-                        Some(Segment::Key(_) | Segment::Index(_)) if is_nested => ".",
-                        Some(_) => ": ",
-                    };
-                    write!(f, "{gap}{name}")?;
-                }
-            }
-            outer = Some(segment);
-        }
-        Ok(())
-    }
-}
-
-impl From<String> for Place {
-    /// A key; no place at all where it is empty.
-    fn from(key: String) -> Self {
-        Self(if key.is_empty() { Vec::new() } else { vec![Segment::Key(key)] })
-    }
-}
-
-impl From<&str> for Place {
-    fn from(key: &str) -> Self {
-        key.to_owned().into()
-    }
-}
-
-impl From<std::path::Display<'_>> for Place {
-    fn from(file: std::path::Display<'_>) -> Self {
-        Self::file(file)
-    }
-}
 
 /// One error for the whole crate.
 ///
@@ -103,6 +29,8 @@ pub enum Error {
     /// An input value cannot be used.
     #[error("{place}: found {found}, wanted {wanted}")]
     Input {
+        /// Its name, which help and other languages hang on; `input` if nothing does.
+        code: &'static str,
         /// Its place.
         place: Box<Place>,
         /// The value found.
@@ -135,6 +63,8 @@ pub enum Error {
     /// The input is well formed, but cannot be carried out.
     #[error("{what}")]
     Infeasible {
+        /// Its name, as that of an input; `infeasible` if nothing hangs on it.
+        code: &'static str,
         /// The reason, with the figure that is exceeded.
         what: String,
         /// Advice.
@@ -146,6 +76,31 @@ pub enum Error {
 }
 
 impl Error {
+    /// Its name.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Io { .. } => "file",
+            Self::Input { code, .. } | Self::Infeasible { code, .. } => code,
+            Self::Letter { .. } => "letter-missing",
+            Self::Gpu { .. } => "graphics-device",
+            Self::Stopped => "stopped",
+        }
+    }
+
+    /// The same error with a name.
+    #[must_use]
+    pub fn coded(mut self, name: &'static str) -> Self {
+        if let Self::Input { code, .. } | Self::Infeasible { code, .. } = &mut self {
+            *code = name;
+        }
+        self
+    }
+
+    /// An input that is well formed, but cannot be carried out.
+    pub fn infeasible(what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Infeasible { code: "infeasible", what: what.into(), hint: hint.into() }
+    }
+
     /// Advice on how to fix it.
     pub fn hint(&self) -> &str {
         match self {
@@ -158,12 +113,35 @@ impl Error {
         }
     }
 
+    /// The same error with other advice.
+    #[must_use]
+    pub fn with_hint(mut self, advice: impl Into<String>) -> Self {
+        match &mut self {
+            Self::Io { hint, .. }
+            | Self::Input { hint, .. }
+            | Self::Letter { hint, .. }
+            | Self::Gpu { hint, .. }
+            | Self::Infeasible { hint, .. } => *hint = advice.into(),
+            Self::Stopped => {}
+        }
+        self
+    }
+
     /// The same error in a file, and in its line where that is known. A file that it names already
     /// is a part of this one.
     #[must_use]
     pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
         self.inside([file].into_iter().chain(line.into().map(Segment::Line)))
+    }
+
+    /// The same error of one of several drones, of a flight that cannot be carried out.
+    #[must_use]
+    pub fn of_drone(mut self, drone: DroneIndex) -> Self {
+        if let Self::Infeasible { what, .. } = &mut self {
+            *what = format!("drone {drone}: {what}");
+        }
+        self
     }
 
     /// The same error of an item of a list.
@@ -211,6 +189,7 @@ impl Error {
         hint: impl Into<String>,
     ) -> Self {
         Self::Input {
+            code: "input",
             place: Box::new(place.into()),
             found: shortened(found.to_string()),
             wanted: wanted.into(),

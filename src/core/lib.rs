@@ -5,6 +5,7 @@
 
 pub mod camera;
 pub mod crazyflie;
+pub mod diagnostic;
 pub mod digest;
 pub mod error;
 pub mod files;
@@ -12,6 +13,7 @@ pub mod flight;
 pub mod geometry;
 pub mod lamps;
 pub mod photo;
+pub mod place;
 pub mod plan;
 pub mod product;
 pub mod random;

@@ -83,9 +83,11 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     let sent_until_s = end_s(plan, &stretch, &lights);
     let trajectory = match job.trajectory_clock {
         1.0 => Compressed::encode_for(release, plan, job.tolerance_m).and_then(|trajectory| {
-            job.flown.get(drone).map(|_| trajectory).ok_or_else(|| Error::Infeasible {
-                what: "as a trajectory on board the flight is not safe".into(),
-                hint: "export the trajectory to see why".into(),
+            job.flown.get(drone).map(|_| trajectory).ok_or_else(|| {
+                Error::infeasible(
+                    "as a trajectory on board the flight is not safe",
+                    "export the trajectory to see why",
+                )
             })
         }),
         clock => {
@@ -274,10 +276,10 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
             *kept.last_mut().expect("a setpoint") = row;
         } else if !continues(plan, before, row) || setpoint.letter != last.letter {
             let (hz, time_s) = (1.0 / interval_s, last.time_s);
-            return Err(Error::Infeasible {
-                what: format!("{hz:.0} setpoints a second at {time_s:.2} s, the radio carries 50"),
-                hint: "raise plan.setpoint_interval_s, or fly a trajectory on board".into(),
-            });
+            return Err(Error::infeasible(
+                format!("{hz:.0} setpoints a second at {time_s:.2} s, the radio carries 50"),
+                "raise plan.setpoint_interval_s, or fly a trajectory on board",
+            ));
         }
     }
     let rows = kept.into_iter().map(|row| {

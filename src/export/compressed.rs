@@ -158,7 +158,7 @@ impl Compressed {
                 bytes.len()
             );
             let hint = "share the word among more drones, or send setpoints over the radio";
-            return Err(Error::Infeasible { what, hint: hint.into() });
+            return Err(Error::infeasible(what, hint));
         }
         Ok(bytes)
     }
@@ -307,18 +307,18 @@ fn check_range(stretch: &Stretch) -> Result<()> {
     for (index, setpoint) in stretch.setpoints.iter().enumerate() {
         let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
         if step_s > MAX_PIECE_S {
-            return Err(Error::Infeasible {
-                what: format!("a piece lasts {MAX_PIECE_S} s at most, not {step_s:.1} s"),
-                hint: "plan setpoints at shorter intervals".into(),
-            });
+            return Err(Error::infeasible(
+                format!("a piece lasts {MAX_PIECE_S} s at most, not {step_s:.1} s"),
+                "plan setpoints at shorter intervals",
+            ));
         }
         if let Some(far_m) = setpoint.position_m.iter().find(|x| x.abs() >= MAX_COORDINATE_M) {
-            return Err(Error::Infeasible {
-                what: format!(
+            return Err(Error::infeasible(
+                format!(
                     "a compressed trajectory reaches to ±{MAX_COORDINATE_M} m, the plan to {far_m} m"
                 ),
-                hint: "write nearer to the origin, or smaller".into(),
-            });
+                "write nearer to the origin, or smaller",
+            ));
         }
     }
     Ok(())

@@ -75,14 +75,14 @@ pub fn flown(
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
     let near = pairs.find_map(|(a, b)| conflict(a, b)).filter(|_| length == Length::OnBoard);
     let Some(near) = near else { return Ok(flown) };
-    Err(Error::Infeasible {
-        what: format!(
+    Err(Error::infeasible(
+        format!(
             "with trajectories on board two drones come within {:.2} m at {:.1} s, as one waits \
              for its turn in the air",
             near.horizontal_m, near.time_s
         ),
-        hint: "send setpoints, or share the word among fewer drones".into(),
-    })
+        "send setpoints, or share the word among fewer drones",
+    ))
 }
 
 /// Checks that the memory on board holds the trajectories of plans, and that a release flies them.

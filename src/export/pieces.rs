@@ -81,12 +81,12 @@ impl Stretch {
             [run_up].into_iter().chain(letters).chain([run_out, rest]).collect();
         if let Some(low) = setpoints.iter().find(|setpoint| setpoint.on_floor()) {
             let (z_m, time_s) = (low.position_m.z, low.time_s);
-            return Err(Error::Infeasible {
-                what: format!(
+            return Err(Error::infeasible(
+                format!(
                     "the letters or the run-up to them reach down to {z_m:.2} m at {time_s:.1} s"
                 ),
-                hint: "write higher (letters.baseline_m) or slower (plan.stroke_speed_m_s)".into(),
-            });
+                "write higher (letters.baseline_m) or slower (plan.stroke_speed_m_s)",
+            ));
         }
         let stop_m_s2 = stop.acceleration_m_s2;
         Ok(Self { setpoints, stop_m_s2, yaw_rad: plan.yaw_rad })
@@ -164,7 +164,7 @@ impl Stretch {
         });
         // The last letter that begins in time does not end in time.
         let what = format!("{needs}: {} of {all} letters fit", begun.saturating_sub(1));
-        Error::Infeasible { what, hint: hint.to_owned() }
+        Error::infeasible(what, hint)
     }
 
     /// Times at which a piece between two setpoints is held against the design.

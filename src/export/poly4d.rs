@@ -92,7 +92,7 @@ impl Poly4d {
             );
             let hint =
                 "share the word among more drones, or accept a larger distance from the design";
-            return Err(Error::Infeasible { what, hint: hint.into() });
+            return Err(Error::infeasible(what, hint));
         }
         Ok(Self { pieces, ..self })
     }

@@ -191,10 +191,10 @@ impl Passes<'_, '_> {
 }
 
 fn lost(time_s: f64) -> Error {
-    Error::Infeasible {
-        what: format!("the filter has lost its covariance at {time_s:.2} s"),
-        hint: "raise the noise of the ranges or the acceleration".into(),
-    }
+    Error::infeasible(
+        format!("the filter has lost its covariance at {time_s:.2} s"),
+        "raise the noise of the ranges or the acceleration",
+    )
 }
 
 #[cfg(test)]

@@ -44,29 +44,26 @@ pub(super) fn start(
         means = at_once;
     }
     if means.len() < n {
-        return Err(Error::Infeasible {
-            what: format!(
+        return Err(Error::infeasible(
+            format!(
                 "{} links in the first second for {n} coordinates of {n_drones} drones: ranges alone \
                  leave the places open",
                 means.len()
             ),
-            hint: "three anchors a drone, or more drones that range to each other, are needed; a \
-                   drone that flies with its motion sensors does with fewer"
-                .into(),
-        });
+            "three anchors a drone, or more drones that range to each other, are needed; a \
+                   drone that flies with its motion sensors does with fewer",
+        ));
     }
     let p = best_fit(anchors_m, n, &means, room);
     let slopes = residuals(anchors_m, &means, &p).0;
     let information = slopes.transpose() * slopes;
     let eigen = information.clone().symmetric_eigen();
     if eigen.eigenvalues.min() < 1e-4 * eigen.eigenvalues.max() {
-        return Err(Error::Infeasible {
-            what:
-                "the links leave a direction open at the start: the anchors lie in a line, or in a \
-                   plane with the drone"
-                    .into(),
-            hint: "place an anchor off that line or plane".into(),
-        });
+        return Err(Error::infeasible(
+            "the links leave a direction open at the start: the anchors lie in a line, or in a \
+                   plane with the drone",
+            "place an anchor off that line or plane",
+        ));
     }
     let variance = sigma_m * sigma_m;
     let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;

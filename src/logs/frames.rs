@@ -121,7 +121,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
             let flight = "a flight that rises along -z and along y";
             let hint = "say which axes its world has: z-down or y-up";
             let error = Error::input("axes", flight, "one axis that points up", hint);
-            return Err(error.in_file(&recording.file, None));
+            return Err(error.coded("axes-unknown").in_file(&recording.file, None));
         }
         (true, false) => {
             let down = format!("goes down to z = {lowest_m:.2} m from where it starts or ends");

@@ -5,12 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, quantities};
 use super::{ImportOptions, PositionSource, speed};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::SLOWEST_PERIOD_S;
 use noctograph_core::flight::table::{MAX_DURATION_S, MILLISECONDS_HINT, on_grid};
-use noctograph_core::flight::{Flight, FlightData, FlightSample, Quantity, Warning};
+use noctograph_core::flight::{Flight, FlightData, FlightSample, Quantity, warning};
 use noctograph_core::input_error;
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::product::MAX_QUANTITY;
@@ -61,8 +62,9 @@ pub(super) fn flight(
     warnings.extend(warn_of_size(&samples));
     warnings.extend(warn_of_halves(&extra));
     let lights = lights(&mut extra);
-    let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
-    let said = recording.warnings.into_iter().chain(warnings).map(Warning::File);
+    let missing = warning::unlogged(&unlogged);
+    let said =
+        recording.warnings.into_iter().chain(warnings).map(|text| Diagnostic::warning("log", text));
     let warnings = said.chain(missing).collect();
     let gaps = axis.gaps;
     let flight = Flight::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })?;

@@ -96,7 +96,8 @@ pub(super) fn read(
             let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
                           between two rows";
             let hint = "name the column of times t, or give the period of the rows";
-            return Err(Error::input("times", titles.join(","), wanted, hint).in_file(file, 1));
+            let error = Error::input("times", titles.join(","), wanted, hint);
+            return Err(error.coded("times-missing").in_file(file, 1));
         }
     };
     if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {

@@ -11,6 +11,7 @@ use super::PreparedScene;
 use super::messages::Message;
 use super::replay::{LetterBox, LightMap, boxes, end_s};
 use super::request::{LOG, Product, Subject};
+use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{bounds, simplify};
@@ -20,8 +21,9 @@ use noctograph_export::{File, Form, Format as ExportFormat, Mode};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::jpeg;
 use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile, make_exportable};
-use noctograph_pipeline::scene::{CarriedScene, Change, Scene};
-use noctograph_pipeline::shoot::{Format, Judging, Problem, Shoot, Shot, Watch};
+use noctograph_pipeline::scene::{CarriedScene, Scene};
+use noctograph_pipeline::shoot::problems::FLAWS;
+use noctograph_pipeline::shoot::{Format, Judging, Shoot, Shot, Watch};
 use noctograph_score::Verdict;
 use noctograph_sim::ControllerOptions;
 
@@ -378,17 +380,19 @@ fn message(error: &Error, subject: &Subject) -> Message {
 impl PhotoFacts {
     /// Those of a shot; `notes` are of its log.
     fn new(shot: &Shot, notes: Vec<Message>) -> Self {
-        let told = shot.problems.iter().filter(|it| !matches!(it, Problem::Flight(..)));
-        let (obstacles, others): (Vec<&Problem>, Vec<_>) = told.partition(|it| it.is_obstacle());
+        // Warnings of the flight are for those who fly it.
+        let is_seen = |problem: &&Diagnostic| problem.is_stop() || FLAWS.contains(&problem.code);
+        let problems = shot.problems.iter().filter(is_seen);
+        let (obstacles, flaws): (Vec<&Diagnostic>, Vec<_>) = problems.partition(|it| it.is_stop());
         Self {
             boxes: boxes(shot),
             flight_s: end_s(shot),
             height: shot.photo.height_px,
-            obstacles: obstacles.into_iter().map(Message::of_problem).collect(),
+            obstacles: obstacles.into_iter().map(Message::of_diagnostic).collect(),
             replay: LightMap::new(shot),
             warnings: notes
                 .into_iter()
-                .chain(others.into_iter().map(Message::of_problem))
+                .chain(flaws.into_iter().map(Message::of_diagnostic))
                 .collect(),
             width: shot.photo.width_px,
         }

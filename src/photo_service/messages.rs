@@ -5,10 +5,8 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::error::{Error, Segment};
-use noctograph_pipeline::preflight::{Checked, Severity};
-use noctograph_pipeline::scene::Change;
-use noctograph_pipeline::shoot::Problem;
 
 /// A message.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -142,43 +140,23 @@ impl Message {
         Self { key: "log".into(), values: json!({}), text, hint }
     }
 
-    /// A problem of the picture.
-    pub fn of_problem(problem: &Problem) -> Self {
-        let (key, values) = match problem {
-            Problem::ShutterCloses { at_s, early_s } => {
-                ("shutter-closes", json!({ "at_s": at_s, "early_s": early_s }))
-            }
-            Problem::ShutterOpens { at_s, late_s } => {
-                ("shutter-opens", json!({ "at_s": at_s, "late_s": late_s }))
-            }
-            Problem::Unlit => ("unlit", json!({})),
-            Problem::FacesAway { away_frac } => ("faces-away", json!({ "away_frac": away_frac })),
-            Problem::Overexposed { white_frac, .. } => {
-                ("overexposed", json!({ "white_frac": white_frac }))
-            }
-            Problem::Underexposed(_) => ("underexposed", json!({})),
-            Problem::Flight(..) => ("flight-warning", json!({})),
-            Problem::Gaps { spans_s, .. } => ("log-gaps", json!({ "n": spans_s.len() })),
-            Problem::LostStrokes { letters, .. } => ("lost-strokes", json!({ "letters": letters })),
-            Problem::Drawing(_) => ("drawing-part", json!({})),
-            Problem::Outside { what, .. } => ("outside", json!({ "what": what })),
-            Problem::NoPicture(_) => ("no-picture", json!({})),
-        };
-        let text = without_paths(&problem.sentence(Change::to_string));
-        Self { key: key.into(), values, text, hint: String::new() }
+    /// A problem of the picture, or a warning.
+    pub fn of_diagnostic(diagnostic: &Diagnostic) -> Self {
+        let values = json!(diagnostic.figures);
+        let text = without_paths(&diagnostic.sentence(Change::to_string));
+        Self { key: diagnostic.code.into(), values, text, hint: String::new() }
     }
 
     /// What stops a flight; `None` of what does not.
-    pub fn of_stop(checked: &Checked) -> Option<Self> {
-        let row = &checked.row;
-        let values = json!({
-            "value": row.value, "limit": row.limit, "time_s": row.time_s, "detail": row.detail,
-            "drone": checked.drone,
-        });
-        let key = listed(STOPS, &format!("stop-{}", row.check.replace(' ', "-").to_lowercase()));
-        let text = format!("{}: {}", row.check, checked.finding());
-        let message = Self { key, values, text, hint: row.change(Change::to_string) };
-        (row.severity == Severity::Stop).then_some(message)
+    pub fn of_stop(stop: &Diagnostic) -> Option<Self> {
+        let key = listed(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
+        let text = format!("{}: {stop}", stop.code);
+        let mut values = json!(stop.figures);
+        if let Some(Segment::Drone(drone)) = stop.place.0.first() {
+            values["drone"] = json!(drone);
+        }
+        let message = Self { key, values, text, hint: stop.change(Change::to_string) };
+        stop.is_stop().then_some(message)
     }
 
     /// A change that helps.
@@ -209,39 +187,30 @@ impl From<Key> for Message {
 }
 
 fn key_of(error: &Error, is_picture: bool) -> Key {
-    match error {
-        Error::Letter { .. } => Key::LetterMissing,
-        Error::Input { place, found, wanted, .. } => {
-            let is_at = |name: &str| {
-                place.key() == name || place.0.contains(&Segment::File(name.to_owned()))
-            };
-            let is_drawing = place.0.iter().any(
-                |segment| matches!(segment, Segment::File(name) if name.starts_with("drawing.")),
-            );
-            match &**wanted {
-                _ if is_at("settings") || is_at("request") || is_at("visitor") => Key::PageOld,
-                "at least one stroke" if is_picture => Key::PictureNone,
-                "at least one stroke" => Key::DrawingEmpty,
-                _ if is_drawing && ["of more ", "more than "].iter().any(|w| found.contains(w)) => {
-                    Key::DrawingLarge
-                }
-                "paths in place of text" => Key::DrawingText,
-                "a drawing, handwriting or a logo" => Key::PictureNone,
-                _ if is_drawing || is_at("drawing") => Key::DrawingBroken,
-                _ if is_at("word") => Key::LettersMany,
-                _ => Key::NotPossible,
-            }
-        }
-        Error::Infeasible { what, .. } => {
-            let is_long = ["than an hour", "too much for a flight", "longest flight"];
-            match is_long.iter().any(|words| what.contains(words)) {
-                true => Key::FlightLong,
-                false => Key::FlightImpossible,
-            }
-        }
-        Error::Io { .. } => Key::DiskFull,
-        _ => Key::NotPossible,
+    let Error::Input { place, .. } = error else {
+        return match error.code() {
+            "file" => Key::DiskFull,
+            "infeasible" => Key::FlightImpossible,
+            code => named(code).unwrap_or(Key::NotPossible),
+        };
+    };
+    let is_drawing = place.key() == "drawing"
+        || place
+            .0
+            .iter()
+            .any(|segment| matches!(segment, Segment::File(name) if name.starts_with("drawing")));
+    match error.code() {
+        "drawing-empty" if is_picture => Key::PictureNone,
+        "input-large" if is_drawing => Key::DrawingLarge,
+        "input" if is_drawing => Key::DrawingBroken,
+        "input" if place.key() == "word" => Key::LettersMany,
+        code => named(code).unwrap_or(Key::NotPossible),
     }
+}
+
+/// The key with a name.
+fn named(name: &str) -> Option<Key> {
+    Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
 /// A text with the names of files in place of their paths, which begin with a slash that no letter
@@ -260,7 +229,8 @@ fn without_paths(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use noctograph_pipeline::preflight::Row;
+    use noctograph_core::diagnostic::Severity;
+    use noctograph_pipeline::shoot::problems::{FLAWS, OBSTACLES};
 
     #[test]
     fn names_of_files_stand_in_place_of_paths() {
@@ -278,8 +248,8 @@ mod tests {
         let checks: Vec<&str> = cells.flat_map(|cell| cell.split(", ")).collect();
         assert!(checks.len() > 25, "{checks:?}");
         for check in checks.into_iter().filter(|check| !never_stop.contains(check)) {
-            let row = Row { check, severity: Severity::Stop, ..Row::default() };
-            let key = Message::of_stop(&Checked { drone: None, row }).unwrap().key;
+            let code = check.to_owned().leak();
+            let key = Message::of_stop(&Diagnostic::new(code, Severity::Stop, "")).unwrap().key;
             assert_ne!(key, "stop-other", "{check} is not in STOPS");
         }
     }
@@ -288,21 +258,7 @@ mod tests {
     #[test]
     fn the_page_words_every_key_in_every_language() {
         let errors: Vec<&str> = Key::ALL.iter().map(|key| key.name()).collect();
-        let problems = [
-            Problem::ShutterCloses { at_s: 1.0, early_s: 1.0 },
-            Problem::ShutterOpens { at_s: 1.0, late_s: 1.0 },
-            Problem::Unlit,
-            Problem::FacesAway { away_frac: 0.5 },
-            Problem::Overexposed { white_frac: 0.5, settings: String::new() },
-            Problem::Underexposed(String::new()),
-            Problem::Gaps { spans_s: Vec::new(), bridged_m: None },
-            Problem::LostStrokes { font: String::new(), letters: String::new() },
-            Problem::Drawing(String::new()),
-            Problem::Outside { what: "word", sides: String::new() },
-            Problem::NoPicture(String::new()),
-        ];
-        let obstacles: Vec<String> =
-            problems.iter().map(|it| Message::of_problem(it).key).collect();
+        let obstacles: Vec<&str> = OBSTACLES.into_iter().chain(FLAWS).collect();
         let reasons = "misread no-light not-in-photo other-length out-of-range too-small unsure";
         let reasons: Vec<_> = reasons.split(' ').collect();
         let keys = json!({

@@ -14,7 +14,7 @@ use super::transit::Transit;
 use super::{EvenStyle, Extent, LightLevel, Plan, PlanData, PlanOptions, Setpoint};
 use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
+use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 
 /// Steps of a dimmed light: finer ones are not visible, and each one is a command.
 const LEVEL_STEPS: f64 = 50.0;
@@ -189,10 +189,7 @@ impl Course<'_> {
         let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
         let transit = Transit::new(&self.state, to, style, RING_TICK_S)
             .or_else(|| Transit::new(&coasting(&self.state), &coasting(to), style, RING_TICK_S));
-        let transit = transit.ok_or_else(|| Error::Infeasible {
-            what: format!("no transit was found after {:.2} s", self.end_s),
-            hint: "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3".into(),
-        })?;
+        let transit = transit.ok_or_else(|| Error::infeasible(format!("no transit was found after {:.2} s", self.end_s), "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3"))?;
         let duration_s = transit.duration_s();
         self.push(letter, Path::Dark(transit), duration_s)
     }
@@ -209,12 +206,13 @@ impl Course<'_> {
         }
         let (n, n_drawn) =
             (self.n_strokes, self.segments.iter().filter(|segment| segment.is_lit()).count());
-        Err(Error::Infeasible {
-            what: format!(
+        Err(Error::infeasible(
+            format!(
                 "{n_drawn} of {n} strokes take more than {MAX_DURATION_S} s, the longest flight"
             ),
-            hint: SHORTER.into(),
-        })
+            SHORTER,
+        )
+        .coded(FLIGHT_LONG))
     }
 
     /// Setpoints on the grid, and where a stroke begins or ends.

@@ -70,11 +70,12 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
     }
     let first = assignments.into_iter().min_by_key(|assignment| assignment.end);
-    let assignment = first.ok_or_else(|| Error::Infeasible {
-        what: "two drones come too close to each other, however long one waits, or no start was \
-               found in a billion comparisons of places"
-            .to_owned(),
-        hint: "share the word among fewer drones, or write it larger".into(),
+    let assignment = first.ok_or_else(|| {
+        Error::infeasible(
+            "two drones come too close to each other, however long one waits, or no start was \
+               found in a billion comparisons of places",
+            "share the word among fewer drones, or write it larger",
+        )
     })?;
     assignment.plans(options, style)
 }
@@ -100,10 +101,10 @@ impl Assignment {
         let n_strokes = shares.iter().map(Vec::len).sum::<usize>();
         if n_strokes > MAX_SHARED {
             let hint = "draw fewer strokes, lower letters.detail, or fly one drone";
-            return Err(Error::Infeasible {
-                what: format!("{n_strokes} strokes, more than {MAX_SHARED}, are too many to share"),
-                hint: hint.into(),
-            });
+            return Err(Error::infeasible(
+                format!("{n_strokes} strokes, more than {MAX_SHARED}, are too many to share"),
+                hint,
+            ));
         }
         let homes_m = homes_x_m(&shares);
         let routes = |(share, home_m): (&Vec<PenStroke>, &f64)| -> Result<Vec<Route>> {

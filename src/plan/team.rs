@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::pen::{DOT_M, dot_s};
 use super::{Extent, Plan, PlanData, PlanOptions, Setpoint, TeamStyle};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::table::{MAX_DURATION_S, on_grid};
+use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::polyline_length_m;
 use noctograph_core::strokes::{Glyph, Strokes};
 
@@ -18,10 +18,11 @@ use noctograph_core::strokes::{Glyph, Strokes};
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
     let duration_s = longest_duration_s(strokes, options, style);
     if duration_s > MAX_DURATION_S {
-        return Err(Error::Infeasible {
-            what: format!("the flight would take up to {duration_s:.0} s, more than an hour"),
-            hint: "raise plan.stroke_speed_m_s, or write a shorter or smaller word".into(),
-        });
+        return Err(Error::infeasible(
+            format!("the flight would take up to {duration_s:.0} s, more than an hour"),
+            "raise plan.stroke_speed_m_s, or write a shorter or smaller word",
+        )
+        .coded(FLIGHT_LONG));
     }
     let plan = PlanData::with_channels(&options.lights);
     let mut script = Script { options, style, plan, time_s: 0.0, letter: None };

@@ -54,7 +54,7 @@ mod _noctograph {
 /// The Python exception of an error: a class of `noctograph.errors`, or `OSError`.
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
-        Error::Input { place, found, wanted, hint } => {
+        Error::Input { place, found, wanted, hint, .. } => {
             // Of a scene's text that nobody wrote, a line says nothing.
             let mut place = (**place).clone();
             if place.0.first() == Some(&Segment::File("scene".into())) {
@@ -73,7 +73,9 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
                 None => pyo3::exceptions::PyOSError::new_err(text),
             };
         }
-        Error::Infeasible { what, hint } => ("InfeasibleError", vec![what.clone(), hint.clone()]),
+        Error::Infeasible { what, hint, .. } => {
+            ("InfeasibleError", vec![what.clone(), hint.clone()])
+        }
         other => ("InfeasibleError", vec![other.to_string(), other.hint().to_owned()]),
     };
     let made = py.import("noctograph.errors").and_then(|errors| {

@@ -101,6 +101,7 @@ impl View {
             let wanted = "a camera all of whose picture shows the plane of the word";
             let hint = "name the scene of the photo, or the corners of the word in the photo";
             Error::input("camera", "one that looks past the word", wanted, hint)
+                .coded("word-unseen")
         })?;
         let px_per_m = f64::from(photo.width_px) / (bounds_m[2] - bounds_m[0]);
         Ok(Self::from(camera).square_on(photo, bounds_m, px_per_m))

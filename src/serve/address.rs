@@ -30,9 +30,8 @@ pub(crate) struct Address {
 /// A name that nobody guesses: 128 bits of the system's random numbers.
 pub(crate) fn secret() -> Result<String> {
     let mut bytes = [0; 16];
-    getrandom::fill(&mut bytes).map_err(|error| Error::Infeasible {
-        what: format!("the system gives no random numbers: {error}"),
-        hint: "try again".into(),
+    getrandom::fill(&mut bytes).map_err(|error| {
+        Error::infeasible(format!("the system gives no random numbers: {error}"), "try again")
     })?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -158,6 +158,6 @@ fn run(listener: TcpListener, server: Server) -> Result<()> {
 }
 
 fn no_thread(error: impl std::fmt::Display) -> Error {
-    let hint = "allow more processes (ulimit -u)".into();
-    Error::Infeasible { what: format!("no thread can be started: {error}"), hint }
+    let hint = "allow more processes (ulimit -u)";
+    Error::infeasible(format!("no thread can be started: {error}"), hint)
 }

@@ -10,8 +10,9 @@ use super::recorder::Snapshot;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
 use crate::vehicle::{Plant, RigidBody, State};
 use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::Warning;
+use noctograph_core::flight::warning;
 use noctograph_core::geometry::turned;
 use noctograph_core::plan::Plan;
 
@@ -255,13 +256,13 @@ impl Avionics {
         let writes = plan.setpoints[self.setpoint].letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
         let Some(fault) = lost(&plant.body(), &self.estimate) else { return Ok(()) };
-        Err(Error::Infeasible {
-            what: format!("the drone {fault} after {time_s:.3} s"),
-            hint: format!(
+        Err(Error::infeasible(
+            format!("the drone {fault} after {time_s:.3} s"),
+            format!(
                 "check {} against the vehicle, and that the plan makes no large jump",
                 tuned_by(self.kinds)
             ),
-        })
+        ))
     }
 
     /// The estimated state.
@@ -329,10 +330,10 @@ impl Avionics {
     }
 
     /// Warnings about saturated motors and about the sensors, with those of the plant between them.
-    pub(super) fn warnings(&self, plant: &Plant) -> Vec<Warning> {
+    pub(super) fn warnings(&self, plant: &Plant) -> Vec<Diagnostic> {
         let saturated_s = f64::from(self.saturated_writing_ticks) * self.tick_s;
-        let saturated = (saturated_s > 0.0).then_some(Warning::MotorAtLimit(saturated_s));
-        let silent = self.stopped_s.map(Warning::HostSilent);
+        let saturated = (saturated_s > 0.0).then(|| warning::motor_at_limit(saturated_s));
+        let silent = self.stopped_s.map(warning::host_silent);
         saturated
             .into_iter()
             .chain(silent)

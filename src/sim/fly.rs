@@ -8,8 +8,8 @@ use super::recorder::Recorder;
 use crate::sensors::{Air, Fleet, Member};
 use crate::vehicle::{Downwash, FloorOptions, Plant, Wake};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::Flight;
-use noctograph_core::flight::table::MAX_DURATION_S;
+use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S};
+use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_core::input_error;
 use noctograph_core::plan::Plan;
 
@@ -92,11 +92,10 @@ pub fn fly_watched(
             if rig.avionics.sense(plan, time_s, &rig.plant, &fleet_m) {
                 rig.avionics.control(plan, time_s);
             }
-            rig.conclude(plan, tick, time_s, watch).map_err(|error| match error {
-                Error::Infeasible { what, hint } if !alone => {
-                    Error::Infeasible { what: format!("drone {}: {what}", place + 1), hint }
-                }
-                error => error,
+            let concluded = rig.conclude(plan, tick, time_s, watch);
+            concluded.map_err(|error| match alone {
+                true => error,
+                false => error.of_drone(DroneIndex(place)),
             })?;
         }
         if !alone && air.is_due(time_s) {
@@ -244,10 +243,11 @@ fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
 fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
-        return Err(Error::Infeasible {
-            what: format!("the plan lasts {duration_s} s, the longest flight {MAX_DURATION_S} s"),
-            hint: "write a shorter word, or draw faster".into(),
-        });
+        return Err(Error::infeasible(
+            format!("the plan lasts {duration_s} s, the longest flight {MAX_DURATION_S} s"),
+            "write a shorter word, or draw faster",
+        )
+        .coded(FLIGHT_LONG));
     }
     #[expect(clippy::cast_possible_truncation, reason = "0 to 7.2e6")]
     Ok(((duration_s + TIME_TOLERANCE_S) * f64::from(rate_hz)) as u32)

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 
 use crate::vehicle::{State, attitude, position, rate, velocity};
 use nalgebra::Matrix3;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::flight::{
     BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightData, FlightSample,
-    SATURATED_S, Warning,
+    SATURATED_S,
 };
 use noctograph_core::plan::{Plan, Setpoint};
 
@@ -73,7 +74,7 @@ impl Recorder {
         }
     }
 
-    pub(super) fn finish(self, warnings: Vec<Warning>) -> Flight {
+    pub(super) fn finish(self, warnings: Vec<Diagnostic>) -> Flight {
         let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);
         let extra = columns.filter(|(_, column)| !column.is_empty()).collect();
         Flight::made(FlightData { warnings, extra, ..self.flight })

@@ -4,7 +4,7 @@ use super::avionics::Avionics;
 use super::controller::Reference;
 use super::fly::{Rig, rigs};
 use super::options::Drone;
-use noctograph_core::error::{Error, Result};
+use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
 use noctograph_core::plan::Plan;
 
@@ -97,19 +97,15 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] for a drone that turns over or flies away.
+    /// An infeasible error ([`noctograph_core::error`]) for a drone that turns over or flies away.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
         if self.lands {
             return Ok(());
         }
         self.rig.avionics.command(motors);
-        self.conclude().and_then(|()| self.run()).map_err(|error| match error {
-            Error::Infeasible { what, .. } => {
-                let hint = "check your controller's signs, units and gains".into();
-                Error::Infeasible { what, hint }
-            }
-            error => error,
-        })
+        self.conclude()
+            .and_then(|()| self.run())
+            .map_err(|error| error.with_hint("check your controller's signs, units and gains"))
     }
 
     /// The flight so far.

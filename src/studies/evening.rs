@@ -21,7 +21,8 @@ use super::experiment::counter;
 use super::statistics::mean;
 use noctograph_core::error::Result;
 use noctograph_core::files::Limit;
-use noctograph_core::flight::{Flight, FlightSample, Quantity, Warning, airborne, saturated_s};
+use noctograph_core::flight::warning::UNLOGGED;
+use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne, saturated_s};
 use noctograph_core::settings::Described;
 use noctograph_logs::identify::{RotorLag, T_95, identify, is_frozen};
 use noctograph_logs::{GatheredLog, ImportOptions, import, logs_in};
@@ -304,7 +305,7 @@ impl EveningLog {
             }
         };
         // Figures need the motors and the body's rates: what else is not logged is not missed.
-        let read = flight.warnings.iter().filter(|it| !matches!(it, Warning::Unlogged(_)));
+        let read = flight.warnings.iter().filter(|it| it.code != UNLOGGED);
         let mut warnings: Vec<String> = read.map(ToString::to_string).collect();
         let samples = &flight.samples[airborne(&flight).unwrap_or_default()];
         let figures = match figures(&flight, samples, scene) {

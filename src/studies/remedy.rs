@@ -9,10 +9,11 @@ use rayon::prelude::*;
 
 use super::statistics::mean;
 use noctograph_core::camera::{CameraOptions, Framing, Metering};
+use noctograph_core::diagnostic::Change;
 use noctograph_core::error::Result;
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::light::{Deck, RingEffect};
-use noctograph_pipeline::scene::{Change, Scene};
+use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::{Judging, Shoot, Shot};
 use noctograph_plan::{LightClock, PlanOptions, ReferenceKind, Style};
 use noctograph_sim::ControllerKind;
@@ -104,7 +105,7 @@ fn changed(scene: &Scene, changes: &[Change]) -> Result<Scene> {
     if changes.iter().any(|change| change.key == "plan.style") {
         scene.plan = PlanOptions { lights: scene.plan.lights, ..PlanOptions::even() };
     }
-    let values = changes.iter().filter_map(|change| Some((change.key, change.value.as_deref()?)));
+    let values = changes.iter().filter_map(|it| Some((&*it.key, it.value.as_deref()?)));
     Scene::parse_with(&scene.to_toml(), "scene", &values.collect::<Vec<_>>())
 }
 

@@ -211,10 +211,10 @@ pub fn spread(
     let again: Vec<&Vec<Flight>> = again.iter().flatten().collect();
     if flown.is_empty() || again.is_empty() {
         let lost = flights.iter().find_map(|flight| flight.shot.as_ref().err());
-        return Err(Error::Infeasible {
-            what: format!("every flight is lost: {}", lost.map_or("", String::as_str)),
-            hint: "fly the scene without its spread, or under milder conditions".into(),
-        });
+        return Err(Error::infeasible(
+            format!("every flight is lost: {}", lost.map_or("", String::as_str)),
+            "fly the scene without its spread, or under milder conditions",
+        ));
     }
     let [all, within] = [flown, again].map(|fleets| {
         let bands = (0..base.plans.len()).map(|drone| {

@@ -246,10 +246,10 @@ fn lock(folder: &Path) -> Result<File> {
     let file = file.map_err(unwritable)?;
     match file.try_lock() {
         Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(Error::Infeasible {
-            what: format!("{}: another noctograph is writing here", folder.display()),
-            hint: "wait until it is done, or name another folder".into(),
-        }),
+        Err(TryLockError::WouldBlock) => Err(Error::infeasible(
+            format!("{}: another noctograph is writing here", folder.display()),
+            "wait until it is done, or name another folder",
+        )),
         Err(TryLockError::Error(source)) => Err(unwritable(source)),
     }
 }

@@ -48,7 +48,7 @@ impl Prepared {
         scene.set_word(word);
         scene.check()?;
         let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
-            Err(Error::Infeasible { what, hint }) => {
+            Err(Error::Infeasible { what, hint, .. }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
             }
             shoot => (shoot?, None),
@@ -81,7 +81,7 @@ impl Prepared {
     pub fn planned(&self) -> Result<()> {
         match self.unplanned.clone() {
             None => Ok(()),
-            Some([what, hint]) => Err(Error::Infeasible { what, hint }),
+            Some([what, hint]) => Err(Error::infeasible(what, hint)),
         }
     }
 

@@ -85,7 +85,9 @@ impl Budget {
             }
         };
         let wanted = format!("at most {most} {unit}");
-        Err(Error::input("", what, wanted, self.hint).in_file(&self.place, None))
+        Err(Error::input("", what, wanted, self.hint)
+            .coded("input-large")
+            .in_file(&self.place, None))
     }
 
     fn spend(&self, left: &Cell<u64>, amount: usize, beyond: Beyond) -> bool {

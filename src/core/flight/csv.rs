@@ -14,7 +14,8 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use super::table::{REWRITE_HINT, Table, write_table};
-use super::{Flight, FlightData, FlightSample, Quantity, Warning};
+use super::{Flight, FlightData, FlightSample, Quantity, warning};
+use crate::diagnostic::Diagnostic;
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
@@ -162,8 +163,9 @@ impl Flight {
         let flags = table.find(GAP).unwrap_or_default();
         let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
         let gaps = pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect();
-        let missing = (!unlogged.is_empty()).then(|| Warning::Unlogged(unlogged.clone()));
-        let said = table.notes().iter().cloned().chain(odd).map(Warning::File);
+        let missing = warning::unlogged(&unlogged);
+        let said = table.notes().iter().cloned().chain(odd);
+        let said = said.map(|text| Diagnostic::warning("log", text));
         let warnings = missing.into_iter().chain(said).collect();
         Self::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })
     }
@@ -338,7 +340,7 @@ mod tests {
         }
         let mut back = read_back(&Flight::made(flight.clone())).into_data();
         let warnings = std::mem::take(&mut back.warnings);
-        assert_eq!(warnings, [Warning::Unlogged(flight.unlogged.clone())]);
+        assert_eq!(warnings, [warning::unlogged(&flight.unlogged).unwrap()]);
         assert_eq!(back, flight, "gaps, extra columns, unlogged");
     }
 

@@ -5,24 +5,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::Vector3;
-use serde::{Serialize, Serializer};
-
+use crate::diagnostic::Diagnostic;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
 use crate::product::{
     Rules, Valid, check_length, check_levels, check_times, is_number, odd_number,
 };
+use nalgebra::Vector3;
 
 mod airborne;
 pub mod csv;
 pub mod stamps;
 pub mod table;
-mod warning;
+pub mod warning;
 
+pub use crate::place::DroneIndex;
 pub use airborne::airborne;
 pub use airborne::{on_floor, saturated_s};
-pub use warning::Warning;
 
 /// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
 /// battery.
@@ -59,7 +58,7 @@ pub struct FlightData {
     /// Quantities that the log lacks: zeros in the samples.
     pub unlogged: BTreeSet<Quantity>,
     /// Warnings of the flight.
-    pub warnings: Vec<Warning>,
+    pub warnings: Vec<Diagnostic>,
 }
 
 impl FlightData {
@@ -138,22 +137,6 @@ impl Quantity {
     /// Its name in messages.
     pub fn name(self) -> &'static str {
         Self::TABLE[self as usize].1
-    }
-}
-
-/// One of several drones, by its index. People count from 1, and so do texts and JSON.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct DroneIndex(pub usize);
-
-impl std::fmt::Display for DroneIndex {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        (self.0 + 1).fmt(f)
-    }
-}
-
-impl Serialize for DroneIndex {
-    fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
-        (self.0 + 1).serialize(to)
     }
 }
 

@@ -15,6 +15,9 @@ use crate::product::MAX_QUANTITY;
 /// Longest flight: an hour, twelve times a Crazyflie's battery.
 pub const MAX_DURATION_S: f64 = 3600.0;
 
+/// Code of the error of a longer one.
+pub const FLIGHT_LONG: &str = "flight-long";
+
 /// Largest number of a table: below it squares and sums stay finite.
 pub const MAX_NUMBER: f64 = 1e30;
 

@@ -1,48 +1,51 @@
 //! Warnings of a flight.
 
 use std::collections::BTreeSet;
-use std::fmt;
 
 use super::Quantity;
+use crate::diagnostic::Diagnostic;
 
-/// A warning of a flight.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Warning {
-    /// A motor was at its limit while the drone wrote, for so many seconds.
-    MotorAtLimit(f64),
-    /// The battery could not give the thrust asked for, for so many seconds.
-    BatteryWeak(f64),
-    /// The battery was empty, and the motors stopped.
-    BatteryEmpty,
-    /// Fewer than two base stations saw the drone, for so many seconds.
-    Unseen(f64),
-    /// The host was silent for so long that the motors stopped, at so many seconds.
-    HostSilent(f64),
-    /// Quantities that its file lacks, which are zeros in the samples.
-    Unlogged(BTreeSet<Quantity>),
-    /// Of its file: omitted data, assumed units and columns.
-    File(String),
+/// Code of quantities that a log lacks.
+pub const UNLOGGED: &str = "unlogged";
+/// Code of a time without two base stations in sight; its figure is `lasts_s`.
+pub const UNSEEN: &str = "unseen";
+/// Codes of a battery that cannot give the thrust, or is empty.
+pub const BATTERY: [&str; 2] = ["battery-weak", "battery-empty"];
+
+/// A motor was at its limit while the drone wrote.
+pub fn motor_at_limit(lasts_s: f64) -> Diagnostic {
+    let message = format!("a motor was at its limit for {lasts_s:.2} s while writing");
+    Diagnostic::warning("motor-at-limit", message).with("lasts_s", lasts_s)
 }
 
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::MotorAtLimit(s) => {
-                write!(f, "a motor was at its limit for {s:.2} s while writing")
-            }
-            Self::BatteryWeak(s) => {
-                write!(f, "the battery could not give the thrust asked for during {s:.2} s")
-            }
-            Self::BatteryEmpty => f.write_str("the battery was empty and the motors stopped"),
-            Self::Unseen(s) => write!(f, "fewer than two base stations saw the drone for {s:.2} s"),
-            Self::HostSilent(s) => {
-                write!(f, "no setpoint came for 2 s and the motors stopped at {s:.1} s")
-            }
-            Self::Unlogged(quantities) => {
-                let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
-                write!(f, "not in the log: {}; set to zero", names.join(", "))
-            }
-            Self::File(text) => f.write_str(text),
-        }
-    }
+/// The battery could not give the thrust asked for.
+pub fn battery_weak(lasts_s: f64) -> Diagnostic {
+    let message = format!("the battery could not give the thrust asked for during {lasts_s:.2} s");
+    Diagnostic::warning(BATTERY[0], message).with("lasts_s", lasts_s)
+}
+
+/// The battery was empty, and the motors stopped.
+pub fn battery_empty() -> Diagnostic {
+    Diagnostic::warning(BATTERY[1], "the battery was empty and the motors stopped")
+}
+
+/// Fewer than two base stations saw the drone.
+pub fn unseen(lasts_s: f64) -> Diagnostic {
+    let message = format!("fewer than two base stations saw the drone for {lasts_s:.2} s");
+    Diagnostic::warning(UNSEEN, message)
+        .with("lasts_s", lasts_s)
+        .helped("move the base stations, or the word (see `coverage`)")
+}
+
+/// The host was silent for so long that the motors stopped.
+pub fn host_silent(stopped_s: f64) -> Diagnostic {
+    let message = format!("no setpoint came for 2 s and the motors stopped at {stopped_s:.1} s");
+    Diagnostic::warning("host-silent", message).with("time_s", stopped_s)
+}
+
+/// Quantities that a log lacks, which are zeros in the samples; `None` if it lacks none.
+pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
+    let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
+    let message = format!("not in the log: {}; set to zero", names.join(", "));
+    (!names.is_empty()).then(|| Diagnostic::warning(UNLOGGED, message))
 }

@@ -84,7 +84,8 @@ pub(super) fn read(
     if corners.is_none() && field.shades > SHADES {
         let hint = "draw its lines on paper or in a drawing program; where it shows a sheet of paper, \
                     name the corners of that (letters.corners_px)";
-        return Err(Error::input(file, "a photograph, of tones without lines", DRAWINGS, hint));
+        let photograph = "a photograph, of tones without lines";
+        return Err(Error::input(file, photograph, DRAWINGS, hint).coded("picture-none"));
     }
     let (patches, n_cut) = field.patches();
     if patches.is_empty() {
@@ -150,7 +151,7 @@ const DRAWINGS: &str = "a drawing, handwriting or a logo";
 fn blank(file: &str) -> Error {
     let content = "a picture without lines that stand out from its paper";
     let hint = "photograph the drawing in even light, or draw with a darker pen";
-    Error::input(file, content, DRAWINGS, hint)
+    Error::input(file, content, DRAWINGS, hint).coded("picture-none")
 }
 
 /// Corners of the sheet of paper in a picture, in pixels of the file: a pixel of the picture is

@@ -325,12 +325,16 @@ fn smoothed(
     (kept.iter().map(|index| points[*index]).collect(), times_s)
 }
 
+/// Codes of errors: a drawing without strokes, and one of too many.
+const EMPTY: &str = "drawing-empty";
+const LARGE: &str = "drawing-large";
+
 /// The error of an empty drawing, with the warnings: they may be the reason.
-fn with_reasons(mut error: Error, warnings: &[String]) -> Error {
-    if let Error::Input { hint, .. } = &mut error {
-        warnings.iter().for_each(|warning| *hint += &format!("; {warning}"));
-    }
-    error
+fn with_reasons(error: Error, warnings: &[String]) -> Error {
+    let hint: Vec<&str> =
+        std::iter::once(error.hint()).chain(warnings.iter().map(String::as_str)).collect();
+    let hint = hint.join("; ");
+    error.with_hint(hint)
 }
 
 /// From a drawing's own units, y up, to the plane of the word.
@@ -353,7 +357,7 @@ impl Placing {
         if !(scale.is_finite() && scale > 0.0 && width.max(height) > 1e-9 * size) {
             let content = if width >= 0.0 { "a drawing without extent" } else { "nothing drawn" };
             let hint = "visible paths are drawn";
-            return Err(Error::input(file, content, "at least one stroke", hint));
+            return Err(Error::input(file, content, "at least one stroke", hint).coded(EMPTY));
         }
         let (width_m, height_m) = (width * scale, height * scale);
         let left_m = match options.align {
@@ -413,6 +417,7 @@ fn too_many(file: &str) -> Error {
         "at most {MAX_POINTS} points",
         "simplify the drawing, or raise letters.tolerance_m",
     )
+    .coded(LARGE)
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ pub(super) fn chosen<T>(
     if kept.is_empty() && !is_empty {
         let (choice, hint) = ("a choice that leaves no stroke", "name fewer strokes to leave out");
         let error = Error::input("letters.without", choice, "at least one stroke", hint);
-        return Err(error.in_file(file, None));
+        return Err(error.coded(super::EMPTY).in_file(file, None));
     }
     Ok(kept)
 }

@@ -77,10 +77,11 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
         }
     }
     let styles = Styles::new(&document, &budget, &mut named)?;
-    size::check(root, &styles, &budget).map_err(|cause| refused(file, cause))?;
+    let too_large = |cause| refused(file, cause).coded(super::LARGE);
+    size::check(root, &styles, &budget).map_err(too_large)?;
     budget.check()?;
     let mut notes = Notes { styles: &styles, named: &mut named, signs: vec![], edits: vec![] };
-    notes.element(root).map_err(|cause| refused(file, cause))?;
+    notes.element(root).map_err(too_large)?;
     let (signs, edited) = (std::mem::take(&mut notes.signs), notes.edited(&text));
     let tree = parsed(&edited).map_err(|cause| refused(file, cause))?;
     let [width, height] = [tree.size().width(), tree.size().height()].map(f64::from);
@@ -102,7 +103,8 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     if let Some(text) = texts.first() {
         let count = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
         let line = u64::from(document.text_pos_at(text.range().start).row);
-        return Err(Error::input("", count, "paths in place of text", TEXT).in_file(file, line));
+        let error = Error::input("", count, "paths in place of text", TEXT);
+        return Err(error.coded("drawing-text").in_file(file, line));
     }
     for node in others {
         named.add(format!("<{}>", node.tag_name().name()), "not followed", node);

@@ -189,10 +189,10 @@ impl Latent {
     /// [`Error::Infeasible`] where counts so fine would overflow.
     pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
         if scale_log2 < self.scale_log2 {
-            return Err(Error::Infeasible {
-                what: format!("counts of 2^{scale_log2} lx s would overflow on this light"),
-                hint: format!("choose a scale of 2^{} lx s or more", self.scale_log2),
-            });
+            return Err(Error::infeasible(
+                format!("counts of 2^{scale_log2} lx s would overflow on this light"),
+                format!("choose a scale of 2^{} lx s or more", self.scale_log2),
+            ));
         }
         Ok(Self { scale_log2, ..self })
     }

@@ -278,7 +278,8 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
             "set plan.lights to [\"{first}\"] where the lamp writes, add the column (0 where the \
              lights are off), or change light.fixtures in the scene"
         ),
-    ))
+    )
+    .coded("lights-missing"))
 }
 
 /// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per primary

@@ -1,9 +1,10 @@
 //! An export with its checks: the exported flights, their findings, and the files.
 
-use super::{Checked, Profile, Severity, checks, flown, of_flights, platform, preflight};
+use super::{Profile, checks, flown, of_flights, platform, preflight};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::Feature;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::bounds;
 use noctograph_core::lamps::COLOR_LED;
@@ -36,7 +37,7 @@ pub struct CheckedExport {
     trajectory: Option<Shoot>,
     checks: Checks,
     /// The findings of all checks; empty for a format that does not fly.
-    pub findings: Vec<Checked>,
+    pub findings: Vec<Diagnostic>,
 }
 
 /// The files of an export.
@@ -107,8 +108,8 @@ impl CheckedExport {
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
                 let is_safe = |shoot: &Shoot| {
-                    let is_stop = |checked: &Checked| checked.row.severity == Severity::Stop;
-                    preflight(shoot, profile).is_ok_and(|it| !it.findings.iter().any(is_stop))
+                    preflight(shoot, profile)
+                        .is_ok_and(|it| !it.findings.iter().any(Diagnostic::is_stop))
                 };
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
                 on_board.ok().filter(|on_board| *is_unchecked || is_safe(on_board))

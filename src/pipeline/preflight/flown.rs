@@ -1,12 +1,12 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
 use super::picture::{Picture, Piece, painted};
-use super::row::{Row, Severity, at_time, largest, stop_if, warn_if};
-use super::{CAP_HEIGHT_M, Profile, cap_height_m, platform};
+use super::{CAP_HEIGHT_M, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if};
 use crate::scene::Scene;
 use crate::shoot::{CHECK_LIGHT, Shoot, ends};
+use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
-use noctograph_core::flight::{BATTERY_V, Flight, FlightSample, SATURATED_S, Warning, saturated_s};
+use noctograph_core::flight::{BATTERY_V, Flight, FlightSample, SATURATED_S, saturated_s, warning};
 use noctograph_core::statistics::weighted_quantile;
 use noctograph_export::safety::{Battery, LOW_BATTERY_S};
 use noctograph_letters::Strokes;
@@ -39,7 +39,7 @@ pub(super) fn check_flight(
     flight: &Flight,
     picture: Option<&Picture>,
     profile: &Profile,
-) -> Result<Vec<Row>> {
+) -> Result<Vec<Diagnostic>> {
     let (scene, strokes) = (&shoot.scene, shoot.strokes.as_ref());
     let trace = match picture.and_then(|picture| picture.light_of(drone)) {
         Some(trace) => trace,
@@ -62,10 +62,10 @@ pub(super) fn check_flight(
 }
 
 /// Whether the letters are high enough for the error of the height.
-fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Row {
-    fn unchecked(why: &str, advice: &'static str) -> Row {
+fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
+    fn unchecked(why: &str, advice: &'static str) -> Diagnostic {
         let wanted = "letters of a known height, not a drawing";
-        Row::unchecked("altitude hold", why, wanted, advice)
+        Diagnostic::unchecked("altitude hold", why, wanted, advice)
     }
     let of_plans = "name the word of the plans: {word}";
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
@@ -77,60 +77,67 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Row {
     let Ok(least_m) = least_cap_height_m(flight, Part::Letters) else {
         return unchecked("the flight writes no letter", of_plans);
     };
-    Row::new("altitude hold", warn_if(least_m > cap_height_m), least_m).within(cap_height_m).say(
-        format!("precise enough for letters of {least_m:.2} m or more"),
-        format!(
-            "error of the height up to {:.0} mm, a twentieth of the letters",
-            50.0 * cap_height_m
-        ),
-        "write larger letters, or fewer where a canvas shrinks them \
+    Diagnostic::check("altitude hold", warn_if(least_m > cap_height_m), least_m)
+        .within(cap_height_m)
+        .say(
+            format!("precise enough for letters of {least_m:.2} m or more"),
+            format!(
+                "error of the height up to {:.0} mm, a twentieth of the letters",
+                50.0 * cap_height_m
+            ),
+            "write larger letters, or fewer where a canvas shrinks them \
          ({letters.cap_height_m}, {letters.canvas_m}), or fly a better height sensor",
-    )
+        )
 }
 
 /// Check of the deviation in depth against the profile's corridor.
-fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Row {
+fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
     let strays = flight.samples.iter().map(|s| (s.position_m.y - s.design_m.y, s.time_s));
     let farthest = strays.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
     let ((y_m, time_s), most_m) = (farthest.unwrap_or_default(), profile.corridor_m);
     let mean_m = strays.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
     let (room, beacons) = (&scene.sensors.lighthouse, &scene.sensors.positioning);
     let by_light = matches!(beacons, Positioning::CrossingBeams | Positioning::Sweeps);
-    Row::new("corridor", stop_if(y_m.abs() > most_m), y_m).within(most_m).timed(time_s).say(
-        format!("strays by {y_m:+.2} m in depth{}", at_time(time_s)),
-        format!("within ±{most_m} m of the design"),
-        match beacons {
-            _ if by_light && !room.people_m.is_empty() => {
-                "let people stand out of the light ({sensors.lighthouse.people_m})"
-            }
-            _ if by_light && !(room.mirrors_m.is_empty() && room.panes_m.is_empty()) => {
-                "cover what reflects ({sensors.lighthouse.mirrors_m})"
-            }
-            _ if by_light && !room.silent.is_empty() => {
-                "let every station send ({sensors.lighthouse.silent})"
-            }
-            Positioning::UwbTwr | Positioning::UwbTdoa => {
-                "hang the anchors around the flight, in front of it and behind \
+    Diagnostic::check("corridor", stop_if(y_m.abs() > most_m), y_m)
+        .within(most_m)
+        .timed(time_s)
+        .say(
+            format!("strays by {y_m:+.2} m in depth{}", at_time(time_s)),
+            format!("within ±{most_m} m of the design"),
+            match beacons {
+                _ if by_light && !room.people_m.is_empty() => {
+                    "let people stand out of the light ({sensors.lighthouse.people_m})"
+                }
+                _ if by_light && !(room.mirrors_m.is_empty() && room.panes_m.is_empty()) => {
+                    "cover what reflects ({sensors.lighthouse.mirrors_m})"
+                }
+                _ if by_light && !room.silent.is_empty() => {
+                    "let every station send ({sensors.lighthouse.silent})"
+                }
+                Positioning::UwbTwr | Positioning::UwbTdoa => {
+                    "hang the anchors around the flight, in front of it and behind \
                  ({sensors.uwb.anchors_m})"
-            }
-            Positioning::Gnss => "fly in calmer air, or with a better receiver",
-            // A mean error can be planned for; a varying one cannot.
-            _ if mean_m.abs() > 0.5 * y_m.abs() => "take the mean error off ({plan.mean_error_m})",
-            Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
-                "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
-            }
-        },
-    )
+                }
+                Positioning::Gnss => "fly in calmer air, or with a better receiver",
+                // A mean error can be planned for; a varying one cannot.
+                _ if mean_m.abs() > 0.5 * y_m.abs() => {
+                    "take the mean error off ({plan.mean_error_m})"
+                }
+                Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
+                    "look at what disturbs the flight: wind ({air.wind_m_s}), the stations' places"
+                }
+            },
+        )
 }
 
 /// Check of the greatest tilt in flight.
-fn tilt(flight: &Flight, profile: &Profile) -> Row {
+fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
     fn tilt_rad(s: &FlightSample) -> f64 {
         libm::acos((libm::cos(s.attitude.pitch_rad) * libm::cos(s.attitude.roll_rad)).min(1.0))
     }
     let (value_rad, time_s) = largest(flight.samples.iter().map(|s| (tilt_rad(s), s.time_s)));
     let most_rad = profile.tilt_rad;
-    Row::new("tilt", stop_if(value_rad > most_rad), value_rad).within(most_rad).timed(time_s).say(
+    Diagnostic::check("tilt", stop_if(value_rad > most_rad), value_rad).within(most_rad).timed(time_s).say(
         format!("{:.1}°{}", value_rad.to_degrees(), at_time(time_s)),
         format!("up to {:.0}°", most_rad.to_degrees()),
         "lower {plan.style.acceleration_m_s2} or {plan.style.jerk_m_s3}; check that the plan has \
@@ -139,7 +146,7 @@ fn tilt(flight: &Flight, profile: &Profile) -> Row {
 }
 
 /// Check of the time at the motors' limit.
-fn motors(flight: &Flight, motor_max: f64) -> Row {
+fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
     // A flight of ours counts the controller's own ticks.
@@ -149,7 +156,7 @@ fn motors(flight: &Flight, motor_max: f64) -> Row {
         true => Severity::Stop,
         false => warn_if(lasts_s > BRIEF_SATURATED_S),
     };
-    Row::new("motors", severity, lasts_s).within(BRIEF_SATURATED_S).timed(time_s).say(
+    Diagnostic::check("motors", severity, lasts_s).within(BRIEF_SATURATED_S).timed(time_s).say(
         match lasts_s {
             0.0 => "never at their limit".to_owned(),
             s => format!("{:.0} ms at their limit, first{}", 1e3 * s, at_time(time_s)),
@@ -164,7 +171,7 @@ fn motors(flight: &Flight, motor_max: f64) -> Row {
 const MAX_HOVER_FRAC: f64 = 0.85;
 
 /// Thrust to hover, of the greatest thrust at the voltage of the flight's end.
-fn thrust(flight: &Flight, scene: &Scene) -> Row {
+fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
     let [t0, t1, t2, t3] = scene.battery.thrust_from_v_n;
     let weight_n = scene.vehicle.mass_kg * 9.806_65;
     let full_n = weight_n / scene.vehicle.hover_throttle();
@@ -175,7 +182,7 @@ fn thrust(flight: &Flight, scene: &Scene) -> Row {
     let volts = volts.and_then(|volts| volts.get(last?)).copied();
     let at_end_n = volts.map_or(full_n, |v| 4.0 * (t0 + v * (t1 + v * (t2 + v * t3))));
     let share = weight_n / at_end_n.min(full_n);
-    Row::new("thrust", warn_if(share > MAX_HOVER_FRAC), share).within(MAX_HOVER_FRAC).say(
+    Diagnostic::check("thrust", warn_if(share > MAX_HOVER_FRAC), share).within(MAX_HOVER_FRAC).say(
         format!("hovering takes {:.0} % of the greatest thrust", 100.0 * share),
         format!("up to {:.0} %: the rest steers and climbs", 100.0 * MAX_HOVER_FRAC),
         "take weight off ({vehicle.mass_kg}), or fly a drone with more thrust",
@@ -186,16 +193,15 @@ fn thrust(flight: &Flight, scene: &Scene) -> Row {
 const AIRBORNE_M: f64 = 0.2;
 
 /// The flight's load of the battery, for the check and for exported scripts alike.
-fn battery(flight: &Flight, scene: &Scene) -> Row {
+fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     if scene.battery.capacity_ah <= 0.0 {
         let why = "the scene's drone has no battery model";
         let advice = "name a preset with one, such as `{preset=cf21}`";
-        return Row::unchecked("battery", why, "a drone with a battery", advice);
+        return Diagnostic::unchecked("battery", why, "a drone with a battery", advice);
     }
     let low_v =
         platform(scene).map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v());
-    let is_battery = |it: &&Warning| matches!(it, Warning::BatteryWeak(_) | Warning::BatteryEmpty);
-    let warning = flight.warnings.iter().find(is_battery);
+    let warning = flight.warnings.iter().find(|it| warning::BATTERY.contains(&it.code));
     let taken = Battery::new(&scene.battery, flight, low_v);
     let lasts = taken.as_ref().is_none_or(Battery::lasts);
     let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
@@ -221,7 +227,7 @@ fn battery(flight: &Flight, scene: &Scene) -> Row {
     let rest_v = taken.as_ref().map(|taken| taken.rest_v);
     let limit_v = taken.and_then(|taken| taken.least_rest_v).unwrap_or(0.0);
     let severity = stop_if(warning.is_some() || !lasts);
-    Row::new("battery", severity, rest_v).within(limit_v).detailed(detail).say(
+    Diagnostic::check("battery", severity, rest_v).within(limit_v).detailed(detail).say(
         actual,
         wanted,
         "charge it ({battery.charge_frac}), write fewer letters, or share them ({plan.drones=2})",
@@ -231,8 +237,8 @@ fn battery(flight: &Flight, scene: &Scene) -> Row {
 const NO_LAMP: &str = "no lamp follows the plan's light";
 
 /// A check of the light that there is none for.
-fn without_light(check: &'static str, why: &str) -> Row {
-    Row::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
+fn without_light(check: &'static str, why: &str) -> Diagnostic {
+    Diagnostic::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
 /// How far the light is off at the end of a stroke where it is farthest.
@@ -241,7 +247,7 @@ fn lit_transit(
     painted: &[Piece],
     strokes: Option<&Strokes>,
     clock: LightClock,
-) -> Row {
+) -> Diagnostic {
     let worst = ends.iter().max_by(|a, b| a.streak_m.abs().total_cmp(&b.streak_m.abs()));
     let Some(StrokeEnd { time_s, at_m, on, streak_m }) = worst.copied() else {
         return without_light("lit transit", "the flight has no lit stroke");
@@ -257,10 +263,10 @@ fn lit_transit(
         (false, true) => "a stroke's beginning without light",
         (false, false) => "a stroke's end without light",
     };
-    let row = Row::new("lit transit", warn_if(streak_m.abs() > most_m), streak_m);
+    let row = Diagnostic::check("lit transit", warn_if(streak_m.abs() > most_m), streak_m);
     let row = row.within(most_m).timed(time_s).detailed(if on { "beginning" } else { "end" });
     let (off_mm, when, x, z) = (1e3 * streak_m.abs(), at_time(time_s), at_m.x, at_m.z);
-    Row { position_m: Some(at_m.into()), ..row }.say(
+    row.positioned(<[f64; 3]>::from(at_m)).say(
         format!("up to {off_mm:.0} mm of {what}{when} ({x:.2}, {z:.2})"),
         format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * most_m),
         match clock {
@@ -273,7 +279,7 @@ fn lit_transit(
 }
 
 /// Duration of the light's dwell on a spot.
-fn dwell(painted: &[Piece], plan: &PlanOptions) -> Row {
+fn dwell(painted: &[Piece], plan: &PlanOptions) -> Diagnostic {
     if painted.is_empty() {
         return without_light("lit dwell", NO_LAMP);
     }
@@ -292,7 +298,7 @@ fn dwell(painted: &[Piece], plan: &PlanOptions) -> Row {
         }
     }
     let (dwell_s, time_s) = longest;
-    let row = Row::new("lit dwell", warn_if(dwell_s > MAX_DWELL_S), dwell_s);
+    let row = Diagnostic::check("lit dwell", warn_if(dwell_s > MAX_DWELL_S), dwell_s);
     row.within(MAX_DWELL_S).timed(time_s).say(
         match dwell_s {
             0.0 => "none".to_owned(),
@@ -313,11 +319,11 @@ fn dwell(painted: &[Piece], plan: &PlanOptions) -> Row {
 }
 
 /// Range of the exposure along the brightest trail in the picture; `None` where there is none.
-fn evenness(stops: Option<f64>) -> Row {
+fn evenness(stops: Option<f64>) -> Diagnostic {
     let Some(stops) = stops else {
         return without_light("evenness", "no light of the plan is in the picture");
     };
-    Row::new("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
+    Diagnostic::check("evenness", warn_if(stops > MAX_UNEVEN_STOPS), stops).within(MAX_UNEVEN_STOPS).say(
         format!("exposure varies by {stops:.1} stops along the trail"),
         format!(
             "within {MAX_UNEVEN_STOPS} stops, from the 5th to the 95th percentile, as `meter` reads"
@@ -343,7 +349,8 @@ mod tests {
         assert_eq!(dwell(&painted).severity, Severity::Fine);
         painted.insert(50, (2.5, 0.001, 0.3));
         let actual = dwell(&painted);
-        assert_eq!((actual.value, actual.limit, actual.time_s), (Some(0.3), 0.1, Some(2.5)));
+        let figures = ["value", "limit", "time_s"].map(|name| actual.number(name));
+        assert_eq!(figures, [0.3, 0.1, 2.5].map(Some));
         assert_eq!(actual.severity, Severity::Warning);
     }
 
@@ -363,7 +370,7 @@ mod tests {
             altitude_hold(&flight, Some(&strokes))
         };
         let (good, bad) = (finding(0.02), finding(0.03));
-        assert!((good.value.unwrap() - 0.4).abs() < 0.01, "2 cm for 40 cm: {good:?}");
+        assert!((good.number("value").unwrap() - 0.4).abs() < 0.01, "2 cm for 40 cm: {good:?}");
         assert_eq!((good.severity, bad.severity), (Severity::Fine, Severity::Warning));
         let unwritten = altitude_hold(&Flight::default(), Some(&strokes));
         assert_eq!(unwritten.severity, Severity::Unknown);
@@ -383,8 +390,8 @@ mod tests {
             dwell(&[], &PlanOptions::default()),
             evenness(None),
         ] {
-            assert_eq!((row.severity, row.value), (Severity::Unknown, None), "{row:?}");
-            assert!(!row.detail.is_empty() && !row.advice.0.is_empty(), "it says why: {row:?}");
+            assert_eq!((row.severity, row.number("value")), (Severity::Unknown, None), "{row:?}");
+            assert!(!row.detail().is_empty() && !row.help.is_empty(), "it says why: {row:?}");
         }
     }
 
@@ -393,7 +400,7 @@ mod tests {
         let extra = [(SATURATED_S.to_owned(), vec![0.0, 0.084])].into();
         let samples = vec![FlightSample::default(); 2];
         let flight = Flight::made(FlightData { samples, extra, ..FlightData::default() });
-        assert_eq!(motors(&flight, 1.0).value, Some(0.084));
+        assert_eq!(motors(&flight, 1.0).number("value"), Some(0.084));
     }
 
     #[test]

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector2;
 
-use super::row::{Row, warn_if};
+use super::warn_if;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::geometry::distance;
 use noctograph_letters::{Glyph, Move, Strokes};
 use noctograph_plan::Style;
@@ -14,7 +15,7 @@ const SHORT_M: f64 = 0.02;
 
 /// Checks the letters of a drawing. The beginning and end of the light matter only where the plan
 /// follows the letters' own moves, as in style `team`.
-pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
+pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic> {
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
     glyphs.sort_by_key(|glyph| glyph.character);
     let mut findings = vec![lengths(
@@ -46,7 +47,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Row> {
             let actual = if is_bad { detail.clone() } else { "none".to_owned() };
             // Style `even`, whose plan follows no dark move, mends it as well.
             let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
-            let row = Row::new(check, warn_if(is_bad), f64::from(is_bad));
+            let row = Diagnostic::check(check, warn_if(is_bad), f64::from(is_bad));
             findings.push(row.detailed(detail).say(actual, wanted, advice));
         }
     }
@@ -106,7 +107,7 @@ fn lengths(
     limit_m: f64,
     wanted: &str,
     advice: &'static str,
-) -> Row {
+) -> Diagnostic {
     let mut longer: Vec<_> = lengths_m.filter(|(_, length_m)| *length_m > limit_m).collect();
     longer.dedup_by_key(|(character, _)| *character);
     let most_m = longer.iter().map(|(_, length_m)| *length_m).fold(0.0, f64::max);
@@ -116,7 +117,7 @@ fn lengths(
         1 => format!("{detail} ({most_m:.2} m)"),
         _ => format!("{detail} (up to {most_m:.2} m)"),
     };
-    let row = Row::new(check, warn_if(!longer.is_empty()), most_m).within(limit_m);
+    let row = Diagnostic::check(check, warn_if(!longer.is_empty()), most_m).within(limit_m);
     row.detailed(detail).say(actual, wanted, advice)
 }
 
@@ -135,7 +136,7 @@ mod tests {
         let options = LetterOptions { font: font.into(), ..LetterOptions::default() };
         let findings = check_letters(&write(word, &options).unwrap(), &plan.style);
         let bad = findings.into_iter().filter(|row| row.severity != Severity::Fine);
-        bad.map(|row| (row.check, row.detail)).collect()
+        bad.map(|row| (row.code, row.detail().to_owned())).collect()
     }
 
     #[test]

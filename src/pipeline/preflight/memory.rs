@@ -1,8 +1,9 @@
 //! Checks of the memories on board: trajectory and lights.
 
-use super::row::{Row, warn_if};
+use super::warn_if;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Error;
 use noctograph_core::lamps::RING;
 use noctograph_export::lights::timing_entries;
@@ -13,14 +14,14 @@ use noctograph_export::{Form, Length, Memory, memory};
 pub const LED_MEMORY: &str = "LED memory";
 
 /// A check of a plan that the export refuses.
-fn not_exported(check: &'static str, error: &Error) -> Row {
+fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     let wanted = "a plan that can be exported";
-    Row::unchecked(check, error, wanted, "change what the export refuses")
+    Diagnostic::unchecked(check, error, wanted, "change what the export refuses")
 }
 
 /// Whether the plan fits the memory on board as a trajectory of either form: bytes and pieces, each
 /// with the memory's capacity.
-pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Row {
+pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     let release = shoot.scene.vehicle.firmware;
     let memory = match memory(release, &shoot.designs()[drone]) {
         Ok(memory) => memory,
@@ -38,8 +39,8 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Row {
         true => String::new(),
         false => format!(", a heading that firmware {} misreads", release.name()),
     };
-    let row = Row::new("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
-    Row { count: Some(pieces), ..row.within(TRAJECTORY_MEMORY_BYTES as f64) }.say(
+    let row = Diagnostic::check("memory", warn_if(!fits_all), bytes as f64).detailed(detail);
+    row.within(TRAJECTORY_MEMORY_BYTES as f64).with("count", pieces).say(
         format!(
             "{bytes} of {TRAJECTORY_MEMORY_BYTES} bytes compressed{bytes_beyond}{heading}; {pieces} of \
              {MAX_PIECES} pieces as poly4d{pieces_beyond}; {forms}"
@@ -53,7 +54,7 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Row {
 
 /// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they
 /// are timed on the exported trajectory.
-pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Row {
+pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     const MOST: usize = RING_TIMING_ENTRIES;
     let form = Form::Compressed;
     let flown = || match shoot.designs.is_empty() {
@@ -68,7 +69,7 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Row {
         Err(error) => return not_exported(LED_MEMORY, &error),
     };
     let severity = warn_if(entries.is_some_and(|n| n > MOST));
-    Row::new(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
+    Diagnostic::check(LED_MEMORY, severity, entries.map(|n| n as f64)).within(MOST as f64).say(
         entries.map_or("not used".into(), |n| format!("{n} of {MOST} entries")),
         format!("up to {MOST} entries"),
         "nothing where the radio sends the lights, as the script then does; else build firmware \

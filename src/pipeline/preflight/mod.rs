@@ -1,13 +1,14 @@
 //! Preflight: checks of a flight before it is flown.
 //!
 //! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is
-//! known. Product out: a [`Row`] for each check of letters, plans, simulated flights, lamps, base
-//! stations and picture: its numbers, its sentences, and advice as keys of the scene. Problems of
-//! the picture are the shoot's own ([`crate::shoot::Problem`]), found where its light meets its
+//! known. Product out: a [`Diagnostic`] for each check of letters, plans, simulated flights, lamps,
+//! base stations and picture: its figures, its sentences, and help as keys of the scene. Problems
+//! of the picture are the shoot's own ([`crate::shoot::problems`]), found where its light meets its
 //! camera. Not known: what no key of the scene names, such as doors.
 
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
+use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::digest::sha256;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
@@ -26,7 +27,6 @@ mod placement;
 mod plans;
 mod profile;
 mod room;
-mod row;
 mod surroundings;
 
 pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles, make_exportable};
@@ -45,8 +45,6 @@ pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
 pub use room::{fit_within, hang_stations, letters_within, parse_room};
-pub use row::{Checked, Row, Severity};
-use row::{at_time, largest, warn_if};
 use surroundings::{check_coverage, check_surroundings};
 
 /// Error of a position that letters bear, in cap heights, and their cap height where there is no
@@ -58,7 +56,7 @@ const CAP_HEIGHT_M: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub struct Preflight {
     /// Every check that was made.
-    pub findings: Vec<Checked>,
+    pub findings: Vec<Diagnostic>,
     /// `None` without a room or a picture.
     pub placement: Option<ShotPlan>,
 }
@@ -83,9 +81,9 @@ pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
         false => (0..n).map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect(),
         true => match shoot.fly(&|_, _| {}) {
             Ok(flights) => flights.into_iter().map(Ok).collect(),
-            Err(Error::Infeasible { what, hint }) => (0..n)
-                .map(|_| Err(Error::Infeasible { what: what.clone(), hint: hint.clone() }))
-                .collect(),
+            Err(Error::Infeasible { what, hint, .. }) => {
+                (0..n).map(|_| Err(Error::infeasible(what.clone(), hint.clone()))).collect()
+            }
             Err(error) => return Err(error),
         },
     })
@@ -112,7 +110,7 @@ pub fn of_flights(
                 checks.extend(check_flight(shoot, drone, &flight, picture.as_ref(), profile)?);
             }
             Err(Error::Infeasible { what, .. }) => {
-                let row = Row::new("flight", Severity::Stop, None).detailed(what.as_str());
+                let row = Diagnostic::check("flight", Severity::Stop, None).detailed(what.as_str());
                 let advice = "see the message; tune the controller";
                 checks.push(row.say(what, "a flight to its end", advice));
             }
@@ -124,7 +122,7 @@ pub fn of_flights(
     let stands = room_of(shoot, profile)?;
     let nowhere = stands.iter().any(|row| row.severity != Severity::Fine);
     // No picture is taken from a place outside of the room.
-    let shown = |row: &Row| !(nowhere && row.severity == Severity::Fine);
+    let shown = |row: &Diagnostic| !(nowhere && row.severity == Severity::Fine);
     let pictures = check_picture(shoot, picture.as_ref());
     findings.extend(numbered(shoot, None, pictures.into_iter().filter(shown)));
     findings.extend(numbered(shoot, None, stands));
@@ -135,11 +133,16 @@ pub fn of_flights(
 }
 
 /// Findings of a room: things outside of it, and the place of the camera.
-fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Row>> {
+fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
     let Some(room_m) = profile.room_m else {
         let why = "no room is named";
         let wanted = "the room's size, its middle at x = y = 0";
-        return Ok(vec![Row::unchecked("frame", why, wanted, "name the room: {expose.room_m}")]);
+        return Ok(vec![Diagnostic::unchecked(
+            "frame",
+            why,
+            wanted,
+            "name the room: {expose.room_m}",
+        )]);
     };
     let camera = camera_place(shoot, room_m)?;
     Ok([Some(outside_of(shoot, room_m)), camera].into_iter().flatten().collect())
@@ -151,7 +154,7 @@ impl Shot {
     /// # Errors
     ///
     /// As [`preflight`].
-    pub fn findings(&self, profile: &Profile) -> Result<Vec<Checked>> {
+    pub fn findings(&self, profile: &Profile) -> Result<Vec<Diagnostic>> {
         let shoot = &self.shoot;
         let mut findings = check_design(shoot, profile, &Ways::new(shoot, &self.flights));
         let outside = profile.room_m.map(|room_m| outside_of(shoot, room_m));
@@ -188,24 +191,24 @@ impl Shot {
 fn numbered(
     shoot: &Shoot,
     drone: Option<usize>,
-    rows: impl IntoIterator<Item = Row>,
-) -> impl Iterator<Item = Checked> {
+    rows: impl IntoIterator<Item = Diagnostic>,
+) -> impl Iterator<Item = Diagnostic> {
     let drone = drone.filter(|_| shoot.plans.len() > 1).map(DroneIndex);
-    rows.into_iter().map(move |row| Checked { drone, row })
+    rows.into_iter().map(move |row| row.of_drone(drone))
 }
 
 /// Letters and plans, and what their ways come near to.
-fn check_design(shoot: &Shoot, profile: &Profile, ways: &Ways) -> Vec<Checked> {
+fn check_design(shoot: &Shoot, profile: &Profile, ways: &Ways) -> Vec<Diagnostic> {
     let letters = match &shoot.strokes {
         Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
-        None => vec![Row::unchecked(
+        None => vec![Diagnostic::unchecked(
             "doubled stroke",
             "no word is named for the plans",
             "the word that the plans write",
             "name it: {word}",
         )],
     };
-    let mut findings: Vec<Checked> = numbered(shoot, None, letters).collect();
+    let mut findings: Vec<Diagnostic> = numbered(shoot, None, letters).collect();
     let is_even = matches!(shoot.scene.plan.style, Style::Even(_));
     let lamps = shoot.lamps();
     for (drone, design) in shoot.designs().iter().enumerate() {
@@ -221,8 +224,26 @@ fn check_design(shoot: &Shoot, profile: &Profile, ways: &Ways) -> Vec<Checked> {
     findings
 }
 
+/// The largest of some values, with its time; zeros where there are none.
+fn largest(values: impl IntoIterator<Item = (f64, f64)>) -> (f64, f64) {
+    values.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
+}
+
+/// A time in a sentence.
+fn at_time(time_s: impl Into<Option<f64>>) -> String {
+    time_s.into().map_or(String::new(), |time_s| format!(" at {time_s:.1} s"))
+}
+
+fn warn_if(bad: bool) -> Severity {
+    if bad { Severity::Warning } else { Severity::Fine }
+}
+
+fn stop_if(bad: bool) -> Severity {
+    if bad { Severity::Stop } else { Severity::Fine }
+}
+
 /// Position error by the wakes of other drones; `None` for a single drone.
-fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
+fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
     }
@@ -247,7 +268,7 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Row> {
     });
     let worst = costs.max_by(|(a, ..), (b, ..)| a.0.total_cmp(&b.0));
     let off_m = worst.map_or(0.0, |((off_m, _), ..)| off_m);
-    let row = Row::new("wake", warn_if(off_m > most_m), off_m).within(most_m);
+    let row = Diagnostic::check("wake", warn_if(off_m > most_m), off_m).within(most_m);
     Some(row.timed(worst.map(|((_, time_s), ..)| time_s)).say(
         match worst {
             None => "no drone is planned into another's wake".to_owned(),
@@ -315,14 +336,14 @@ mod tests {
                 setpoint.position_m += Vector3::new(0.05, 0.0, 0.5);
             }
         });
-        fn wake_of(scene: &Scene, plans: Vec<Plan>) -> Option<Row> {
+        fn wake_of(scene: &Scene, plans: Vec<Plan>) -> Option<Diagnostic> {
             let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
             let flown = shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok);
             check_wakes(&shoot, &flown.collect::<Vec<_>>())
         }
         let wake = wake_of(&scene, vec![upper.clone(), lower.clone()]).unwrap();
-        assert!(wake.found.starts_with("drone 2 comes 0.50 m below"), "{wake:?}");
-        assert!(wake.value > Some(wake.limit), "{wake:?}");
+        assert!(wake.message.starts_with("drone 2 comes 0.50 m below"), "{wake:?}");
+        assert!(wake.number("value") > wake.number("limit"), "{wake:?}");
         assert_eq!(wake.severity, Severity::Warning);
 
         let mut beside = upper.clone();
@@ -330,7 +351,7 @@ mod tests {
             beside.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.x += 0.3)
         });
         let none = wake_of(&scene, vec![beside, lower.clone()]).unwrap();
-        assert_eq!((none.value, none.time_s), (Some(0.0), None), "{none:?}");
+        assert_eq!((none.number("value"), none.number("time_s")), (Some(0.0), None), "{none:?}");
         scene.air.downwash = Downwash::None;
         assert_eq!(wake_of(&scene, vec![upper, lower]), None, "without a model");
     }

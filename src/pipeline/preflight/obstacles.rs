@@ -14,10 +14,11 @@ use super::Profile;
 use super::checked_export::bounds_m;
 use super::plans::greatest_speed_m_s;
 use super::profile::ROOM_MARGIN_M;
-use super::row::{Row, Severity, at_time, stop_if};
+use super::{at_time, stop_if};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::MOTORS_STOP_S;
+use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::flight::Flight;
 use noctograph_core::geometry::{Solid, segment_distance};
 use noctograph_core::plan::{Plan, Setpoint};
@@ -80,7 +81,7 @@ fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
 
 /// How near a flight comes to people, from take-off to landing, at any height: a drone that fails
 /// falls; `None` where the scene has none.
-pub(super) fn check_people(shoot: &Shoot, ways: &Ways) -> Option<Row> {
+pub(super) fn check_people(shoot: &Shoot, ways: &Ways) -> Option<Diagnostic> {
     let people = &shoot.scene.sensors.lighthouse.people_m;
     let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
         ways.pieces.iter().map(move |([from, to], time_s)| {
@@ -90,7 +91,7 @@ pub(super) fn check_people(shoot: &Shoot, ways: &Ways) -> Option<Row> {
     });
     let (least_m, person, time_s) = distances_m.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let wanted_m = ways.audience_from_m;
-    let row = Row::new("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
+    let row = Diagnostic::check("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
     Some(row.timed(time_s).say(
         format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
         format!("{wanted_m:.1} m or more, as far as a drone without commands may come"),
@@ -109,7 +110,7 @@ struct Thing {
 }
 
 /// How near the plans come to the camera and to the things that the scene names.
-pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Row {
+pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
     // Motors are at the corners of a square, and propellers that do not overlap reach half of its
     // side beyond them.
     let limit_m = ROOM_MARGIN_M + (1.0 + SQRT_2) * shoot.scene.vehicle.arm_m;
@@ -128,9 +129,13 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Row {
         }
     }
     let Some((name, time_s, advice)) = nearest else {
-        return Row::new("obstacles", Severity::Fine, None).say("none is named", wanted, "");
+        return Diagnostic::check("obstacles", Severity::Fine, None).say(
+            "none is named",
+            wanted,
+            "",
+        );
     };
-    let row = Row::new("obstacles", stop_if(least_m < limit_m), least_m).within(limit_m);
+    let row = Diagnostic::check("obstacles", stop_if(least_m < limit_m), least_m).within(limit_m);
     let (row, when) = (row.timed(time_s).detailed(name.as_str()), at_time(time_s));
     row.say(format!("{name} is {least_m:.2} m from the flight, nearest{when}"), wanted, advice)
 }

@@ -1,11 +1,13 @@
 //! Checks of the picture that flights would leave: its problems, its light along the strokes.
 
-use super::row::{Row, Severity, stop_if, warn_if};
-use crate::scene::{Change, Scene};
-use crate::shoot::{Lighting, Problem, Recording, Shoot, writing};
+use super::{stop_if, warn_if};
+use crate::scene::Scene;
+use crate::shoot::problems::{FACES_AWAY, NO_PICTURE, UNLIT, no_picture};
+use crate::shoot::{Lighting, Recording, Shoot, writing};
 use noctograph_core::camera::Camera;
+use noctograph_core::diagnostic::{Change, Diagnostic, Severity};
 use noctograph_core::error::Result;
-use noctograph_core::flight::{Flight, Warning};
+use noctograph_core::flight::{Flight, warning::UNSEEN};
 use noctograph_picture::expose::meter::{LampReading, meter};
 use noctograph_picture::light::{Lamp, LightSample, LightTrace, LightTraceData};
 
@@ -29,7 +31,7 @@ pub(super) struct Picture {
     pub(super) lit: Option<(LightTrace, Camera)>,
     /// Of the lamps that write.
     readings: Vec<LampReading>,
-    problems: Vec<Problem>,
+    problems: Vec<Diagnostic>,
     /// Whether all that writes is outside the picture.
     is_unseen: bool,
 }
@@ -48,7 +50,7 @@ impl Picture {
                 Self { lit: Some((trace, camera)), readings, problems, is_unseen }
             }
             Err(error) => {
-                let problems = vec![Problem::NoPicture(error.to_string())];
+                let problems = vec![no_picture(&error)];
                 Self { lit: None, readings: Vec::new(), problems, is_unseen: false }
             }
         })
@@ -70,10 +72,10 @@ impl Picture {
 
 /// Problems otherwise seen only in a preview: the word outside the picture, a closed shutter, dark
 /// lamps.
-pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row> {
-    fn unchecked(why: &str) -> Vec<Row> {
+pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Diagnostic> {
+    fn unchecked(why: &str) -> Vec<Diagnostic> {
         let advice = "mend what stops the flight; plan a word";
-        vec![Row::unchecked(PICTURE, why, "flights that end, and letters", advice)]
+        vec![Diagnostic::unchecked(PICTURE, why, "flights that end, and letters", advice)]
     }
     let Some(picture) = picture else { return unchecked("not every drone ends its flight") };
     let mut setpoints = shoot.plans.iter().flat_map(|planned| &planned.plan.setpoints);
@@ -83,7 +85,7 @@ pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Row
     if picture.is_unseen {
         let (actual, wanted) = ("the camera shows none of the light that writes", "the whole word");
         let advice = "point the camera at the word ({camera.framing=word})";
-        return vec![Row::new(PICTURE, Severity::Stop, None).say(actual, wanted, advice)];
+        return vec![Diagnostic::check(PICTURE, Severity::Stop, None).say(actual, wanted, advice)];
     }
     match picture.problems.as_slice() {
         [] => vec![of_problem(None)],
@@ -100,23 +102,25 @@ fn is_unseen(trace: &LightTrace, writing: &[String], camera: &Camera) -> bool {
     lit.peek().is_some() && lit.all(|sample| camera.outside([sample.position_m]).is_some())
 }
 
-fn of_problem(problem: Option<&Problem>) -> Row {
-    let severity = match problem {
-        Some(Problem::Unlit | Problem::NoPicture(_)) => Severity::Stop,
-        Some(Problem::FacesAway { away_frac }) => {
-            stop_if(*away_frac > MOST_AWAY_FRAC).max(Severity::Warning)
-        }
-        // Gaps bridged within corridor and height are no fault of the picture.
-        Some(Problem::Flight(_, Warning::Unseen(lasts_s))) => warn_if(*lasts_s > MAX_UNSEEN_S),
-        _ => warn_if(problem.is_some()),
+fn of_problem(problem: Option<&Diagnostic>) -> Diagnostic {
+    let is_above = |name: &str, limit: f64| {
+        problem.and_then(|problem| problem.number(name)).is_some_and(|value| value > limit)
     };
-    let row = Row::new(PICTURE, severity, None);
+    let severity = match problem.map(|problem| problem.code) {
+        Some(UNLIT | NO_PICTURE) => Severity::Stop,
+        Some(FACES_AWAY) => stop_if(is_above("away_frac", MOST_AWAY_FRAC)).max(Severity::Warning),
+        // Gaps bridged within corridor and height are no fault of the picture.
+        Some(UNSEEN) => warn_if(is_above("lasts_s", MAX_UNSEEN_S)),
+        code => warn_if(code.is_some()),
+    };
+    let row = Diagnostic::check(PICTURE, severity, None);
     let wanted = "the whole word in the picture, lit while the shutter is open";
     let Some(problem) = problem else {
         return row.say("shows the word while it is written", wanted, "");
     };
-    let (actual, advice) = problem.parts();
-    row.detailed(problem.sentence(Change::to_string)).say(actual, wanted, advice.0)
+    let row =
+        row.detailed(problem.sentence(Change::to_string)).say(problem.to_string(), wanted, "");
+    row.helped(problem.help.clone())
 }
 
 /// Light along the path: start in s, length in m, seconds of full light.

@@ -9,13 +9,13 @@
 use serde::Serialize;
 
 use super::obstacles::{Ways, stations};
-use super::row::{Row, Severity};
 use super::{Profile, cap_height_m};
 use crate::scene::Scene;
 use crate::shoot::{Metered, Shoot, recommended};
 use noctograph_core::camera::{
     BodyModel, CameraOptions, CustomLens, Framing, LensModel, Metering, TrailMetering, WordFraming,
 };
+use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_export::safety::FRAME_M;
 use noctograph_picture::light::LightTrace;
@@ -159,7 +159,7 @@ fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
 
 /// Things outside the room: either the origin or the room is wrong, and then so is the place of the
 /// flight.
-pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
+pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
     let [width_m, depth_m, height_m] = room_m;
     let (name, stations_m) = stations(&shoot.scene);
     let station = |(index, place_m)| (format!("{name} {}", index + 1), place_m, Severity::Stop);
@@ -189,8 +189,8 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
         true => format!("all {n} places of stations, anchors, drones and camera are in the room"),
         false => places.iter().map(sentence).collect::<Vec<_>>().join("; "),
     };
-    let row = Row::new("frame", severity, farthest_m.map_or(0.0, by_m)).within(FRAME_M);
-    Row { position_m: farthest_m, ..row.detailed(named.join(", ")) }.say(
+    let row = Diagnostic::check("frame", severity, farthest_m.map_or(0.0, by_m)).within(FRAME_M);
+    row.positioned(farthest_m).detailed(named.join(", ")).say(
         actual,
         "stations, anchors, take-off marks and camera in the room, whose middle is x = y = 0",
         "the origin or the room is wrong: set the origin of the geometry to the middle of the floor, \
@@ -201,7 +201,7 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Row {
 
 /// Whether the room has a place centered in front of the word for the scene's camera, or else for a
 /// usual camera. `None` for a camera with a given pose, and without a word.
-pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row>> {
+pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Diagnostic>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
         return Ok(None);
@@ -219,7 +219,7 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Row
         Some(other) => (Severity::Warning, format!("does not fit in the room; {other} does")),
         None => (Severity::Stop, "does not fit in the room, and no usual one does".to_owned()),
     };
-    Ok(Some(Row::new(CAMERA_PLACE, severity, least_m).within(most_m).say(
+    Ok(Some(Diagnostic::check(CAMERA_PLACE, severity, least_m).within(most_m).say(
         format!("{shows}: the whole word takes {least_m:.1} m, and {most_m:.1} m are there"),
         format!("a camera that shows the whole word from within {most_m:.1} m"),
         "write smaller letters ({letters.cap_height_m}), take a wider lens ({camera.lens}), type \

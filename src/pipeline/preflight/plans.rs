@@ -3,7 +3,8 @@
 use nalgebra::Vector3;
 
 use super::Profile;
-use super::row::{Row, Severity, at_time, largest, stop_if, warn_if};
+use super::{at_time, largest, stop_if, warn_if};
+use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::geometry::segment_distance;
 use noctograph_core::input_error;
@@ -21,7 +22,7 @@ pub(super) fn check_plan(
     light: &LightOptions,
     is_even: bool,
     profile: &Profile,
-) -> Vec<Row> {
+) -> Vec<Diagnostic> {
     vec![
         volume(plan, profile),
         speed(plan, profile),
@@ -35,7 +36,7 @@ pub(super) fn check_plan(
 }
 
 /// Check that the plan stays inside the profile's volume.
-fn volume(plan: &Plan, profile: &Profile) -> Row {
+fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     let [low, high] = profile.volume_m.map(Vector3::from);
     let outside = |setpoint: &Setpoint| {
         let (below, above) = (low - setpoint.position_m, setpoint.position_m - high);
@@ -51,8 +52,8 @@ fn volume(plan: &Plan, profile: &Profile) -> Row {
         true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s)),
         false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
     };
-    let row = Row::new("volume", stop_if(outside_m > 1e-6), outside_m);
-    Row { position_m, ..row.timed(time_s).detailed(volume) }.say(
+    let row = Diagnostic::check("volume", stop_if(outside_m > 1e-6), outside_m);
+    row.timed(time_s).positioned(position_m).detailed(volume).say(
         actual,
         wanted,
         "write smaller letters or fewer ({letters.canvas_m}, {letters.cap_height_m}, \
@@ -130,7 +131,7 @@ pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
 }
 
 /// Check of the plan's greatest speed.
-fn speed(plan: &Plan, profile: &Profile) -> Row {
+fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     let told = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
     let legs = legs(plan);
     let places = fastest(&legs);
@@ -140,7 +141,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Row {
     let (is_told, most) = (told.0 > 0.0, profile.speed_m_s);
     let (value, time_s) = largest([told, (places.0, places.1)]);
     if is_told && (apart_frac > MOST_APART_FRAC || places.0 > 1.1 * told.0 + 0.05) {
-        return Row::new("speed", Severity::Stop, value).within(most).timed(time_s).say(
+        return Diagnostic::check("speed", Severity::Stop, value).within(most).timed(time_s).say(
             format!(
                 "places move at {:.2} m/s, velocities say {:.2} m/s, {:.0} % of the way apart",
                 places.0,
@@ -153,7 +154,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Row {
     }
     // Places are rounded where a file has them.
     let is_fast = told.0 > 1.001 * most || places.0 > 1.02 * most;
-    Row::new("speed", stop_if(is_fast), value).within(most).timed(time_s).say(
+    Diagnostic::check("speed", stop_if(is_fast), value).within(most).timed(time_s).say(
         format!("{value:.2} m/s{}", at_time(time_s)),
         format!("up to {most} m/s"),
         "lower {plan.style.dark_speed_m_s} or {plan.stroke_speed_m_s}",
@@ -161,7 +162,7 @@ fn speed(plan: &Plan, profile: &Profile) -> Row {
 }
 
 /// Whether the plan leaves the floor and comes back to it.
-fn landing(plan: &Plan) -> Row {
+fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
     let ends = plan.setpoints.last().is_some_and(Setpoint::on_floor);
@@ -170,7 +171,7 @@ fn landing(plan: &Plan) -> Row {
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
         (true, true) => "ends on the floor".to_owned(),
     };
-    Row::new("landing", stop_if(!flies || !ends), end_m).say(
+    Diagnostic::check("landing", stop_if(!flies || !ends), end_m).say(
         actual,
         "a flight that begins and ends on the floor",
         "plan it anew; of a plan from elsewhere, see that z is up and that its end is there",
@@ -178,7 +179,7 @@ fn landing(plan: &Plan) -> Row {
 }
 
 /// Check of the plan's greatest acceleration.
-fn acceleration(plan: &Plan, profile: &Profile) -> Row {
+fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
     // Without accelerations in the plan, the changes of velocity between setpoints count. Such
     // steps are not flown as they stand; a planned acceleration is.
     let planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
@@ -196,7 +197,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Row {
     let ((value, time_s), most) = (largest(pairs.chain(of_places)), profile.acceleration_m_s2);
     let (is_beyond, when) = (value > 1.05 * most, at_time(time_s));
     let severity = if planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
-    Row::new("acceleration", severity, value).within(most).timed(time_s).say(
+    Diagnostic::check("acceleration", severity, value).within(most).timed(time_s).say(
         match planned {
             true => format!("{value:.2} m/s²{when}"),
             false => format!("setpoints change velocity by up to {value:.1} m/s²{when}"),
@@ -210,14 +211,14 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Row {
 }
 
 /// Check for jumps of the position between setpoints.
-fn jumps(plan: &Plan) -> Row {
+fn jumps(plan: &Plan) -> Diagnostic {
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
     let all = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
     let jumps: Vec<(f64, f64)> = all.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
     let n = jumps.len();
     let (most_m, time_s) = largest(jumps);
-    let row = Row::new("jump", warn_if(n > 0), most_m).within(JUMP_M).timed(time_s);
-    Row { count: Some(n), ..row }.say(
+    let row = Diagnostic::check("jump", warn_if(n > 0), most_m).within(JUMP_M).timed(time_s);
+    row.with("count", n).say(
         match n {
             0 => "none".to_owned(),
             n => format!("{n} jumps of up to {most_m:.2} m{}", at_time(time_s)),
@@ -228,12 +229,12 @@ fn jumps(plan: &Plan) -> Row {
 }
 
 /// Check of the time in the air.
-fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
+fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     let in_air = pairs(plan).filter(|(from, _)| !from.on_floor());
     // An empty sum is -0.
     let air_s = in_air.map(|(from, to)| to.time_s - from.time_s).sum::<f64>() + 0.0;
     let most_s = profile.flight_time_s;
-    Row::new("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
+    Diagnostic::check("flight time", stop_if(air_s > most_s), air_s).within(most_s).say(
         format!("{air_s:.0} s in the air"),
         format!("up to {most_s:.0} s in the air"),
         match is_even {
@@ -244,44 +245,49 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Row {
 }
 
 /// Whether the firmware has a parameter for each lamp, so that an export can light it.
-fn lamps(plan: &Plan, light: &LightOptions) -> Row {
+fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let wanted = "lamps with a firmware parameter";
     match commands(plan, light) {
         Ok(commands) => {
             let actual = format!("{} light commands", commands.len());
-            Row::new("lamps", Severity::Fine, commands.len() as f64).say(actual, wanted, "")
+            Diagnostic::check("lamps", Severity::Fine, commands.len() as f64)
+                .say(actual, wanted, "")
         }
-        Err(error) => Row::new("lamps", Severity::Warning, None).detailed(error.to_string()).say(
-            "no export lights them: a lamp without a firmware parameter",
-            wanted,
-            "light with {plan.lights=[\"headlights\"]}, or name the parameter of the lamp in \
+        Err(error) => {
+            Diagnostic::check("lamps", Severity::Warning, None).detailed(error.to_string()).say(
+                "no export lights them: a lamp without a firmware parameter",
+                wanted,
+                "light with {plan.lights=[\"headlights\"]}, or name the parameter of the lamp in \
              {light.fixtures}",
-        ),
+            )
+        }
     }
 }
 
 /// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`), and lamps
 /// of one's own may be such.
-fn headlights(plan: &Plan, light: &LightOptions) -> Row {
+fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let switches = switches(plan, light);
     let rows = |channel: &&str| plan.setpoints.iter().zip(&plan.lights[*channel]);
     let dimmed = switches.iter().flat_map(rows).filter(|(_, level)| **level > 0.0 && **level < 1.0);
     let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
     let time_s = times_s.iter().copied().min_by(f64::total_cmp);
     let n = (!switches.is_empty()).then_some(times_s.len());
-    Row::new("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64)).timed(time_s).say(
-        match n {
-            None => "not used".to_owned(),
-            Some(0) => "switched on and off, not dimmed".to_owned(),
-            Some(n) => format!("dimmed by {n} commands, first{}", at_time(time_s)),
-        },
-        "on or off: a lamp behind a pin cannot be dimmed",
-        "set {plan.style.exposure=switched}, or write with lamps that can be dimmed",
-    )
+    Diagnostic::check("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64))
+        .timed(time_s)
+        .say(
+            match n {
+                None => "not used".to_owned(),
+                Some(0) => "switched on and off, not dimmed".to_owned(),
+                Some(n) => format!("dimmed by {n} commands, first{}", at_time(time_s)),
+            },
+            "on or off: a lamp behind a pin cannot be dimmed",
+            "set {plan.style.exposure=switched}, or write with lamps that can be dimmed",
+        )
 }
 
 /// Distance of the drones from each other; `None` for a single one.
-pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
+pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
     }
@@ -290,7 +296,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Row> {
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
     let (least_m, time_s) = closest.map(|it| (it.horizontal_m, it.time_s)).unzip();
     let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
-    let row = Row::new("separation", stop_if(is_near), least_m);
+    let row = Diagnostic::check("separation", stop_if(is_near), least_m);
     Some(row.within(MIN_HORIZONTAL_M).timed(time_s).say(
         least_m.map_or("always above each other".into(), |least_m| {
             format!("{least_m:.2} m or more apart sideways, least{}", at_time(time_s))
@@ -334,6 +340,7 @@ pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::diagnostic::Figure;
     use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{EvenStyle, LightLevel, PlanOptions, fleet, plan};
@@ -348,7 +355,8 @@ mod tests {
 
     fn outside_m(plan: &Plan, profile: &Profile) -> (f64, [f64; 3]) {
         let row = volume(plan, profile);
-        (row.value.unwrap(), row.position_m.unwrap())
+        let Figure::Position(position_m) = row.figures["position_m"] else { panic!("{row:?}") };
+        (row.number("value").unwrap(), position_m)
     }
 
     #[test]
@@ -356,9 +364,9 @@ mod tests {
         let team = plan(&strokes("NOOR"), &PlanOptions::default()).unwrap();
         let actual = check_plan(&team, &LightOptions::default(), false, &Profile::indoor());
         assert!(actual.iter().all(|row| row.severity != Severity::Stop), "it flew: {actual:?}");
-        let Row { count, value: Some(value), .. } = jumps(&team) else { panic!("it is a jump") };
-        let n = count.unwrap();
-        assert!(n == 5 && (value - 0.2).abs() < 0.005, "{n} jumps, {value} m");
+        let jumps = jumps(&team);
+        assert_eq!(jumps.figures["count"], Figure::Count(5));
+        assert!((jumps.number("value").unwrap() - 0.2).abs() < 0.005, "{jumps:?}");
         assert_eq!(speed(&team, &Profile::indoor()).severity, Severity::Fine);
     }
 
@@ -471,7 +479,10 @@ mod tests {
         }
         let fast = slowed(&plan, 0.5, 2);
         assert_eq!(severity(&fast), (Severity::Stop, Severity::Stop));
-        assert!((speed(&fast, &profile).value.unwrap() - 1.9).abs() < 0.1, "twice 0.95 m/s");
+        assert!(
+            (speed(&fast, &profile).number("value").unwrap() - 1.9).abs() < 0.1,
+            "twice 0.95 m/s"
+        );
         assert_eq!(severity(&slowed(&plan, 0.8, 1)).0, Severity::Stop);
         assert_eq!(severity(&slowed(&plan, 2.0, 1)).0, Severity::Stop, "slower than the columns");
     }
@@ -484,7 +495,7 @@ mod tests {
         flat.edit(|flat| {
             flat.setpoints.iter_mut().for_each(|setpoint| setpoint.position_m.z = 0.0)
         });
-        assert_eq!(landing(&flat).found, "never leaves the floor");
+        assert_eq!(landing(&flat).message, "never leaves the floor");
         let end = plan.setpoints.iter().rposition(|setpoint| setpoint.position_m.z > 0.3).unwrap();
         plan.edit(|plan| {
             plan.setpoints.truncate(end + 1);
@@ -512,6 +523,6 @@ mod tests {
         let pair = fleet(&strokes("NO"), &options).unwrap();
         let actual = check_separation(&pair).unwrap();
         assert_eq!(actual.severity, Severity::Fine);
-        assert!((MIN_HORIZONTAL_M..3.0).contains(&actual.value.unwrap()), "{actual:?}");
+        assert!((MIN_HORIZONTAL_M..3.0).contains(&actual.number("value").unwrap()), "{actual:?}");
     }
 }

@@ -4,8 +4,9 @@ use nalgebra::Vector3;
 
 use super::Profile;
 use super::room::from_feet;
-use super::row::{Row, Severity, stop_if, warn_if};
+use super::{stop_if, warn_if};
 use crate::scene::Scene;
+use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::geometry::bounds;
 use noctograph_plan::Plan;
@@ -17,13 +18,13 @@ use noctograph_sim::vehicle::Gusts;
 const COVERAGE_STEP_M: f64 = 0.1;
 
 /// Whether two base stations see the box of the whole flight.
-pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
+pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     let unchecked = |why, advice| {
         let wanted = "base stations, and a flight for them to see";
-        Ok(Row::unchecked("coverage", why, wanted, advice))
+        Ok(Diagnostic::unchecked("coverage", why, wanted, advice))
     };
     if !is_by_lighthouse(scene) {
-        let unused = Row::new("coverage", Severity::Fine, None).within(1.0);
+        let unused = Diagnostic::check("coverage", Severity::Fine, None).within(1.0);
         return Ok(unused.say("not used: it does not fly by Lighthouse", "", ""));
     }
     if scene.sensors.lighthouse.stations.is_empty() {
@@ -55,7 +56,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Row> {
         false => format!(", without station {}, which is silent", names.join(", ")),
     };
     let seen = 100.0 * seen_frac;
-    Ok(Row::new("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
+    Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
@@ -87,7 +88,7 @@ fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
 }
 
 /// Parts of the scene that spoil a simulation or a flight: a row for each.
-pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Row> {
+pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Diagnostic> {
     let rows = [
         estimator(scene),
         weight(scene, profile),
@@ -100,18 +101,18 @@ pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Row> {
 }
 
 /// Check that the drone does not fly by its true state.
-fn estimator(scene: &Scene) -> Row {
+fn estimator(scene: &Scene) -> Diagnostic {
     let cheats = scene.observer.kind == EstimatorKind::Truth;
-    Row::new("estimator", stop_if(cheats), None).say(
+    Diagnostic::check("estimator", stop_if(cheats), None).say(
         "the simulated drone knows its true place",
         "an estimator that flies",
         "judge the flight by what the drone has: {observer.kind=ekf}",
     )
 }
 
-fn weight(scene: &Scene, profile: &Profile) -> Row {
+fn weight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let (mass_kg, most_kg) = (scene.vehicle.mass_kg, profile.mass_kg);
-    Row::new("weight", stop_if(mass_kg > most_kg), mass_kg).within(most_kg).say(
+    Diagnostic::check("weight", stop_if(mass_kg > most_kg), mass_kg).within(most_kg).say(
         format!("{:.0} g", 1e3 * mass_kg),
         format!("up to {:.0} g in the profile {}", 1e3 * most_kg, profile.name),
         "fly a lighter drone, or outdoors (--profile outdoor)",
@@ -119,7 +120,7 @@ fn weight(scene: &Scene, profile: &Profile) -> Row {
 }
 
 /// The steady wind with gusts of two standard deviations.
-fn wind(scene: &Scene, profile: &Profile) -> Row {
+fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     let steady_m_s = Vector3::from(scene.air.wind_m_s).norm();
     let gusts_m_s = match &scene.air.gusts {
         Gusts::OrnsteinUhlenbeck(gusts) => 2.0 * Vector3::from(gusts.sigma_m_s).amax(),
@@ -127,7 +128,7 @@ fn wind(scene: &Scene, profile: &Profile) -> Row {
     };
     let (value, is_light) = (steady_m_s + gusts_m_s, scene.vehicle.mass_kg < LIGHT_KG);
     let most = if is_light { profile.wind_m_s.min(LIGHT_WIND_M_S) } else { profile.wind_m_s };
-    Row::new("wind", stop_if(value > most), value).within(most).say(
+    Diagnostic::check("wind", stop_if(value > most), value).within(most).say(
         format!("up to {value:.1} m/s of wind and gusts"),
         format!("up to {most} m/s for a drone of {:.0} g", 1e3 * scene.vehicle.mass_kg),
         "wait for calmer air ({air.wind_m_s}, {air.gusts})",
@@ -143,13 +144,13 @@ const LIGHT_WIND_M_S: f64 = 4.0;
 const BASELINE_M: f64 = 1.0;
 
 /// The distance of the two base stations that are farthest from each other.
-fn baseline(scene: &Scene) -> Row {
+fn baseline(scene: &Scene) -> Diagnostic {
     let places = scene.sensors.lighthouse.stations.iter().map(|it| Vector3::from(it.position_m));
     let places: Vec<_> = places.collect();
     let each = |a: &Vector3<f64>| places.iter().map(|b| (a - b).norm()).fold(0.0, f64::max);
     let widest_m = places.iter().map(each).fold(0.0, f64::max);
     let is_near = is_by_lighthouse(scene) && places.len() > 1 && widest_m < BASELINE_M;
-    Row::new("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
+    Diagnostic::check("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
         format!("base stations are {widest_m:.2} m apart"),
         format!("{BASELINE_M} m or more between two of them"),
         "hang them in opposite corners of the room ({sensors.lighthouse.stations})",
@@ -157,9 +158,9 @@ fn baseline(scene: &Scene) -> Row {
 }
 
 /// Check for Lighthouse in sunlight.
-fn sunlight(scene: &Scene, profile: &Profile) -> Row {
+fn sunlight(scene: &Scene, profile: &Profile) -> Diagnostic {
     let is_blind = is_by_lighthouse(scene) && profile.is_outdoors;
-    Row::new("sunlight", warn_if(is_blind), None).say(
+    Diagnostic::check("sunlight", warn_if(is_blind), None).say(
         "outdoors by Lighthouse, whose infrared receivers the sun blinds",
         "darkness, or positioning that sunlight does not reach",
         "fly after dusk, or by {sensors.positioning=uwb-twr}",
@@ -178,10 +179,10 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
 const FEET_FROM: f64 = 6.5;
 
 /// Check that the room was not measured in feet, by its ceiling.
-fn ceiling(profile: &Profile) -> Row {
+fn ceiling(profile: &Profile) -> Diagnostic {
     let room_m = profile.room_m.unwrap_or_default();
     let height_m = room_m[2];
-    Row::new("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
+    Diagnostic::check("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
         format!("a ceiling at {height_m} m: if these are feet, {} m are meant", from_feet(room_m)),
         "the room's true size in meters: the fence stands at its walls",
         "measure a wall; feet are typed so: 13x20x8ft ({expose.room_m})",
@@ -201,7 +202,7 @@ mod tests {
         let named = |set: &[(&str, &str)], profile: &Profile| {
             let scene = Scene::parse_with("", "scene", set).unwrap();
             let rows = check_surroundings(&scene, profile).into_iter();
-            rows.map(|row| (row.check, row.severity)).collect::<Vec<_>>()
+            rows.map(|row| (row.code, row.severity)).collect::<Vec<_>>()
         };
         for preset in [Preset::Cf21, Preset::Cf21ThrustKit, Preset::CfBrushless] {
             assert_eq!(check_surroundings(&Scene::preset(preset), &indoor), [], "{preset:?}");
@@ -220,7 +221,7 @@ mod tests {
         second.position_m[0] += 0.1;
         stations.splice(1.., [second]);
         let rows = check_surroundings(&near, &indoor);
-        assert_eq!(rows[0].found, "base stations are 0.10 m apart");
+        assert_eq!(rows[0].message, "base stations are 0.10 m apart");
     }
 
     #[test]
@@ -229,7 +230,7 @@ mod tests {
             let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
             let shot = Shoot::new(scene).unwrap().take(&|_, _| {}).unwrap();
             let rows = shot.findings(&Profile::indoor()).unwrap();
-            let row = rows.into_iter().map(|checked| checked.row).find(|row| row.check == check);
+            let row = rows.into_iter().find(|row| row.code == check);
             row.map(|row| row.severity)
         }
         let silent = |span: &str| verdict(&[("sensors.lighthouse.silent", span)], "coverage");
@@ -246,9 +247,9 @@ mod tests {
         fn picture(set: &[(&str, &str)]) -> (Severity, String) {
             let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
             let rows = preflight(&Shoot::new(scene).unwrap(), &Profile::indoor()).unwrap();
-            let mut rows = rows.findings.into_iter().filter(|it| it.row.check == "picture");
+            let mut rows = rows.findings.into_iter().filter(|it| it.code == "picture");
             // Without a room, a picture that is fine has no row.
-            rows.next().map_or_else(Default::default, |it| (it.row.severity, it.row.found))
+            rows.next().map_or_else(Default::default, |it| (it.severity, it.message))
         }
         assert_eq!(picture(&[]).0, Severity::Fine);
         assert_eq!(picture(&[("plan.yaw_rad", "1.57")]).0, Severity::Stop);

@@ -25,7 +25,6 @@ use noctograph_sim::{
     ControllerOptions, ObserverOptions, RadioOptions, RateOptions, Setpoints, SimOptions,
 };
 
-mod advice;
 mod carried;
 mod implied;
 mod named;
@@ -35,7 +34,6 @@ mod text;
 mod travel;
 mod unused_keys;
 
-pub use advice::{Change, SceneAdvice};
 pub use carried::CarriedScene;
 pub use named::NamedScene;
 pub use preset::Preset;

@@ -82,7 +82,7 @@ impl SceneTask {
             None => Ok(scene),
             Some(what) => {
                 let hint = format!("a submission may change {}", self.may.join(", "));
-                Err(Error::Infeasible { what, hint })
+                Err(Error::infeasible(what, hint))
             }
         }
     }

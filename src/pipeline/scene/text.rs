@@ -452,7 +452,7 @@ fn line_of(toml: &str, place: &Place) -> Option<u64> {
                 line = Some(line_at(toml, item.span().start));
                 value = item;
             }
-            Segment::File(_) | Segment::Line(_) => return line,
+            Segment::File(_) | Segment::Line(_) | Segment::Drone(_) => return line,
         }
     }
     line

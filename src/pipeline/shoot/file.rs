@@ -61,8 +61,8 @@ impl Format {
         }
         // Film, readout and file: 12 bytes a pixel each.
         let gb = |pixels: u64| 36.0 * pixels as f64 * 1e-9;
-        Err(Error::Infeasible {
-            what: format!(
+        Err(Error::infeasible(
+            format!(
                 "{} of {}x{} px takes {:.1} GB of memory, more than {:.1} GB",
                 self.name(),
                 size_px[0],
@@ -70,8 +70,8 @@ impl Format {
                 gb(pixels),
                 gb(MAX_READ_OUT),
             ),
-            hint: "choose a smaller picture, or PNG of 8 bits".into(),
-        })
+            "choose a smaller picture, or PNG of 8 bits",
+        ))
     }
 }
 

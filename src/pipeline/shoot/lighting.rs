@@ -1,10 +1,11 @@
 //! The light of all drones, and the camera that sees it.
 
 use super::metering::{Metered, metered, recommended};
-use super::problems::{self, Problem};
+use super::problems;
 use super::{Recording, Shoot, Watch};
 use crate::scene::Scene;
 use noctograph_core::camera::{Camera, Framing};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_core::geometry::bounds;
@@ -30,7 +31,7 @@ pub struct Lighting {
     /// The meter's settings, if the scene is metered.
     pub metered: Option<Metered>,
     /// Problems of the picture, those that make the word unreadable first.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<Diagnostic>,
 }
 
 impl Lighting {
@@ -101,7 +102,7 @@ impl Shoot {
                     if !self.plans.is_empty() {
                         let number = several.then_some(DroneIndex(drone));
                         let warnings = flight.warnings.iter().cloned();
-                        problems.extend(warnings.map(|warning| Problem::Flight(number, warning)));
+                        problems.extend(warnings.map(|warning| warning.of_drone(number)));
                     }
                     problems.extend(problems::of_log(&flight));
                     let trace = self.light_drone(drone, &flight)?;
@@ -122,7 +123,7 @@ impl Shoot {
         }
         problems.extend(self.lost_strokes());
         let warnings = self.strokes.iter().flat_map(|strokes| &strokes.warnings);
-        problems.extend(warnings.cloned().map(Problem::Drawing));
+        problems.extend(warnings.map(|warning| problems::drawing_part(warning)));
         let bounds_m = self.bounds_m(&flights, &all)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
@@ -150,10 +151,10 @@ impl Shoot {
     }
 
     /// The strokes that the center lines of a typeface lack.
-    fn lost_strokes(&self) -> Option<Problem> {
+    fn lost_strokes(&self) -> Option<Diagnostic> {
         let strokes = self.strokes.as_ref()?;
         let (font, letters) = (strokes.font.clone()?, strokes.lost.keys().collect::<String>());
-        (!letters.is_empty()).then_some(Problem::LostStrokes { font, letters })
+        (!letters.is_empty()).then(|| problems::lost_strokes(&font, &letters))
     }
 
     /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes, else
@@ -220,7 +221,7 @@ fn check_place(
                 (1e3 * distance_m(sample)).floor() / 1e3,
                 sample.time_s
             );
-            return Err(Error::Infeasible { what, hint: hint.into() });
+            return Err(Error::infeasible(what, hint));
         }
     }
     Ok(())

@@ -45,7 +45,7 @@ mod lighting;
 mod metering;
 mod moments;
 mod planned;
-mod problems;
+pub mod problems;
 mod response;
 mod shot;
 mod written;
@@ -56,7 +56,7 @@ pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 use planned::plan;
 pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
-pub use problems::{CHECK_LIGHT, Problem, writing};
+pub use problems::{CHECK_LIGHT, writing};
 pub use response::step_responses;
 pub use shot::{Shot, WriteFile, flight_sha256, known};
 

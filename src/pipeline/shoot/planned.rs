@@ -10,7 +10,7 @@ use super::lighting::in_ink;
 use super::step_responses;
 use crate::scene::Scene;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::{Flight, Warning};
+use noctograph_core::flight::{Flight, warning::UNSEEN};
 use noctograph_letters::Strokes;
 use noctograph_picture::light::{COLOR_LED, LightOptions, RING};
 use noctograph_plan::feedforward::{corrected, feedforward, inverse};
@@ -126,15 +126,14 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     if cost <= MAX_INVERSE {
         return Ok(());
     }
-    Err(Error::Infeasible {
-        what: format!(
+    Err(Error::infeasible(
+        format!(
             "the inverse of the loop over {n} setpoints {interval_s:.4} s apart takes {cost:.1e} \
              multiplications, more than {MAX_INVERSE:.0e}"
         ),
-        hint: "raise plan.setpoint_interval_s, split the word, or set plan.reference = \
-               \"design\""
-            .into(),
-    })
+        "raise plan.setpoint_interval_s, split the word, or set plan.reference = \
+               \"design\"",
+    ))
 }
 
 /// Flies a plan undisturbed: by [`SimOptions::rehearsal_by_filter`], or by
@@ -147,9 +146,7 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
     let fly = |options: &SimOptions| fly(plan, &Drone::new(options, REHEARSED), &mut |_| {});
     let by_filter = scene.sim().rehearsal_by_filter().map(|options| fly(&options));
-    let is_seen = |flight: &Flight| {
-        !flight.warnings.iter().any(|warning| matches!(warning, Warning::Unseen(_)))
-    };
+    let is_seen = |flight: &Flight| !flight.warnings.iter().any(|warning| warning.code == UNSEEN);
     match by_filter {
         Some(Ok(flight)) if is_seen(&flight) => Ok(flight),
         _ => fly(&scene.sim().rehearsal()),

@@ -1,4 +1,4 @@
-//! Problems of a picture: those that make any word unreadable, and warnings.
+//! Problems of a picture: obstacles, which hide any word, and warnings.
 //!
 //! The former in this order: a shutter that misses the word, lamps that are dark or face away, a
 //! black or a white picture. Then the flights' own warnings, gaps of logs, strokes that a font
@@ -6,174 +6,96 @@
 
 use nalgebra::Vector3;
 
-use crate::scene::{Change, SceneAdvice};
 use noctograph_core::camera::Camera;
-use noctograph_core::flight::{DroneIndex, Flight, Warning};
+use noctograph_core::diagnostic::{Diagnostic, Severity};
+use noctograph_core::error::Error;
+use noctograph_core::flight::Flight;
 use noctograph_picture::light::gaps::{Gap, gaps};
 use noctograph_picture::light::{Lamp, LightOptions, LightSample, LightTrace};
 use noctograph_picture::photo::Photo;
 
-/// A problem of a picture.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Problem {
-    /// The shutter closes before the word is done.
-    ShutterCloses {
-        /// When it closes.
-        at_s: f64,
-        /// How long before the last letter is done.
-        early_s: f64,
-    },
-    /// The shutter opens after the word is begun.
-    ShutterOpens {
-        /// When it opens.
-        at_s: f64,
-        /// How long after the first letter is begun.
-        late_s: f64,
-    },
-    /// No lamp that writes is lit while the shutter is open.
-    Unlit,
-    /// The lamps that write face away from the camera.
-    FacesAway {
-        /// Share of their light's time.
-        away_frac: f64,
-    },
-    /// Everything is exposed.
-    Overexposed {
-        /// Share of white pixels.
-        white_frac: f64,
-        /// Aperture and sensitivity in words.
-        settings: String,
-    },
-    /// Nothing is exposed, at an aperture and a sensitivity in words.
-    Underexposed(String),
-    /// A warning of a simulated flight, with its drone where there are several.
-    Flight(Option<DroneIndex>, Warning),
-    /// Gaps of a log bridged by lit lamps, or breaking the trails.
-    Gaps {
-        /// When they are, s.
-        spans_s: Vec<[f64; 2]>,
-        /// Largest uncertainty of a position in their middle; `None`: trails break.
-        bridged_m: Option<f64>,
-    },
-    /// The center lines of a typeface lack a stroke of some letters.
-    LostStrokes {
-        /// The font's name.
-        font: String,
-        /// The letters, each once.
-        letters: String,
-    },
-    /// Unsupported parts of a drawing's file.
-    Drawing(String),
-    /// A part of the word or of the light is outside the picture.
-    Outside {
-        /// Which.
-        what: &'static str,
-        /// Distances on each side.
-        sides: String,
-    },
-    /// The stages before the photo refuse.
-    NoPicture(String),
+/// Codes of what hides any word.
+pub const OBSTACLES: [&str; 7] =
+    ["shutter-closes", "shutter-opens", UNLIT, FACES_AWAY, "overexposed", UNDEREXPOSED, NO_PICTURE];
+/// Codes of what else is seen in a picture.
+pub const FLAWS: [&str; 4] = ["log-gaps", "lost-strokes", "drawing-part", "outside"];
+
+/// No lamp that writes is lit while the shutter is open.
+pub const UNLIT: &str = "unlit";
+/// The lamps that write face away from the camera, for `away_frac` of their light's time.
+pub const FACES_AWAY: &str = "faces-away";
+/// Nothing is exposed.
+pub const UNDEREXPOSED: &str = "underexposed";
+/// The stages before the photo refuse.
+pub const NO_PICTURE: &str = "no-picture";
+
+fn obstacle(code: &'static str, message: String, help: &'static str) -> Diagnostic {
+    Diagnostic::new(code, Severity::Stop, message).helped(help)
 }
 
-impl Problem {
-    /// Whether it keeps the word from being read whatever its letters are.
-    pub fn is_obstacle(&self) -> bool {
-        !matches!(
-            self,
-            Self::Flight(..)
-                | Self::Gaps { .. }
-                | Self::LostStrokes { .. }
-                | Self::Drawing(_)
-                | Self::Outside { .. }
-        )
-    }
+/// The shutter closes before the word is done.
+fn shutter_closes(close_s: f64, early_s: f64) -> Diagnostic {
+    let message =
+        format!("the shutter closes at {close_s:.1} s, {early_s:.1} s before the word is done");
+    obstacle("shutter-closes", message, "leave {camera.shutter_close_s} out")
+        .with("at_s", close_s)
+        .with("early_s", early_s)
+}
 
-    /// Finding and advice.
-    pub fn parts(&self) -> (String, SceneAdvice) {
-        let (actual, advice) = match self {
-            Self::ShutterCloses { at_s, early_s } => (
-                format!(
-                    "the shutter closes at {at_s:.1} s, {early_s:.1} s before the word is done"
-                ),
-                "leave {camera.shutter_close_s} out",
-            ),
-            Self::ShutterOpens { at_s, late_s } => (
-                format!("the shutter opens at {at_s:.1} s, {late_s:.1} s after the word is begun"),
-                "set {camera.shutter_open_s=0}",
-            ),
-            Self::Unlit => {
-                ("no lamp that writes is lit while the shutter is open".to_owned(), CHECK_LIGHT)
-            }
-            Self::FacesAway { away_frac } => (
-                format!(
-                    "{:.0} % of the writing lamps' light is emitted away from the camera",
-                    100.0 * away_frac
-                ),
-                "turn the nose ({plan.yaw_rad}) or the lamps ({light.fixtures}), or move the camera \
-                 in front of them ({camera.framing})",
-            ),
-            Self::Overexposed { white_frac, settings } => (
-                format!(
-                    "everything is exposed: {:.0} % of the picture is white at {settings}",
-                    100.0 * white_frac
-                ),
-                "lower {camera.iso}, raise {camera.f_number}, or darken the room \
-                 ({photo.ambient_cd_m2})",
-            ),
-            Self::Underexposed(settings) => (
-                format!("nothing is exposed: no trail stands out at {settings}"),
-                "raise {camera.iso} or lower {camera.f_number} (see `meter`)",
-            ),
-            Self::Flight(drone, warning) => {
-                let number = drone.map_or(String::new(), |drone| format!("drone {drone}: "));
-                let advice = match warning {
-                    Warning::Unseen(_) => "move the base stations, or the word (see `coverage`)",
-                    _ => "see the checks of the flight",
-                };
-                (format!("{number}{warning}"), advice)
-            }
-            Self::Gaps { spans_s, bridged_m } => {
-                let what = match bridged_m {
-                    Some(m) => {
-                        let mm = 1e3 * m;
-                        format!("bridged by a smooth path, uncertain by up to {mm:.0} mm")
-                    }
-                    None => {
-                        "too long to bridge; trails break there, though the lamps may have shone"
-                            .to_owned()
-                    }
-                };
-                let (n, spans) = (spans_s.len(), in_words(spans_s));
-                let actual = format!("gaps of the log: {n} {what} ({spans})");
-                (actual, "log fewer variables, or on the \u{b5}SD card")
-            }
-            Self::LostStrokes { font, letters } => (
-                format!("the center lines of {font} lack a stroke of {letters}: they may misread"),
-                "write with {letters.font=simplex} or a plainer typeface",
-            ),
-            Self::Drawing(warning) => {
-                (warning.clone(), "convert it to plain paths in the editor of the drawing")
-            }
-            Self::Outside { what, sides } => (
-                format!("part of the {what} is outside the picture: {sides}"),
-                "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin",
-            ),
-            Self::NoPicture(error) => {
-                (error.clone(), "see `preview`; {camera.framing=word} frames the word")
-            }
-        };
-        (actual, SceneAdvice(advice))
-    }
+/// The shutter opens after the word is begun.
+fn shutter_opens(open_s: f64, late_s: f64) -> Diagnostic {
+    let message =
+        format!("the shutter opens at {open_s:.1} s, {late_s:.1} s after the word is begun");
+    obstacle("shutter-opens", message, "set {camera.shutter_open_s=0}")
+        .with("at_s", open_s)
+        .with("late_s", late_s)
+}
 
-    /// One sentence about it, with the advice that is about it alone; `typed` writes a change.
-    pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
-        let (actual, advice) = self.parts();
-        match self {
-            Self::Outside { .. } => format!("{actual} ({})", advice.sentence(typed)),
-            _ if self.is_obstacle() => format!("{actual}: {}", advice.sentence(typed)),
-            _ => actual,
+/// The lamps that write face away from the camera for a share of their light's time.
+fn faces_away(away_frac: f64) -> Diagnostic {
+    let message = format!(
+        "{:.0} % of the writing lamps' light is emitted away from the camera",
+        100.0 * away_frac
+    );
+    let help = "turn the nose ({plan.yaw_rad}) or the lamps ({light.fixtures}), or move the camera \
+                in front of them ({camera.framing})";
+    obstacle(FACES_AWAY, message, help).with("away_frac", away_frac)
+}
+
+/// The stages before the photo refuse.
+pub fn no_picture(error: &Error) -> Diagnostic {
+    let help = "see `preview`; {camera.framing=word} frames the word";
+    obstacle(NO_PICTURE, error.to_string(), help)
+}
+
+/// Gaps of a log, whose lit lamps are bridged, or break the trails: `bridged_m` is the largest
+/// uncertainty of a position in the middle of those bridged.
+fn log_gaps(spans_s: &[[f64; 2]], bridged_m: Option<f64>) -> Diagnostic {
+    let what = match bridged_m {
+        Some(m) => format!("bridged by a smooth path, uncertain by up to {:.0} mm", 1e3 * m),
+        None => {
+            "too long to bridge; trails break there, though the lamps may have shone".to_owned()
         }
-    }
+    };
+    let (n, spans) = (spans_s.len(), in_words(spans_s));
+    Diagnostic::warning("log-gaps", format!("gaps of the log: {n} {what} ({spans})"))
+        .with("n", n)
+        .helped("log fewer variables, or on the \u{b5}SD card")
+}
+
+/// The center lines of a typeface lack a stroke of some letters.
+pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
+    let message =
+        format!("the center lines of {font} lack a stroke of {letters}: they may misread");
+    Diagnostic::warning("lost-strokes", message)
+        .with("letters", letters)
+        .helped("write with {letters.font=simplex} or a plainer typeface")
+}
+
+/// An unsupported part of a drawing's file.
+pub(super) fn drawing_part(warning: &str) -> Diagnostic {
+    let help = "convert it to plain paths in the editor of the drawing";
+    Diagnostic::warning("drawing-part", warning).helped(help)
 }
 
 /// Advice where there is no light.
@@ -240,20 +162,20 @@ pub(super) fn before(
     lamps: &[&Lamp],
     camera: &Camera,
     cap_height_m: f64,
-) -> Vec<Problem> {
+) -> Vec<Diagnostic> {
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =
         written.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(t), b.max(t)]);
     let [open_s, close_s] = [camera.shutter_open_s, camera.shutter_close_s];
     let (early_s, late_s) = (last_s - close_s, open_s - first_s);
-    let early = (early_s > SLACK_S).then_some(Problem::ShutterCloses { at_s: close_s, early_s });
-    let late = (late_s > SLACK_S).then_some(Problem::ShutterOpens { at_s: open_s, late_s });
+    let early = (early_s > SLACK_S).then(|| shutter_closes(close_s, early_s));
+    let late = (late_s > SLACK_S).then(|| shutter_opens(open_s, late_s));
     early.into_iter().chain(late).chain(unlit_or_away(lamps, camera, cap_height_m)).collect()
 }
 
 /// Lamps that are never lit while the shutter is open, or that face away from the camera.
-fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<Problem> {
+fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<Diagnostic> {
     let open = camera.shutter_open_s..=camera.shutter_close_s;
     let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
     // Share of the light, and the longest way of it at a stretch.
@@ -274,11 +196,14 @@ fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<
         (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
     };
     let (away_frac, longest_m) = match lamps.iter().filter_map(away).reduce(least) {
-        None => return Some(Problem::Unlit),
+        None => {
+            let message = "no lamp that writes is lit while the shutter is open".to_owned();
+            return Some(obstacle(UNLIT, message, CHECK_LIGHT));
+        }
         Some(away) => away,
     };
     let is_seen = away_frac <= MOST_AWAY || longest_m <= LONGEST_AWAY_H * cap_height_m;
-    (!is_seen).then_some(Problem::FacesAway { away_frac })
+    (!is_seen).then(|| faces_away(away_frac))
 }
 
 /// The lamp that faces away the least.
@@ -287,7 +212,7 @@ fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
 }
 
 /// A photo without a visible trail: all black or all white.
-pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
+pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
     let mut histogram = [0_usize; 256];
     let pixels = photo.rgb8.as_chunks::<3>().0;
     for &[r, g, b] in pixels {
@@ -302,20 +227,29 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
     let settings = format!("f/{}, ISO {}", camera.f_number, camera.iso);
     let white_frac = brighter(white);
     if white_frac > hiding {
-        return Some(Problem::Overexposed { white_frac, settings });
+        let percent = 100.0 * white_frac;
+        let message =
+            format!("everything is exposed: {percent:.0} % of the picture is white at {settings}");
+        let help = "lower {camera.iso}, raise {camera.f_number}, or darken the room \
+                    ({photo.ambient_cd_m2})";
+        return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
     let (brightest, median) = (level_of(BRIGHTEST), level_of(0.5));
-    (brightest < median.saturating_add(CONTRAST)).then_some(Problem::Underexposed(settings))
+    let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";
+    (brightest < median.saturating_add(CONTRAST)).then(|| {
+        let message = format!("nothing is exposed: no trail stands out at {settings}");
+        obstacle(UNDEREXPOSED, message, help)
+    })
 }
 
 /// The gaps in a real flight's log.
-pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Problem> {
+pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
     let kinds = [(bridged, Some(most_m)), (open, None)].into_iter();
-    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, bridged_m)| Problem::Gaps {
-        spans_s: gaps.iter().map(|gap| gap.span_s).collect(),
-        bridged_m,
+    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, bridged_m)| {
+        let spans_s: Vec<[f64; 2]> = gaps.iter().map(|gap| gap.span_s).collect();
+        log_gaps(&spans_s, bridged_m)
     })
 }
 
@@ -324,7 +258,7 @@ pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],
     camera: &Camera,
-) -> impl Iterator<Item = Problem> {
+) -> impl Iterator<Item = Diagnostic> {
     let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
     let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
     let open = camera.shutter_open_s..=camera.shutter_close_s;
@@ -332,12 +266,17 @@ pub(super) fn outside(
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
     let light = samples.map(|sample| sample.position_m);
     let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
-    sides.into_iter().filter_map(|(what, sides)| Some(Problem::Outside { what, sides: sides? }))
+    let help = "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin";
+    sides.into_iter().filter_map(move |(what, sides)| {
+        let message = format!("part of the {what} is outside the picture: {}", sides?);
+        Some(Diagnostic::warning("outside", message).with("what", what).helped(help))
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use noctograph_core::flight::DroneIndex;
     use noctograph_picture::light::{Emitter, LightSample, LightTraceData};
 
     #[test]

@@ -57,10 +57,10 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
         let end = values.last().copied().unwrap_or_default();
         if (end - 1.0).abs() > LEFT_FRAC {
             let after = format!("{AFTER_S} s after a step of the setpoint along axis {axis}");
-            return Err(Error::Infeasible {
-                what: format!("{after} the drone has gone {:.0} % of it", 100.0 * end),
-                hint: "set plan.reference = \"design\", or choose gains that follow".into(),
-            });
+            return Err(Error::infeasible(
+                format!("{after} the drone has gone {:.0} % of it", 100.0 * end),
+                "set plan.reference = \"design\", or choose gains that follow",
+            ));
         }
         Ok(StepResponse { interval_s, values })
     };

@@ -4,9 +4,10 @@ use std::io::Write;
 use std::sync::OnceLock;
 
 use super::file::{Format, Shown, encode};
-use super::problems::{self, Problem};
+use super::problems::{self, UNDEREXPOSED};
 use super::{Judging, Lighting, Metered, Shoot};
 use noctograph_core::camera::Camera;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Result;
 use noctograph_core::flight::Flight;
 use noctograph_picture::expose::{Backend, Developer, Exposure, Film, project};
@@ -47,7 +48,7 @@ pub struct Shot {
     pub marks: Option<Marks>,
     /// Problems of flights and picture, those that make any word unreadable first: shutter,
     /// exposure, lamps that face away.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<Diagnostic>,
     /// Those of [`Self::digests`], once they were asked for.
     digests: OnceLock<Vec<String>>,
     /// The same of [`Self::tracking`].
@@ -166,17 +167,17 @@ impl Shoot {
         let (read, file) = (read?, file?);
         let (mut verdict, marks) =
             read.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
-        let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
+        let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
         if let Some(exposed) = exposed {
             // A reader that raises faint light to full light may find letters in noise.
-            let is_dark = matches!(exposed, Problem::Underexposed(_));
+            let is_dark = exposed.code == UNDEREXPOSED;
             if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
                 verdict.refuse(Reason::NoLight);
             }
             // A missing trail has its cause before the exposure where one was found.
             problems.insert(usize::from(is_hidden), exposed);
         }
-        let is_hidden = problems.first().is_some_and(Problem::is_obstacle);
+        let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
         if let Some(verdict) = verdict.as_mut().filter(|verdict| !verdict.legible && is_hidden) {
             // Advice on letters would be beside the point.
             verdict.advice.clear();

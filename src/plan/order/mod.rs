@@ -20,7 +20,7 @@ use super::transit::Transit;
 use super::{EvenStyle, Order};
 use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::table::MAX_DURATION_S;
+use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S};
 use noctograph_core::strokes::{StrokeOrder, Strokes};
 
 mod search;
@@ -82,14 +82,15 @@ fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Res
     if MEASURED_SHARE * (lit_s + dark_s) <= MAX_DURATION_S {
         return Ok(());
     }
-    Err(Error::Infeasible {
-        what: format!(
+    Err(Error::infeasible(
+        format!(
             "{} strokes take some {:.0} s, the longest flight is {MAX_DURATION_S} s",
             flown.len(),
             lit_s + dark_s
         ),
-        hint: SHORTER.into(),
-    })
+        SHORTER,
+    )
+    .coded(FLIGHT_LONG))
 }
 
 /// Time for which a stroke is lit; a dot is for a time, too.
@@ -115,18 +116,19 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
     let lit_s = drawn.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum::<f64>();
     let n = drawn.len();
     if n > MAX_STROKES {
-        return Err(Error::Infeasible {
-            what: format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"),
-            hint: "draw fewer strokes, or lower letters.detail".into(),
-        });
+        return Err(Error::infeasible(
+            format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"),
+            "draw fewer strokes, or lower letters.detail",
+        )
+        .coded(FLIGHT_LONG));
     }
     if lit_s > MAX_DURATION_S {
-        return Err(Error::Infeasible {
-            what: format!(
+        return Err(Error::infeasible(
+            format!(
                 "{n} strokes are lit for {lit_s:.0} s in all, the longest flight is {MAX_DURATION_S} s"
             ),
-            hint: "raise plan.stroke_speed_m_s, or draw less, or smaller".into(),
-        });
+            "raise plan.stroke_speed_m_s, or draw less, or smaller",
+        ).coded(FLIGHT_LONG));
     }
     Ok(drawn)
 }

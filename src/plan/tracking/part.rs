@@ -52,7 +52,7 @@ impl Part {
             }
         };
         if samples.is_empty() {
-            return Err(Error::input("flight", actual, "at least one", hint));
+            return Err(Error::input("flight", actual, "at least one", hint).coded("part-empty"));
         }
         Ok(samples)
     }

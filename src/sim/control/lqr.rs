@@ -14,9 +14,11 @@ use noctograph_core::error::{Error, Result};
 /// [`Error::Infeasible`] where `R` is not positive definite, or where no feedback stabilizes the
 /// system at these weights.
 pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
-    let r_inverse = r.clone().cholesky().map(|r| r.inverse()).ok_or_else(|| Error::Infeasible {
-        what: "the weight of the inputs is not positive definite".into(),
-        hint: "give every input a weight above zero".into(),
+    let r_inverse = r.clone().cholesky().map(|r| r.inverse()).ok_or_else(|| {
+        Error::infeasible(
+            "the weight of the inputs is not positive definite",
+            "give every input a weight above zero",
+        )
     })?;
     let x = care(a, &(b * &r_inverse * b.transpose()), q)?;
     Ok(r_inverse * b.transpose() * x)

@@ -157,12 +157,11 @@ fn one_like(m: &Matrix) -> Matrix {
 }
 
 fn no_solution() -> Error {
-    Error::Infeasible {
-        what: "the Riccati equation has no stabilizing, positive definite solution".into(),
-        hint: "give every state a weight above zero, and keep the weights within a few powers of \
-               ten of one another"
-            .into(),
-    }
+    Error::infeasible(
+        "the Riccati equation has no stabilizing, positive definite solution",
+        "give every state a weight above zero, and keep the weights within a few powers of \
+               ten of one another",
+    )
 }
 
 #[cfg(test)]

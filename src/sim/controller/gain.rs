@@ -84,10 +84,7 @@ pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
 
 /// Names the weights that have no gain.
 fn without_gain(error: Error) -> Error {
-    Error::Infeasible {
-        what: format!("controller.lqr.q and .r have no gain: {error}"),
-        hint: error.hint().into(),
-    }
+    Error::infeasible(format!("controller.lqr.q and .r have no gain: {error}"), error.hint())
 }
 
 #[cfg(test)]

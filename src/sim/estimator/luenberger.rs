@@ -95,9 +95,11 @@ pub(crate) fn observer_gain(
     let measurement = SMatrix::from_diagonal(&SVector::from(options.q).map(|trust| 1.0 / trust));
     let (a, c) = (dynamic(&without_yaw(a)), DMatrix::identity(3, 8));
     let gain = control::observer_gain(&a, &c, &dynamic(&model), &dynamic(&measurement));
-    let gain = gain.map_err(|error| Error::Infeasible {
-        what: format!("observer.luenberger.q and .r have no gain: {error}"),
-        hint: error.hint().into(),
+    let gain = gain.map_err(|error| {
+        Error::infeasible(
+            format!("observer.luenberger.q and .r have no gain: {error}"),
+            error.hint(),
+        )
     })?;
     Ok(SMatrix::from_column_slice(gain.as_slice()))
 }

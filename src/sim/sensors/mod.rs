@@ -32,7 +32,8 @@ use self::position::PositionSensor;
 use self::streams::Streams;
 use self::uwb::Uwb;
 use crate::vehicle::{FloorOptions, RigidBody};
-use noctograph_core::flight::Warning;
+use noctograph_core::diagnostic::Diagnostic;
+use noctograph_core::flight::warning;
 
 pub use self::coverage::{Coverage, CoveredPlace, coverage};
 pub(crate) use self::lighthouse::DECK_SENSORS_M;
@@ -253,13 +254,13 @@ impl Sensors {
     }
 
     /// A warning about the base stations.
-    pub fn warning(&self) -> Option<Warning> {
+    pub fn warning(&self) -> Option<Diagnostic> {
         let (Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse)) = &self.locator
         else {
             return None;
         };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
-        (blind_s > 0.0).then_some(Warning::Unseen(blind_s))
+        (blind_s > 0.0).then(|| warning::unseen(blind_s))
     }
 }
 

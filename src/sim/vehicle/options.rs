@@ -227,10 +227,10 @@ impl VehicleOptions {
         if lift_n > weight_n {
             return Ok(());
         }
-        Err(Error::Infeasible {
-            what: format!("the motors lift {lift_n:.3} N, the drone weighs {weight_n:.3} N"),
-            hint: "lower vehicle.mass_kg, or raise vehicle.k_f_n".into(),
-        })
+        Err(Error::infeasible(
+            format!("the motors lift {lift_n:.3} N, the drone weighs {weight_n:.3} N"),
+            "lower vehicle.mass_kg, or raise vehicle.k_f_n",
+        ))
     }
 
     /// Share of the motors' largest command that carries the drone.

@@ -10,7 +10,8 @@ use super::rotors::{Load, Rotors};
 use super::wake::Wake;
 use super::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
-use noctograph_core::flight::Warning;
+use noctograph_core::diagnostic::Diagnostic;
+use noctograph_core::flight::warning;
 
 /// What a plant is made of: the drone and its battery, the air and the floor around it.
 #[derive(Clone, Copy, Debug)]
@@ -183,11 +184,11 @@ impl Plant {
     }
 
     /// Warnings about the battery.
-    pub fn warnings(&self) -> Vec<Warning> {
+    pub fn warnings(&self) -> Vec<Diagnostic> {
         let short_s = f64::from(self.short_steps) * self.dt_s;
-        let weak = (short_s > 0.0).then_some(Warning::BatteryWeak(short_s));
+        let weak = (short_s > 0.0).then(|| warning::battery_weak(short_s));
         let is_empty = self.battery.as_ref().is_some_and(Battery::is_cut_off);
-        weak.into_iter().chain(is_empty.then_some(Warning::BatteryEmpty)).collect()
+        weak.into_iter().chain(is_empty.then(warning::battery_empty)).collect()
     }
 
     /// Thrust toward which each motor is driven.
@@ -321,10 +322,7 @@ mod tests {
         advance(&mut drone, hover(&options), 5000);
         assert_eq!(drone.body().position_m.z, 0.0);
         let warnings = drone.warnings();
-        assert!(
-            matches!(warnings[..], [Warning::BatteryWeak(_), Warning::BatteryEmpty]),
-            "{warnings:?}"
-        );
+        assert!(warnings.iter().map(|it| it.code).eq(warning::BATTERY), "{warnings:?}");
     }
 
     #[test]
@@ -336,7 +334,7 @@ mod tests {
         let mut drone = plant(&options, 1.0);
         advance(&mut drone, options.vehicle.motor_max, 100);
         let warnings = drone.warnings();
-        assert!(matches!(warnings[..], [Warning::BatteryWeak(_)]), "{warnings:?}");
+        assert!(warnings.iter().map(|it| it.code).eq(["battery-weak"]), "{warnings:?}");
     }
 
     #[test]

@@ -30,6 +30,7 @@ fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     DesignPath::new(flight).ok_or_else(|| {
         let hint = "state the offset of B's clock; 0 leaves it as it is";
         Error::input(name, "no design position", "one to set the clocks by", hint)
+            .coded("clocks-apart")
     })
 }
 

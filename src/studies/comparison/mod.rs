@@ -129,7 +129,8 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
             |s: &[FlightSample]| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s);
         let spans = format_args!("A at {}, B at {}", span(&samples_a), span(&samples_b));
         let hint = "shift B's clock, or compare two flights of the same plan";
-        return Err(Error::input("flights A and B", spans, "a time that both cover", hint));
+        let error = Error::input("flights A and B", spans, "a time that both cover", hint);
+        return Err(error.coded("clocks-apart"));
     };
     let apart = pairs.iter().map(|[a, b]| a.position_m - b.position_m);
     let turned = pairs.iter().map(|[a, b]| {

@@ -8,12 +8,12 @@ use super::page::Page;
 use super::place::shot_plan;
 use super::plans::plan_view;
 use noctograph_core::camera::INFINITY_M;
+use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, Quantity};
 use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
-use noctograph_pipeline::preflight::{Checked, ShotPlan};
-use noctograph_pipeline::scene::Change;
+use noctograph_pipeline::preflight::ShotPlan;
 use noctograph_pipeline::shoot::{Shot, writing};
 use noctograph_score::LetterVerdict;
 
@@ -35,7 +35,7 @@ pub struct ShotNotes<'a> {
     /// The table that the terminal shows.
     pub printed: &'a str,
     /// Findings of the preflight.
-    pub findings: &'a [Checked],
+    pub findings: &'a [Diagnostic],
     /// Where things stand in the room, where it is known.
     pub placement: Option<&'a ShotPlan>,
     /// A change in the words of the program that makes the page.
@@ -74,8 +74,8 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     if !notes.findings.is_empty() {
         page = page.section("Safety sheet").table(
             ["", "check", "found"],
-            notes.findings.iter().map(|checked| {
-                let [mark, check, mut finding, wanted, change] = checked.cells(notes.typed);
+            notes.findings.iter().map(|check| {
+                let [mark, check, mut finding, wanted, change] = check.cells(notes.typed);
                 if !wanted.is_empty() {
                     finding += &format!("; wanted: {wanted}; change: {change}");
                 }

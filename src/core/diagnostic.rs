@@ -1,0 +1,405 @@
+//! Diagnostics: the one type in which anything says that something is wrong, doubtful, or could be
+//! better.
+//!
+//! A [`Diagnostic`] has a code, which programs and the page's languages hang on, a severity, a
+//! place, a message, figures by name, and help as a sentence whose keys of the scene are data.
+//! Stages make them, [`Warned`] carries them beside a product, and only the callers print them.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::{Serialize, Serializer, ser::SerializeMap};
+
+use crate::error::Error;
+use crate::place::{DroneIndex, Place, Segment};
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Severity {
+    /// Within its limit.
+    #[default]
+    Fine,
+    /// Not checked, for lack of data.
+    Unknown,
+    /// It flies, but the picture suffers, or something was guessed or left out.
+    Warning,
+    /// It should not fly, or no word can be read whatever its letters are, or an input is refused.
+    Stop,
+}
+
+/// A figure of a diagnostic.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Figure {
+    /// A number, in the unit that its name has.
+    Number(f64),
+    /// A number of things.
+    Count(usize),
+    /// A place in the world, m.
+    Position([f64; 3]),
+    /// A subject, such as letters or a volume.
+    Text(String),
+}
+
+impl From<f64> for Figure {
+    fn from(number: f64) -> Self {
+        Self::Number(number)
+    }
+}
+
+impl From<usize> for Figure {
+    fn from(count: usize) -> Self {
+        Self::Count(count)
+    }
+}
+
+impl From<[f64; 3]> for Figure {
+    fn from(position_m: [f64; 3]) -> Self {
+        Self::Position(position_m)
+    }
+}
+
+impl From<String> for Figure {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl From<&str> for Figure {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+/// What is wrong, doubtful, or could be better.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Diagnostic {
+    /// Its name: that of the check (`lit transit`), or what happened (`shutter-closes`).
+    pub code: &'static str,
+    /// How bad it is.
+    pub severity: Severity,
+    /// Where it is: a file with its line, a key, a drone; may be empty.
+    pub place: Place,
+    /// What was found.
+    pub message: String,
+    /// What is wanted; may be empty.
+    pub wanted: String,
+    /// Figures by name. Those of a check are `value` and `limit` in its unit, `count`, `time_s`,
+    /// `position_m`, and `detail`, the subject or a reason.
+    pub figures: BTreeMap<&'static str, Figure>,
+    /// What to do; may be empty.
+    pub help: Help,
+}
+
+impl Diagnostic {
+    /// A diagnostic with a message.
+    pub fn new(code: &'static str, severity: Severity, message: impl Into<String>) -> Self {
+        Self { code, severity, message: message.into(), ..Self::default() }
+    }
+
+    /// A warning.
+    pub fn warning(code: &'static str, message: impl Into<String>) -> Self {
+        Self::new(code, Severity::Warning, message)
+    }
+
+    /// A check with its measured value, if there is one; [`Self::say`] adds the sentences.
+    pub fn check(code: &'static str, severity: Severity, value: impl Into<Option<f64>>) -> Self {
+        Self::new(code, severity, "").with_some("value", value.into())
+    }
+
+    /// A check that was not made: the reason, the data that it needs, and help.
+    pub fn unchecked(
+        code: &'static str,
+        why: impl ToString,
+        wanted: &'static str,
+        help: &'static str,
+    ) -> Self {
+        let (check, why) = (Self::check(code, Severity::Unknown, None), why.to_string());
+        let message = format!("not checked: {why}");
+        check.with("detail", why).say(message, wanted, help)
+    }
+
+    /// Adds a figure.
+    #[must_use]
+    pub fn with(self, name: &'static str, figure: impl Into<Figure>) -> Self {
+        self.with_some(name, Some(figure))
+    }
+
+    fn with_some(mut self, name: &'static str, figure: Option<impl Into<Figure>>) -> Self {
+        self.figures.extend(figure.map(|figure| (name, figure.into())));
+        self
+    }
+
+    /// The limit of the value.
+    #[must_use]
+    pub fn within(self, limit: f64) -> Self {
+        self.with("limit", limit)
+    }
+
+    /// When the value occurs.
+    #[must_use]
+    pub fn timed(self, time_s: impl Into<Option<f64>>) -> Self {
+        self.with_some("time_s", time_s.into())
+    }
+
+    /// Where the value occurs.
+    #[must_use]
+    pub fn positioned(self, position_m: impl Into<Option<[f64; 3]>>) -> Self {
+        self.with_some("position_m", position_m.into())
+    }
+
+    /// The value's subject, or a reason; none if it is empty.
+    #[must_use]
+    pub fn detailed(self, detail: impl Into<String>) -> Self {
+        self.with_some("detail", Some(detail.into()).filter(|detail| !detail.is_empty()))
+    }
+
+    /// What was found, what is wanted, and help.
+    #[must_use]
+    pub fn say(
+        self,
+        message: impl Into<String>,
+        wanted: impl Into<String>,
+        help: &'static str,
+    ) -> Self {
+        Self { message: message.into(), wanted: wanted.into(), help: Help::from(help), ..self }
+    }
+
+    /// What to do; keys of the scene stand in braces, see [`Help`].
+    #[must_use]
+    pub fn helped(self, help: impl Into<Help>) -> Self {
+        Self { help: help.into(), ..self }
+    }
+
+    /// The same of one of several drones.
+    #[must_use]
+    pub fn of_drone(mut self, drone: impl Into<Option<DroneIndex>>) -> Self {
+        self.place.0.splice(..0, drone.into().map(Segment::Drone));
+        self
+    }
+
+    /// The same in a file.
+    #[must_use]
+    pub fn in_file(mut self, file: impl fmt::Display) -> Self {
+        self.place.0.splice(..0, Place::file(file).0);
+        self
+    }
+
+    /// Whether it stops the flight, or hides the word.
+    pub fn is_stop(&self) -> bool {
+        self.severity == Severity::Stop
+    }
+
+    /// A figure that is a number.
+    pub fn number(&self, name: &str) -> Option<f64> {
+        match self.figures.get(name) {
+            Some(Figure::Number(number)) => Some(*number),
+            _ => None,
+        }
+    }
+
+    /// The subject of the value, or a reason; empty if there is none.
+    pub fn detail(&self) -> &str {
+        match self.figures.get("detail") {
+            Some(Figure::Text(text)) => text,
+            _ => "",
+        }
+    }
+
+    /// What to do, with each change as `typed` writes it; empty for a passed check.
+    pub fn change(&self, typed: impl Fn(&Change) -> String) -> String {
+        if self.severity == Severity::Fine { String::new() } else { self.help.sentence(typed) }
+    }
+
+    /// Mark of severity, name of the check, and finding; what is wanted and what to do, with each
+    /// change as `typed` writes it, are empty for a passed check.
+    pub fn cells(&self, typed: impl Fn(&Change) -> String) -> [String; 5] {
+        let (mark, wanted) = match self.severity {
+            Severity::Fine => ("ok", ""),
+            Severity::Unknown => ("?", &*self.wanted),
+            Severity::Warning => ("warn", &*self.wanted),
+            Severity::Stop => ("STOP", &*self.wanted),
+        };
+        [mark.into(), self.code.into(), self.to_string(), wanted.into(), self.change(typed)]
+    }
+
+    /// One line about it: the message with its place, and help with each change as `typed` writes
+    /// it.
+    pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
+        match (self.change(typed), self.severity) {
+            (help, _) if help.is_empty() => self.to_string(),
+            (help, Severity::Stop) => format!("{self}: {help}"),
+            (help, _) => format!("{self} ({help})"),
+        }
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    /// The message with its place.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.place.0.is_empty() {
+            write!(f, "{}: ", self.place)?;
+        }
+        f.write_str(&self.message)
+    }
+}
+
+impl Serialize for Diagnostic {
+    /// A finding as JSON: `check`, `severity`, `found`, `wanted`, its figures, and `drone` if it is
+    /// of one of several. `value` and `limit` are always there.
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut map = to.serialize_map(None)?;
+        if let Some(Segment::Drone(drone)) = self.place.0.first() {
+            map.serialize_entry("drone", drone)?;
+        }
+        map.serialize_entry("check", self.code)?;
+        map.serialize_entry("severity", &self.severity)?;
+        map.serialize_entry("value", &self.figures.get("value"))?;
+        map.serialize_entry("limit", self.figures.get("limit").unwrap_or(&Figure::Number(0.0)))?;
+        let is_other = |name: &str| !["value", "limit"].contains(&name);
+        for (name, figure) in self.figures.iter().filter(|(name, _)| is_other(name)) {
+            map.serialize_entry(name, figure)?;
+        }
+        map.serialize_entry("found", &self.message)?;
+        map.serialize_entry("wanted", &self.wanted)?;
+        map.end()
+    }
+}
+
+impl From<&Error> for Diagnostic {
+    /// An error as a diagnostic that stops, for a list of several.
+    fn from(error: &Error) -> Self {
+        Self::new(error.code(), Severity::Stop, error.to_string()).helped(error.hint().to_owned())
+    }
+}
+
+/// A product with what there is to say about it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Warned<T> {
+    /// The product.
+    pub product: T,
+    /// What there is to say, in the order in which it was found.
+    pub warnings: Vec<Diagnostic>,
+}
+
+impl<T> Warned<T> {
+    /// Takes the product, and adds the warnings to others.
+    pub fn into_product(self, warnings: &mut Vec<Diagnostic>) -> T {
+        warnings.extend(self.warnings);
+        self.product
+    }
+}
+
+/// A key of a scene, and the value that it should have.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Change {
+    /// Dotted key.
+    pub key: String,
+    /// The value, as a scene takes it; `None`: the sentence about it says which way it goes.
+    pub value: Option<String>,
+}
+
+impl Change {
+    /// A key with the value that it should have.
+    pub fn new(key: impl Into<String>, value: impl ToString) -> Self {
+        Self { key: key.into(), value: Some(value.to_string()) }
+    }
+}
+
+impl fmt::Display for Change {
+    /// The change as a scene file has it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Some(value) = &self.value else { return f.write_str(&self.key) };
+        let quote =
+            if format!("value = {value}").parse::<toml::Table>().is_ok() { "" } else { "\"" };
+        write!(f, "{} = {quote}{value}{quote}", self.key)
+    }
+}
+
+/// What to do: words, and keys of the scene as data. A literal has the keys in braces, some with a
+/// value: `"raise {camera.iso}, or set {camera.metering=trail}"`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Help(Vec<Part>);
+
+/// A part of a sentence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Part {
+    Words(String),
+    Change(Change),
+}
+
+impl Help {
+    /// The keys that it names, in order.
+    pub fn changes(&self) -> impl Iterator<Item = &Change> {
+        self.0.iter().filter_map(|part| match part {
+            Part::Words(_) => None,
+            Part::Change(change) => Some(change),
+        })
+    }
+
+    /// The sentence with each change as `typed` writes it.
+    pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
+        let texts = self.0.iter().map(|part| match part {
+            Part::Words(words) => words.clone(),
+            Part::Change(change) => typed(change),
+        });
+        texts.collect()
+    }
+
+    /// Whether there is nothing to do.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl From<&'static str> for Help {
+    /// A literal of the program, which has keys in braces.
+    fn from(text: &'static str) -> Self {
+        let parts = text.split(['{', '}']).enumerate().map(|(index, part)| {
+            match (index % 2, part.split_once('=')) {
+                (0, _) => Part::Words(part.to_owned()),
+                (_, Some((key, value))) => Part::Change(Change::new(key, value)),
+                (_, None) => Part::Change(Change { key: part.to_owned(), value: None }),
+            }
+        });
+        Self(parts.filter(|part| *part != Part::Words(String::new())).collect())
+    }
+}
+
+impl From<String> for Help {
+    /// Words alone: braces in them are braces.
+    fn from(words: String) -> Self {
+        Self(if words.is_empty() { Vec::new() } else { vec![Part::Words(words)] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn help_names_its_changes_in_order() {
+        let help =
+            Help::from("raise {camera.iso} or set {plan.light_clock=light}, {camera.iso=200}.");
+        assert_eq!(
+            help.sentence(Change::to_string),
+            "raise camera.iso or set plan.light_clock = \"light\", camera.iso = 200."
+        );
+        assert_eq!(help.changes().filter(|change| change.value.is_some()).count(), 2);
+        assert_eq!(Help::from("wait").sentence(Change::to_string), "wait");
+        assert_eq!(Help::from("a {b}".to_owned()).changes().count(), 0, "words of an input");
+    }
+
+    #[test]
+    fn a_line_has_place_message_and_help() {
+        let warning = Diagnostic::warning("speed", "5 m/s").helped("lower {plan.stroke_speed_m_s}");
+        let second = warning.clone().of_drone(DroneIndex(1));
+        assert_eq!(
+            second.sentence(|change| format!("`{change}`")),
+            "drone 2: 5 m/s (lower `plan.stroke_speed_m_s`)"
+        );
+        let stop = Diagnostic { severity: Severity::Stop, ..warning.in_file("a.csv") };
+        assert_eq!(stop.sentence(Change::to_string), "a.csv: 5 m/s: lower plan.stroke_speed_m_s");
+    }
+}
