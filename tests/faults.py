@@ -252,11 +252,11 @@ def last(do):
     return lambda parts: do(parts[-1])
 
 
-def failing(call):
+def failing(*calls):
     def fail(parts):
         part = parts[-1]
         part.failed = True
-        part.radio.failing[call] = part.radio.calls.get(call, 0) + 1
+        part.radio.failing.update({call: part.radio.calls.get(call, 0) + 1 for call in calls})
 
     return fail
 
@@ -297,7 +297,7 @@ MOMENTS = {
     "crash": (last(lambda part: part.radio.fault(7)), None), "tumbled": (last(lambda part: part.radio.fault(5)), None),
     "deck fault": (last(lambda part: part.radio.fault(11)), None),
     "no number": (last(lambda part: part.radio.values.update({"kalman.varPY": math.nan})), None),
-    "setpoint fails": (failing("commander.send_position_setpoint"), None),
+    "setpoint fails": (failing("commander.send_position_setpoint", "commander.send_full_state_setpoint"), None),
     "landing fails": (failing("high_level_commander.land"), None),
 }
 
@@ -733,7 +733,7 @@ class Moments(unittest.TestCase):
             for number, what in enumerate(kinds):
                 for at_s in (2.2, 5.0, 9.5, 16.0) if ALL_MOMENTS and n == 2 else (5.0 + 0.7 * number % 4.0,):
                     with self.subTest(what):
-                        self.tried(name, "position", what, at_s)
+                        self.tried(name, "full-state", what, at_s)
 
     def test_the_first_press_lands_though_another_drone_has_ended_the_flight(self):
         for s in (0.3, 1.5, 2.5):
@@ -741,7 +741,7 @@ class Moments(unittest.TestCase):
                 parts[-1].radio.fault(7)
                 parts[0].show.clock.after(s, lambda: press()(parts))
 
-            show = Show("fleet/fly_NOOR.py", "position", 5.0, crash_and_press)
+            show = Show("fleet/fly_NOOR.py", "full-state", 5.0, crash_and_press)
             self.assertEqual((show.outcomes, show.wrong), ([LANDED, FALLS], []), show.said)
             told_s = min(show.parts[0].body.landings) - show.parts[1].body.turned_s
             self.assertLess(told_s, 0.5, "the others are told at once")
@@ -750,7 +750,7 @@ class Moments(unittest.TestCase):
         def refuse(parts):
             parts[-1].radio.fixed["pm.vbat"] = 3.0
 
-        show = Show("fleet/fly_NOOR.py", "position", 0.0, refuse, before_the_key=True)
+        show = Show("fleet/fly_NOOR.py", "full-state", 0.0, refuse, before_the_key=True)
         self.assertEqual((show.outcomes, show.wrong), ([STAYED] * 2, []))
         self.assertIn("battery", show.ended)
 

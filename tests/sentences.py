@@ -118,7 +118,7 @@ error: cflib … or newer is needed: pip install cflib|: plug it in, and see tha
 error: cflib … is too old, … or newer is needed: pip install --upgrade cflib|no link to …: ……|
 the parameters of … could not be read|error: no key can be pressed here: start it in a terminal|
 another drone did not start|the drone has not taken off|heading on board|… or newer, which reads it|
-update the firmware with cfclient, or fly --mode position|
+update the firmware with cfclient, or fly --mode position or full-state|
 export for this drone: --scene cf21 or cf-brushless|update it with cfclient|carry it there|turn it|
 fly the release for which this was made|set it upright; switch it off and on again|put it on a level place|
 export with the drone's gains, or fly with --set-gains, which puts them back later|

@@ -28,9 +28,10 @@ pub(super) struct ExportArgs {
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// Setpoints of the script for cflib, unless its own --mode is given
-    #[arg(long, value_name = "NAME", default_value = "position", value_parser = named::<Mode>())]
-    mode: Mode,
+    /// Setpoints of the script for cflib, unless its own --mode is given [default: those that `check`
+    /// flies, full states for controllers that follow the design's motion]
+    #[arg(long, value_name = "NAME", value_parser = named::<Mode>())]
+    mode: Option<Mode>,
     #[command(flatten)]
     profile: ProfileFlags,
     /// Write files even if `check` stops the flight; scripts then say so
@@ -42,17 +43,17 @@ pub(super) struct ExportArgs {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
-    let trajectory = args.to.trajectory(args.mode);
+    let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
     let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
     crate::error::within("--tolerance", tolerance_mm, 0.5, 1000.0)?;
     let tolerance_m = tolerance_mm / 1e3;
-    let release = Cell::new(Release::MODELED);
+    let (release, mode) = (Cell::new(Release::MODELED), Cell::new(Mode::default()));
     let shoot = args.subject.shoot(
         |scene| {
             release.set(scene.vehicle.firmware);
             let slow = args.profile.limits(&args.subject);
-            make_exportable(scene, slow.as_ref(), args.to, args.mode);
+            mode.set(make_exportable(scene, slow.as_ref(), args.to, args.mode)?);
             Ok(())
         },
         &|plans| match trajectory {
@@ -65,7 +66,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         check_room(args, &profile)?;
     }
     let plans: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
-    let (format, mode, is_unchecked) = (args.to, args.mode, args.unchecked);
+    let (format, mode, is_unchecked) = (args.to, mode.get(), args.unchecked);
     let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked };
     let checked = CheckedExport::new(shoot, options)?;
     let word = checked.word();
@@ -148,7 +149,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
-    let plays = args.to == Format::Cflib && args.mode == Mode::Trajectory;
+    let plays = args.to == Format::Cflib && args.mode == Some(Mode::Trajectory);
     for check in checks.iter().filter(|check| check.severity == Severity::Warning) {
         match check.code {
             PICTURE => warn([check.sentence(mentioned)]),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
-use super::output::is_csv;
+use super::output::{drone_number, is_csv};
 use super::{Args, Error, Result, message, names, shell_word, warn};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, fit_within, frame_within, hang_stations};
@@ -392,12 +392,8 @@ impl ProfileFlags {
 fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     let folder = Path::new(input);
     let files = if folder.is_dir() { files_in(folder)? } else { Vec::new() };
-    fn number(path: &Path) -> Option<usize> {
-        let name = file_name(path).to_lowercase();
-        name.strip_prefix("plan-")?.strip_suffix(".csv")?.parse().ok()
-    }
-    let mut plans: Vec<_> =
-        files.into_iter().filter_map(|path| Some((number(&path)?, path))).collect();
+    let numbered = |path: PathBuf| Some((drone_number(&path, "plan")?, path));
+    let mut plans: Vec<_> = files.into_iter().filter_map(numbered).collect();
     plans.sort();
     if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
         let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));

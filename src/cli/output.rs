@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{Error, Result};
 use crate::scene::{CarriedScene, Scene, SceneFiles};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
-use noctograph_core::files::{WholeFile, ending};
+use noctograph_core::files::{WholeFile, ending, file_name, files_in};
 
 /// Whether a path names an SVG drawing.
 pub(super) fn is_svg(path: &Path) -> bool {
@@ -73,17 +73,7 @@ impl Outputs {
                     }
                     return Ok(vec![file]);
                 };
-                let digest = (file.name(), file.sha256().to_owned());
-                let scene = scene.beside(file.path())?;
-                let toml = CarriedScene::text(&scene.toml, [digest]);
-                let mut files = write_copies(file.path(), &scene)?;
-                files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
-                files.push(file);
-                // A kill between the names leaves the new scene, which no other plan fits: never a
-                // plan without the scene that it has.
-                let mut files = WholeFile::keep_all(files)?;
-                files.reverse();
-                Ok(files)
+                CarriedScene::keep_with(file, beside, scene)
             }
             Self::Several(path, mut folder, kind) => {
                 let mut digests = Vec::new();
@@ -92,6 +82,7 @@ impl Outputs {
                     let sha256 = folder.write_with(&name, |out| write(item, out))?;
                     digests.push((name, sha256));
                 }
+                folder.replaces(leftovers(&path, kind, items.len())?);
                 if let Some(scene) = scene {
                     write_scene(scene, &path, &mut folder, digests)?;
                 }
@@ -99,6 +90,31 @@ impl Outputs {
             }
         }
     }
+}
+
+/// The number of a drone's file of a kind, as in `plan-2.csv`.
+pub(super) fn drone_number(path: &Path, kind: &str) -> Option<usize> {
+    let name = file_name(path).to_lowercase();
+    name.strip_prefix(kind)?.strip_prefix('-')?.strip_suffix(".csv")?.parse().ok()
+}
+
+/// The files of drones that a folder's earlier set has more than the new one. They go with it:
+/// whoever flies the folder would fly them with the others.
+///
+/// # Errors
+///
+/// [`Error::Input`] with those that the folder's scene was not written with.
+pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Vec<PathBuf>> {
+    let is_left = |path: &PathBuf| drone_number(path, kind).is_some_and(|it| it > n_drones);
+    let left = files_in(folder)?.into_iter().filter(is_left);
+    let (former, others): (Vec<_>, Vec<_>) = left.partition(|path| CarriedScene::binds(path));
+    if others.is_empty() {
+        return Ok(former);
+    }
+    let names: Vec<String> = others.iter().map(file_name).collect();
+    let hint = "remove them, or name another folder: they would be flown together";
+    let wanted = format!("no {kind} of more than {n_drones} drones");
+    Err(Error::input(folder.display(), names.join(", "), wanted, hint))
 }
 
 /// Writes a scene into a folder, with the files that it names and the digests of those that it was
@@ -117,16 +133,8 @@ pub(super) fn write_scene(
 }
 
 /// Writes the files that a scene beside a file names.
-fn write_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<WholeFile>> {
-    let copies = scene.copies.iter().map(|(name, bytes)| {
-        Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
-    });
-    copies.collect()
-}
-
-/// The same, under their names.
 pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf>> {
-    WholeFile::keep_all(write_copies(path, scene)?)
+    WholeFile::keep_all(scene.write_copies(path)?)
 }
 
 /// Removes the scene of a flight or plan that is written anew in another one.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
-use super::output::{forget_scene, is_csv, write_scene};
+use super::output::{forget_scene, is_csv, leftovers, write_scene};
 use super::spread::SpreadFlags;
 use super::{
     Args, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value, findings,
@@ -61,6 +61,10 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     }
     let conditions = args.spread.conditions()?;
     let mut folder = OutputFolder::create(&args.output)?;
+    let n_numbered = Some(shoot.plans.len()).filter(|n| *n > 1).unwrap_or(0);
+    for kind in ["plan", "flight"] {
+        folder.replaces(leftovers(&args.output, kind, n_numbered)?);
+    }
     let backend = tried(args.picture.backend)?;
     let (format, keeps_film) = (Some(Format::Png), args.report);
     let shot = Shoot { format, keeps_film, backend, ..shoot }.take(&watch())?;

@@ -651,7 +651,7 @@ def state(drone):
 HINTS = {
     "drone": "export for this drone: --scene cf21 or cf-brushless",
     "firmware": "update it with cfclient",
-    "heading on board": "update the firmware with cfclient, or fly --mode position",
+    "heading on board": "update the firmware with cfclient, or fly --mode position or full-state",
     "names in the firmware": "fly the release for which this was made",
     "gains": "export with the drone's gains, or fly with --set-gains, which puts them back later",
     "state": "set it upright; switch it off and on again",
@@ -1066,8 +1066,8 @@ def settings(args, parser):
     if args.controller is None:
         parser.error("this plan is for a controller of your own: say its number with --controller")
     mode = args.mode.replace("-", "_")
-    if mode == "trajectory" and not DATA["trajectory"]["hex"]:
-        parser.error(DATA["trajectory"]["refused"])
+    if args.mode in DATA["refused"]:
+        parser.error(f"--mode {args.mode}: {DATA['refused'][args.mode]}")
     if args.dry_run and hasattr(signal, "SIGPIPE"):
         signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # `| head` ends it without a word
     return mode, args.controller

@@ -4,6 +4,8 @@
 //! becomes code. The script sends positions or full states (position, velocity and acceleration)
 //! over the radio, or starts a compressed trajectory on board.
 
+use std::collections::BTreeMap;
+
 use serde_json::{Value, json};
 
 use super::compressed::{Compressed, START_BYTES, YAW_BYTES};
@@ -21,7 +23,7 @@ use noctograph_core::lamps::Channel;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
 use noctograph_sim::sensors::Positioning;
-use noctograph_sim::{ControllerKind, Law};
+use noctograph_sim::{ControllerKind, Law, SetpointKind};
 
 /// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the
 /// log's variables, and `@CFLIB@` in that of the oldest cflib.
@@ -45,6 +47,15 @@ settings! {
         "full-state" => FullState,
         /// The start of a compressed trajectory on board.
         "trajectory" => Trajectory,
+    }
+}
+
+impl From<SetpointKind> for Mode {
+    fn from(kind: SetpointKind) -> Self {
+        match kind {
+            SetpointKind::Position => Self::Position,
+            SetpointKind::FullState => Self::FullState,
+        }
     }
 }
 
@@ -102,10 +113,15 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
         trajectory.flight(&timeline, over_s)
     });
-    let (bytes, refused) = match flight {
-        Ok(bytes) => (bytes, None),
+    let mut refused: BTreeMap<_, _> =
+        job.refused.iter().map(|(mode, reason)| (mode.name(), reason.clone())).collect();
+    let bytes = match flight {
+        Ok(bytes) => bytes,
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
-        Err(error) => (Vec::new(), Some(error.to_string())),
+        Err(error) => {
+            refused.insert(Mode::Trajectory.name(), error.to_string());
+            Vec::new()
+        }
     };
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
@@ -131,6 +147,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "corners_m": corners_m(job.plans),
         "uri": format!("radio://0/80/2M/E7E7E7E7{:02X}", if number.is_empty() { 0xE7 } else { drone + 1 }),
         "mode": job.mode.name(),
+        "refused": refused,
         "controller": firmware_controller(job.sim.controller.kind),
         "gains": gains::parameters(job.sim),
         "log": format!("{}_flight{number}.json", stem(job.word)),
@@ -150,7 +167,6 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
             "start_bytes": START_BYTES,
             "turns": bytes.get(YAW_BYTES) != Some(&[0; 2]),
             "start_s": zero_s(before_s),
-            "refused": refused,
             "lights": command_rows(&on_board),
             "timing": timing,
             "end_s": trajectory_end_s,
@@ -337,6 +353,7 @@ mod tests {
             camera: &CameraOptions::default().camera([-1.0, 0.5, 1.0, 1.5], 1.0).unwrap(),
             tolerance_m: 0.002,
             mode: Mode::Position,
+            refused: &[],
             trajectory_clock: 1.0,
             checks,
         };
@@ -533,6 +550,7 @@ mod tests {
             camera: &camera,
             tolerance_m: 0.002,
             mode: Mode::Position,
+            refused: &[],
             trajectory_clock: 1.0,
             checks: &checks,
         };
@@ -550,7 +568,7 @@ mod tests {
             json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
         );
         // Unsafe as a trajectory, and not to be asked for; a plan for a slow clock neither.
-        let refused = |data: &Value| data["trajectory"]["refused"].as_str().unwrap().to_owned();
+        let refused = |data: &Value| data["refused"]["trajectory"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
         let slow = data(&Job { trajectory_clock: 0.99, flown: &plans, ..job }, 0, 0.0).unwrap();
         assert!(refused(&slow).contains("trajectory_clock"), "{}", refused(&slow));

@@ -349,8 +349,8 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
         360.0 * (flown_turns - flown_turns.round()),
     );
     let hint = format!(
-        "export poly4d, or the script for cflib with setpoints (--mode position); or update the \
-         drone's firmware and set vehicle.firmware = \"{since}\"; or set plan.yaw_rad = 0"
+        "export poly4d, or the script for cflib with setpoints (--mode position or full-state); or \
+         update the drone's firmware and set vehicle.firmware = \"{since}\"; or set plan.yaw_rad = 0"
     );
     let wanted = format!("{since} or newer, or a heading of 0");
     Err(Error::input("vehicle.firmware", actual, wanted, hint))

@@ -59,7 +59,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let mut files = per_drone(job, "csv", |drone, plan| {
         let stretch = Stretch::new(plan)?;
         let over_s = end_s(job, drone, &stretch)? - stretch.start_s() - stretch.duration_s();
-        let trajectory = Poly4d::fit(plan, job.tolerance_m)?;
+        let trajectory = Poly4d::fit(job.sim.vehicle.firmware, plan, job.tolerance_m)?;
         let timeline = Timeline::new(plan, &stretch, before_s, trajectory.ends_m());
         Ok(trajectory.flight(&timeline, over_s)?.to_csv().into_bytes())
     })?;

@@ -87,6 +87,8 @@ pub struct Job<'a> {
     pub tolerance_m: f64,
     /// What the script for cflib sends unless it is told otherwise.
     pub mode: Mode,
+    /// What else that script must not send, and why.
+    pub refused: &'a [(Mode, String)],
     /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
     /// The facts behind the checks of the flights.
@@ -213,7 +215,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
             Ok(compressed::Compressed::encode_for(release, plan, job.tolerance_m)?.to_bytes())
         }),
         Format::Poly4d => per_drone(job, "poly4d", |_, plan| {
-            Ok(poly4d::Poly4d::fit(plan, job.tolerance_m)?.to_bytes())
+            Ok(poly4d::Poly4d::fit(release, plan, job.tolerance_m)?.to_bytes())
         }),
         Format::Crazyswarm2 => crazyswarm::files(job),
         Format::Skyc => Ok(vec![skybrush::show(job)?]),

@@ -110,7 +110,7 @@ pub(super) fn pieces(
         (Form::Compressed, Length::Any) => {
             Compressed::of_any_length(&Stretch::new(plan)?, tolerance_m)?.polynomials()
         }
-        (Form::Poly4d, Length::OnBoard) => Poly4d::fit(plan, tolerance_m)?.pieces,
+        (Form::Poly4d, Length::OnBoard) => Poly4d::fit(release, plan, tolerance_m)?.pieces,
         (Form::Poly4d, Length::Any) => Poly4d::fit_any_length(plan, tolerance_m)?.pieces,
     })
 }

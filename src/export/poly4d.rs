@@ -11,10 +11,10 @@
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::compressed::Compressed;
+use super::compressed::{Compressed, flies_heading};
 use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
 use super::timeline::{Leg, Timeline};
-use noctograph_core::crazyflie::TRAJECTORY_MEMORY_BYTES;
+use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
@@ -38,13 +38,13 @@ pub struct Poly4d {
 
 impl Poly4d {
     /// Fits the letters of a plan within a distance of its design, in as many pieces as the drone's
-    /// memory holds.
+    /// memory holds. The release decides what is advised where they are too many.
     ///
     /// # Errors
     ///
     /// [`noctograph_core::error::Error::Input`] for a plan without letters,
     /// [`noctograph_core::error::Error::Infeasible`] for one that takes more.
-    pub fn fit(plan: &Plan, tolerance_m: f64) -> Result<Self> {
+    pub fn fit(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let (stretch, all) = (Stretch::new(plan)?, Self::fit_any_length(plan, tolerance_m)?);
         let n = all.pieces.len();
         if n <= MAX_PIECES {
@@ -53,10 +53,13 @@ impl Poly4d {
         let until_s = all.pieces[..MAX_PIECES - 1].iter().map(|piece| piece.duration_s).sum();
         let compressed = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
         let needs = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
-        let hint = format!(
-            "export it compressed ({compressed} of {TRAJECTORY_MEMORY_BYTES} bytes), or accept a larger \
-             distance from the design"
-        );
+        let other = match flies_heading(release, plan.yaw_rad) {
+            true => {
+                format!("export it compressed ({compressed} of {TRAJECTORY_MEMORY_BYTES} bytes)")
+            }
+            false => "send setpoints over the radio (script for cflib)".to_owned(),
+        };
+        let hint = format!("{other}, or accept a larger distance from the design");
         Err(stretch.too_long(until_s, &needs, &hint))
     }
 
@@ -202,6 +205,7 @@ mod tests {
     use super::super::pieces::motion;
     use super::super::tests::{Row, assert_same, checked_m, read, waves};
     use super::*;
+    use noctograph_core::plan::PlanData;
     use noctograph_letters::{LetterOptions, write};
     use noctograph_plan::{PlanOptions, plan};
 
@@ -210,7 +214,7 @@ mod tests {
         let plan = plan(&write("I", &LetterOptions::default()).unwrap(), &PlanOptions::even());
         let (plan, stretch) =
             (plan.as_ref().unwrap(), Stretch::new(plan.as_ref().unwrap()).unwrap());
-        let one = Poly4d::fit(plan, 0.005).unwrap();
+        let one = Poly4d::fit(Release::MODELED, plan, 0.005).unwrap();
         // It starts 2 s after another drone of its fleet.
         let timeline = Timeline::new(plan, &stretch, stretch.start_s() - 2.0, one.ends_m());
         let all = one.clone().flight(&timeline, 0.5).unwrap();
@@ -250,7 +254,7 @@ mod tests {
     fn noor_fits_at_five_millimeters_and_not_at_one() {
         let strokes = write("NOOR", &LetterOptions::default()).unwrap();
         let plan = plan(&strokes, &PlanOptions::even()).unwrap();
-        let trajectory = Poly4d::fit(&plan, 0.005).unwrap();
+        let trajectory = Poly4d::fit(Release::MODELED, &plan, 0.005).unwrap();
         let (n, stretch) = (trajectory.pieces.len(), Stretch::new(&plan).unwrap());
         let worst_m = checked_m(&stretch, &trajectory.pieces);
         assert!(n <= MAX_PIECES && worst_m <= 0.005 + 1e-9, "{n} pieces, {worst_m} m");
@@ -263,9 +267,14 @@ mod tests {
                 "at {ms} ms: {v} {a}"
             );
         }
-        let error = Poly4d::fit(&plan, 0.001).unwrap_err();
+        let error = Poly4d::fit(Release::MODELED, &plan, 0.001).unwrap_err();
         assert!(error.to_string().contains("of 4 letters fit"), "{error}");
         assert!(error.hint().contains("compressed"), "{}", error.hint());
+        let turned = Plan::made(PlanData { yaw_rad: 0.5, ..plan.into_data() });
+        for (release, is_advised) in [(Release::R2026_04, false), (Release::R2026_08, true)] {
+            let hint = Poly4d::fit(release, &turned, 0.001).unwrap_err().hint().to_owned();
+            assert_eq!(hint.contains("compressed"), is_advised, "{release:?} flies it: {hint}");
+        }
     }
 
     proptest::proptest! {

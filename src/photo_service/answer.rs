@@ -17,7 +17,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{bounds, simplify};
 use noctograph_core::strokes::{Source, SourceStroke, Strokes};
 use noctograph_export::zip::zip;
-use noctograph_export::{File, Form, Format as ExportFormat, Mode};
+use noctograph_export::{File, Form, Format as ExportFormat};
 use noctograph_picture::expose::BackendChoice;
 use noctograph_picture::photo::jpeg;
 use noctograph_pipeline::preflight::{CheckedExport, ExportOptions, Profile, make_exportable};
@@ -349,8 +349,8 @@ impl Studio<'_> {
         let told = |error| message(&error, subject);
         let (PreparedScene { mut scene, profile }, strokes) =
             self.drawn(subject, LARGE).map_err(told)?;
-        let (format, mode) = (ExportFormat::Cflib, Mode::default());
-        make_exportable(&mut scene, Some(&profile), format, mode);
+        let format = ExportFormat::Cflib;
+        let mode = make_exportable(&mut scene, Some(&profile), format, None).map_err(told)?;
         let tolerance_m = Form::Compressed.tolerance_m();
         let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
         let shoot = Shoot::of_strokes(scene, strokes, &|_| Ok(()));

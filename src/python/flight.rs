@@ -11,8 +11,8 @@ use super::estimator::PyEstimator;
 use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{
-    Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, run, run_showing, save,
-    text_of,
+    Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, run, run_showing,
+    save_with, text_of,
 };
 use noctograph::error::{Error, Result};
 use noctograph::flight::table::MAX_DURATION_S;
@@ -217,9 +217,11 @@ impl PyFlight {
         text_of(|csv| self.flight.write_csv(csv))
     }
 
-    /// Writes ``to_csv`` to a file, which appears when it is whole.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        save(py, &path, self.to_csv().as_bytes())
+    /// Writes ``to_csv`` to a file, which appears when it is whole. A scene stands beside it as
+    /// ``NAME.scene.toml`` then, with the file's digest, as the command line writes them.
+    #[pyo3(signature = (path, scene=None))]
+    fn save(&self, py: Python<'_>, path: PathBuf, scene: Option<&PyScene>) -> PyResult<()> {
+        save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
     /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.

@@ -23,8 +23,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 
 use noctograph::error::{Error, Result, Segment};
+use noctograph::scene::CarriedScene;
 use noctograph::shoot::Stop;
 use noctograph_core::files::Output;
+
+use self::scene::PyScene;
 
 /// Time between two looks for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
@@ -123,6 +126,16 @@ fn reduced(object: &Bound<'_, PyAny>, read: &str, text: String) -> PyResult<Redu
 fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
     let written = Output::create(path).and_then(|file| file.keep(bytes));
     written.map(|_path| ()).map_err(|error| raised(py, &error))
+}
+
+/// Writes a plan or a flight, with its scene beside it if one is given.
+fn save_with(py: Python<'_>, path: &Path, bytes: &[u8], scene: Option<&PyScene>) -> PyResult<()> {
+    let Some(PyScene(scene)) = scene else { return save(py, path, bytes) };
+    let written = Output::create(path).and_then(|file| {
+        let beside = Output::create(&CarriedScene::place(path))?;
+        CarriedScene::keep_with(file.write_with(|out| out.write_all(bytes))?, beside, scene)
+    });
+    written.map(|_paths| ()).map_err(|error| raised(py, &error))
 }
 
 /// Plain data as objects of Python.

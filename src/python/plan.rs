@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use super::columns::Columns;
 use super::scene::PyScene;
-use super::{Reduced, array, arrays, data_frame, raised, reduced, run, save, text_of};
+use super::{Reduced, array, arrays, data_frame, raised, reduced, run, save_with, text_of};
 use noctograph::plan::{Plan, PlanData, Setpoint};
 use noctograph::report::plan_view;
 use noctograph::shoot::{Shoot, Stop};
@@ -149,9 +149,11 @@ impl PyPlan {
         text_of(|csv| self.0.write_csv(csv))
     }
 
-    /// Writes ``to_csv`` to a file, which appears when it is whole.
-    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        save(py, &path, self.to_csv().as_bytes())
+    /// Writes ``to_csv`` to a file, which appears when it is whole. A scene stands beside it as
+    /// ``NAME.scene.toml`` then, with the file's digest, as the command line writes them.
+    #[pyo3(signature = (path, scene=None))]
+    fn save(&self, py: Python<'_>, path: PathBuf, scene: Option<&PyScene>) -> PyResult<()> {
+        save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
     /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.

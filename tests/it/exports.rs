@@ -463,6 +463,38 @@ fn a_heading_is_exported_for_the_releases_that_fly_it_and_refused_for_others() {
 }
 
 #[test]
+fn a_script_sends_the_setpoints_that_check_flies_and_no_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let lee = ["--set", "controller.kind=geometric", "--set", "plan.style.acceleration_m_s2=0.5"];
+    let pid = ["--set", "controller.kind=pid"];
+    let states = [&pid[..], &["--set", "controller.setpoints=full-state"]].concat();
+    let lqr = ["--set", "controller.kind=lqr"];
+    let ahead = ["--set", "controller.kind=lqr-feedforward"];
+    let scenes: [(&[&str], _, _); 5] = [
+        (&lee, "full-state", "position"),
+        (&pid, "position", ""),
+        (&states, "full-state", ""),
+        (&lqr, "position", "full-state"),
+        (&ahead, "full-state", "position"),
+    ];
+    for (scene, sends, refuses) in scenes {
+        let to = ["export", "I", "--to", "cflib", "--unchecked", "-o", "I.py"];
+        let to = [&to[..], scene].concat();
+        let (code, _, said) = run(folder.path(), &to);
+        assert_eq!(code, 0, "{scene:?}: {said}");
+        let data = data(&folder.path().join("I.py"));
+        assert_eq!(data["mode"], sends, "{scene:?}");
+        for mode in ["position", "full-state"] {
+            let is_refused = data["refused"].get(mode).is_some();
+            assert_eq!(is_refused, mode == refuses, "{scene:?}: {}", data["refused"]);
+            let (code, _, said) = run(folder.path(), &[&to[..], &["--mode", mode]].concat());
+            assert_eq!(code, 2 * i32::from(is_refused), "{scene:?} {mode}: {said}");
+            assert!(!is_refused || said.contains(sends), "{said}");
+        }
+    }
+}
+
+#[test]
 fn a_script_of_setpoints_refuses_its_trajectory_by_the_scenes_release() {
     let folder = tempfile::tempdir().unwrap();
     for (release, yaw, is_refused, turns) in [
@@ -476,7 +508,7 @@ fn a_script_of_setpoints_refuses_its_trajectory_by_the_scenes_release() {
         assert_eq!(run(folder.path(), &[&to[..], &set].concat()).0, 0);
         let data = data(&folder.path().join("I.py"));
         let trajectory = &data["trajectory"];
-        let said = trajectory["refused"].to_string();
+        let said = data["refused"]["trajectory"].to_string();
         assert_eq!(said.contains("a heading of 28.6°"), is_refused, "{release} {yaw}: {said}");
         assert_eq!(trajectory["hex"] == "", is_refused, "{release} {yaw}");
         assert!(is_refused || trajectory["turns"] == turns, "{release} {yaw}: {trajectory}");

@@ -193,11 +193,23 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     assert!(said.contains("both: found no plan-2.csv"), "{said}");
     assert_eq!(run(parent, &["check", "both/plan-1.csv"]).1["drones"], json!(1), "named alone");
 
-    // A drone fewer leaves the plan of an earlier one, which is not flown along.
+    // A drone fewer takes the plan of an earlier set with it, but none of another origin.
     plan("NO", "3", "three");
     plan("HI", "2", "three");
-    let said = refused(parent, &["check", "three"]);
-    assert!(said.contains("three/plan-3.csv: found"), "{said}");
+    assert_eq!(names_in(&parent.join("three")), ["plan-1.csv", "plan-2.csv", "scene.toml"]);
+    assert_eq!(run(parent, &["check", "three"]).1["drones"], json!(2));
+    copy(parent, "other/plan-1.csv", "three/plan-3.csv");
+    let before = text(&parent.join("three/scene.toml"));
+    let said = refused(parent, &["plan", "OH", "--drones", "2", "-o", "three"]);
+    assert!(
+        said.contains("three: found plan-3.csv, wanted no plan of more than 2 drones"),
+        "{said}"
+    );
+    assert_eq!(text(&parent.join("three/scene.toml")), before, "nothing is written");
+    preview(parent, &["HI", "--drones", "2", "-o", "less"]);
+    preview(parent, &["I", "-o", "less"]);
+    let numbered = names_in(&parent.join("less")).into_iter().filter(|name| name.contains('-'));
+    assert_eq!(numbered.count(), 0, "plans and flights of two drones");
 
     preview(parent, &["I", "-o", "out"]);
     for name in ["plan.csv", "flight.csv"] {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 use super::output::{Output, STANDARD_OUTPUT, WholeFile};
-use super::staging::{Place, folder_in, locked};
+use super::staging::{Former, Place, folder_in, locked};
 use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 
@@ -27,6 +27,8 @@ pub struct OutputFolder {
     names: Vec<String>,
     /// The one that has its name before the others.
     first: usize,
+    /// Files of an earlier set, which go when this one is there.
+    former: Vec<PathBuf>,
 }
 
 impl OutputFolder {
@@ -45,7 +47,8 @@ impl OutputFolder {
         let made = !path.exists();
         std::fs::create_dir_all(path).map_err(unwritable)?;
         let (staging, lock) = folder_in(path).map_err(unwritable)?;
-        Ok(Self { path: path.to_owned(), staging, lock, made, names: Vec::new(), first: 0 })
+        let (path, names, former) = (path.to_owned(), Vec::new(), Vec::new());
+        Ok(Self { path, staging, lock, made, names, first: 0, former })
     }
 
     /// Checks before the long work that the files of these names can be written.
@@ -99,6 +102,11 @@ impl OutputFolder {
         Ok(sha256)
     }
 
+    /// Has files of an earlier set removed when this one has its names.
+    pub fn replaces(&mut self, former: Vec<PathBuf>) {
+        self.former.extend(former);
+    }
+
     /// Renames all staged files to their final names, in the order of writing but for the first.
     ///
     /// # Errors
@@ -109,10 +117,15 @@ impl OutputFolder {
         let _lock = locked(&self.path);
         let ready = self.names.iter().map(|name| self.ready(name)).collect::<Result<Vec<_>>>()?;
         let mut ready: Vec<_> = ready.into_iter().map(Some).collect();
+        let mut former = Former::default();
         for index in std::iter::once(self.first).chain(0..self.names.len()) {
             if let Some(file) = ready.get_mut(index).and_then(Option::take) {
-                file.keep()?;
+                former.replaced(file.place(), || file.keep())?;
             }
+        }
+        former.forget();
+        for path in &self.former {
+            std::fs::remove_file(path).map_err(|source| Error::write(path, source))?;
         }
         Ok(self.names.iter().map(|name| self.path.join(name)).collect())
     }
@@ -150,6 +163,15 @@ enum Whereto {
 }
 
 impl Ready {
+    /// The file that it replaces.
+    fn place(&self) -> Option<PathBuf> {
+        match &self.place {
+            Whereto::Renamed(_) => Some(self.path.clone()),
+            Whereto::Linked(file) => file.place().map(Path::to_owned),
+            Whereto::Through(_) => None,
+        }
+    }
+
     fn keep(self) -> Result<()> {
         let Self { staged, path, place } = self;
         let named = match place {
@@ -243,6 +265,21 @@ mod tests {
         let error = folder.keep().unwrap_err().to_string();
         assert!(error.contains("b.txt"), "{error}");
         assert_eq!(std::fs::read_to_string(parent.path().join("a.txt")).unwrap(), "old");
+    }
+
+    #[test]
+    fn a_set_replaces_what_the_earlier_one_has_more() {
+        let parent = tempfile::tempdir().unwrap();
+        let path = |name: &str| parent.path().join(name);
+        for name in ["plan-1.csv", "plan-2.csv", "notes.txt"] {
+            std::fs::write(path(name), "old").unwrap();
+        }
+        let mut folder = OutputFolder::create(parent.path()).unwrap();
+        folder.replaces(vec![path("plan-2.csv")]);
+        folder.write("plan-1.csv", b"new").unwrap();
+        assert!(path("plan-2.csv").exists(), "not yet");
+        folder.keep().unwrap();
+        assert!(!path("plan-2.csv").exists() && path("notes.txt").exists());
     }
 
     #[cfg(target_os = "linux")]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use super::staging::{Place, file_in, locked_soon};
+use super::staging::{Former, Place, file_in, locked_soon};
 use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 use crate::input_error;
@@ -166,20 +166,31 @@ impl WholeFile {
         }
     }
 
+    /// The regular file that it replaces.
+    pub(super) fn place(&self) -> Option<&Path> {
+        self.staged.as_ref().map(|(_, place)| place.as_path())
+    }
+
     /// Gives files of one folder their names, in their order, while no other program does.
     ///
     /// # Errors
     ///
-    /// As [`Self::keep`].
+    /// As [`Self::keep`]; then all files are as they were before.
     pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
-        let mut staged = files.iter().filter_map(|file| file.staged.as_ref());
-        let _lock = staged.next().and_then(|(_, place)| locked_soon(folder(place)));
-        files.into_iter().map(Self::keep).collect()
+        let _lock = files.iter().find_map(Self::place).and_then(|place| locked_soon(folder(place)));
+        let mut former = Former::default();
+        let named = files.into_iter().map(|file| {
+            let place = file.place().map(Path::to_owned);
+            former.replaced(place, || file.keep())
+        });
+        let named = named.collect::<Result<Vec<_>>>()?;
+        former.forget();
+        Ok(named)
     }
 }
 
 /// The folder of a file.
-fn folder(path: &Path) -> &Path {
+pub(super) fn folder(path: &Path) -> &Path {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
 }
@@ -338,6 +349,20 @@ mod tests {
         folder.lock().unwrap();
         write("c");
         assert_eq!(text(&names[1]), "c");
+    }
+
+    #[test]
+    fn where_one_of_several_files_gets_no_name_all_are_as_they_were() {
+        let parent = tempfile::tempdir().unwrap();
+        let names = ["old.csv", "new.csv", "taken.csv"].map(|name| parent.path().join(name));
+        std::fs::write(&names[0], "old").unwrap();
+        let outputs = names.each_ref().map(|path| Output::create(path).unwrap());
+        let whole = outputs.map(|it| it.write_with(|out| out.write_all(b"new")).unwrap());
+        std::fs::create_dir(&names[2]).unwrap();
+        assert!(WholeFile::keep_all(whole.into()).is_err());
+        assert_eq!((text(&names[0]), names[1].exists()), ("old".to_owned(), false));
+        let left = std::fs::read_dir(parent.path()).unwrap().count();
+        assert_eq!(left, 2, "old.csv and the folder that stood in the way");
     }
 
     #[test]

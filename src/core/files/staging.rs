@@ -5,11 +5,13 @@
 //! was left behind. Where a file system has no locks, files that are left behind stay.
 
 use std::fs::{File, FileType, OpenOptions, Permissions};
-use std::io::Result;
-use std::path::Path;
+use std::io::{ErrorKind, Result};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use tempfile::{Builder, NamedTempFile, TempDir};
+use tempfile::{Builder, NamedTempFile, TempDir, TempPath};
+
+use super::output::folder;
 
 const PREFIX: &str = ".noctograph-";
 const SUFFIX: &str = ".tmp";
@@ -79,7 +81,7 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
     // Renames take milliseconds. A folder that cannot be written is no reason to wait for ever.
     for _ in 0..LOCK_TRIES {
         match only_here(&folder.join(LOCK), true) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return None,
+            Err(error) if error.kind() == ErrorKind::NotFound => return None,
             Err(_) => std::thread::sleep(LOCK_PAUSE),
             file => return file.ok(),
         }
@@ -121,7 +123,7 @@ fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
     #[cfg(windows)]
     if is_folder {
         match only_here(&path.join(LOCK), false) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => return Err(error),
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
             _ => return std::fs::remove_dir_all(path),
         }
     }
@@ -163,18 +165,61 @@ impl Place {
     /// [`Error::Io`] for a folder, and without write permission.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
         let there = std::fs::metadata(path);
-        if there.as_ref().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound) {
+        if there.as_ref().is_err_and(|error| error.kind() == ErrorKind::NotFound) {
             return Ok(Self::Regular(None));
         }
         let there = there?;
         if there.is_dir() {
-            return Err(std::io::ErrorKind::IsADirectory.into());
+            return Err(ErrorKind::IsADirectory.into());
         }
         let file = OpenOptions::new().write(true).open(path)?;
         Ok(match there.is_file() {
             true => Self::Regular(Some(there.permissions())),
             false => Self::Through(file),
         })
+    }
+}
+
+/// What stands in the places of files that belong together, until all of these have their names: it
+/// is put back unless they do. A file system without hard links keeps nothing of it.
+#[derive(Debug, Default)]
+pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
+
+impl Former {
+    /// Puts a file in its place, and remembers what stood there.
+    pub(super) fn replaced<T, E>(
+        &mut self,
+        place: Option<PathBuf>,
+        replace: impl FnOnce() -> std::result::Result<T, E>,
+    ) -> std::result::Result<T, E> {
+        let linked = place.map(|place| {
+            let link = |to: &Path| std::fs::hard_link(&place, to);
+            let link = Builder::new().prefix(PREFIX).suffix(SUFFIX).make_in(folder(&place), link);
+            (place, link)
+        });
+        let replaced = replace()?;
+        self.0.extend(linked.and_then(|(place, link)| match link {
+            Ok(link) => Some((place, Some(link.into_temp_path()))),
+            Err(error) => (error.kind() == ErrorKind::NotFound).then_some((place, None)),
+        }));
+        Ok(replaced)
+    }
+
+    /// All files have their names.
+    pub(super) fn forget(mut self) {
+        self.0.clear();
+    }
+}
+
+impl Drop for Former {
+    fn drop(&mut self) {
+        for (place, link) in self.0.drain(..).rev() {
+            // Nothing is left to be done where that fails.
+            let _ = match link {
+                Some(link) => link.persist(&place).map_err(|error| error.error),
+                None => std::fs::remove_file(&place),
+            };
+        }
     }
 }
 

@@ -50,8 +50,18 @@ pub struct ExportedFiles {
 }
 
 /// Makes a scene the one that an export flies: as slow as a profile where one is given, paced by a
-/// clock that its script can set, and with the setpoints of the script.
-pub fn make_exportable(scene: &mut Scene, slow: Option<&Profile>, format: Format, mode: Mode) {
+/// clock that its script can set, and with the setpoints of the script. Returns the script's mode:
+/// the given one, or that of the setpoints that `check` flies.
+///
+/// # Errors
+///
+/// [`Error::Input`] for setpoints with which no flight under the scene's controller is checked.
+pub fn make_exportable(
+    scene: &mut Scene,
+    slow: Option<&Profile>,
+    format: Format,
+    mode: Option<Mode>,
+) -> Result<Mode> {
     if let Some(profile) = slow {
         profile.slow(scene);
     }
@@ -59,9 +69,26 @@ pub fn make_exportable(scene: &mut Scene, slow: Option<&Profile>, format: Format
     if scene.trajectory_clock() != 1.0 {
         scene.plan.trajectory_clock.get_or_insert(1.0);
     }
-    if format == Format::Cflib && mode == Mode::FullState {
-        scene.controller.setpoints = SetpointKind::FullState;
+    let kind = SetpointKind::ALL.iter().find(|kind| mode == Some(Mode::from(**kind)));
+    if let Some(kind) = kind.filter(|_| format == Format::Cflib) {
+        send(scene, *kind)?;
     }
+    Ok(mode.unwrap_or(scene.controller.sends().into()))
+}
+
+/// Gives a scene the setpoints that a script sends, where its controller flies them.
+fn send(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
+    let controller = &mut scene.controller;
+    if controller.kind.law() == Law::Cascade {
+        controller.setpoints = kind;
+    }
+    let flies = controller.sends();
+    if flies == kind {
+        return Ok(());
+    }
+    let hint =
+        format!("no flight of controller.kind = {} is checked with others", controller.kind.name());
+    Err(Error::input("the mode", kind.name(), format!("{}, or trajectory", flies.name()), hint))
 }
 
 impl CheckedExport {
@@ -103,19 +130,16 @@ impl CheckedExport {
     /// As [`export`].
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
-        let ExportOptions { format, mode, tolerance_m, profile, is_unchecked } = options;
+        let ExportOptions { format, mode, tolerance_m, .. } = options;
         // The script of setpoints can be told to fly the trajectory, if that is safe as well.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
-                let is_safe = |shoot: &Shoot| {
-                    preflight(shoot, profile)
-                        .is_ok_and(|it| !it.findings.iter().any(Diagnostic::is_stop))
-                };
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
-                on_board.ok().filter(|on_board| *is_unchecked || is_safe(on_board))
+                on_board.ok().filter(|on_board| self.may_fly(on_board))
             }
             _ => trajectory.clone(),
         };
+        let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
@@ -131,6 +155,7 @@ impl CheckedExport {
             camera: &shoot.scene.camera.camera(bounds_m(shoot), 0.0)?,
             tolerance_m: *tolerance_m,
             mode: *mode,
+            refused: &refused,
             trajectory_clock: shoot.scene.trajectory_clock(),
             checks,
         };
@@ -138,6 +163,30 @@ impl CheckedExport {
             files: export(*format, &job)?,
             deviation_m: deviation_m(*format, &job)?,
         })
+    }
+
+    /// Setpoints that the script must not be told to send, and why: those that its controller does
+    /// not fly, and those that are not safe.
+    fn refused(&self) -> Vec<(Mode, String)> {
+        let others =
+            SetpointKind::ALL.iter().filter(|kind| Mode::from(**kind) != self.options.mode);
+        let reason = |kind: &SetpointKind| {
+            let mut shoot = self.shoot.clone();
+            if let Err(error) = send(&mut shoot.scene, *kind) {
+                return Some(error.hint().to_owned());
+            }
+            let unsafe_because = "the flight is not safe with these setpoints: export it with them to \
+                                  see why";
+            (!self.may_fly(&shoot)).then(|| unsafe_because.to_owned())
+        };
+        others.filter_map(|kind| Some(((*kind).into(), reason(kind)?))).collect()
+    }
+
+    /// Whether nothing stops another flight of the plans, where that is asked for.
+    fn may_fly(&self, shoot: &Shoot) -> bool {
+        let findings = || preflight(shoot, &self.options.profile).map(|it| it.findings);
+        self.options.is_unchecked
+            || findings().is_ok_and(|rows| !rows.iter().any(Diagnostic::is_stop))
     }
 }
 

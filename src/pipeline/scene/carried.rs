@@ -5,12 +5,13 @@
 //! that compares them: a plan beside the scene of another one would be checked in another room.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use super::{Scene, folder_of, text};
 use noctograph_core::digest::Digest;
 use noctograph_core::error::{Error, Place, Result};
-use noctograph_core::files::Limit;
+use noctograph_core::files::{Limit, Output, WholeFile};
 use noctograph_logs::scene_in;
 
 /// Ending of the scene file of a plan or a flight, in the place of theirs, and name of the one of
@@ -67,6 +68,11 @@ impl CarriedScene {
             carried.check_digest(path, &digests)?;
         }
         Ok(Some(carried))
+    }
+
+    /// Whether a plan or a flight is of the set that the scene beside it was written with.
+    pub fn binds(path: &Path) -> bool {
+        Self::read(path).is_ok_and(|carried| carried.is_some_and(|it| it.is_bound))
     }
 
     /// Checks that a file is one of those that the scene was written with.
@@ -161,6 +167,24 @@ impl CarriedScene {
     /// The text of a scene file beside files of these names and digests.
     pub fn text(toml: &str, files: impl IntoIterator<Item = (String, String)>) -> String {
         toml.to_owned() + &text::of_digests(files.into_iter().collect())
+    }
+
+    /// Gives a plan or a flight, its scene and what that names their names, the plan first.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::beside`] and [`WholeFile::keep_all`].
+    pub fn keep_with(file: WholeFile, beside: Output, scene: &Scene) -> Result<Vec<PathBuf>> {
+        let scene = scene.beside(file.path())?;
+        let toml = Self::text(&scene.toml, [(file.name(), file.sha256().to_owned())]);
+        let mut files = scene.write_copies(file.path())?;
+        files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
+        files.push(file);
+        // A kill between the names leaves the new scene, which no other plan fits: never a plan
+        // without the scene that it has.
+        let mut files = WholeFile::keep_all(files)?;
+        files.reverse();
+        Ok(files)
     }
 
     /// The scene with settings laid over it, see [`Scene::parse_with`].

@@ -3,13 +3,14 @@
 //! In memory a scene has paths of this machine. In a file it has names from that file's folder on,
 //! so that a folder can be moved and handed on, and no folder of this machine is told.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use toml::{Table, Value};
 
 use super::Scene;
 use noctograph_core::error::Result;
-use noctograph_core::files::{Limit, file_name, name_from, path_from};
+use noctograph_core::files::{Limit, Output, WholeFile, file_name, name_from, path_from};
 
 /// The largest of the files: a typeface, a drawing or a background.
 const LIMIT: Limit =
@@ -25,6 +26,20 @@ pub struct SceneFiles {
     pub toml: String,
     /// Copies, with their names.
     pub copies: Vec<(String, Vec<u8>)>,
+}
+
+impl SceneFiles {
+    /// Writes the copies beside a file, without their names yet.
+    ///
+    /// # Errors
+    ///
+    /// As [`Output::write_with`].
+    pub fn write_copies(&self, path: &Path) -> Result<Vec<WholeFile>> {
+        let write = |(name, bytes): &(String, Vec<u8>)| {
+            Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
+        };
+        self.copies.iter().map(write).collect()
+    }
 }
 
 impl Scene {

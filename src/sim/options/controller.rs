@@ -208,6 +208,17 @@ pub enum Law {
     Own,
 }
 
+impl ControllerOptions {
+    /// What the host sends while the drone writes, and every check flies.
+    pub fn sends(&self) -> SetpointKind {
+        match self.kind {
+            ControllerKind::Pid => self.setpoints,
+            kind if kind.follows_design() => SetpointKind::FullState,
+            _ => SetpointKind::Position,
+        }
+    }
+}
+
 impl ControllerKind {
     /// Its law.
     pub fn law(self) -> Law {
