@@ -7,7 +7,8 @@ pub mod tables;
 
 pub use channel::{CHANNELS, COLOR_LED, Channel, HEADLIGHTS, RING};
 pub use fixture::{Die, Drive, Fixture, RING_LEDS};
-pub use options::{ColorLedLevels, Deck, LightOptions, RingColor, RingEffect, RingFade};
+pub use options::{ColorLedLevels, LightOptions, RingColor, RingEffect, RingFade};
+pub use tables::Deck;
 
 /// Channels of a plan for the color of the ring.
 pub const RING_COLORS: [&str; 3] = ["ring.red", "ring.green", "ring.blue"];

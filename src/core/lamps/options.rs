@@ -1,7 +1,6 @@
 //! Options: the lamps of the drone, and how they follow commands.
 
-use super::Fixture;
-use super::tables::{color_led, crazyflie, led_ring};
+use super::{Deck, Fixture};
 use crate::error::{Result, within};
 use crate::settings::{Described, settings};
 
@@ -91,28 +90,6 @@ settings! {
         "corrected" => Corrected,
         /// None.
         "plain" => Plain,
-    }
-
-    /// A deck with lamps.
-    pub enum Deck {
-        /// The LED-ring deck.
-        "led-ring" => LedRing,
-        /// The color LED deck.
-        "color-led" => ColorLed,
-        /// None.
-        "none" => None,
-    }
-}
-
-impl Deck {
-    /// The lamps of a Crazyflie 2.x with this deck.
-    pub fn fixtures(self) -> Vec<Fixture> {
-        let of_deck = match self {
-            Self::None => Vec::new(),
-            Self::LedRing => led_ring(),
-            Self::ColorLed => color_led(),
-        };
-        of_deck.into_iter().chain(crazyflie()).collect()
     }
 }
 

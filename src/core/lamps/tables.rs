@@ -8,7 +8,41 @@
 //! 120° wide, pulse width at 400 Hz or more). Chromaticities are those of gaussian spectra 20, 35
 //! and 25 nm wide at these wavelengths.
 
-use super::{Die, Drive, Fixture, HEADLIGHTS};
+use super::{COLOR_LED, Die, Drive, Fixture, HEADLIGHTS};
+use crate::settings::settings;
+
+settings! {
+    /// A deck with lamps.
+    pub enum Deck {
+        /// The LED-ring deck.
+        "led-ring" => LedRing,
+        /// The color LED deck.
+        "color-led" => ColorLed,
+        /// None.
+        "none" => None,
+    }
+}
+
+impl Deck {
+    /// Its lamps, and the channel on which it writes unless the scene names others.
+    fn row(self) -> (Vec<Fixture>, &'static str) {
+        match self {
+            Self::LedRing => (led_ring(), HEADLIGHTS),
+            Self::ColorLed => (color_led(), COLOR_LED.name),
+            Self::None => (Vec::new(), HEADLIGHTS),
+        }
+    }
+
+    /// The lamps of a Crazyflie 2.x with this deck.
+    pub fn fixtures(self) -> Vec<Fixture> {
+        self.row().0.into_iter().chain(crazyflie()).collect()
+    }
+
+    /// The channel on which it writes unless the scene names others.
+    pub fn channel(self) -> &'static str {
+        self.row().1
+    }
+}
 
 /// Red, 622 nm.
 const RED: [f64; 2] = [0.694, 0.306];

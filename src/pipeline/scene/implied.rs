@@ -5,6 +5,7 @@ use toml::{Table, Value};
 
 use super::Scene;
 use noctograph_core::camera::Metering;
+use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_picture::light::{Deck, RING, RingColor, RingEffect};
 use noctograph_plan::PlanOptions;
 
@@ -29,9 +30,11 @@ pub(super) const RULES: [Rule; 4] = [
         when: "light.deck = \"color-led\"",
         then: "plan.lights = [\"color-led\"]: it has no headlights beside it",
         apply: |scene, layers| {
-            let color_led = Deck::ColorLed.name();
-            if last_name(layers, "light.deck") == Some(color_led) {
-                scene.plan.lights = vec![color_led.to_owned()];
+            let name = last_name(layers, "light.deck");
+            let deck = Deck::ALL.iter().find(|deck| Some(deck.name()) == name);
+            let channel = deck.map_or(HEADLIGHTS, |deck| deck.channel());
+            if channel != HEADLIGHTS {
+                scene.plan.lights = vec![channel.to_owned()];
             }
         },
     },

@@ -277,7 +277,21 @@ pub(super) fn outside(
 mod tests {
     use super::*;
     use noctograph_core::flight::DroneIndex;
-    use noctograph_picture::light::{Emitter, LightSample, LightTraceData};
+    use noctograph_picture::light::{Deck, Emitter, LightSample, LightTraceData};
+
+    /// A deck that is new goes into the advice where no lamp shines, and into the page.
+    #[test]
+    fn what_lists_the_decks_lists_all_of_them() {
+        let page = include_str!("../../serve/page/wish.js");
+        for deck in Deck::ALL.iter().filter(|deck| **deck != Deck::None) {
+            assert!(CHECK_LIGHT.contains(deck.channel()), "CHECK_LIGHT lacks {}", deck.name());
+            assert!(
+                page.contains(&format!("\"{}\"", deck.name())),
+                "wish.js lacks {}",
+                deck.name()
+            );
+        }
+    }
 
     #[test]
     fn a_lamp_writes_whatever_its_name() {
