@@ -41,7 +41,7 @@ fn camera() -> Camera {
 fn trace() -> LightTrace {
     if let Some(path) = std::env::var_os("NOCTOGRAPH_BENCH_CSV") {
         #[expect(clippy::disallowed_methods, reason = "a file of one's own")]
-        return read(&std::fs::read(path).unwrap(), "light trace").unwrap().0;
+        return read(&std::fs::read(path).unwrap(), "light trace").unwrap().product;
     }
     let mut csv = "t,x,y,z,r,g,b\n".to_owned();
     for i in 0..31_000 {
@@ -49,7 +49,7 @@ fn trace() -> LightTrace {
         let (x, y) = (1.6 * libm::sin(0.23 * t), 0.01 * libm::sin(5.0 * t));
         csv += &format!("{t},{x:.6},{y:.6},{:.6},1,0.55,0.12\n", 0.5 * libm::cos(0.71 * t));
     }
-    read(csv.as_bytes(), "figure").unwrap().0
+    read(csv.as_bytes(), "figure").unwrap().product
 }
 
 fn bench(c: &mut Criterion) {

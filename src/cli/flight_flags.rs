@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Args, Result, message, named, set_word, shell_word, warn_of};
+use crate::diagnostic::Warned;
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
@@ -111,7 +112,7 @@ impl FlightFlags {
         let mut recordings = Vec::new();
         for path in paths {
             let options = self.options(Some(&scene));
-            let (mut recording, warnings) = Recording::read(path, &options)?;
+            let Warned { product: mut recording, warnings } = Recording::read(path, &options)?;
             warn_of(path, &warnings);
             match &mut recording {
                 Recording::Flight(flight) if lit && flight.lights.is_empty() => {

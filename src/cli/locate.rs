@@ -158,7 +158,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         "nis_interval": nis_interval(located.ranges), "sigma_median_m": median_m,
         "sigma_max_m": worst_m, "clocks": clocks.collect::<Vec<_>>(),
         "residuals": located.links, "reference": errors, "links": links,
-        "warnings": located.warnings,
+        "warnings": located.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
     });
     let drones: Vec<usize> = (1..=located.position_m.len()).collect();
     let refused_frac = located.nis.map(|_| located.refused_frac);

@@ -103,6 +103,14 @@ impl Diagnostic {
         Self::new(code, Severity::Warning, message)
     }
 
+    /// Warnings with one code.
+    pub fn warnings(
+        code: &'static str,
+        messages: impl IntoIterator<Item: Into<String>>,
+    ) -> Vec<Self> {
+        messages.into_iter().map(|message| Self::warning(code, message)).collect()
+    }
+
     /// A check with its measured value, if there is one; [`Self::say`] adds the sentences.
     pub fn check(code: &'static str, severity: Severity, value: impl Into<Option<f64>>) -> Self {
         Self::new(code, severity, "").with_some("value", value.into())
@@ -284,10 +292,9 @@ pub struct Warned<T> {
 }
 
 impl<T> Warned<T> {
-    /// Takes the product, and adds the warnings to others.
-    pub fn into_product(self, warnings: &mut Vec<Diagnostic>) -> T {
-        warnings.extend(self.warnings);
-        self.product
+    /// The same beside a product that is made of it.
+    pub fn map<U>(self, make: impl FnOnce(T) -> U) -> Warned<U> {
+        Warned { product: make(self.product), warnings: self.warnings }
     }
 }
 

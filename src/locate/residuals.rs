@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::pass::together;
 use super::{Link, Located, RangeSample};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::statistics::median;
 
 /// Standard deviation of a normal distribution over its median absolute deviation.
@@ -113,9 +114,9 @@ impl Located {
     }
 
     /// What the ranges contradict, in words.
-    pub(super) fn contradictions(&self, sigma_m: f64) -> Vec<String> {
+    pub(super) fn contradictions(&self, sigma_m: f64) -> Vec<Diagnostic> {
         let suspects = self.links.iter().filter(|link| link.suspect);
-        suspects.map(|link| {
+        let suspects = suspects.map(|link| {
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
             let [median, scatter] = [link.median_m, link.scatter_m].map(|m| 100.0 * m);
             format!(
@@ -124,7 +125,8 @@ impl Located {
                  anchor is not where the file says, or clocks do not agree",
                 link.link
             )
-        }).chain(nis_warning(self.nis, self.ranges, sigma_m)).collect()
+        });
+        Diagnostic::warnings("ranges", suspects.chain(nis_warning(self.nis, self.ranges, sigma_m)))
     }
 }
 

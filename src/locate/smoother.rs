@@ -17,6 +17,7 @@ use super::residuals::LinkResidual;
 use super::solve::solve;
 use super::start::start;
 use super::{Link, RangeSample, Room};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
 /// Least standard deviation of a range for the place at the start.
@@ -64,7 +65,7 @@ pub struct Located {
     /// Residuals of every link.
     pub links: Vec<LinkResidual>,
     /// What the ranges contradict.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Diagnostic>,
 }
 
 /// Turns the ranges of `n_drones` into positions.

@@ -280,8 +280,9 @@ impl Studio<'_> {
         if subject.log.is_some() {
             let prepared = subject.prepared(self.scene, None, pixels).map_err(told)?;
             let PreparedScene { scene, profile } = prepared;
-            let (shoot, notes) = Shoot::of_log(scene, LOG.as_ref()).map_err(told)?;
-            let notes = notes.iter().map(|note| Message::of_log(note)).collect();
+            let log = Shoot::of_log(scene, LOG.as_ref()).map_err(told)?;
+            let notes = log.warnings.iter().map(Message::of_diagnostic).collect();
+            let shoot = log.product;
             return Ok(Ready { shoot, profile, source: None, notes });
         }
         let (PreparedScene { scene, profile }, strokes) =

@@ -174,7 +174,7 @@ pub(super) fn photograph(
                 raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
             })?;
             let read = Recording::read(&path, &ImportOptions::default());
-            read.map(|(recording, _)| recording).map_err(|error| raised(py, &error))
+            read.map(|read| read.product).map_err(|error| raised(py, &error))
         }
     };
     let recordings: Option<Vec<Recording>> =

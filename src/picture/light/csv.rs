@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use super::{Emitter, Lamp, LightSample, LightTrace, LightTraceData};
+use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, bracketed, simplified, unit};
 use noctograph_core::flight::stamps::unit_of;
@@ -69,13 +70,13 @@ pub fn is_light_trace(text: &[u8]) -> bool {
 }
 
 /// Reads the text of a light trace or of another program's light log; `file` is its name in
-/// messages. Also returns warnings of guesses and omissions.
+/// messages. Guesses and omissions are warnings.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] with line and column where a cell is not a number, time falls, or an intensity
 /// is negative.
-pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
+pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     let text = Text::decode(text);
     let mut head = Head::find(&text.bytes);
     let own = COLUMNS.iter().all(|column| head.has(column));
@@ -140,7 +141,8 @@ pub fn read(text: &[u8], file: &str) -> Result<(LightTrace, Vec<String>)> {
     }));
     warnings.extend(too_fast(&instants));
     let lamps = lit_runs(&instants).flat_map(lamps).collect();
-    Ok((LightTrace::new(LightTraceData { lamps })?, warnings))
+    let product = LightTrace::new(LightTraceData { lamps })?;
+    Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
 }
 
 /// A warning of a lamp that is faster in a tenth of its steps than any drone is.

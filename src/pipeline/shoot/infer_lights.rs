@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::{Recording, Shoot};
 use crate::scene::{Preset, Scene};
+use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, Quantity, airborne};
 use noctograph_logs::ImportOptions;
@@ -12,27 +13,29 @@ use noctograph_plan::infer_lights;
 
 impl Shoot {
     /// Photographs a flight, a log or a light trace; a log without lights has those of the scene's
-    /// word, or is lit all along. Beside it what one should know of the log.
+    /// word, or is lit all along. Warnings are those of the log.
     ///
     /// # Errors
     ///
     /// As [`Recording::read`], [`infer_lights_if_dark`] and [`Self::with_recordings`].
-    pub fn of_log(mut scene: Scene, path: &Path) -> Result<(Self, Vec<String>)> {
+    pub fn of_log(mut scene: Scene, path: &Path) -> Result<Warned<Self>> {
         let firmware = Some(scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
-        let (mut recording, mut notes) = Recording::read(path, &options)?;
+        let Warned { product: mut recording, mut warnings } = Recording::read(path, &options)?;
         if let Recording::Flight(flight) = &mut recording {
             if let Some(preset) = infer_lights_if_dark(flight, &mut scene)? {
-                notes.push(format!("the letters are those of {}", preset.name()));
+                let message = format!("the letters are those of {}", preset.name());
+                warnings.push(Diagnostic::warning("log", message));
             }
             if flight.lights.is_empty() {
                 if scene.has_strokes() {
-                    notes.push("lit all along: no setpoints tell where the lights were on".into());
+                    let message = "lit all along: no setpoints tell where the lights were on";
+                    warnings.push(Diagnostic::warning("log", message));
                 }
                 light_all_along(flight, &scene);
             }
         }
-        Ok((Self::with_recordings(scene, vec![recording])?, notes))
+        Ok(Warned { product: Self::with_recordings(scene, vec![recording])?, warnings })
     }
 }
 

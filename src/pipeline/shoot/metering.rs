@@ -179,7 +179,7 @@ mod tests {
             let t = f64::from(i) / 100.0;
             csv += &format!("{t},{:.4},0,0.75,{candela},{candela},{candela}\n", 0.2 * t - 0.2);
         }
-        let trace = read(csv.as_bytes(), "a.csv").unwrap().0;
+        let trace = read(csv.as_bytes(), "a.csv").unwrap().product;
         let mut options = CameraOptions {
             metering: Metering::Trail(TrailMetering::default()),
             shutter_close_s: Some(open_s),

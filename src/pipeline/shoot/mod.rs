@@ -24,6 +24,7 @@ use std::sync::{Arc, Mutex};
 use rayon::prelude::*;
 
 use crate::scene::Scene;
+use noctograph_core::diagnostic::Warned;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
 use noctograph_letters::Strokes;
@@ -146,19 +147,17 @@ impl Recording {
     /// # Errors
     ///
     /// As [`logs::import`] and [`read_light`].
-    pub fn read(path: &Path, options: &ImportOptions) -> Result<(Self, Vec<String>)> {
+    pub fn read(path: &Path, options: &ImportOptions) -> Result<Warned<Self>> {
         let flight = if path.is_dir() {
             logs::import(path, options)?
         } else {
             let (bytes, file) = (logs::read(path)?, path.display().to_string());
             if is_light_trace(&bytes) {
-                let (trace, warnings) = read_light(&bytes, &file)?;
-                return Ok((Self::Light(trace), warnings));
+                return Ok(read_light(&bytes, &file)?.map(Self::Light));
             }
             logs::import_bytes(&bytes, &file, options)?
         };
-        let warnings = flight.warnings.iter().map(ToString::to_string).collect();
-        Ok((Self::Flight(flight), warnings))
+        Ok(Warned { warnings: flight.warnings.clone(), product: Self::Flight(flight) })
     }
 }
 

@@ -18,6 +18,7 @@ use serde_saphyr::Spanned;
 
 use super::super::{Generation, Station};
 use super::from_yaml;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
@@ -69,7 +70,7 @@ pub struct LighthouseConfig {
     /// The base stations whose geometry is known, in the order of their channels.
     pub stations: Vec<Station>,
     /// Warnings about them.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Diagnostic>,
 }
 
 /// Reads a Lighthouse configuration file.
@@ -113,7 +114,7 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
     if !others.is_empty() {
         warnings.push(format!("{file}: {} is not known and has no effect", others.join(", ")));
     }
-    Ok(LighthouseConfig { stations, warnings })
+    Ok(LighthouseConfig { stations, warnings: Diagnostic::warnings("base-stations", warnings) })
 }
 
 fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
@@ -226,7 +227,10 @@ version: '1'
     fn stations_come_in_place_and_turned() {
         let LighthouseConfig { stations, warnings } = parse(BLOCK, "lh.yaml").unwrap();
         assert_eq!((stations.len(), warnings.len()), (2, 1));
-        assert!(warnings[0].contains("calibration of base station 0 has no"), "{warnings:?}");
+        assert!(
+            warnings[0].message.contains("calibration of base station 0 has no"),
+            "{warnings:?}"
+        );
         assert_eq!(stations[0].position_m[2], 3.152726888656616);
         let turned = StationPose::new(&stations[0]).world_from_station * Vector3::x();
         assert!((turned - Vector3::y()).norm() < 1e-15, "x becomes y");
@@ -238,9 +242,9 @@ version: '1'
         let v1 = parse(&BLOCK.replace("systemType: 2", "systemType: 1"), "lh.yaml").unwrap();
         assert!(v1.stations.iter().all(|s| s.generation == Generation::V1));
         let homeless = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
-        assert!(homeless.warnings[0].contains("station 7 is left out"), "{homeless:?}");
+        assert!(homeless.warnings[0].message.contains("station 7 is left out"), "{homeless:?}");
         let other = parse(&format!("{BLOCK}wind: 3\n"), "lh.yaml").unwrap();
-        assert!(other.warnings[1].contains("wind (line 36) is not known"), "{other:?}");
+        assert!(other.warnings[1].message.contains("wind (line 36) is not known"), "{other:?}");
     }
 
     #[test]
