@@ -215,7 +215,7 @@ mod tests {
                 let t = f64::from(i) / 100.0;
                 csv += &format!("{t},{:.4},0,0.75,{r},{g},{b}\n", 0.2 * t - 0.2);
             }
-            let trace = read(csv.as_bytes(), "a.csv").unwrap().0;
+            let trace = read(csv.as_bytes(), "a.csv").unwrap().product;
             let options = CameraOptions {
                 metering: Metering::Trail(TrailMetering::default()),
                 ..CameraOptions::default()
