@@ -33,8 +33,10 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let (mut row, n_lost) = (value(measures), measures.n_lost);
         row["marks"] = ((1000.0 * measures.legibility.value).round() / 10.0).into();
-        let lost = || format!("lost on {n_lost} of {} flights", measures.n_flights);
-        row["note"] = if n_lost > 0 { lost().into() } else { Value::Null };
+        let lost = (n_lost > 0).then(|| format!("lost on {n_lost} of {}", measures.n_flights));
+        let lost = lost.map(|lost| lost + " flights");
+        let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
+        row["note"] = lost.into_iter().chain(equal).collect::<Vec<_>>().join("; ").into();
         row
     });
     let unranked = ranking.unranked.iter().map(|unranked| {
@@ -98,14 +100,21 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
+/// A text without control characters, which a terminal would obey.
+fn plain(text: &str) -> String {
+    let escaped =
+        |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.chars().map(escaped).collect()
+}
+
 /// A JSON value as a CSV cell. A spreadsheet takes a text that begins with one of `=+-@` for a
 /// formula: such a name, which a submission chooses, stands behind an apostrophe (OWASP, CSV
 /// injection).
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => format!("'{text}"),
-        Value::String(text) => text.clone(),
+        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => format!("'{}", plain(text)),
+        Value::String(text) => plain(text),
         // As Rust prints it: without an exponent.
         Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),
         other => other.to_string(),
