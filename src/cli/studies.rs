@@ -30,7 +30,7 @@ pub(super) struct StudyFlags {
     /// Seeds of each word [default: rank 50, or 100 with --task; tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
-    /// Seed that all seeds are drawn from
+    /// Seed that all seeds are drawn from; of 2^32 and above, nobody finds them by trial
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
     /// How flights differ from their scene: room (the scene's drone, another room and evening),

@@ -343,7 +343,8 @@ def grade(
     seeds : int
         Seeds of each word.
     seed : int, optional
-        Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has.
+        Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has. One
+        below 2**32 can be found by trial, in flight.
     workers : int, optional
         Controllers in Python that run at once; by default one for each core. The marks are the same.
     limits : Limits, optional
