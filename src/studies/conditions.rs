@@ -8,8 +8,8 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use rand::rngs::ChaCha8Rng;
 use rand::RngExt;
+use rand::rngs::ChaCha8Rng;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;

@@ -141,7 +141,8 @@ mod tests {
             std::fs::write(folder.path().join(name), lqr).unwrap();
         }
         #[cfg(unix)]
-        for (name, target) in [("fay.toml", "gone.toml"), ("gus.toml", "anna.toml"), ("h", "bo_12")] {
+        for (name, target) in [("fay.toml", "gone.toml"), ("gus.toml", "anna.toml"), ("h", "bo_12")]
+        {
             std::os::unix::fs::symlink(target, folder.path().join(name)).unwrap();
         }
         let task = SceneTask::new(Scene::find("cf21", &[]).unwrap().scene, &[]).unwrap();

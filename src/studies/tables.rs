@@ -113,7 +113,9 @@ fn plain(text: &str) -> String {
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => format!("'{}", plain(text)),
+        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => {
+            format!("'{}", plain(text))
+        }
         Value::String(text) => plain(text),
         // As Rust prints it: without an exponent.
         Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),

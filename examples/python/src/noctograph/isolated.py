@@ -185,7 +185,7 @@ def handed_in(code: CodeType, scene: Scene) -> tuple[Any, Any]:
     controller = next((it for it in found if it is not None), None)
     if controller is None and estimator is None:
         raise TypeError("no class with __call__ and no function of state and reference")
-    return _made(controller, scene), estimator
+    return None if controller is None else _made(controller, scene), estimator
 
 
 def said(error: BaseException) -> str:
@@ -226,7 +226,8 @@ def estimate(makes: list[Any], running: list[Any], message: bytes) -> bytes:
         running.append(makes[len(running)](vector(asked["start"])))
         return b""
     readings = {name: vector(it) if name in VECTORS else it for name, it in asked["readings"].items()}
-    return numbers(running[asked["flight"]](readings, asked["tick_s"]), (12,), "state").astype(float).tobytes()
+    state = numbers(running[asked["flight"]](readings, asked["tick_s"]), (12,), "state")
+    return bytes(state.astype(float))
 
 
 def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
