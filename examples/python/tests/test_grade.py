@@ -62,7 +62,7 @@ CHEATS = {
     "child.py": ("import ctypes\nlibc = ctypes.CDLL(None)\nif libc.fork() == 0:\n    libc.sleep(60)\n"
                  "def controller(state, reference):\n" + ZERO, "failed: it flies with 0 threads and 2 processes more"),
     "starts.py": ("import _thread\ndef controller(state, reference):\n    _thread.start_new_thread(print, ())\n"
-                  + ZERO, "failed: _thread.start_new_thread is not a controller's, line 3"),
+                  + ZERO, "failed: RuntimeError: can't start new thread, line 3"),
     "asks.py": ("import subprocess\nsubprocess.run(['id'])\ndef controller(state, reference):\n" + ZERO,
                 "failed: PermissionError: subprocess.Popen id is not a controller's, line 2"),
     "patches.py": ("import noctograph.isolated as grader\ngrader.numbers = lambda found, shape, what: found\n"

@@ -39,14 +39,18 @@ VECTORS = ("rate_rad_s", "specific_force_m_s2", "position_m")
 #: Audit events that no controller has a reason for, but for files of its own folder and what imports do.
 NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
 IMPORTS = ("os.listdir", "os.scandir", "os.walk", "os.fwalk", "os.putenv", "os.unsetenv")
+#: Those whose first argument is a file, of its own folder perhaps.
+FILES = ("open", "os.chmod", "os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate", "os.utime", "shutil.")
 #: Those that it has no reason for once it flies.
-FLYING = ("open", "sys._getframe", "gc.", "_thread.", *IMPORTS)
+FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
 #: What it may write while it is loaded, in its own folder, bytes.
 WRITTEN = 4 << 20
 # Linux: unshare(2), mount(2), mount_setattr(2), prctl(2), capset(2).
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
 NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR = 0x1000_0000, 1, 0x8000, 442
-DEATH_SIGNAL, DUMPABLE, SUBREAPER = 1, 4, 36
+DEATH_SIGNAL, DUMPABLE, SECCOMP, SUBREAPER, NO_NEW_PRIVILEGES = 1, 4, 22, 36, 38
+#: System calls that make a thread or a process: clone, fork, vfork, clone3.
+CLONES = {"x86_64": (56, 57, 58, 435), "aarch64": (220, 435)}
 BIND, CAPABILITIES = 0x1000 | 0x4000, 0x2008_0522
 
 
@@ -250,6 +254,19 @@ def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
         send(wire, b"m" + motors.tobytes())
 
 
+def bind() -> None:
+    """Forbids new threads and processes, by a filter of system calls (seccomp(2), in BPF), where that exists."""
+    calls = CLONES.get(os.uname().machine, ()) if sys.platform == "linux" else ()
+    steps = [(0x20, 0, 0, 0)]  # the call's number
+    steps += [(0x15, len(calls) - place, 0, call) for place, call in enumerate(calls)]  # one of them: to the last step
+    steps += [(0x06, 0, 0, 0x7FFF_0000), (0x06, 0, 0, 0x0005_0001)]  # allowed; EPERM
+    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))
+    if calls:
+        libc = ctypes.CDLL(None)
+        libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+        libc.prctl(SECCOMP, 2, struct.pack("HP", len(steps), ctypes.addressof(code)))
+
+
 def remembered(ask: Callable[..., Report]) -> Callable[..., Report]:
     """A function of a scene, which each of a hundred imports asks the same."""
     answers: dict[str, Report] = {}
@@ -288,7 +305,7 @@ def main() -> NoReturn:
         if not event.startswith((*NEVER, *FLYING)):
             return
         named = arguments[0] if arguments and isinstance(arguments[0], (str, bytes)) else ""
-        is_own = bool(named) and (os.path.abspath(os.fsdecode(named)) + os.sep).startswith(own + os.sep)
+        is_own = event.startswith(FILES) and bool(named) and (os.path.abspath(os.fsdecode(named)) + os.sep).startswith(own + os.sep)
         writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
         forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
         if flying or (forbidden and not is_own):
@@ -327,6 +344,7 @@ def main() -> NoReturn:
         limit(resource.RLIMIT_FSIZE, 0)
         limit(resource.RLIMIT_NOFILE, 0)
         limit(resource.RLIMIT_NPROC, 0)
+        bind()
         flying = True
         send(wire, b"r")
         fly(wire, each)
