@@ -70,9 +70,9 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     if args.task.is_some() {
         let (n, refused) = (study.contenders.len(), unranked.len());
         let each = study.n_trials() / n.max(1);
-        let fly = if n == 1 { "submission flies" } else { "submissions fly" };
         let said = format!(
-            "{n} {fly} {each} times each; at least {least} tell two apart; refused: {refused}"
+            "{n} submissions fly {each} times each; at least {least} tell two apart; {refused} are \
+             refused"
         );
         message("note: ", &said);
     }

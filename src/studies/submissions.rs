@@ -30,8 +30,8 @@ struct Handed {
 
 /// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
 /// learning platforms hand them out. A row has the name of its file, behind that of the student's
-/// folder; a name that two of them have is the whole path. Every other entry of a folder has a row
-/// that says why it is none, but hidden files, which are named.
+/// folder; a name that two of them have is as much of the path as tells them apart. Every other entry
+/// of a folder has a row that says why it is none, but hidden files, which are named.
 ///
 /// # Errors
 ///
@@ -54,11 +54,11 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     let mut n_named = BTreeMap::new();
     handed.iter().for_each(|it| *n_named.entry(it.name.clone()).or_insert(0) += 1);
     let mut read = Submissions { passed_over, ..Submissions::default() };
-    for Handed { path, name, refused } in handed {
-        let name = if n_named[&name] == 1 { name } else { path.display().to_string() };
+    for Handed { path, name, refused } in &handed {
+        let name = if n_named[name] == 1 { name.clone() } else { distinct(path, &handed) };
         let scene = match refused {
             Some(why) => Err(format!("refused: {why}")),
-            None => task.submission(&path).map_err(|it| format!("refused: {it} ({})", it.hint())),
+            None => task.submission(path).map_err(|it| format!("refused: {it} ({})", it.hint())),
         };
         match scene {
             Ok(scene) => read.scenes.push(NamedScene::new(&name, scene)),
@@ -118,6 +118,24 @@ fn why_not(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
+/// The end of a path that no other submission has, as short as may be; all of a path that is named
+/// twice.
+fn distinct(path: &Path, all: &[Handed]) -> String {
+    let end = |path: &Path, n: usize, has_ending: bool| {
+        let path = if has_ending { path.to_owned() } else { path.with_extension("") };
+        let parts: Vec<_> =
+            path.components().map(|it| it.as_os_str().to_string_lossy().into_owned()).collect();
+        parts[parts.len().saturating_sub(n)..].join("/")
+    };
+    let ends = (1..=path.components().count()).flat_map(|n| [(n, false), (n, true)]);
+    let is_distinct = |&(n, has_ending): &(usize, bool)| {
+        let wanted = end(path, n, has_ending);
+        all.iter().filter(|it| end(&it.path, n, has_ending) == wanted).count() == 1
+    };
+    let shortest = ends.into_iter().find(is_distinct);
+    shortest.map_or_else(|| path.display().to_string(), |(n, ends)| end(path, n, ends))
+}
+
 fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -166,6 +184,18 @@ mod tests {
         }
         let [hidden] = &read.passed_over[..] else { panic!("{:?}", read.passed_over) };
         assert!(hidden.ends_with("not read, as hidden: .ed.toml"), "{hidden}");
+    }
+
+    #[test]
+    fn a_name_that_two_submissions_have_is_the_end_of_the_path_that_tells_them_apart() {
+        let all =
+            ["/c/x/ada/gains.toml", "/c/x/bo/gains.toml", "/c/y/bo/gains.toml", "a.toml", "a.TOML"];
+        let all = all.map(|path| Handed { path: path.into(), name: String::new(), refused: None });
+        let names = all.each_ref().map(|it| distinct(&it.path, &all));
+        assert_eq!(names, ["ada/gains", "x/bo/gains", "y/bo/gains", "a.toml", "a.TOML"]);
+        let twice =
+            [0, 0].map(|_| Handed { path: "/c/a.toml".into(), name: String::new(), refused: None });
+        assert_eq!(distinct(&twice[0].path, &twice), "/c/a.toml");
     }
 
     #[test]

@@ -45,7 +45,7 @@ PUBLIC_SEEDS = 1 << 32
 SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
 #: Time in which a guard ends what it guards, s; else it is ended itself, and the kernel does the rest.
 GUARD_S = 10.0
-#: Time between two looks whether all is to stop, s.
+#: Time between two looks whether all is to stop, and whether a submission is alone, s.
 STOPS_S = 0.1
 #: Largest source of a controller, bytes.
 MOST_BYTES = 1 << 20
@@ -76,7 +76,7 @@ class _Process:
     """A controller in a process of its own."""
 
     def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, shown: Sequence[str], running: _Running) -> None:
-        self.limits, self.waited_s, self.flights, self.running = limits, 0.0, 0, running
+        self.limits, self.waited_s, self.looks_s, self.flights, self.running = limits, 0.0, 0.0, 0, running
         self.wire, theirs = socket.socketpair()
         self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
         own = os.path.realpath(self.folder.name)
@@ -120,7 +120,9 @@ class _Process:
     def _ask(self, kind: str, message: bytes, n: int) -> NDArray[np.float64]:
         """The n numbers that a message is answered with."""
         begun = time.monotonic()
-        self._is_alone()
+        if begun > self.looks_s:
+            self._is_alone()
+            self.looks_s = begun + STOPS_S
         self._send(kind.encode() + message)
         answer = self._receive(kind, 8 * n, self.limits.step_s)
         self.waited_s += time.monotonic() - begun
@@ -387,7 +389,8 @@ def grade(
     trials = _trials([("task", task)], counted, seed)
     fly = "submission flies" if len(scenes) == 1 else "submissions fly"
     print(f"{len(scenes)} {fly} {len(trials)} times each, seed {seed}; at least {least} tell two apart", file=sys.stderr)
-    for warning in _warnings(task, {name: sources.get(name, b"") for name in scenes}, seed):
+    warned = _warnings(task, {name: sources.get(name, b"") for name in scenes}, seed)
+    for warning in warned:
         print(f"warning: {warning}", file=sys.stderr)
     shown = _shown([os.getcwd(), *(str(file.parent) for file in files.values())])
 
@@ -422,6 +425,7 @@ def grade(
     with _bar(progress, "ranking") as show:
         report = _ranked(list(scenes.items()), counted, conditions, seed, None, flown, unranked, show)
     report["seed"] = seed
+    report.text += "".join(f"\nwarning: {it}\n" for it in warned)
     return report
 
 
