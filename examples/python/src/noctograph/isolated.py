@@ -303,7 +303,8 @@ def main() -> NoReturn:
         if not event.startswith((*NEVER, *FLYING)):
             return
         named = arguments[0] if arguments and isinstance(arguments[0], (str, bytes)) else ""
-        is_own = event.startswith(FILES) and bool(named) and (os.path.abspath(os.fsdecode(named)) + os.sep).startswith(own + os.sep)
+        path = os.path.abspath(os.fsdecode(named)) + os.sep
+        is_own = event.startswith(FILES) and bool(named) and path.startswith(own + os.sep)
         writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
         forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
         if flying or (forbidden and not is_own):
@@ -311,7 +312,7 @@ def main() -> NoReturn:
             what = f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's"
             if flying and module:
                 what = f"import {module} in flight: import it at the top of the file"
-            elif event.startswith("subprocess."):
+            elif not flying and event.startswith("subprocess."):
                 raise PermissionError(what)  # as packages that ask the system, and do without its answer
             fail(wire, what + line)
 
