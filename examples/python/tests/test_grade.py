@@ -78,6 +78,7 @@ FAULTY = {
     "raises.py": ("def controller(state, reference):\n    return 1 / 0\n", "failed: ZeroDivisionError: division by zero, line 2"),
     "sleeps.py": ("import time\ndef controller(state, reference):\n    time.sleep(1e6)\n", "failed: no answer within"),
     "shape.py": ("def controller(state, reference):\n    return [0, 0, 0]\n", "failed: TypeError: motor commands are wanted, 4 of them"),
+    "assigns.py": ("def controller(state, reference):\n    state[12] = 0\n" + ZERO, "failed: IndexError: index 12 is out of bounds"),
     "exits.py": ("import os\ndef controller(state, reference):\n    os._exit(3)\n", "failed: its process ended: exit code 3"),
     "leaves.py": ("def controller(state, reference):\n    raise SystemExit\n", "failed: it exits"),
     "grows.py": ("def controller(state, reference):\n    return [bytearray(1 << 36)]\n", "failed: MemoryError"),
@@ -211,7 +212,7 @@ HONEST_WAYS = {
                  "    controller.last = getattr(controller, 'last', -1) + 1\n    return [20000 + steps, 20000 + controller.last, 2e4, 2e4]\n",
     "dataclass.py": "from __future__ import annotations\nfrom dataclasses import dataclass\n@dataclass\nclass Controller:\n"
                     "    total: float = 0\n    def __call__(self, state, reference):\n        return [2e4] * 4\n",
-    "assigns.py": "def controller(state, reference):\n    state[0] = 0\n    return [2e4] * 4\n",
+    "writes.py": "def controller(state, reference):\n    state[0] = 0\n    return [2e4] * 4\n",
     "plots.py": "import matplotlib.pyplot as plt\ndef controller(state, reference):\n    return [2e4] * 4\n",
 }  # fmt: skip
 
