@@ -100,23 +100,14 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// A text without control characters, which a terminal would obey.
-fn plain(text: &str) -> String {
-    let escaped =
-        |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    text.chars().map(escaped).collect()
-}
-
 /// A JSON value as a CSV cell. A spreadsheet takes a text that begins with one of `=+-@` for a
 /// formula: such a name, which a submission chooses, stands behind an apostrophe (OWASP, CSV
 /// injection).
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => {
-            format!("'{}", plain(text))
-        }
-        Value::String(text) => plain(text),
+        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => format!("'{text}"),
+        Value::String(text) => text.clone(),
         // As Rust prints it: without an exponent.
         Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),
         other => other.to_string(),

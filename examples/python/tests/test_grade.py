@@ -138,7 +138,8 @@ def test_links_are_not_followed_and_copies_are_named(tmp_path, capsys):
     for name, target in {"gus.py": "ada.py", "hal.toml": "cy.toml", "ida.toml": "nothing.toml"}.items():
         (folder / name).symlink_to(target)
     notes = {row["name"]: row["note"] for row in rows(graded(folder, 2))}
-    assert notes.pop("fay\\u{1b}[1m").startswith("refused: ")
+    (fay,) = (name for name in notes if name.startswith("fay"))
+    assert notes.pop(fay).startswith("refused: ")
     link = "refused: a link, which is not followed"
     assert notes == {"ada": "", "ben": "flies exactly as ada", "cy": "", "dora": "flies exactly as ada", "eve": "flies exactly as cy",
                      "gus": link, "hal": link, "ida": link}  # fmt: skip
