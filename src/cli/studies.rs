@@ -30,7 +30,7 @@ pub(super) struct StudyFlags {
     /// Seeds of each word [default: rank 50, or 100 with --task; tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
-    /// Seed that all seeds are drawn from
+    /// Seed that all seeds are drawn from; of 2^32 and above, nobody finds them by trial
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
     /// How flights differ from their scene: room (the scene's drone, another room and evening),
@@ -177,6 +177,7 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
         "n_words": Some(n_words).filter(|n| *n > 1), "n_flights": n_flights,
         "names": labels(ranking, 16), "places": places.collect::<Vec<_>>(),
         "lead": has_lead.then_some("ahead of it (a lead)"),
+        "equal": ranking.measures.iter().filter(|it| it.equal_to.is_some()).collect::<Vec<_>>(),
         "few": is_few.then_some(n_each),
         "n_scenes": ranking.measures.len(), "pairs": names.collect::<Vec<_>>(),
         "all": (alike.is_empty() && !pairs.is_empty()).then_some("all scenes"),
@@ -199,6 +200,8 @@ P(read): mean readability of the photos; where another word is likelier than the
 |measures|scene<16|contour/mm>7|lag/s>7|rms x/mm>7|y/mm>6|z/mm>6|y max/mm>8|sat./%>7|time/s>7|energy/J>8
 {names.#}|{flown.contour_m.value*1e3:.1}|{flown.lag_s.value:.2}|{flown.rmse_x_m.value*1e3:.1}|{flown.rmse_y_m.value*1e3:.1}|{flown.rmse_z_m.value*1e3:.1}|{flown.drift_y_m.value*1e3:.1}|{flown.saturated_frac.value*100:.1}|{flown.duration_s.value:.1}|{flown.energy_j.value:.0}
 lag: behind the design; negative: {lead}
+
+*equal {contender} flies exactly as {equal_to}, to the last bit
 
 too few flights: with {few} each, {n_scenes} scenes cannot be told apart; at least {least_flights} are needed
 

@@ -82,6 +82,18 @@ pub fn sha256(bytes: &[u8]) -> String {
     digest.hex()
 }
 
+/// HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes: without the key nobody can
+/// tell it from random numbers.
+pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32] {
+    fn sha256_of(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
+        let mut padded = [padding; 64];
+        padded.iter_mut().zip(key).for_each(|(padded, key)| *padded ^= key);
+        sha2::Sha256::new().chain_update(padded).chain_update(message).finalize().into()
+    }
+    let message: Vec<u8> = message.into_iter().collect();
+    sha256_of(0x5c, key, &sha256_of(0x36, key, &message))
+}
+
 /// FNV-1a, 64 bits (Fowler, Noll, Vo): names streams of random numbers.
 pub fn fnv_1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
     bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
@@ -105,6 +117,14 @@ mod tests {
         let mut numbers = Digest::default();
         numbers.add_numbers(&[1.5]);
         assert_eq!(numbers.hex(), sha256(&[0, 0, 0, 0, 0, 0, 0xf8, 0x3f]));
+    }
+
+    #[test]
+    fn the_keyed_hash_is_the_standards() {
+        // RFC 4231, test case 2.
+        let hash = hmac_sha256(b"Jefe", b"what do ya want for nothing?".iter().copied());
+        assert_eq!(hash[..8], [0x5b, 0xdc, 0xc1, 0x46, 0xbf, 0x60, 0x75, 0x4e]);
+        assert_eq!(hash[24..], [0x9d, 0xec, 0x58, 0xb9, 0x64, 0xec, 0x38, 0x43]);
     }
 
     #[test]

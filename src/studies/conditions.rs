@@ -8,12 +8,12 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
+use rand::RngExt;
 use rand::rngs::ChaCha8Rng;
-use rand::{RngExt, SeedableRng};
 
-use noctograph_core::digest::fnv_1a;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
+use noctograph_core::random::stream;
 use noctograph_core::settings::{Described, settings, suggestion};
 use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::Actual;
@@ -256,10 +256,8 @@ struct Chance(ChaCha8Rng);
 
 impl Chance {
     fn new(seed: u64, drone: u64, factor: &str) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let drone = if drone == 0 { String::new() } else { format!("{drone}:") };
-        rng.set_stream(fnv_1a(format!("study:{drone}{factor}").bytes()));
-        Self(rng)
+        Self(stream(seed, format!("study:{drone}{factor}").bytes()))
     }
 
     /// Uniform in `[0, 1)`.

@@ -6,13 +6,18 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use super::{Conditions, Prepared, Record, Store};
-use noctograph_core::digest::fnv_1a;
+use noctograph_core::digest::{fnv_1a, hmac_sha256};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::random::PUBLIC_SEEDS;
 use noctograph_pipeline::scene::NamedScene;
 use noctograph_pipeline::shoot::Stop;
 
 /// Most flights of a study: a week of one core.
 pub(super) const MAX_TRIALS: usize = 500_000;
+
+/// Seeds of a search's finals and tests are its seed and these, bit by bit (exclusive or).
+pub(super) const FINALS: u64 = u64::MAX;
+pub(super) const TESTS: u64 = 0x5eed << 48;
 
 /// A study: every contender flies every word with the same seeds. Its trials are numbered, so that
 /// any part of them can be flown anywhere.
@@ -85,11 +90,23 @@ impl Study {
         })
     }
 
-    /// Seed of the flight number `index` of a word: no other word shares its weather. Below 2^31,
-    /// so that a scene file takes it.
+    /// Seed of the flight number `index` of a word: no other word shares its weather. Below 2^31
+    /// for a public seed of the study, as in every release. Of a secret one, the 63 bits that a
+    /// scene file takes, from a keyed hash: nobody finds them by trial, nor one by another.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
-        let bytes = self.seed.to_le_bytes().into_iter().chain(index.to_le_bytes());
-        fnv_1a(bytes.chain(word.bytes())) >> 33
+        let name = index.to_le_bytes().into_iter().chain(word.bytes());
+        if self.is_secret() {
+            let hash = hmac_sha256(&self.seed.to_le_bytes(), name);
+            let first = u64::from_le_bytes(*hash.first_chunk().expect("32 bytes"));
+            return (first >> 1).max(PUBLIC_SEEDS);
+        }
+        fnv_1a(self.seed.to_le_bytes().into_iter().chain(name)) >> 33
+    }
+
+    /// Whether the seed is no number that people type, nor one that a search draws from such a one.
+    fn is_secret(&self) -> bool {
+        let drawn_from = [self.seed, FINALS ^ self.seed, TESTS ^ self.seed];
+        drawn_from.iter().all(|seed| *seed >= PUBLIC_SEEDS)
     }
 
     /// Every contender made ready for every word, contender by contender.
@@ -179,6 +196,31 @@ mod tests {
         all.dedup();
         assert_eq!(all.len(), 3);
         assert!(all.iter().all(|seed| *seed < 1 << 31));
+    }
+
+    #[test]
+    fn flights_of_a_secret_seed_cannot_be_counted_through() {
+        let drawn = |seed| {
+            let words = vec![("I".to_owned(), 200), ("L".to_owned(), 200)];
+            let trials = Study { seed, words, ..study() };
+            trials.trials().map(|trial| trial.seed).collect::<Vec<u64>>()
+        };
+        for secret in [1 << 47, 211_106_232_532_992, u64::MAX / 3] {
+            let seeds = drawn(secret);
+            let bits = |bit: u32| seeds.iter().filter(|seed| *seed >> bit & 1 == 1).count();
+            for bit in 0..63 {
+                // 400 seeds, each flown by both scenes: sixty of 800 off are six sigma of 400.
+                assert!(bits(bit).abs_diff(400) < 2 * 60, "bit {bit}: {}", bits(bit));
+            }
+            assert!(seeds.iter().all(|seed| i64::try_from(*seed).is_ok()), "for a scene file");
+            let both: HashSet<u64> = seeds.iter().chain(&drawn(secret + 1)).copied().collect();
+            assert_eq!(both.len(), 800, "no two alike, and none of another seed");
+        }
+        for public in [0, 7, 90210, !7, 7 ^ TESTS] {
+            assert!(drawn(public).iter().all(|seed| *seed < 1 << 31), "{public}");
+        }
+        // Recorded: course.md's figures are of these.
+        assert_eq!(drawn(90210)[..2], [153990008, 260383757]);
     }
 
     #[test]

@@ -53,6 +53,8 @@ pub struct Measures {
     pub all_read: Estimate,
     /// Mean of the figures of the flights that were not lost; `None` where all were.
     pub flown: Option<Flown<Estimate>>,
+    /// A contender before it with the same flights, to the last bit.
+    pub equal_to: Option<String>,
     /// Trials whose photo is the median and the worst, as indices into the records.
     #[serde(skip)]
     pub median_and_worst: [usize; 2],
@@ -85,6 +87,14 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     let of_contenders = records.chunks(n_each).enumerate();
     let mut measures: Vec<Measures> =
         of_contenders.map(|(index, records)| measure(study, records, index * n_each)).collect();
+    for (index, own) in records.chunks(n_each).enumerate() {
+        let mut before = records.chunks(n_each).take(index);
+        let outcomes = own.iter().map(|record| &record.outcome);
+        let equal = before.find(|it| it.iter().map(|record| &record.outcome).eq(outcomes.clone()));
+        if measures[index].flown.is_some() {
+            measures[index].equal_to = equal.map(|other| other[0].contender.clone());
+        }
+    }
     measures.sort_by(|a, b| b.legibility.value.total_cmp(&a.legibility.value));
     let probabilities = |contender: &str| {
         let records = records.iter().filter(|record| record.contender == contender);
@@ -184,6 +194,7 @@ fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
         worst_decile: bootstrap(&probabilities, worst_decile),
         all_read: share(records.iter().map(|record| record.outcome.all_read)),
         flown: (!photos.is_empty()).then(|| Flown::from_values(std::array::from_fn(figure))),
+        equal_to: None,
         median_and_worst: [photo(photos.len() / 2), photo(0)],
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::Unranked;
-use noctograph_core::error::Result;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{ending, entries_in, file_name};
 use noctograph_pipeline::scene::{NamedScene, SceneTask};
 
@@ -13,90 +13,107 @@ use noctograph_pipeline::scene::{NamedScene, SceneTask};
 pub struct Submissions {
     /// Scenes under the names of their rows.
     pub scenes: Vec<NamedScene>,
-    /// Submissions that are broken, or change what they may not; the others are as they are.
+    /// Submissions that are broken, or change what they may not, and entries of folders that are
+    /// none; the others are as they are.
     pub refused: Vec<Unranked>,
-    /// Entries of folders that are no submissions, with the reason, by folder.
+    /// Hidden files of folders, by folder.
     pub passed_over: Vec<String>,
 }
 
-/// A file of a submission, and the name of its row.
+/// An entry of a folder or a named file, and the name of its row.
 struct Handed {
     path: PathBuf,
     name: String,
+    /// Why it is no submission.
+    refused: Option<&'static str>,
 }
 
 /// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
 /// learning platforms hand them out. A row has the name of its file, behind that of the student's
 /// folder; a name that two of them have is as much of the path as tells them apart. Every other entry
-/// of a folder is named.
+/// of a folder has a row that says why it is none, but hidden files, which are named.
 ///
 /// # Errors
 ///
-/// As [`entries_in`].
+/// As [`entries_in`]; [`Error::Input`] where nothing is handed in.
 pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     let (mut handed, mut passed_over) = (Vec::new(), Vec::new());
     for path in named.iter().map(PathBuf::from) {
         match path.is_dir() {
             true => gather(&path, None, &mut handed, &mut passed_over)?,
-            false => handed.push(Handed { name: stem(&path), path }),
+            false => {
+                let refused = path.is_symlink().then_some(LINK);
+                handed.push(Handed { name: stem(&path), path, refused });
+            }
         }
+    }
+    if handed.is_empty() {
+        let (folders, hint) = (named.join(", "), "name the folder that has the files *.toml");
+        return Err(Error::input("submissions", folders + ": no files", "at least one", hint));
     }
     let mut n_named = BTreeMap::new();
     handed.iter().for_each(|it| *n_named.entry(it.name.clone()).or_insert(0) += 1);
     let mut read = Submissions { passed_over, ..Submissions::default() };
-    for Handed { path, name } in &handed {
+    for Handed { path, name, refused } in &handed {
         let name = if n_named[name] == 1 { name.clone() } else { distinct(path, &handed) };
-        match task.submission(path) {
+        let scene = match refused {
+            Some(why) => Err(format!("refused: {why}")),
+            None => task.submission(path).map_err(|it| format!("refused: {it} ({})", it.hint())),
+        };
+        match scene {
             Ok(scene) => read.scenes.push(NamedScene::new(&name, scene)),
-            Err(error) => {
-                let note = format!("refused: {error} ({})", error.hint());
-                read.refused.push(Unranked { contender: name, note });
-            }
+            Err(note) => read.refused.push(Unranked { contender: name, note }),
         }
     }
     Ok(read)
 }
 
-/// Adds the submissions in a folder, and in a student's folders of it, and the entries that are
-/// none.
+/// Adds the entries of a folder, and of a student's folders of it.
 fn gather(
     folder: &Path,
     student: Option<&str>,
     handed: &mut Vec<Handed>,
     passed_over: &mut Vec<String>,
 ) -> Result<()> {
-    let (mut others, before) = (Vec::new(), handed.len());
+    let (mut hidden, before) = (Vec::new(), handed.len());
+    let row = |name: &str| student.map_or(name.to_owned(), |student| format!("{student}/{name}"));
     for path in entries_in(folder)? {
         let name = file_name(&path);
-        match why_not(&path, &name, student.is_some()) {
-            Some(why) => others.push(format!("{name} ({why})")),
-            None if path.is_dir() => gather(&path, Some(&name), handed, passed_over)?,
-            None => {
-                let stem = stem(&path);
-                let name = student.map_or(stem.clone(), |student| format!("{student}/{stem}"));
-                handed.push(Handed { path, name });
-            }
+        if name.starts_with('.') {
+            hidden.push(name);
+            continue;
+        }
+        let refused = why_not(&path, student.is_some());
+        if refused.is_none() && path.is_dir() {
+            gather(&path, Some(&name), handed, passed_over)?;
+        } else {
+            let name = row(&if refused.is_none() { stem(&path) } else { name });
+            handed.push(Handed { path, name, refused });
         }
     }
-    if student.is_some() && handed.len() == before {
-        others.push("no file *.toml is in it".to_owned());
+    if let Some(student) = student.filter(|_| handed.len() == before) {
+        let (path, name) = (folder.to_owned(), student.to_owned());
+        handed.push(Handed { path, name, refused: Some("no file *.toml is in it") });
     }
-    if !others.is_empty() {
-        passed_over.push(format!("{}: not read: {}", folder.display(), others.join(", ")));
+    if !hidden.is_empty() {
+        let names = hidden.join(", ");
+        passed_over.push(format!("{}: not read, as hidden: {names}", folder.display()));
     }
     Ok(())
 }
 
+const LINK: &str = "a link, which is not followed";
+
 /// The reason why an entry of a folder is no submission.
-fn why_not(path: &Path, name: &str, is_in_student: bool) -> Option<&'static str> {
+fn why_not(path: &Path, is_in_student: bool) -> Option<&'static str> {
     Some(match &*ending(path) {
-        _ if name.starts_with('.') => "a hidden file",
-        _ if !path.exists() => "a link to nothing",
+        _ if path.is_symlink() => LINK,
         _ if path.is_dir() && is_in_student => "a folder in a student's folder",
         _ if path.is_dir() => return None,
         _ if !path.is_file() => "no regular file",
         "toml" => return None,
         "zip" | "7z" | "rar" | "gz" | "tar" | "tgz" | "xz" => "an archive: unpack it",
+        "py" => "a controller in Python: python -m noctograph.grade flies it",
         _ => "not called *.toml",
     })
 }
@@ -129,12 +146,12 @@ mod tests {
     use noctograph_pipeline::scene::Scene;
 
     #[test]
-    fn every_entry_of_a_folder_has_a_row_or_is_named() {
+    fn every_entry_of_a_folder_has_a_row() {
         let folder = tempfile::tempdir().unwrap();
         let lqr = "[controller]\nkind = \"lqr\"\n";
         let deep = "bo_12/more";
         std::fs::create_dir_all(folder.path().join(deep)).unwrap();
-        std::fs::create_dir(folder.path().join("eve_13")).unwrap();
+        ["eve_13", "ida_14"].map(|it| std::fs::create_dir(folder.path().join(it)).unwrap());
         let rows = ["BEN.TOML", "anna.toml", "bo_12/gains.toml"];
         let others =
             ["cy.toml.txt", "dora.zip", ".ed.toml", "eve_13/gains.py", "bo_12/more/x.toml"];
@@ -142,32 +159,50 @@ mod tests {
             std::fs::write(folder.path().join(name), lqr).unwrap();
         }
         #[cfg(unix)]
-        std::os::unix::fs::symlink("gone.toml", folder.path().join("fay.toml")).unwrap();
+        for (name, target) in [("fay.toml", "gone.toml"), ("gus.toml", "anna.toml"), ("h", "bo_12")]
+        {
+            std::os::unix::fs::symlink(target, folder.path().join(name)).unwrap();
+        }
         let task = SceneTask::new(Scene::find("cf21", &[]).unwrap().scene, &[]).unwrap();
         let read = submissions(&task, &[folder.path().display().to_string()]).unwrap();
         let names: Vec<&str> = read.scenes.iter().map(|it| &*it.name).collect();
         assert_eq!(names, ["BEN", "anna", "bo_12/gains"]);
-        let said = read.passed_over.join("\n");
+        let said = read.refused.iter().map(|it| format!("{} {}", it.contender, it.note));
+        let said: Vec<String> = said.collect();
         for named in [
-            "cy.toml.txt (not called *.toml)",
-            "dora.zip (an archive: unpack it)",
-            ".ed.toml (a hidden file)",
-            "eve_13: not read: gains.py (not called *.toml), no file *.toml is in it",
-            "bo_12: not read: more (a folder in a student's folder)",
+            "cy.toml.txt refused: not called *.toml",
+            "dora.zip refused: an archive: unpack it",
+            "eve_13/gains.py refused: a controller in Python: python -m noctograph.grade flies it",
+            "ida_14 refused: no file *.toml is in it",
+            "bo_12/more refused: a folder in a student's folder",
         ] {
-            assert!(said.contains(named), "{named}: {said}");
+            assert!(said.iter().any(|it| it == named), "{named}: {said:?}");
         }
-        assert!(cfg!(not(unix)) || said.contains("fay.toml (a link to nothing)"), "{said}");
+        for link in ["fay.toml", "gus.toml", "h"] {
+            let wanted = format!("{link} refused: {LINK}");
+            assert!(cfg!(not(unix)) || said.contains(&wanted), "{link}: {said:?}");
+        }
+        let [hidden] = &read.passed_over[..] else { panic!("{:?}", read.passed_over) };
+        assert!(hidden.ends_with("not read, as hidden: .ed.toml"), "{hidden}");
     }
 
     #[test]
     fn a_name_that_two_submissions_have_is_the_end_of_the_path_that_tells_them_apart() {
         let all =
             ["/c/x/ada/gains.toml", "/c/x/bo/gains.toml", "/c/y/bo/gains.toml", "a.toml", "a.TOML"];
-        let all = all.map(|path| Handed { path: path.into(), name: String::new() });
+        let all = all.map(|path| Handed { path: path.into(), name: String::new(), refused: None });
         let names = all.each_ref().map(|it| distinct(&it.path, &all));
         assert_eq!(names, ["ada/gains", "x/bo/gains", "y/bo/gains", "a.toml", "a.TOML"]);
-        let twice = [0, 0].map(|_| Handed { path: "/c/a.toml".into(), name: String::new() });
+        let twice =
+            [0, 0].map(|_| Handed { path: "/c/a.toml".into(), name: String::new(), refused: None });
         assert_eq!(distinct(&twice[0].path, &twice), "/c/a.toml");
+    }
+
+    #[test]
+    fn nothing_handed_in_is_an_error() {
+        let (folder, cf21) = (tempfile::tempdir().unwrap(), Scene::find("cf21", &[]).unwrap());
+        let task = SceneTask::new(cf21.scene, &[]).unwrap();
+        let error = submissions(&task, &[folder.path().display().to_string()]).unwrap_err();
+        assert!(error.to_string().contains("no files"), "{error}");
     }
 }

@@ -33,8 +33,10 @@ pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let (mut row, n_lost) = (value(measures), measures.n_lost);
         row["marks"] = ((1000.0 * measures.legibility.value).round() / 10.0).into();
-        let lost = || format!("lost on {n_lost} of {} flights", measures.n_flights);
-        row["note"] = if n_lost > 0 { lost().into() } else { Value::Null };
+        let lost = (n_lost > 0).then(|| format!("lost on {n_lost} of {}", measures.n_flights));
+        let lost = lost.map(|lost| lost + " flights");
+        let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
+        row["note"] = lost.into_iter().chain(equal).collect::<Vec<_>>().join("; ").into();
         row
     });
     let unranked = ranking.unranked.iter().map(|unranked| {

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::experiment::evaluate;
+use super::experiment::{FINALS, TESTS, evaluate};
 use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
 use super::statistics::{Estimate, mean, median, share};
@@ -99,7 +99,7 @@ impl TuneOptions {
         let contenders = [("as it was", start), (TUNED, tuned)];
         let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
         let (contenders, conditions) = (contenders.into(), self.conditions.clone());
-        let study = Study { contenders, words, conditions, seed: self.seed ^ 0x5eed << 48 };
+        let study = Study { contenders, words, conditions, seed: self.seed ^ TESTS };
         let trials: Vec<Trial> = study.trials().collect();
         let records = evaluate(&study, &study.prepare()?, &trials, store, stop, done)?;
         let ranking = rank(&study, &records);
@@ -307,7 +307,7 @@ impl Tuning<'_> {
         for Candidate { number, point, .. } in
             std::iter::once(as_it_was).chain(order).take(FINALISTS)
         {
-            let flights = (!self.options.seed, FINAL_TIMES);
+            let flights = (self.options.seed ^ FINALS, FINAL_TIMES);
             finalists.push(self.candidate(*number, point, flights, None)?);
         }
         // The first of equal ones: the scene as it was.

@@ -4,9 +4,11 @@ import csv
 import io
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 import textwrap
+import time
 
 import noctograph as nc
 import pytest
@@ -55,13 +57,28 @@ CHEATS = {
     "calls.py": ("import socket\ndef controller(state, reference):\n    socket.socket()\n"
                  + ZERO, "failed: socket."),
     "kills.py": ("import os\nos.kill(os.getppid(), 9)\ndef controller(state, reference):\n" + ZERO, "failed: os.kill"),
+    "thread.py": ("import threading, time\nthreading.Thread(target=time.sleep, args=(60,), daemon=True).start()\n"
+                  "def controller(state, reference):\n" + ZERO, "failed: it flies with 2 threads and 0 processes more"),
+    "child.py": ("import ctypes\nlibc = ctypes.CDLL(None)\nif libc.fork() == 0:\n    libc.sleep(60)\n"
+                 "def controller(state, reference):\n" + ZERO, "failed: it flies with 0 threads and 2 processes more"),
+    "starts.py": ("import _thread\ndef controller(state, reference):\n    _thread.start_new_thread(print, ())\n"
+                  + ZERO, "failed: RuntimeError: can't start new thread, line 3"),
+    "asks.py": ("import subprocess\nsubprocess.run(['id'])\ndef controller(state, reference):\n" + ZERO,
+                "failed: PermissionError: subprocess.Popen id is not a controller's, line 2"),
+    "patches.py": ("import noctograph.isolated as grader\ngrader.numbers = lambda found, shape, what: found\n"
+                   "def controller(state, reference):\n    return [float('nan')] * 4\n", "failed: its answer is broken"),
+    "forges.py": ("import gc, socket, struct\nwire = [it for it in gc.get_objects() if isinstance(it, socket.socket)][0]\n"
+                  "def controller(state, reference):\n    wire.sendall(struct.pack('<I', 2) + b'm1')\n" + ZERO,
+                  "failed: its answer is broken"),
+    "lazy.py": ("def controller(state, reference):\n    import xml.dom.minidom\n" + ZERO,
+                "failed: import xml.dom.minidom in flight: import it at the top of the file, line 2"),
     "mass.toml": ("vehicle.mass_kg = 0.02\n", "refused: vehicle.mass_kg differs from the task's"),
 }  # fmt: skip
 FAULTY = {
     "raises.py": ("def controller(state, reference):\n    return 1 / 0\n", "failed: ZeroDivisionError: division by zero, line 2"),
     "sleeps.py": ("import time\ndef controller(state, reference):\n    time.sleep(1e6)\n", "failed: no answer within"),
     "shape.py": ("def controller(state, reference):\n    return [0, 0, 0]\n", "failed: TypeError: motor commands are wanted, 4 of them"),
-    "assigns.py": ("def controller(state, reference):\n    state[0] = 0\n" + ZERO, "failed: ValueError: assignment destination is read-only"),
+    "assigns.py": ("def controller(state, reference):\n    state[12] = 0\n" + ZERO, "failed: IndexError: index 12 is out of bounds"),
     "exits.py": ("import os\ndef controller(state, reference):\n    os._exit(3)\n", "failed: its process ended: exit code 3"),
     "leaves.py": ("def controller(state, reference):\n    raise SystemExit\n", "failed: it exits"),
     "grows.py": ("def controller(state, reference):\n    return [bytearray(1 << 36)]\n", "failed: MemoryError"),
@@ -111,6 +128,110 @@ def test_every_entry_of_a_folder_has_a_row_or_is_named(tmp_path, capsys):
     assert set(handed) == {"BEN", "cy.toml", "dora", "eve_13/gains", "fay_14/more", "gus_15"}
     assert handed["eve_13/gains"] == tmp_path / "eve_13/gains.toml"
     assert ".ed.toml" in capsys.readouterr().err
+
+
+def test_links_are_not_followed_and_copies_are_named(tmp_path, capsys):
+    folder = hand_in(tmp_path / "all", {"ada.py": HONEST["soft.py"], "ben.py": HONEST["soft.py"], "cy.toml": HONEST["gains.toml"]})
+    renamed = HONEST["soft.py"].replace("Cascade", "Mine")
+    for name, text in {"dora.py": renamed, "eve.toml": "controller = { kind = 'lqr-integral' }\n", "fay\x1b[1m.toml": "a = 1"}.items():
+        (folder / name).write_text(text)
+    for name, target in {"gus.py": "ada.py", "hal.toml": "cy.toml", "ida.toml": "nothing.toml"}.items():
+        (folder / name).symlink_to(target)
+    notes = {row["name"]: row["note"] for row in rows(graded(folder, 2))}
+    (fay,) = (name for name in notes if name.startswith("fay"))
+    assert notes.pop(fay).startswith("refused: ")
+    link = "refused: a link, which is not followed"
+    assert notes == {"ada": "", "ben": "flies exactly as ada", "cy": "", "dora": "flies exactly as ada", "eve": "flies exactly as cy",
+                     "gus": link, "hal": link, "ida": link}  # fmt: skip
+    said = capsys.readouterr().err
+    assert "the same file: ada, ben\n" in said and "plan.light_clock" in said and "seed 5 can be found by trial" in said
+
+
+def left_over():
+    """Processes of submissions."""
+    lines = [path.read_bytes() for path in pathlib.Path("/proc").glob("[0-9]*/cmdline") if path.exists()]
+    return [line for line in lines if b"noctograph.isolated" in line and b'"total_s": 4321' in line]
+
+
+OUTLIVES = """
+import ctypes
+libc = ctypes.CDLL(None)
+libc.prctl(1, 0), libc.setsid()
+if libc.fork() == 0:
+    if libc.fork() == 0:
+        libc.prctl(1, 0), libc.setsid()
+    libc.sleep(60)
+def controller(state, reference):
+    libc.sleep(60)
+"""
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self"), reason="processes are looked for in /proc")
+@pytest.mark.parametrize("namespaces", [True, False])
+def test_no_submission_outlives_its_grader(tmp_path, namespaces):
+    hand_in(tmp_path / "all", {"outlives.py": OUTLIVES, "good.toml": HONEST["gains.toml"]})
+    TASK.save(tmp_path / "task.toml")
+    command = [sys.executable, "-m", "noctograph.grade", "task.toml", "all", "--words", "I:1", "--total-s", "4321", "-o", "m"]
+    if not namespaces:
+        command = ["unshare", "-Ur", "sh", "-c", 'echo 0 > /proc/sys/user/max_user_namespaces && exec "$@"', "sh", *command]
+    run = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
+    if "unshare" in run.stderr:
+        pytest.skip("no namespaces for users here")
+    assert "outlives failed: it flies with" in run.stdout, run
+    assert not left_over()
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self"), reason="processes are looked for in /proc")
+def test_an_interrupt_ends_all_at_once(tmp_path):
+    hand_in(tmp_path / "all", {"slow.py": "import time\ndef controller(state, reference):\n    time.sleep(4)\n" + ZERO})
+    command = [sys.executable, "-m", "noctograph.grade", "cf-brushless", "all", "--words", "I:1,L:1", "--total-s", "4321", "-o", "m"]
+    run = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    while run.poll() is None and not left_over():
+        time.sleep(0.1)
+    begun = time.monotonic()
+    run.send_signal(signal.SIGINT)
+    said = run.communicate()[0]
+    assert time.monotonic() - begun < 2, "no step of 4 s is waited for"
+    assert run.returncode == 130 and said.endswith("error: interrupted: no marks are written\n") and "Traceback" not in said
+    assert not left_over() and not list((tmp_path / "m").iterdir())
+
+
+def test_the_seeds_of_a_class_cannot_be_counted_through(tmp_path):
+    folder = hand_in(tmp_path / "all", {"gains.toml": HONEST["gains.toml"]})
+    secret, again = (grade(TASK, folder, seeds=20, progress=False) for _ in range(2))
+    assert secret["seed"] != again["seed"]
+    seeds = [[flight["seed"] for flight in report["flights"]] for report in (secret, again)]
+    assert len({*seeds[0], *seeds[1]}) == 40 and all(max(it).bit_length() > 60 for it in seeds)
+    same = grade(TASK, folder, seeds=20, seed=secret["seed"], progress=False)
+    assert same["flights"] == secret["flights"], "the seed that is printed gives the same marks"
+
+
+HONEST_WAYS = {
+    "scene.py": "class Controller:\n    def __init__(self, scene):\n        self.hover = scene.mass_kg\n"
+                "    def __call__(self, state, reference):\n        return [1e6 * self.hover] * 4\n",
+    "global.py": "steps = 0\ndef controller(state, reference):\n    global steps\n    steps += 1\n"
+                 "    controller.last = getattr(controller, 'last', -1) + 1\n    return [20000 + steps, 20000 + controller.last, 2e4, 2e4]\n",
+    "dataclass.py": "from __future__ import annotations\nfrom dataclasses import dataclass\n@dataclass\nclass Controller:\n"
+                    "    total: float = 0\n    def __call__(self, state, reference):\n        return [2e4] * 4\n",
+    "writes.py": "def controller(state, reference):\n    state[0] = 0\n    return [2e4] * 4\n",
+    "plots.py": "import matplotlib.pyplot as plt\ndef controller(state, reference):\n    return [2e4] * 4\n",
+}  # fmt: skip
+
+
+def test_what_flies_in_rank_flies_here_and_flights_share_nothing(tmp_path):
+    pytest.importorskip("matplotlib")
+    report = graded(hand_in(tmp_path / "all", HONEST_WAYS), 2)
+    assert not report["unranked"], report["unranked"]
+
+    class Alone:
+        steps = 0
+
+        def __call__(self, state, reference):
+            self.steps += 1
+            return [20000 + self.steps, 20000 + self.steps - 1, 2e4, 2e4]
+
+    free = nc.rank({"global": (TASK, Alone)}, seeds=2, seed=5, progress=False)
+    assert [it for it in report["flights"] if it["contender"] == "global"] == free["flights"], "a state of its own for each flight"
 
 
 def test_a_controller_flies_as_it_does_without_a_process_of_its_own(tmp_path):

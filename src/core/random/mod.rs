@@ -5,7 +5,7 @@ mod elementary;
 mod noise;
 mod normals;
 
-pub use self::noise::{Field, Noise};
+pub use self::noise::{Field, Noise, PUBLIC_SEEDS, stream};
 pub use self::normals::Normals;
 
 /// The odd number nearest to 2⁶⁴ over the golden ratio.

@@ -12,10 +12,25 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 
 use super::elementary::cos;
-use crate::digest::fnv_1a;
+use crate::digest::{fnv_1a, hmac_sha256};
 
 /// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
 const WAVES: usize = 8;
+
+/// Seeds below this are public: anybody tries them one by one. Their streams share a key of `rand`,
+/// as in every release.
+pub const PUBLIC_SEEDS: u64 = 1 << 32;
+
+/// The random stream of a name under a seed. Each stream of a seed that is not public has a key of
+/// its own of 256 bits: what is seen of one tells nothing about another, or about the seed.
+pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
+    if seed >= PUBLIC_SEEDS {
+        return ChaCha8Rng::from_seed(hmac_sha256(&seed.to_le_bytes(), name));
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(fnv_1a(name));
+    rng
+}
 
 /// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone:
 /// a further sensor or drone leaves it as it is.
@@ -28,8 +43,7 @@ pub struct Noise {
 impl Noise {
     /// The noise of a sensor, by name, on a drone.
     pub fn new(seed: u64, drone: u64, sensor: &str) -> Self {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(fnv_1a(drone.to_le_bytes().into_iter().chain(sensor.bytes())));
+        let rng = stream(seed, drone.to_le_bytes().into_iter().chain(sensor.bytes()));
         Self { rng, spare: None }
     }
 
@@ -129,6 +143,17 @@ mod tests {
         assert_ne!(gyro, first(2, 0, "gyro"), "seed");
         assert_ne!(gyro, first(1, 1, "gyro"), "drone");
         assert_ne!(gyro, first(1, 0, "accelerometer"), "name");
+    }
+
+    #[test]
+    fn streams_of_a_secret_seed_have_keys_of_their_own() {
+        let secret = PUBLIC_SEEDS + 42;
+        let [gyro, other] = ["gyro", "accelerometer"].map(|name| stream(secret, name.bytes()));
+        assert_ne!(gyro.get_seed(), other.get_seed());
+        assert_ne!(gyro.get_seed(), stream(secret + 1, "gyro".bytes()).get_seed());
+        assert_ne!(gyro.get_seed(), ChaCha8Rng::seed_from_u64(secret).get_seed());
+        let [gyro, other] = ["gyro", "accelerometer"].map(|name| stream(42, name.bytes()));
+        assert_eq!(gyro.get_seed(), other.get_seed(), "public");
     }
 
     #[test]

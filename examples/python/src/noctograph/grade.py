@@ -10,6 +10,7 @@ that is told the estimates and gives motor commands: see `isolated`.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import secrets
@@ -19,9 +20,10 @@ import struct
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -37,8 +39,14 @@ from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
 
 #: Seeds of a word where none are named, as of ``noctograph rank --task``.
 SEEDS = 100
+#: Seeds below this can be found by trial, as of ``noctograph rank``.
+PUBLIC_SEEDS = 1 << 32
 #: What Python itself needs of a system.
 SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
+#: Time in which a guard ends what it guards, s; else it is ended itself, and the kernel does the rest.
+GUARD_S = 10.0
+#: Time between two looks whether all is to stop, and whether a submission is alone, s.
+STOPS_S = 0.1
 #: Largest source of a controller, bytes.
 MOST_BYTES = 1 << 20
 
@@ -67,8 +75,8 @@ def _line(answer: bytes) -> str:
 class _Process:
     """A controller in a process of its own."""
 
-    def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, shown: Sequence[str]) -> None:
-        self.limits, self.waited_s, self.flights = limits, 0.0, 0
+    def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, shown: Sequence[str], running: _Running) -> None:
+        self.limits, self.waited_s, self.looks_s, self.flights, self.running = limits, 0.0, 0.0, 0, running
         self.wire, theirs = socket.socketpair()
         self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
         own = os.path.realpath(self.folder.name)
@@ -79,15 +87,17 @@ class _Process:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", "from noctograph.isolated import main; main()", str(theirs.fileno()),
                  json.dumps({**asdict(limits), "shown": shown})],
-                cwd=own, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.DEVNULL,
+                cwd=own, pass_fds=[theirs.fileno()], start_new_session=True, stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env={"PYTHONPATH": path, "TMPDIR": own, "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads, **kept},
+                env={"PYTHONPATH": path, **dict.fromkeys(("TMPDIR", "HOME", "MPLCONFIGDIR"), own), "PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", **threads, **kept},
             )  # fmt: skip
+        running.add(self)
         try:
             for message in (source, struct.pack("<I", n), scene.to_toml().encode()):
                 self._send(message)
             answer = self._receive("n", 0, limits.load_s)
             self.controls, self.estimates, self.left = answer[:1] == b"1", answer[1:2] == b"1", _line(answer[2:])
+            self._receive("r", 0, limits.total_s)  # imported for each of the flights
         except BaseException:
             self.end()
             raise
@@ -110,6 +120,9 @@ class _Process:
     def _ask(self, kind: str, message: bytes, n: int) -> NDArray[np.float64]:
         """The n numbers that a message is answered with."""
         begun = time.monotonic()
+        if begun > self.looks_s:
+            self._is_alone()
+            self.looks_s = begun + STOPS_S
         self._send(kind.encode() + message)
         answer = self._receive(kind, 8 * n, self.limits.step_s)
         self.waited_s += time.monotonic() - begun
@@ -119,6 +132,21 @@ class _Process:
         if not np.isfinite(numbers).all():
             raise Failed("its answer is broken")
         return numbers
+
+    def _is_alone(self) -> None:
+        """Refuses threads and processes beside the one of the submission: see `isolated.descend`."""
+
+        def children(pid: int) -> list[int]:
+            with open(f"/proc/{pid}/task/{pid}/children") as file:
+                return [int(it) for it in file.read().split()]
+
+        with contextlib.suppress(OSError, IndexError):  # it has ended, or this system does not tell
+            first = children(self.process.pid)
+            found = children(first[0])
+            threads = len(os.listdir(f"/proc/{found[0]}/task"))
+            others = len(first) + len(found) + len(children(found[0])) - 2
+            if others or threads > 1:
+                raise Failed(f"it flies with {threads - 1} threads and {others} processes more, not alone")
 
     def _send(self, message: bytes) -> None:
         self.wire.settimeout(self.limits.load_s)
@@ -134,10 +162,14 @@ class _Process:
         until, parts, length = time.monotonic() + within_s, bytearray(), 4
         while len(parts) < length:
             try:
-                self.wire.settimeout(max(until - time.monotonic(), 1e-3))
+                self.wire.settimeout(STOPS_S)
                 part = self.wire.recv(length - len(parts))
             except TimeoutError:
-                raise Failed(f"no answer within {within_s:g} s") from None
+                if self.running.stopped.is_set():
+                    raise Failed("stopped") from None
+                if time.monotonic() > until:
+                    raise Failed(f"no answer within {within_s:g} s") from None
+                continue
             except OSError:
                 part = b""
             if not part:
@@ -164,19 +196,47 @@ class _Process:
         return f"killed by {names[number]} (memory or CPU time)" if number in names else f"exit code {code}"
 
     def end(self) -> None:
-        """Ends it and all that it started."""
+        """Ends it and all that it started: its guard does when its pipe is closed, see `isolated.guard`."""
         self.wire.close()
+        assert self.process.stdin is not None
+        self.process.stdin.close()
         try:
+            self.process.wait(GUARD_S)
+        except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGKILL)
-        except OSError:
-            pass  # it has ended
-        self.process.wait()
+            self.process.wait()
         self.folder.cleanup()
+        self.running.discard(self)
 
 
-def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, shown: Sequence[str]) -> tuple[list[str], str]:
+class _Running(set[_Process]):
+    """Processes that have not ended, none of which goes on once they are stopped."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stopped = threading.Event()
+
+
+@contextlib.contextmanager
+def _workers(n: int | None) -> Iterator[tuple[ThreadPoolExecutor, _Running]]:
+    """Threads that fly controllers; an interrupt, as by Ctrl-C, ends all processes and waits for no flight."""
+    pool, running = ThreadPoolExecutor(n or os.cpu_count()), _Running()
+    try:
+        yield pool, running
+    except BaseException:
+        running.stopped.set()
+        pool.shutdown(wait=False, cancel_futures=True)
+        while running:
+            time.sleep(0.02)
+        raise
+    pool.shutdown()
+
+
+def _fly(
+    scene: Scene, seeds: list[int], source: bytes, conditions: str, limits: Limits, shown: Sequence[str], running: _Running
+) -> tuple[list[str], str]:
     """Outcomes of a controller's flights as JSON, and what was not shut off."""
-    process, motors = _Process(source, scene, len(seeds), limits, shown), np.zeros((len(seeds), 4))
+    process, motors = _Process(source, scene, len(seeds), limits, shown, running), np.zeros((len(seeds), 4))
     try:
         estimator = process.estimator if process.estimates else None
         sessions = Sessions(scene, len(seeds), conditions, estimator, not process.controls)
@@ -193,9 +253,9 @@ def _fly(scene: Scene, seeds: list[int], source: bytes, conditions: str, limits:
             motors[flying] = process.control(np.column_stack(rows))
             sessions.step(motors, [1] * len(seeds))
             seen = sessions.look()
-        return sessions.outcomes()[1], process.left
     finally:
         process.end()
+    return sessions.outcomes()[1], process.left
 
 
 def _shown(hidden: Sequence[str]) -> list[str]:
@@ -237,6 +297,25 @@ def _handed(folder: Path, student: str) -> list[tuple[str, Path]]:
     return files
 
 
+def _warnings(task: Scene, handed: dict[str, bytes], seed: int) -> list[str]:
+    """What is to be known before marks of controllers in Python, and of scenes beside them, are compared."""
+    found: list[str] = []
+    sources = [name for name, source in handed.items() if source]
+    if sources and seed < PUBLIC_SEEDS:
+        found.append(f"seed {seed} can be found by trial, in flight: for marks of a class leave it out, or take 2^32 or more")
+    led = (task.get("plan.reference"), task.get("plan.light_clock")) != ("design", "setpoint")
+    if 0 < len(sources) < len(handed) and led:
+        found.append(
+            "scenes are sent a plan that leads their lag, with lights timed by a rehearsal; controllers in Python are not: "
+            'plan.reference = "design" and plan.light_clock = "setpoint" in the task give both the same'
+        )
+    for name, source in handed.items():
+        same = [other for other in sources if handed[other] == source]
+        if source and name == same[0] and len(same) > 1:
+            found.append(f"the same file: {', '.join(same)}")
+    return found
+
+
 def grade(
     task: Scene | str,
     submissions: PathLike | Sequence[PathLike],
@@ -266,7 +345,8 @@ def grade(
     seeds : int
         Seeds of each word.
     seed : int, optional
-        Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has.
+        Seed that all seeds are drawn from: by default one that nobody can guess, which ``report["seed"]`` has. One
+        below 2**32 can be found by trial, in flight.
     workers : int, optional
         Controllers in Python that run at once; by default one for each core. The marks are the same.
     limits : Limits, optional
@@ -280,14 +360,18 @@ def grade(
         As of `rank`; ``report["unranked"]`` has what was refused and what failed, ``report.files`` the tables
         with ``marks.csv``.
     """
-    seed = secrets.randbits(48) if seed is None else seed
+    seed = PUBLIC_SEEDS + secrets.randbelow((1 << 64) - PUBLIC_SEEDS) if seed is None else seed
     task, limits = task if isinstance(task, Scene) else Scene(task), limits or Limits()
     files = _submissions(submissions)
     unranked: dict[str, str] = {}
     scenes: dict[str, Scene] = {}
     sources: dict[str, bytes] = {}
+    if not files:
+        raise InputError("submissions", str(submissions), "at least one file", "name the folder that has them")
     for name, file in files.items():
         try:
+            if file.is_symlink():
+                raise Failed("a link, which is not followed")
             ending = file.suffix.lower() if file.is_file() else ""  # neither a folder nor a pipe
             if ending == ".py" and os.name == "posix":
                 if file.stat().st_size > MOST_BYTES:
@@ -303,21 +387,25 @@ def grade(
     least = least_flights(len(scenes))
     counted = list(words.items()) if isinstance(words, dict) else [(word, seeds) for word in words or [task.word]]
     trials = _trials([("task", task)], counted, seed)
-    print(f"{len(scenes)} submissions fly {len(trials)} times each, seed {seed}; at least {least} tell two apart", file=sys.stderr)
+    fly = "submission flies" if len(scenes) == 1 else "submissions fly"
+    print(f"{len(scenes)} {fly} {len(trials)} times each, seed {seed}; at least {least} tell two apart", file=sys.stderr)
+    warned = _warnings(task, {name: sources.get(name, b"") for name in scenes}, seed)
+    for warning in warned:
+        print(f"warning: {warning}", file=sys.stderr)
     shown = _shown([os.getcwd(), *(str(file.parent) for file in files.values())])
 
     def of_word(job: tuple[str, int]) -> tuple[list[str], str] | Failed:
         name, index = job
         drawn = [trial[2] for trial in trials if trial[1] == index]
         try:
-            return _fly(Scene(task, word=counted[index][0]), drawn, sources[name], conditions, limits, shown)
+            return _fly(Scene(task, word=counted[index][0]), drawn, sources[name], conditions, limits, shown, running)
         except Failed as failed:
             return failed
 
     jobs = [(name, index) for name in sources for index in range(len(counted))]
     outcomes: dict[str, list[str]] = {name: [] for name in sources}
     left: set[str] = set()
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool, _bar(progress if jobs else False, "controllers") as show:
+    with _workers(workers) as (pool, running), _bar(progress if jobs else False, "controllers") as show:
         for done, ((name, _), result) in enumerate(zip(jobs, pool.map(of_word, jobs), strict=True), 1):
             if isinstance(result, Failed):
                 unranked.setdefault(name, f"failed: {result}")
@@ -337,6 +425,7 @@ def grade(
     with _bar(progress, "ranking") as show:
         report = _ranked(list(scenes.items()), counted, conditions, seed, None, flown, unranked, show)
     report["seed"] = seed
+    report.text += "".join(f"\nwarning: {it}\n" for it in warned)
     return report
 
 
@@ -382,4 +471,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        print("error: interrupted: no marks are written", file=sys.stderr, flush=True)
+        os._exit(130)  # without the flights that threads still photograph

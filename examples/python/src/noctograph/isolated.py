@@ -14,16 +14,22 @@ import json
 import os
 import random
 import resource
+import select
 import signal
 import socket
 import struct
 import sys
 import warnings
+from collections.abc import Callable
+from types import CodeType, FrameType, ModuleType
 from typing import Any, NoReturn
 
+import noctograph
 import numpy as np
 
-from .studies import _takes_time  # pyright: ignore[reportPrivateUsage]
+from ._noctograph import Scene
+from .commands import Report
+from .studies import _made, _takes_time  # pyright: ignore[reportPrivateUsage]
 
 NAME = "submission.py"
 #: Flight, estimate, reference and time of a row.
@@ -32,14 +38,19 @@ COLUMNS = 1 + 12 + 9 + 1
 VECTORS = ("rate_rad_s", "specific_force_m_s2", "position_m")
 #: Audit events that no controller has a reason for, but for files of its own folder and what imports do.
 NEVER = ("socket.", "subprocess.", "os.", "shutil.", "signal.")
-IMPORTS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")
+IMPORTS = ("os.listdir", "os.scandir", "os.walk", "os.fwalk", "os.putenv", "os.unsetenv")
+#: Those whose first argument is a file, of its own folder perhaps.
+FILES = ("open", "os.chmod", "os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate", "os.utime", "shutil.")
 #: Those that it has no reason for once it flies.
 FLYING = ("open", "sys._getframe", "gc.", *IMPORTS)
 #: What it may write while it is loaded, in its own folder, bytes.
 WRITTEN = 4 << 20
 # Linux: unshare(2), mount(2), mount_setattr(2), prctl(2), capset(2).
 NAMESPACES = 0x1000_0000 | 0x4000_0000 | 0x2_0000 | 0x2000_0000 | 0x0800_0000  # user, network, mounts, processes, IPC
-NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR, DEATH_SIGNAL = 0x1000_0000, 1, 0x8000, 442, 1
+NEW_USER, READ_ONLY, RECURSIVE, MOUNT_SETATTR = 0x1000_0000, 1, 0x8000, 442
+DEATH_SIGNAL, DUMPABLE, SECCOMP, SUBREAPER, NO_NEW_PRIVILEGES = 1, 4, 22, 36, 38
+#: System calls that make a thread or a process: clone, fork, vfork, clone3.
+CLONES = {"x86_64": (56, 57, 58, 435), "aarch64": (220, 435)}
 BIND, CAPABILITIES = 0x1000 | 0x4000, 0x2008_0522
 
 
@@ -69,27 +80,75 @@ def fail(wire: socket.socket, why: str) -> NoReturn:
     os._exit(1)
 
 
-def shut_off(shown: list[str], own: str) -> str:
+def children() -> list[int]:
+    """Processes whose parent is this one."""
+    found: list[int] = []
+    for process in filter(str.isdigit, os.listdir("/proc")):
+        with contextlib.suppress(OSError), open(f"/proc/{process}/stat") as file:
+            if int(file.read().rpartition(")")[2].split()[1]) == os.getpid():
+                found.append(int(process))
+    return found
+
+
+def guard(first: int) -> NoReturn:
+    """Waits until the first process ends or the grader closes the pipe, and ends all that descends from this one.
+
+    An orphan becomes a child of this process, wherever it has moved: a new session, another parent.
+    """
+    ended, status = 0, 0
+    while not ended and not select.select([0], [], [], 0.05)[0]:
+        ended, status = os.waitpid(first, os.WNOHANG)
+    with contextlib.suppress(ChildProcessError):  # none is left
+        while True:
+            for child in children():
+                os.kill(child, signal.SIGKILL)
+            os.wait()
+    os._exit(os.WEXITSTATUS(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status))
+
+
+def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
+    """Goes on in a grandchild, which runs the submission: it can neither reach nor leave the processes above it.
+
+    The grandparent is the guard. The parent is the first process of its namespace of processes: the kernel ends all
+    of them with it, and takes no signal to it from within.
+    """
+    libc.prctl(SUBREAPER, 1)
+    if first := os.fork():
+        wire.close()
+        guard(first)
+    libc.prctl(DEATH_SIGNAL, signal.SIGKILL)
+    if submission := os.fork():
+        wire.close()
+        libc.prctl(DUMPABLE, 0)  # nor can it be traced
+        while (ended := os.wait())[0] != submission:
+            pass
+        code = ended[1]
+        os._exit(os.WEXITSTATUS(code) if os.WIFEXITED(code) else 128 + os.WTERMSIG(code))
+    libc.prctl(DEATH_SIGNAL, signal.SIGKILL)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+
+
+def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
     """Takes network, files and other processes away where the system allows; what it does not.
 
     What is shown, read-only, and a folder of its own are all the files there are.
     """
     libc, uid, gid = ctypes.CDLL(None), os.getuid(), os.getgid()
-    if not hasattr(libc, "unshare") or libc.unshare(NAMESPACES):
-        return "network and files are not shut off here: the system has no namespaces for users"
-    mapped = True
+    if not hasattr(libc, "unshare"):
+        return "network and files are not shut off here: this is not Linux"
+    alone, mapped = libc.unshare(NAMESPACES) == 0, True
     try:
         for name, text in (("setgroups", "deny"), ("uid_map", f"{uid} {uid} 1"), ("gid_map", f"{gid} {gid} 1")):
-            with open(f"/proc/self/{name}", "w") as file:
-                file.write(text)
+            if alone:
+                with open(f"/proc/self/{name}", "w") as file:
+                    file.write(text)
     except OSError:
         mapped = False  # as where AppArmor leaves such a namespace without rights
-    # The process after a fork is the first of the new namespace, and ends with this one.
-    child = os.fork()
-    if child:
-        status = os.waitpid(child, 0)[1]
-        os._exit(os.WEXITSTATUS(status) if os.WIFEXITED(status) else 128 + os.WTERMSIG(status))
-    libc.prctl(DEATH_SIGNAL, signal.SIGKILL)
+    descend(wire, libc)
+    if not alone:
+        return "network and files are not shut off here: the system has no namespaces for users"
     size = f"size={2 * WRITTEN}".encode()
     if not mapped or libc.mount(b"none", os.fsencode(own), b"tmpfs", 0, size):
         return "files are not shut off here"
@@ -112,11 +171,15 @@ def shut_off(shown: list[str], own: str) -> str:
     return "files are not read-only here" if failed else ""
 
 
-def handed_in(source: bytes) -> tuple[Any, Any]:
-    """What a submission hands in: `controller` or `Controller`, else the last class or function that can be one, and
-    `estimator` or `Estimator`."""
-    module: dict[str, Any] = {"__name__": "submission", "__file__": NAME}
-    exec(compile(source, NAME, "exec"), module)
+def handed_in(code: CodeType, scene: Scene) -> tuple[Any, Any]:
+    """What a submission hands in, imported anew: `controller` or `Controller`, else the last class or function that
+    can be one, made for a flight; and `estimator` or `Estimator`."""
+    random.seed(0)
+    np.random.seed(0)
+    sys.modules["submission"] = ModuleType("submission")
+    module = vars(sys.modules["submission"])
+    module["__file__"] = NAME
+    exec(code, module)
     estimator = module.get("estimator", module.get("Estimator"))
     own = [it for it in module.values() if getattr(it, "__module__", None) == "submission" and it is not estimator]
     classes = [it for it in own if isinstance(it, type) and "__call__" in dir(it)]
@@ -124,9 +187,9 @@ def handed_in(source: bytes) -> tuple[Any, Any]:
     named = module.get("controller"), module.get("Controller")
     found = named if estimator is not None else (*named, *classes[::-1], *functions[::-1])
     controller = next((it for it in found if it is not None), None)
-    if controller is not None or estimator is not None:
-        return controller, estimator
-    raise TypeError("no class with __call__ and no function of state and reference")
+    if controller is None and estimator is None:
+        raise TypeError("no class with __call__ and no function of state and reference")
+    return None if controller is None else _made(controller, scene), estimator
 
 
 def said(error: BaseException) -> str:
@@ -154,39 +217,81 @@ def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
     return found
 
 
-def estimate(make: Any, running: list[Any], message: bytes) -> bytes:
+def estimate(makes: list[Any], running: list[Any], message: bytes) -> bytes:
     """The estimate of a flight by its readings, or nothing where the flight begins."""
 
     def vector(value: Any) -> Any:
-        array = np.array(value, float)
-        array.flags.writeable = False
-        return array
+        return np.array(value, float)
 
     asked = json.loads(message)
     if "start" in asked:
-        running.append(make(vector(asked["start"])))
+        running.append(makes[len(running)](vector(asked["start"])))
         return b""
     readings = {name: vector(it) if name in VECTORS else it for name, it in asked["readings"].items()}
-    return numbers(running[asked["flight"]](readings, asked["tick_s"]), (12,), "state").astype(float).tobytes()
+    state = numbers(running[asked["flight"]](readings, asked["tick_s"]), (12,), "state")
+    return bytes(state.astype(float))
 
 
-def fly(wire: socket.socket, each: list[Any], estimator: Any) -> NoReturn:
+def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
     """Answers rows of the flights that are not over with their motor commands, and readings with estimates."""
-    timed = each[0] is not None and _takes_time(each[0])
+    controllers, estimators = ([it[place] for it in each] for place in (0, 1))
+    timed = controllers[0] is not None and _takes_time(controllers[0])
     running: list[Any] = []
     while True:
         message = receive(wire)
         if message[:1] == b"e":
-            send(wire, b"e" + estimate(estimator, running, message[1:]))
+            send(wire, b"e" + estimate(estimators, running, message[1:]))
             continue
-        rows = np.frombuffer(message[1:]).reshape(-1, COLUMNS)
+        rows = np.frombuffer(bytearray(message[1:])).reshape(-1, COLUMNS)
         motors = np.empty((len(rows), 4))
         for row, command in zip(rows, motors, strict=True):
             state, reference = row[1:13], row[13:22]
-            controller = each[int(row[0])]
+            controller = controllers[int(row[0])]
             found = controller(state, reference, row[22]) if timed else controller(state, reference)
             command[:] = numbers(found, (4,), "motor command")
         send(wire, b"m" + motors.tobytes())
+
+
+def bind() -> None:
+    """Forbids new threads and processes, by a filter of system calls (seccomp(2), in BPF), where that exists."""
+    calls = CLONES.get(os.uname().machine, ()) if sys.platform == "linux" else ()
+    steps = [(0x20, 0, 0, 0)]  # the call's number
+    steps += [(0x15, len(calls) - place, 0, call) for place, call in enumerate(calls)]  # one of them: to the last step
+    steps += [(0x06, 0, 0, 0x7FFF_0000), (0x06, 0, 0, 0x0005_0001)]  # allowed; EPERM
+    code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *step) for step in steps))
+    if calls:
+        libc = ctypes.CDLL(None)
+        libc.prctl(NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+        libc.prctl(SECCOMP, 2, struct.pack("HP", len(steps), ctypes.addressof(code)))
+
+
+def remembered(ask: Callable[..., Report]) -> Callable[..., Report]:
+    """A function of a scene, which each of a hundred imports asks the same."""
+    answers: dict[str, Report] = {}
+
+    def again(scene: Scene | str, **options: Any) -> Report:
+        key = repr((scene.to_toml() if isinstance(scene, Scene) else scene, options))
+        if key not in answers:
+            answers[key] = ask(scene, **options)
+        return copy.deepcopy(answers[key])
+
+    return again
+
+
+def running_lines() -> tuple[str, str]:
+    """The module that is being imported, if one is, and the line of the submission that runs."""
+    try:
+        raise RuntimeError
+    except RuntimeError as error:  # sys._getframe is an event itself
+        frame: FrameType | None = error.__traceback__ and error.__traceback__.tb_frame
+    module = line = ""
+    while frame is not None and not line:
+        if frame.f_code.co_filename == NAME:
+            line = f", line {frame.f_lineno}"
+        elif frame.f_code.co_name == "_find_and_load":
+            module = str(frame.f_locals.get("name", ""))
+        frame = frame.f_back
+    return module, line
 
 
 def main() -> NoReturn:
@@ -198,12 +303,18 @@ def main() -> NoReturn:
         if not event.startswith((*NEVER, *FLYING)):
             return
         named = arguments[0] if arguments and isinstance(arguments[0], (str, bytes)) else ""
-        is_own = bool(named) and os.path.abspath(os.fsdecode(named)).startswith(own + os.sep)
+        path = os.path.abspath(os.fsdecode(named)) + os.sep
+        is_own = event.startswith(FILES) and bool(named) and path.startswith(own + os.sep)
         writes = event == "open" and bool(set(str(arguments[1] or "")) & set("wax+") or arguments[2] & os.O_ACCMODE)
         forbidden = writes or (event.startswith(NEVER) and event not in IMPORTS)
         if flying or (forbidden and not is_own):
-            hint = " (import it at the top of the file)" if flying and os.fsdecode(named).endswith((".py", ".pyc", ".so")) else ""
-            fail(wire, f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's" + hint)
+            module, line = running_lines()
+            what = f"{event} {os.fsdecode(named)}".rstrip() + " is not a controller's"
+            if flying and module:
+                what = f"import {module} in flight: import it at the top of the file"
+            elif not flying and event.startswith("subprocess."):
+                raise PermissionError(what)  # as packages that ask the system, and do without its answer
+            fail(wire, what + line)
 
     def limit(what: int, most: int) -> None:
         with contextlib.suppress(ValueError, OSError):  # lower already, or unknown to macOS
@@ -213,24 +324,28 @@ def main() -> NoReturn:
         warnings.simplefilter("ignore")
         for lazy in ("fft", "linalg", "ma", "polynomial", "random"):
             importlib.import_module(f"numpy.{lazy}")  # no file can be opened in flight
-        random.seed(0)
-        np.random.seed(0)
-        left = shut_off(limits["shown"], own)
+        left = shut_off(wire, limits["shown"], own)
         source, (n,) = receive(wire), struct.unpack("<I", receive(wire))
         with open("task.toml", "wb") as task:
             task.write(receive(wire))
+        scene = Scene("task.toml")
+        noctograph.gains = remembered(noctograph.gains)
         limit(resource.RLIMIT_CORE, 0)
         limit(resource.RLIMIT_FSIZE, WRITTEN)
         limit(resource.RLIMIT_CPU, limits["total_s"])
         limit(resource.RLIMIT_AS, limits["memory_mb"] << 20)
         sys.addaudithook(audit)
-        made, estimator = handed_in(source)
-        each = [made() if isinstance(made, type) else copy.deepcopy(made) for _ in range(n)]
+        code = compile(source, NAME, "exec")
+        each = [handed_in(code, scene)]
+        made = [it is not None for it in each[0]]
+        send(wire, b"n" + bytes([48 + it for it in made]) + left.encode())
+        each += [handed_in(code, scene) for _ in range(n - 1)]
         limit(resource.RLIMIT_FSIZE, 0)
         limit(resource.RLIMIT_NOFILE, 0)
         limit(resource.RLIMIT_NPROC, 0)
+        bind()
         flying = True
-        send(wire, b"n" + bytes([48 + (made is not None), 48 + (estimator is not None)]) + left.encode())
-        fly(wire, each, estimator)
+        send(wire, b"r")
+        fly(wire, each)
     except BaseException as error:
         fail(wire, said(error))
