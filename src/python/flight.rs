@@ -1,9 +1,11 @@
 //! Flights: simulated, imported, or from anybody's arrays.
 
 use std::collections::BTreeMap;
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
 use super::columns::Columns;
@@ -16,7 +18,7 @@ use super::{
 };
 use noctograph::error::{Error, Result};
 use noctograph::flight::table::MAX_DURATION_S;
-use noctograph::flight::{Flight, FlightData, FlightSample, Quantity};
+use noctograph::flight::{Flight, FlightData, FlightSample, Quantity, Warning};
 use noctograph::geometry::Attitude;
 use noctograph::logs::{ImportOptions, import};
 use noctograph::plan::{LightClock, ReferenceKind, infer_lights};
@@ -397,6 +399,12 @@ pub(super) fn fly(
         return Err(thrown);
     }
     let flown = flown??;
+    for warning in flown.iter().flat_map(|flight| &flight.warnings) {
+        if matches!(warning, Warning::Grounded(_)) {
+            let text = CString::new(warning.to_string()).expect("no zero byte");
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        }
+    }
     Ok(flown.into_iter().map(PyFlight::new).collect())
 }
 

@@ -43,7 +43,7 @@ mod _noctograph {
         scene::{PyScene, setting},
         sessions::PySessions,
         shot::{PyShot, flip, photograph, read, score},
-        study::{least_flights, outcomes, ranking, submission, trials, tuning},
+        study::{ladder, least_flights, outcomes, ranking, submission, trials, tuning},
     };
 
     #[pymodule_export]

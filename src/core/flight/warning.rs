@@ -18,6 +18,8 @@ pub enum Warning {
     Unseen(f64),
     /// The host was silent for so long that the motors stopped, at so many seconds.
     HostSilent(f64),
+    /// The drone stood on the floor under a plan that rises, with motor commands up to this one.
+    Grounded(f64),
     /// Quantities that its file lacks, which are zeros in the samples.
     Unlogged(BTreeSet<Quantity>),
     /// Of its file: omitted data, assumed units and columns.
@@ -38,6 +40,11 @@ impl fmt::Display for Warning {
             Self::HostSilent(s) => {
                 write!(f, "no setpoint came for 2 s and the motors stopped at {s:.1} s")
             }
+            Self::Grounded(motors) => write!(
+                f,
+                "the drone never left the floor, with motor commands up to {motors:.5}: are they \
+                 from 0 to 65535 (not rpm, N or 0 to 1), lengths in m with z up, and angles in rad?"
+            ),
             Self::Unlogged(quantities) => {
                 let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
                 write!(f, "not in the log: {}; set to zero", names.join(", "))
