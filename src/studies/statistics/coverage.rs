@@ -15,9 +15,14 @@ type Interval = fn(&[Vec<f64>]) -> Estimate;
 /// Shares of studies whose interval holds the truth, is below it, and above it.
 type Held = [f64; 3];
 
-/// Share of studies of `n` values of a law whose interval holds the truth, is below it and above.
-fn held(law: &(dyn Fn(f64) -> f64 + Sync), truth: f64, n: u32, interval: Interval) -> Held {
-    let n_studies = (400_000 / n).clamp(2000, 8000);
+/// Share of so many studies of `n` values of a law whose interval holds the truth, is below it and
+/// above.
+fn held(
+    law: &(dyn Fn(f64) -> f64 + Sync),
+    truth: f64,
+    n: u32,
+    (n_studies, interval): (u32, Interval),
+) -> Held {
     let count = |study: u32| {
         let keys = (0..n).map(|k| u64::from(study) << 32 | u64::from(k));
         let uniform = keys.map(|key| (split_mix(key) >> 11) as f64 / (1_u64 << 53) as f64);
@@ -43,7 +48,7 @@ fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
         let quantiles = (0..points).map(|k| law((f64::from(k) + 0.5) / f64::from(points)));
         let truth = quantiles.sum::<f64>() / f64::from(points);
         for n in [6, 10, 20, 50, 100] {
-            let [share, below, above] = held(&law, truth, n, mean_of_probabilities);
+            let [share, below, above] = held(&law, truth, n, (STUDIES, mean_of_probabilities));
             println!("{middle} {scale} {n}: {share:.3} {below:.3} {above:.3}");
             let least = if n == 6 { 0.89 } else { 0.925 };
             assert!((least..=0.985).contains(&share), "{middle} {scale} {n}: {share}");
@@ -70,10 +75,14 @@ fn flights(contenders: Vec<NamedScene>, word: &str, n: u32) -> Vec<Vec<Record>> 
     records.chunks(n as usize).map(<[Record]>::to_vec).collect()
 }
 
+/// Studies of a cell; of pairs, whose subsets take a second for a hundred, fewer.
+const STUDIES: u32 = 4000;
+const STUDIES_OF_PAIRS: u32 = 500;
+
 const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
 
 /// Row of a table: how often an interval of n of these values holds the truth, in percent.
-fn row(name: &str, values: &[f64], truth: f64, interval: Interval) {
+fn row(name: &str, values: &[f64], truth: f64, interval: (u32, Interval)) {
     let sigma = standard_error(values) * (values.len() as f64).sqrt();
     let law = |u: f64| values[(u * values.len() as f64) as usize];
     let cells = NUMBERS.map(|n| {
@@ -131,7 +140,7 @@ fn coverage_of_intervals_on_flights() {
             &format!("P(read): {}", records[0].contender),
             &values,
             mean(&values),
-            mean_of_probabilities,
+            (STUDIES, mean_of_probabilities),
         );
     }
     for records in [&pool[2], &pool[3], &pool[6]] {
@@ -140,19 +149,24 @@ fn coverage_of_intervals_on_flights() {
             &format!("worst tenth: {}", records[0].contender),
             &values,
             tail(&values),
-            worst_decile,
+            (STUDIES, worst_decile),
         );
     }
-    for records in [&pool[2], &pool[3], &pool[6]] {
+    for records in [&pool[3], &pool[4], &pool[6]] {
         let values: Vec<f64> =
             records.iter().map(|record| f64::from(record.outcome.legible)).collect();
-        row(&format!("legible: {}", records[0].contender), &values, mean(&values), share_of_hits);
+        row(
+            &format!("legible: {}", records[0].contender),
+            &values,
+            mean(&values),
+            (STUDIES, share_of_hits),
+        );
     }
     for [better, worse] in [[0, 1], [1, 2], [2, 3]] {
         let [a, b] = [better, worse].map(|index: usize| probabilities(&pool[index]));
         let values: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
         let names = [better, worse].map(|index: usize| pool[index][0].contender.as_str());
         let name = format!("pair: {} and {}", names[0], names[1]);
-        row(&name, &values, mean(&values), center_of_differences);
+        row(&name, &values, mean(&values), (STUDIES_OF_PAIRS, center_of_differences));
     }
 }
