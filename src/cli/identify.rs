@@ -49,6 +49,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "k_f_n": identified.map(|it| it.k_f_n),
         "motor_torque_n_m": identified.map(|it| it.motor_torque_n_m),
         "center_of_mass_m": identified.map(|it| it.center_of_mass_m),
+        "center_of_mass_half_width_m": identified.and_then(|it| it.center_of_mass_half_width_m),
         "rotor_lag_s": lag.map(|lag| lag.lag_s),
         "rotor_lag_half_width_s": lag.map(|lag| lag.half_width_s),
         "measurement_sigma_m": identified.and_then(|it| it.measurement_sigma_m),
@@ -74,7 +75,7 @@ assumed       mass {assumed.mass_kg*1e3:.2} g, arm {assumed.arm_m*1e3:.2} mm, of
 samples       {samples} in the air, mean commands {mean_motors.0:.0} {mean_motors.1:.0} {mean_motors.2:.0} {mean_motors.3:.0}
 k_F           {k_f_n:.4e} N per unit of a motor's command
 torque        x {motor_torque_n_m.0:+.2e}  y {motor_torque_n_m.1:+.2e} N m, mean of the motors
-mass center   x {center_of_mass_m.0*1e3:+.2} mm, y {center_of_mass_m.1*1e3:+.2} mm from the middle of the motors
+mass center   x {center_of_mass_m.0*1e3:+.2}[ ± {center_of_mass_half_width_m.0*1e3:.2}] mm, y {center_of_mass_m.1*1e3:+.2}[ ± {center_of_mass_half_width_m.1*1e3:.2}] mm (95 %) from the middle of the motors
 rotor lag     {rotor_lag_s*1e3:.0} ± {rotor_lag_half_width_s*1e3:.0} ms (95 %)[: {unsure}]
 inertia       {inertia_kg_m2:.4e} kg m2
 

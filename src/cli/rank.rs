@@ -6,11 +6,13 @@ use super::studies::{
     GRADED, RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
 use super::{Args, Report, Result, json, message, warn};
+use crate::photo::encode_png;
+use crate::report::acuity_sheet;
 use crate::scene::{NamedScene, SceneTask};
 use crate::shoot::Stop;
 use crate::studies::{
-    Conditions, Record, Shard, Study, Trial, Unranked, evaluate, least_flights, rank, shards,
-    submissions,
+    Conditions, Record, Shard, Study, Trial, Unranked, acuity, evaluate, fly_ladder, least_flights,
+    rank, shards, submissions,
 };
 
 #[derive(Debug, Args)]
@@ -46,8 +48,12 @@ pub(super) struct RankArgs {
     /// Folder of shards, whose flights are not flown again
     #[arg(long, value_name = "DIR")]
     parts: Option<PathBuf>,
+    /// Also find the fastest strokes that read: N more seeds of each word at each of eight speeds,
+    /// 4 to 13 times the scene's. Above a P(read) of 0.96 this ranks, and P(read) does not
+    #[arg(long, value_name = "N", conflicts_with = "shard")]
+    acuity: Option<u32>,
     /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png; with --task
-    /// also marks.csv
+    /// also marks.csv, with --acuity acuity.png
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-rank")]
     output: PathBuf,
 }
@@ -70,11 +76,15 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     if args.task.is_some() {
         let (n, refused) = (study.contenders.len(), unranked.len());
         let each = study.n_trials() / n.max(1);
-        let said = format!(
-            "{n} submissions fly {each} times each; at least {least} tell two apart; {refused} are \
-             refused"
+        let of_each = if n == 1 { "submission flies" } else { "submissions fly" };
+        let are = if refused == 1 { "is" } else { "are" };
+        message(
+            "note: ",
+            &format!(
+                "{n} {of_each} {each} times each; at least {least} tell two apart; {refused} {are} \
+                 refused"
+            ),
         );
-        message("note: ", &said);
     }
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
@@ -86,8 +96,11 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;
     let mut store = open_store(&args.output)?;
     parts.iter().flatten().try_for_each(|path| store.take(path))?;
+    let ladder = args.ladder(&study)?;
     let names = if args.task.is_some() { &GRADED[..] } else { &RANKING };
-    let results = open_results(&args.output, names)?;
+    let chart = (!ladder.is_empty()).then_some(ACUITY);
+    let names: Vec<&str> = names.iter().copied().chain(chart).collect();
+    let mut results = open_results(&args.output, &names)?;
     let trials: Vec<Trial> = study.trials().collect();
     let bar = counter("flying", trials.len());
     let stop = Stop::default();
@@ -95,12 +108,36 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     drop(bar);
     let mut ranking = rank(&study, &records);
     ranking.unranked = unranked;
+    if !ladder.is_empty() {
+        let ready = ladder.iter().map(Study::prepare).collect::<Result<Vec<_>>>()?;
+        let n_flights = ladder.iter().map(Study::n_trials).sum();
+        let bar = counter("flying faster", n_flights);
+        let records = fly_ladder(&ladder, &ready, Some(&store), &bar)?;
+        drop(bar);
+        let limits = acuity(&ladder, &records);
+        let chart = acuity_sheet(&ladder, &ready, &limits, &records)?;
+        results.write(ACUITY, encode_png(&chart, None, &[]))?;
+        ranking.acuity = Some(limits);
+    }
     let files = write_ranking(results, args.task.is_some(), &study, &ready, &ranking, &records)?;
     let report = ranking_report(&study, &ranking, records.len()).with_files(&files);
     Ok(report.passes(ranking.unranked.is_empty()))
 }
 
+/// Photographs at rising speeds.
+const ACUITY: &str = "acuity.png";
+
 impl RankArgs {
+    /// The study on each rung of the ladder of --acuity, or none.
+    fn ladder(&self, study: &Study) -> Result<Vec<Study>> {
+        let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
+            return Ok(Vec::new());
+        };
+        let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
+        let ladder = Study { words, ..study.clone() }.ladder();
+        ladder.iter().try_for_each(Study::check).map(|()| ladder)
+    }
+
     /// The accepted scenes or submissions, and the refused submissions.
     fn contenders(&self, conditions: &Conditions) -> Result<(Vec<NamedScene>, Vec<Unranked>)> {
         let scene = |named: &String| self.study.scene(named, conditions);

@@ -14,7 +14,8 @@ use super::{
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::{
-    Conditions, Prepared, Ranking, Record, Store, Study, flights_csv, marks_csv, ranking_csv,
+    Conditions, Prepared, Ranking, Record, SpeedLimit, Store, Study, flights_csv, marks_csv,
+    ranking_csv,
 };
 use noctograph_core::files::{Limit, is_file_name};
 
@@ -156,6 +157,7 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let product = json!({
         "flights": flights, "measures": ranking.measures, "pairs": ranking.pairs,
         "least_flights": ranking.least_flights, "unranked": ranking.unranked,
+        "acuity": ranking.acuity,
     });
     let n_words = study.words.len();
     let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
@@ -172,7 +174,22 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let has_lead = flown.any(|flown| flown.lag_s.value < LEAD_S);
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
+    let acuity = ranking.acuity.as_ref();
+    let contour = |limit: &SpeedLimit| {
+        let measures = ranking.measures.iter().find(|it| it.contender == limit.contender)?;
+        measures.flown.map(|flown| flown.contour_m.value)
+    };
+    let limit = |limit: &SpeedLimit| {
+        json!({
+            "name": named(&limit.contender), "contour_m": contour(limit),
+            "place": limit.place.map_or("-".into(), |place| place.to_string()),
+            "speed": limit.stroke_speed_m_s,
+        })
+    };
+    let limits = acuity.map(|acuity| acuity.limits.iter().map(limit).collect::<Vec<_>>());
     let words = json!({
+        "limits": limits,
+        "n_ladder": acuity.and_then(|acuity| acuity.limits.first()).map(|limit| limit.n_flights),
         "word": study.words.first().filter(|_| n_words == 1).map(|(word, _)| word),
         "n_words": Some(n_words).filter(|n| *n > 1), "n_flights": n_flights,
         "names": labels(ranking, 16), "places": places.collect::<Vec<_>>(),
@@ -202,6 +219,11 @@ P(read): mean readability of the photos; where another word is likelier than the
 lag: behind the design; negative: {lead}
 
 *equal {contender} flies exactly as {equal_to}, to the last bit
+
+acuity: the fastest strokes that read, by {n_ladder} flights of each scene at eight speeds
+
+|limits|<4|scene<16|acuity/(m/s)>13|  interval<16|contour/mm>11
+ {place}|{name}|{speed.value:.3}|  {speed.low:.3} to {speed.high:.3}|{contour_m*1e3:.1}
 
 too few flights: with {few} each, {n_scenes} scenes cannot be told apart; at least {least_flights} are needed
 

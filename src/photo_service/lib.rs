@@ -22,6 +22,10 @@ pub mod replay;
 pub mod request;
 mod subject;
 
+#[cfg(test)]
+#[path = "../../tests/it/bless.rs"]
+mod bless;
+
 /// A scene that is ready to be planned, and what its flight is checked against.
 #[derive(Clone, Debug)]
 pub struct PreparedScene {

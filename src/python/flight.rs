@@ -1,9 +1,11 @@
 //! Flights: simulated, imported, or from anybody's arrays.
 
 use std::collections::BTreeMap;
+use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
 use super::columns::Columns;
@@ -399,6 +401,12 @@ pub(super) fn fly(
         return Err(thrown);
     }
     let flown = flown??;
+    for warning in flown.iter().flat_map(|flight| &flight.warnings) {
+        if warning.code == "grounded" {
+            let text = CString::new(warning.to_string()).expect("no zero byte");
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        }
+    }
     Ok(flown.into_iter().map(PyFlight::new).collect())
 }
 

@@ -15,6 +15,7 @@ mod study;
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -46,7 +47,7 @@ mod _noctograph {
         scene::{PyScene, setting},
         sessions::PySessions,
         shot::{PyShot, flip, photograph, read, score},
-        study::{least_flights, outcomes, ranking, submission, trials, tuning},
+        study::{ladder, least_flights, outcomes, ranking, submission, trials, tuning},
     };
 
     #[pymodule_export]

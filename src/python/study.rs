@@ -13,12 +13,12 @@ use serde_json::json;
 use super::scene::PyScene;
 use super::{Ends, array_of, raised, run_showing, to_python};
 use noctograph::cli::{ranking_report, tuning_report};
-use noctograph::error::Result;
+use noctograph::error::{Error, Result};
 use noctograph::scene::{NamedScene, Scene, SceneTask};
 use noctograph::shoot::Stop;
 use noctograph::studies::{
     Candidate, Conditions, Flown, Knob, Outcome, Prepared, Record, Store, Study, Trial,
-    TuneOptions, Unranked, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
+    TuneOptions, Unranked, acuity, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
 };
 
 /// Runs a stage that counts what is done, and calls `progress(done, total)` of Python meanwhile.
@@ -116,10 +116,62 @@ pub(super) fn trials(
     Ok(study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect())
 }
 
+/// The rungs on which scenes write faster and faster, with n seeds of each word: scenes and trials.
+#[pyfunction]
+pub(super) fn ladder(
+    py: Python<'_>,
+    scenes: Vec<(String, PyRef<'_, PyScene>)>,
+    words: Vec<(String, u32)>,
+    seed: u64,
+    n: u32,
+) -> PyResult<Vec<(Vec<PyScene>, Vec<(usize, usize, u64)>)>> {
+    let ladder = rungs(&study(scenes, words, seed), n).map_err(|error| raised(py, &error))?;
+    let rung = |rung: Study| {
+        let trials = rung.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect();
+        (rung.contenders.into_iter().map(|it| PyScene(it.scene)).collect(), trials)
+    };
+    Ok(ladder.into_iter().map(rung).collect())
+}
+
+/// The study with n seeds of each word on each rung of its ladder.
+fn rungs(study: &Study, n: u32) -> Result<Vec<Study>> {
+    let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
+    let ladder = Study { words, ..study.clone() }.ladder();
+    ladder.iter().try_for_each(Study::check).map(|()| ladder)
+}
+
+/// The records of a study, of which some trials were flown elsewhere: their outcomes as JSON by
+/// their place.
+fn records(
+    study: &Study,
+    flown: &BTreeMap<usize, String>,
+    store: Option<&Store>,
+    until: &Stop,
+    count: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<Record>> {
+    let trials: Vec<Trial> = study.trials().collect();
+    let rest = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
+    let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
+    let others = evaluate(study, &study.prepare()?, &rest, store, until, count)?;
+    let mut others = others.into_iter();
+    let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
+        None => others.next().expect("a record for each trial"),
+        Some(outcome) => Record {
+            scene: "a controller of Python".into(),
+            contender: study.contenders[trial.contender].name.clone(),
+            word: study.words[trial.word].0.clone(),
+            seed: trial.seed,
+            outcome: serde_json::from_str(outcome).expect("it was made here"),
+        },
+    });
+    Ok(records.collect())
+}
+
 /// Ranks scenes: see `rank` of `noctograph/studies.py`. The table, and the keys of `ranking.json`
 /// with the flights. `flown` has the outcomes of trials that were flown elsewhere, as JSON, by their
-/// place among [`trials`].
+/// place among [`trials`]; `faster` the number of seeds on each rung of [`ladder`], with the same.
 #[pyfunction]
+#[pyo3(signature = (scenes, words, conditions, seed, folder, flown, unranked, progress, faster = None))]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
 pub(super) fn ranking<'py>(
     py: Python<'py>,
@@ -131,36 +183,36 @@ pub(super) fn ranking<'py>(
     flown: BTreeMap<usize, String>,
     unranked: BTreeMap<String, String>,
     progress: Option<Py<PyAny>>,
+    faster: Option<(u32, Vec<BTreeMap<usize, String>>)>,
 ) -> PyResult<(String, Bound<'py, PyAny>)> {
     let mut study = study(scenes, words, seed);
     let conditions = conditions.to_owned();
-    let each = study.words.iter().map(|(_, n)| *n as usize).sum::<usize>();
-    let total = each * study.contenders.len() - flown.len();
+    let ladder = faster.as_ref().map(|(n, _)| rungs(&study, *n)).transpose();
+    let ladder = ladder.map_err(|error| raised(py, &error))?.unwrap_or_default();
+    let faster = faster.map_or_else(Vec::new, |(_, flown)| flown);
+    let n_flights: usize = ladder.iter().chain([&study]).map(Study::n_trials).sum();
+    let n_flown = faster.iter().chain([&flown]).map(BTreeMap::len).sum::<usize>();
+    let total = n_flights - n_flown;
     let (text, json) = counted(py, progress, total, move |until, counter| {
         study.conditions = Conditions::find(&conditions)?;
         if unranked.is_empty() || !study.contenders.is_empty() {
             study.check()?;
         }
-        let trials: Vec<Trial> = study.trials().collect();
-        let rest = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
-        let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        let count = |n| counter.store(n, Ordering::Relaxed);
-        let ready = study.prepare()?;
-        let others = evaluate(&study, &ready, &rest, store.as_ref(), until, &count)?;
-        let mut others = others.into_iter();
-        let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
-            None => others.next().expect("a record for each trial"),
-            Some(outcome) => Record {
-                scene: "a controller of Python".into(),
-                contender: study.contenders[trial.contender].name.clone(),
-                word: study.words[trial.word].0.clone(),
-                seed: trial.seed,
-                outcome: serde_json::from_str(outcome).expect("it was made here"),
-            },
+        let mut n_done = 0;
+        let mut records_of = |study: &Study, flown: &BTreeMap<usize, String>| {
+            let count = |n| counter.store(n_done + n, Ordering::Relaxed);
+            let records = records(study, flown, store.as_ref(), until, &count)?;
+            n_done += records.len() - flown.len();
+            Ok::<_, Error>(records)
+        };
+        let records = records_of(&study, &flown)?;
+        let of_rungs = ladder.iter().zip(&faster).map(|(rung, flown)| {
+            records_of(&Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
         });
-        let records: Vec<Record> = records.collect();
+        let of_rungs = of_rungs.collect::<Result<Vec<_>>>()?;
         let mut ranking = rank(&study, &records);
+        ranking.acuity = (!ladder.is_empty()).then(|| acuity(&ladder, &of_rungs));
         let unranked = unranked.into_iter();
         ranking.unranked = unranked.map(|(contender, note)| Unranked { contender, note }).collect();
         let report = ranking_report(&study, &ranking, records.len());

@@ -8,7 +8,7 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::flight::{
     BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightData, FlightSample,
-    SATURATED_S,
+    SATURATED_S, warning,
 };
 use noctograph_core::plan::{Plan, Setpoint};
 
@@ -74,11 +74,27 @@ impl Recorder {
         }
     }
 
-    pub(super) fn finish(self, warnings: Vec<Diagnostic>) -> Flight {
+    pub(super) fn finish(self, mut warnings: Vec<Diagnostic>) -> Flight {
+        warnings.extend(grounded(&self.flight.samples));
         let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);
         let extra = columns.filter(|(_, column)| !column.is_empty()).collect();
         Flight::made(FlightData { warnings, extra, ..self.flight })
     }
+}
+
+/// Rise of a plan that takes off, and of a drone that does not, in m.
+const TAKEN_OFF_M: [f64; 2] = [0.2, 0.02];
+
+/// A warning about a drone that stands where it should rise, as where a unit is mistaken.
+fn grounded(samples: &[FlightSample]) -> Option<Diagnostic> {
+    let rise_m = |height_m: fn(&FlightSample) -> f64| {
+        let heights_m = samples.iter().map(height_m);
+        heights_m.fold(f64::MIN, f64::max) - samples.first().map_or(0.0, height_m)
+    };
+    let [planned_m, flown_m] = [rise_m(|s| s.design_m.z), rise_m(|s| s.position_m.z)];
+    let stands = planned_m > TAKEN_OFF_M[0] && flown_m < TAKEN_OFF_M[1];
+    let motors = samples.iter().flat_map(|sample| sample.motors).fold(0.0, f64::max);
+    stands.then(|| warning::grounded(motors))
 }
 
 /// The flight's sample of a snapshot of the simulation.

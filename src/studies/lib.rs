@@ -19,6 +19,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
+mod acuity;
 pub mod comparison;
 mod conditions;
 mod evening;
@@ -43,6 +44,7 @@ mod tune;
 /// from an archive, on every system. Two builds of one version are told apart by it.
 pub const SOURCE: &str = env!("NOCTOGRAPH_SOURCE");
 
+pub use acuity::{Acuity, RUNGS, Rung, SpeedLimit, acuity, fly_ladder};
 pub use conditions::Conditions;
 pub use evening::{Evening, EveningLog, Flaw, FoundCondition, LogFigures, MeanDrone};
 pub use experiment::{Study, Trial, evaluate};

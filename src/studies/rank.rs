@@ -3,10 +3,10 @@
 use serde::Serialize;
 
 use super::statistics::{
-    Estimate, LEVEL, bootstrap, center, least_for_center, mean, mean_of_probabilities,
-    mean_of_strata, share, worst_decile,
+    Estimate, LEVEL, center, least_for_center, mean, mean_of_probabilities, mean_of_strata, share,
+    worst_decile,
 };
-use super::{Flown, Record, Study};
+use super::{Acuity, Flown, Record, Study};
 
 /// Contenders in order of their mean probability of being read, the best first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -19,6 +19,9 @@ pub struct Ranking {
     pub least_flights: u32,
     /// Those that are not ranked.
     pub unranked: Vec<Unranked>,
+    /// How small they write, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub acuity: Option<Acuity>,
 }
 
 /// A contender that is not ranked.
@@ -36,7 +39,7 @@ pub struct Measures {
     /// Its name.
     pub contender: String,
     /// 1 for the best; those that cannot be told from the first of a place share it. `None` where
-    /// the drone was lost on every flight.
+    /// no flight was read, as where the drone was lost on every one.
     pub place: Option<usize>,
     /// Flights.
     pub n_flights: usize,
@@ -76,6 +79,9 @@ pub struct Pair {
     pub distinguishable: bool,
 }
 
+/// Least P(read) of a place: what is below is printed as 0.000.
+const LEAST_READ: f64 = 0.0005;
+
 /// Ranks the contenders of a study by its records, which are those of all its trials in order.
 ///
 /// # Panics
@@ -109,11 +115,11 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
         if pairs.iter().find(both).is_some_and(|pair| pair.distinguishable) {
             first_of_place = index;
         }
-        let is_lost = measures[index].n_lost == measures[index].n_flights;
-        measures[index].place = (!is_lost).then_some(first_of_place + 1);
+        let is_read = measures[index].legibility.value >= LEAST_READ;
+        measures[index].place = is_read.then_some(first_of_place + 1);
     }
     let least_flights = least_flights(measures.len());
-    Ranking { measures, pairs, least_flights, unranked: Vec::new() }
+    Ranking { measures, pairs, least_flights, unranked: Vec::new(), acuity: None }
 }
 
 /// Flights of each of some contenders below which no two can be told apart, however they differ.
@@ -191,7 +197,7 @@ fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
         n_lost: records.iter().filter(|record| record.outcome.lost.is_some()).count(),
         legibility: mean_of_probabilities(&probabilities),
         legible: share(records.iter().map(|record| record.outcome.legible)),
-        worst_decile: bootstrap(&probabilities, worst_decile),
+        worst_decile: worst_decile(&probabilities),
         all_read: share(records.iter().map(|record| record.outcome.all_read)),
         flown: (!photos.is_empty()).then(|| Flown::from_values(std::array::from_fn(figure))),
         equal_to: None,
@@ -325,6 +331,22 @@ mod tests {
                 assert!(error <= 0.06, "{n_contenders} contenders, {n_flights} flights: {error}");
             }
         }
+    }
+
+    #[test]
+    fn thirty_six_contenders_are_told_apart_and_equal_ones_are_not() {
+        let lists = |step: f64| -> Vec<(&'static str, Vec<f64>)> {
+            let list = |k: u32| {
+                let mut rng = ChaCha8Rng::seed_from_u64(u64::from(k));
+                let noise = std::iter::repeat_with(|| 0.01 * rng.random::<f64>()).take(60);
+                noise.map(|noise| 0.9 - step * f64::from(k) + noise).collect()
+            };
+            (0..36).map(|k| ("x", list(k))).collect()
+        };
+        // A step is twelve standard errors of a difference.
+        assert!(pairs(&lists(0.0065)).iter().all(|pair| pair.distinguishable));
+        let alike = pairs(&lists(0.0));
+        assert!(alike.iter().all(|pair| !pair.distinguishable && pair.difference.high < 0.01));
     }
 
     #[test]

@@ -24,8 +24,17 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     let all = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
         .chain(flown.into_iter().flatten());
+    let limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
+    let limits: Vec<_> = limits.map(|it| (&it.contender, value(&it.stroke_speed_m_s))).collect();
+    let acuity = (!limits.is_empty()).then(|| estimate("acuity_m_s", "acuity"));
+    let ranked = ranking.measures.iter().map(|measures| {
+        let limit = limits.iter().find(|(name, _)| **name == measures.contender);
+        let mut row = value(measures);
+        row["acuity"] = limit.map_or(Value::Null, |(_, limit)| limit.clone());
+        row
+    });
     let unranked = ranking.unranked.iter().map(value);
-    table(all, ranking.measures.iter().map(value).chain(unranked))
+    table(all.chain(acuity.into_iter().flatten()), ranked.chain(unranked))
 }
 
 /// A row for each submission: marks are 100 times P(read), 0 for those that are not ranked.
@@ -101,13 +110,16 @@ fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value
 }
 
 /// A JSON value as a CSV cell. A spreadsheet takes a text that begins with one of `=+-@` for a
-/// formula: such a name, which a submission chooses, stands behind an apostrophe (OWASP, CSV
-/// injection).
+/// formula, and a terminal obeys control characters: a name, which a submission chooses, stands
+/// behind an apostrophe (OWASP, CSV injection), and with U+FFFD in their place.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) if text.starts_with(['=', '+', '-', '@']) => format!("'{text}"),
-        Value::String(text) => text.clone(),
+        Value::String(text) => {
+            let apostrophe = if text.starts_with(['=', '+', '-', '@']) { "'" } else { "" };
+            let obeyed = |c: char| c.is_control() && c != '\n' && c != '\t';
+            apostrophe.to_owned() + &text.replace(obeyed, "\u{fffd}")
+        }
         // As Rust prints it: without an exponent.
         Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),
         other => other.to_string(),

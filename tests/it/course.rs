@@ -99,7 +99,7 @@ fn the_number_of_flights_is_said_and_keys_that_name_files_cannot_be_allowed() {
     let rank = ["rank", "--task", "task.toml", "all", "--words", "I"];
     let run = noctograph(here).args(rank).output().unwrap();
     let said = String::from_utf8(run.stderr).unwrap();
-    assert!(said.contains("1 submissions fly 100 times each"), "{said}");
+    assert!(said.contains("1 submission flies 100 times each"), "{said}");
     let text = String::from_utf8(run.stdout).unwrap();
     assert!(text.contains(" -  b refused: vehicle.mass_kg differs"), "{text}");
     std::fs::remove_file(here.join("all/a.toml")).unwrap();

@@ -15,15 +15,11 @@ use noctograph::report::{Label, labeled};
 use noctograph::scene::{Preset, Scene};
 use noctograph::shoot::{Judging, Shoot};
 
+use crate::bless::is_blessed;
 use crate::compare::{compare, leave_page};
 
 /// Largest golden file.
 const MAX_BYTES: usize = 16 << 10;
-
-/// Whether goldens are written anew instead of compared.
-fn bless() -> bool {
-    std::env::var_os("NOCTOGRAPH_BLESS").is_some()
-}
 
 /// A file of the repository.
 fn repository(path: &str) -> PathBuf {
@@ -33,7 +29,7 @@ fn repository(path: &str) -> PathBuf {
 /// Compares text with a golden file, byte by byte; the text that differs is left beside the tests.
 pub(crate) fn assert_golden(file: &str, found: &str) {
     let path = repository("golden").join(file);
-    if bless() {
+    if is_blessed(file) {
         assert!(found.len() <= MAX_BYTES, "a golden of {} bytes is too large", found.len());
         std::fs::write(&path, found).unwrap();
     }
@@ -69,7 +65,7 @@ fn shown(word: &str, preset: Preset, [width_px, height_px]: [u32; 2], noise: Noi
 fn golden_photo_of_noor() {
     let (file, found) = ("photo/noor.png", shown("NOOR", Preset::Ae4832022, [160, 90], Noise::Off));
     let path = repository("golden").join(file);
-    if bless() {
+    if is_blessed(file) {
         let png = photo::encode_png(&found, None, &[]);
         assert!(png.len() <= MAX_BYTES, "a golden of {} bytes is too large", png.len());
         std::fs::write(&path, png).unwrap();
@@ -90,7 +86,7 @@ const MAX_MEAN_FLIP: f64 = 0.05;
 /// Compares a photo with a picture of the documentation as an eye does.
 fn assert_illustration(file: &str, found: &Photo) {
     let path = repository("docs").join(file);
-    if bless() {
+    if is_blessed(file) {
         std::fs::write(&path, photo::encode_png(found, None, &[])).unwrap();
     }
     let wanted = photo::read(&path).unwrap();

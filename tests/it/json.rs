@@ -24,7 +24,7 @@ const COMMANDS: [(&str, &str); 16] = [
     ("compare-photo", "compare-photo photo.png photo.png"),
     ("identify", "identify flight.csv --scene team"),
     ("gains", "gains --scene team"),
-    ("rank", "rank team pid --words I:2"),
+    ("rank", "rank team pid --words I:2 --acuity 1"),
 ];
 
 /// All keys of a value, at any depth.

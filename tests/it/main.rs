@@ -1,11 +1,12 @@
 //! Tests of the command and of the library from outside.
 //!
 //! Two environment variables matter: `NOCTOGRAPH_REQUIRE_GPU` makes a missing graphics device a
-//! failure, `NOCTOGRAPH_BLESS` writes the golden files anew.
+//! failure, `NOCTOGRAPH_BLESS=1` writes the golden files anew.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::disallowed_methods, reason = "a test reads what it wrote")]
 
 mod answer_types;
+mod bless;
 mod camera;
 mod cli;
 mod compare;

@@ -15,7 +15,19 @@ def test_a_flight_is_the_golden_one():
     assert_golden(nc.photograph(SCENE).flights[0], GOLDEN / "hi")
 
 
+@pytest.mark.parametrize("value", ["0", "no", "true", " 1"])
+def test_only_1_blesses(tmp_path, monkeypatch, value):
+    monkeypatch.setenv("NOCTOGRAPH_BLESS", "1")
+    with pytest.warns(UserWarning, match="written anew"):
+        assert_golden({"letters": [{"read": "H"}, {"read": "I"}]}, tmp_path / "golden")
+    monkeypatch.setenv("NOCTOGRAPH_BLESS", value)
+    with pytest.warns(UserWarning, match="only 1 blesses"), pytest.raises(AssertionError) as caught:
+        assert_golden({"letters": [{"read": "H"}, {"read": "O"}]}, tmp_path / "golden")
+    assert "letters[1].read: found O, wanted I" in str(caught.value) and "[0]" not in str(caught.value)
+
+
 def test_what_moved_is_named_and_shown(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     shot, failures = nc.photograph(SCENE), tmp_path / "failures"
     goldens = {"photo": shot, "flight": shot.flights[0], "verdict": shot.verdict}
     with pytest.raises(AssertionError, match="NOCTOGRAPH_BLESS"):
@@ -23,7 +35,8 @@ def test_what_moved_is_named_and_shown(tmp_path, monkeypatch):
     with monkeypatch.context() as blessed:
         blessed.setenv("NOCTOGRAPH_BLESS", "1")
         for name, product in goldens.items():
-            assert_golden(product, tmp_path / name)
+            with pytest.warns(UserWarning, match="written anew"):
+                assert_golden(product, tmp_path / name)
     for name, product in goldens.items():
         assert_golden(product, tmp_path / name)
     later = nc.photograph(nc.Scene(SCENE, seed=6))

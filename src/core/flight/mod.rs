@@ -5,13 +5,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use nalgebra::Vector3;
+
 use crate::diagnostic::Diagnostic;
 use crate::error::{Error, Result};
 use crate::geometry::Attitude;
 use crate::product::{
     Rules, Valid, check_length, check_levels, check_times, is_number, odd_number,
 };
-use nalgebra::Vector3;
 
 mod airborne;
 pub mod csv;

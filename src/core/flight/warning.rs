@@ -43,6 +43,15 @@ pub fn host_silent(stopped_s: f64) -> Diagnostic {
     Diagnostic::warning("host-silent", message).with("time_s", stopped_s)
 }
 
+/// The drone stood on the floor under a plan that rises, with motor commands up to this one.
+pub fn grounded(motors: f64) -> Diagnostic {
+    let message = format!(
+        "the drone never left the floor, with motor commands up to {motors:.5}: are they from 0 to \
+         65535 (not rpm, N or 0 to 1), lengths in m with z up, and angles in rad?"
+    );
+    Diagnostic::warning("grounded", message).with("motors", motors)
+}
+
 /// Quantities that a log lacks, which are zeros in the samples; `None` if it lacks none.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();

@@ -2,7 +2,8 @@
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
-use crate::{Prepared, Ranking, Record, Study};
+use crate::statistics::Estimate;
+use crate::{Acuity, Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::{Photo, PhotoData};
 
@@ -23,6 +24,9 @@ const INK: u8 = 235;
 const ROW_PHOTOS: usize = 4;
 /// Height of a capital in the photos of a study.
 const CAP_HEIGHT_PX: f64 = 110.0;
+
+/// The same at rising speeds, of which there are eight in a row.
+const FAST_CAP_HEIGHT_PX: f64 = 70.0;
 
 /// The median and the worst photo of each scene of a study, which was prepared
 /// ([`Study::prepare`]).
@@ -48,6 +52,41 @@ pub fn study_sheet(
                 let (read, p) = (&outcome.read, outcome.probability);
                 let photo = ready.photo(trial.seed, CAP_HEIGHT_PX)?;
                 photos.push((photo, format!("{name}: {word} as {read}, {p:.2}")));
+            }
+        }
+        Ok((title, photos))
+    });
+    let rows: Vec<_> = rows.collect::<Result<_>>()?;
+    Ok(contact_sheet(rows.iter().map(|(title, photos)| (title.as_str(), photos.as_slice()))))
+}
+
+/// A photo of the first word on each rung of a [`Study::ladder`], in a row for each contender.
+///
+/// # Errors
+///
+/// As [`Prepared::photo`].
+pub fn acuity_sheet(
+    ladder: &[Study],
+    ready: &[Vec<Prepared>],
+    acuity: &Acuity,
+    records: &[Vec<Record>],
+) -> Result<Photo> {
+    let rows = acuity.limits.iter().map(|limit| {
+        let Estimate { value, low, high } = limit.stroke_speed_m_s;
+        let title =
+            format!("{}: reads up to {value:.2} m/s ({low:.2} to {high:.2})", limit.contender);
+        let mut photos = Vec::new();
+        for (((study, ready), rung), records) in
+            ladder.iter().zip(ready).zip(&limit.rungs).zip(records)
+        {
+            let first = records.iter().zip(study.trials());
+            let mut first = first.filter(|(record, _)| record.contender == limit.contender);
+            let Some((Record { outcome, .. }, trial)) = first.next() else { continue };
+            if outcome.flown.is_some() {
+                let ready = &ready[trial.contender * study.words.len() + trial.word];
+                let photo = ready.photo(trial.seed, FAST_CAP_HEIGHT_PX)?;
+                let (speed_m_s, p) = (rung.stroke_speed_m_s, outcome.probability);
+                photos.push((photo, format!("{speed_m_s:.2} m/s: {p:.2}")));
             }
         }
         Ok((title, photos))

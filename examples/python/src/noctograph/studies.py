@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._noctograph import (
-    Scene, Sessions, __version__, outcomes as _outcomes, ranking as _ranking, trials as _trials, tuning as _tuning,
+    Scene, Sessions, __version__, ladder as _ladder, outcomes as _outcomes, ranking as _ranking, trials as _trials, tuning as _tuning,
 )  # fmt: skip
 from .answers import Candidate
 from .commands import PathLike, Report
@@ -180,6 +180,8 @@ def _fly_controlled(
     timed = _takes_time(each[0])
     motors, turns = np.zeros((n, 4)), [1] * n
     seen = sessions.look()
+    begun_m = highest_m = seen["position_m"][:, 2]
+    most = np.zeros(n)
     duration_s = sessions.duration_s
     while not (seen["landed"] | seen["lost"]).all():
         state, reference, time_s = seen["state"], seen["reference"], seen["time_s"]
@@ -194,8 +196,16 @@ def _fly_controlled(
         over = seen["landed"] | seen["lost"]
         sessions.step(np.where(over[:, None], 0, motors), turns)
         seen = sessions.look()
+        most, highest_m = np.maximum(most, motors.max(1)), np.maximum(highest_m, seen["position_m"][:, 2])
         if show is not None:
             show(int(n * min(float(seen["time_s"].max()) / duration_s, 1)), n)
+    stands = highest_m - begun_m < 0.02
+    if stands.any():
+        warnings.warn(
+            f"{stands.sum()} of {n} flights never left the floor, with motor commands up to {most[stands].max():.5g}: are they "
+            "from 0 to 65535 (not rpm, N or 0 to 1), lengths in m with z up, and angles in rad?",
+            stacklevel=3,
+        )
     return sessions.outcomes()
 
 
@@ -304,6 +314,7 @@ def rank(
     seeds: int = 50,
     conditions: str = "room",
     seed: int = 0,
+    acuity: int | None = None,
     folder: PathLike | None = None,
     vectorized: bool = False,
     progress: Progress = True,
@@ -325,6 +336,9 @@ def rank(
         As for `fly_many`.
     seed : int
         Seed that all seeds are drawn from.
+    acuity : int, optional
+        Also finds the fastest strokes that read: so many more seeds of each word at each of eight speeds.
+        ``report["acuity"]["limits"]`` has them. Above a P(read) of 0.96 this ranks, and P(read) does not.
     folder : path, optional
         Keeps the flights, so that the next call flies only what is new. Those of a class of your own are kept word
         by word, while the file that defines it stays as it is; those of other callables are not.
@@ -343,20 +357,29 @@ def rank(
         controllers = {name: (it[1], it[2] if len(it) == 3 else None) for name, it in scenes.items() if not isinstance(it, Scene)}
         named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
         counted = _words(named[0][1], words, seeds) if named else []
-        flown: dict[int, str] = {}
+
+        def flown_by_python(
+            scenes: Sequence[Scene], trials: Sequence[tuple[int, int, int]]
+        ) -> dict[int, str]:
+            flown: dict[int, str] = {}
+            for index, (name, _) in enumerate(named):
+                for at, (word, _) in enumerate(counted):
+                    places = [place for place, trial in enumerate(trials) if trial[:2] == (index, at)]
+                    if name not in controllers or not places:
+                        continue
+                    drawn = [trials[place][2] for place in places]
+                    of_word = Scene(scenes[index], word=word)
+                    fly = partial(_fly_controlled, of_word, drawn, *controllers[name], conditions, vectorized, None)
+                    key = (of_word.to_toml(), drawn, conditions, vectorized)
+                    flown.update(zip(places, _kept(folder, controllers[name], key, fly), strict=True))
+            return flown
+
         trials = _trials(named, counted, seed) if controllers else []
-        for index, (name, scene) in enumerate(named):
-            for at, (word, _) in enumerate(counted):
-                places = [place for place, trial in enumerate(trials) if trial[:2] == (index, at)]
-                if name not in controllers or not places:
-                    continue
-                drawn = [trials[place][2] for place in places]
-                of_word = Scene(scene, word=word)
-                fly = partial(_fly_controlled, of_word, drawn, *controllers[name], conditions, vectorized, None)
-                key = (of_word.to_toml(), drawn, conditions, vectorized)
-                outcomes = _kept(folder, controllers[name], key, fly)
-                flown.update(zip(places, outcomes, strict=True))
-        return _ranked(named, counted, conditions, seed, folder, flown, {}, show)
+        flown = flown_by_python([scene for _, scene in named], trials)
+        faster = None
+        if acuity is not None:
+            faster = (acuity, [flown_by_python(*rung) for rung in _ladder(named, counted, seed, acuity)])
+        return _ranked(named, counted, conditions, seed, folder, flown, {}, show, faster)
 
 
 def _ranked(*arguments: Any) -> Report:
@@ -378,7 +401,9 @@ def tune(
     folder: PathLike | None = None,
     callback: Callable[[int, Candidate], bool | None] | None = None,
 ) -> tuple[Scene, Report]:
-    """Searches the settings with which a scene writes most legibly in the least time.
+    """Searches the settings with which a scene writes most legibly.
+
+    A candidate may take as long as the scene does; a shorter flight counts for nothing beside P(read).
 
     Parameters
     ----------

@@ -6,6 +6,7 @@ import hashlib
 import html
 import json
 import os
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,7 @@ def assert_golden(
     most_flip: float | None = None,
     failures: PathLike = "golden-failures",
 ) -> None:
-    """Asserts that a photograph, a flight or a verdict is the golden one; with NOCTOGRAPH_BLESS set, makes it that.
+    """Asserts that a photograph, a flight or a verdict is the golden one; with NOCTOGRAPH_BLESS=1, makes it that.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ def assert_golden(
     if most_flip is not None and not isinstance(found, Shot):
         raise InputError("most_flip", type(found).__name__, "a Shot", "leave it out: there is no picture to compare")
     facts = _facts(found)
-    if os.environ.get("NOCTOGRAPH_BLESS"):
+    if _is_blessed(golden):
         golden.mkdir(parents=True, exist_ok=True)
         (golden / "golden.json").write_text(json.dumps(facts, indent=1, ensure_ascii=False) + "\n", "utf-8")
         if isinstance(found, Shot):
@@ -66,14 +67,15 @@ def assert_golden(
     if not (golden / "golden.json").exists():
         raise AssertionError(f"{golden} has no golden.json: NOCTOGRAPH_BLESS=1 pytest makes it; then look at it")
     wanted = json.loads((golden / "golden.json").read_text("utf-8"))
-    moved = [f"{key}: found {facts.get(key)}, wanted {wanted.get(key)}" for key in {**wanted, **facts}
-             if facts.get(key) != wanted.get(key) and (most_flip is None or key not in DIGESTS)]  # fmt: skip
+    skipped = () if most_flip is None else DIGESTS
+    moved = [line for key in {**wanted, **facts} if key not in skipped for line in _moved(key, facts.get(key), wanted.get(key))]
     if isinstance(found, Shot) and (moved or most_flip is not None):
         difference, picture = flip(golden / "photo.png", found)
         if most_flip is not None and not difference <= most_flip:
             moved.append(f"mean FLIP: found {difference:.4f}, wanted at most {most_flip}")
         if moved:
-            page = Path(failures) / golden.name / "index.html"
+            # Goldens of one last name, in different folders, have a page each.
+            page = Path(failures) / os.path.relpath(golden).replace("..", "").strip(os.sep).replace(os.sep, "-") / "index.html"
             page.parent.mkdir(parents=True, exist_ok=True)
             pictures = {"wanted": (golden / "photo.png").read_bytes(), "found": found.to_png(), "difference": picture}
             for name, png in pictures.items():
@@ -83,6 +85,27 @@ def assert_golden(
             moved.append(f"both pictures, mean FLIP {difference:.4f}: {page}")
     if moved:
         raise AssertionError("\n".join([f"{golden} is not what is found:", *moved]))
+
+
+def _is_blessed(golden: Path) -> bool:
+    """Whether a golden is written anew: NOCTOGRAPH_BLESS is 1. Another value is said to bless nothing."""
+    value = os.environ.get("NOCTOGRAPH_BLESS")
+    if value == "1":
+        warnings.warn(f"NOCTOGRAPH_BLESS=1: {golden} is written anew", stacklevel=3)
+    elif value:
+        warnings.warn(f"NOCTOGRAPH_BLESS={value}: only 1 blesses {golden}", stacklevel=3)
+    return value == "1"
+
+
+def _moved(key: str, found: Any, wanted: Any) -> list[str]:
+    """A line for each value that differs, named by its path."""
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        names = {**wanted, **found}
+        return [line for name in names for line in _moved(f"{key}.{name}", found.get(name), wanted.get(name))]
+    if isinstance(found, list) and isinstance(wanted, list) and len(found) == len(wanted):
+        pairs = enumerate(zip(found, wanted))
+        return [line for index, (one, other) in pairs for line in _moved(f"{key}[{index}]", one, other)]
+    return [] if found == wanted else [f"{key}: found {found}, wanted {wanted}"]
 
 
 def _facts(found: Shot | Flight | Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,217 @@
+//! Acuity: how fast a contender writes so that its words still read, as an eye chart asks for the
+//! smallest letters.
+//!
+//! In: a study. Every contender flies its words on a ladder of stroke speeds, from four times the
+//! slowest of the scenes up. Each rung has seeds of its own, the same for all contenders. Out:
+//! [`Acuity`].
+//!
+//! Of words that read below a speed and not above, the mean of P(read) over the ladder is the share
+//! of rungs below it (Spearman, British Journal of Psychology 2, 1908; Kärber, Archiv für
+//! experimentelle Pathologie und Pharmakologie 162, 1931). So that mean and its interval are a
+//! speed and its interval, without a model of how P(read) falls. The ladder is a study whose words
+//! are its rungs, and two contenders are compared flight against flight, as [`rank`] does.
+//!
+//! The other axis, smaller letters, is bounded by the lamp, and tells a true state from an estimate
+//! with three times as many flights. Not done: limits beyond the ladder.
+
+use serde::Serialize;
+
+use super::statistics::{Estimate, mean};
+use super::{Pair, Prepared, Record, Store, Study, evaluate, rank};
+use noctograph_core::error::Result;
+use noctograph_pipeline::shoot::Stop;
+use noctograph_plan::Style;
+
+/// Rungs of the ladder.
+pub const RUNGS: u32 = 8;
+/// The first rung, as a multiple of the scene's speed.
+const FIRST: f64 = 4.0;
+/// Octaves of speed from rung to rung: strokes of 0.2 m/s begin at 0.8 m/s, and end at 2.7 m/s.
+const OCTAVES: f64 = 0.25;
+/// Greatest acceleration of a plan.
+const MOST_M_S2: f64 = 100.0;
+
+/// How fast the contenders of a study write, the fastest first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Acuity {
+    /// One a contender.
+    pub limits: Vec<SpeedLimit>,
+    /// Every two of them, by their mean P(read) over the ladder.
+    pub pairs: Vec<Pair>,
+}
+
+/// The limit of a contender.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SpeedLimit {
+    /// Its name.
+    pub contender: String,
+    /// 1 for the fastest, as in a ranking.
+    pub place: Option<usize>,
+    /// Flights on the whole ladder.
+    pub n_flights: usize,
+    /// Stroke speed at which its words read half of the time.
+    pub stroke_speed_m_s: Estimate,
+    /// Mean P(read) on each rung.
+    pub rungs: Vec<Rung>,
+}
+
+/// A rung of the ladder.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Rung {
+    /// Speed of the strokes.
+    pub stroke_speed_m_s: f64,
+    /// Mean P(read).
+    pub legibility: f64,
+}
+
+impl Study {
+    /// The study on each rung of the ladder, the slowest first: strokes, and their acceleration
+    /// in proportion.
+    pub fn ladder(&self) -> Vec<Self> {
+        let speeds_m_s = self.contenders.iter().map(|it| it.scene.plan.stroke_speed_m_s);
+        let slowest_m_s = speeds_m_s.fold(f64::INFINITY, f64::min);
+        let rung = |rung: u32| {
+            let mut study = Self { seed: self.seed ^ u64::from(rung + 1) << 40, ..self.clone() };
+            for plan in study.contenders.iter_mut().map(|it| &mut it.scene.plan) {
+                let speed_m_s = slowest_m_s * FIRST * libm::exp2(OCTAVES * f64::from(rung));
+                if let Style::Even(even) = &mut plan.style {
+                    let scaled = even.acceleration_m_s2 * speed_m_s / plan.stroke_speed_m_s;
+                    even.acceleration_m_s2 = scaled.min(MOST_M_S2);
+                    even.dark_speed_m_s = even.dark_speed_m_s.max(speed_m_s);
+                }
+                plan.stroke_speed_m_s = speed_m_s;
+            }
+            study
+        };
+        (0..RUNGS).map(rung).collect()
+    }
+}
+
+/// Flies the rungs of a [`Study::ladder`] with the scenes of each ([`Study::prepare`]), as
+/// [`evaluate`] does.
+///
+/// # Errors
+///
+/// Those of [`evaluate`].
+pub fn fly_ladder(
+    ladder: &[Study],
+    ready: &[Vec<Prepared>],
+    store: Option<&Store>,
+    done: &(dyn Fn(usize) + Sync),
+) -> Result<Vec<Vec<Record>>> {
+    let (mut n_done, stop) = (0, Stop::default());
+    let rungs = ladder.iter().zip(ready).map(|(study, ready)| {
+        let trials: Vec<_> = study.trials().collect();
+        let records = evaluate(study, ready, &trials, store, &stop, &|n| done(n_done + n))?;
+        n_done += records.len();
+        Ok(records)
+    });
+    rungs.collect()
+}
+
+/// The limits of contenders by the records of each rung of a [`Study::ladder`].
+pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
+    let (first, n_contenders) = (&ladder[0], ladder[0].contenders.len());
+    let parts = (0..n_contenders).flat_map(|index| {
+        records.iter().flat_map(move |rung| {
+            let n_each = rung.len() / n_contenders;
+            rung[index * n_each..(index + 1) * n_each].iter().cloned()
+        })
+    });
+    let words = ladder.iter().flat_map(|study| study.words.clone()).collect();
+    let ranking = rank(&Study { words, ..first.clone() }, &parts.collect::<Vec<_>>());
+    let speeds_m_s: Vec<f64> =
+        ladder.iter().map(|study| study.contenders[0].scene.plan.stroke_speed_m_s).collect();
+    let limits = ranking.measures.iter().map(|measures| {
+        let name = &measures.contender;
+        let mean_of_rung = |records: &Vec<Record>| {
+            let records = records.iter().filter(|record| record.contender == *name);
+            mean(records.map(|record| record.outcome.probability))
+        };
+        let rungs = speeds_m_s.iter().zip(records).map(|(stroke_speed_m_s, records)| Rung {
+            stroke_speed_m_s: *stroke_speed_m_s,
+            legibility: mean_of_rung(records),
+        });
+        SpeedLimit {
+            contender: name.clone(),
+            place: measures.place,
+            n_flights: measures.n_flights,
+            stroke_speed_m_s: limit_m_s(speeds_m_s[0], measures.legibility),
+            rungs: rungs.collect(),
+        }
+    });
+    Acuity { limits: limits.collect(), pairs: ranking.pairs }
+}
+
+/// The speed at which words of a mean P(read) over the ladder cease to read: half a rung above the
+/// last at which they do.
+fn limit_m_s(first_m_s: f64, legibility: Estimate) -> Estimate {
+    let Estimate { value, low, high } = legibility;
+    let [value, low, high] = [value, low, high]
+        .map(|mean| first_m_s * libm::exp2(OCTAVES * (mean * f64::from(RUNGS) - 0.5)));
+    Estimate { value, low, high }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Conditions, Outcome};
+    use noctograph_pipeline::scene::{NamedScene, Preset, Scene};
+
+    fn study(n: u32) -> Study {
+        let contenders = ["a", "b"].map(|name| NamedScene::new(name, Scene::preset(Preset::Cf21)));
+        let words = vec![("NO".to_owned(), n), ("I".to_owned(), n)];
+        Study { contenders: contenders.into(), words, conditions: Conditions::still(), seed: 1 }
+    }
+
+    /// Records of contenders that read up to a speed, each with a soft edge.
+    fn records(study: &Study, limits_m_s: [f64; 2]) -> Vec<Record> {
+        let record = |trial: crate::Trial| {
+            let speed_m_s = study.contenders[trial.contender].scene.plan.stroke_speed_m_s;
+            let octaves = libm::log2(limits_m_s[trial.contender] / speed_m_s);
+            let shift = 0.2 * ((trial.seed % 8) as f64 / 7.0 - 0.5);
+            let p = 1.0 / (1.0 + libm::exp(-12.0 * (octaves + shift)));
+            Record {
+                scene: String::new(),
+                contender: study.contenders[trial.contender].name.clone(),
+                word: study.words[trial.word].0.clone(),
+                seed: trial.seed,
+                outcome: Outcome::example(p),
+            }
+        };
+        study.trials().map(record).collect()
+    }
+
+    #[test]
+    fn limits_are_those_of_the_contenders_and_are_told_apart() {
+        let ladder = study(4).ladder();
+        let records: Vec<_> = ladder.iter().map(|rung| records(rung, [1.3, 1.45])).collect();
+        let acuity = acuity(&ladder, &records);
+        let names: Vec<&str> = acuity.limits.iter().map(|it| it.contender.as_str()).collect();
+        assert_eq!(names, ["b", "a"], "the fastest first");
+        for (limit, wanted_m_s) in acuity.limits.iter().zip([1.45, 1.3]) {
+            let Estimate { value, low, high } = limit.stroke_speed_m_s;
+            assert!((value / wanted_m_s - 1.0).abs() < 0.03, "{limit:?}");
+            assert!(low < wanted_m_s && wanted_m_s < high && high < 1.1 * low, "{limit:?}");
+            assert!(limit.rungs[0].legibility > 0.95 && limit.rungs[7].legibility < 0.01);
+        }
+        assert!(acuity.pairs[0].distinguishable, "{acuity:?}");
+    }
+
+    #[test]
+    fn rungs_share_nothing_but_their_contenders() {
+        let ladder = study(2).ladder();
+        let plans = ladder.iter().map(|study| &study.contenders[1].scene.plan);
+        let wanted_m_s = [0.8, 0.951, 1.131, 1.345, 1.6, 1.903, 2.263, 2.691];
+        for (plan, wanted_m_s) in plans.zip(wanted_m_s) {
+            assert!((plan.stroke_speed_m_s - wanted_m_s).abs() < 1e-3, "{plan:?}");
+            let Style::Even(even) = &plan.style else { panic!("{plan:?}") };
+            assert!((even.acceleration_m_s2 / plan.stroke_speed_m_s - 10.0).abs() < 1e-9);
+        }
+        let mut seeds: Vec<u64> =
+            ladder.iter().flat_map(|study| study.trials().map(|trial| trial.seed)).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 8 * 2 * 2, "seeds of rungs and words differ; contenders share");
+    }
+}

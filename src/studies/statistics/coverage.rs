@@ -1,0 +1,172 @@
+//! How often the intervals of a study hold the truth: on laws like those of flights in a moment,
+//! and, ignored, on flights of the program itself. `docs/figures coverage` prints their table.
+
+use noctograph_core::random::split_mix;
+use noctograph_pipeline::scene::{NamedScene, Preset, Scene};
+use noctograph_pipeline::shoot::Stop;
+use noctograph_sim::ControllerKind;
+use rayon::prelude::*;
+
+use super::*;
+use crate::{Conditions, Record, Study, Trial, evaluate};
+
+/// An interval of a study's values.
+type Interval = fn(&[Vec<f64>]) -> Estimate;
+/// Shares of studies whose interval holds the truth, is below it, and above it.
+type Held = [f64; 3];
+
+/// Share of so many studies of `n` values of a law whose interval holds the truth, is below it and
+/// above.
+fn held(
+    law: &(dyn Fn(f64) -> f64 + Sync),
+    truth: f64,
+    n: u32,
+    (n_studies, interval): (u32, Interval),
+) -> Held {
+    let count = |study: u32| {
+        let keys = (0..n).map(|k| u64::from(study) << 32 | u64::from(k));
+        let uniform = keys.map(|key| (split_mix(key) >> 11) as f64 / (1_u64 << 53) as f64);
+        let estimate = interval(&[uniform.map(law).collect()]);
+        let [low, high] = [estimate.high < truth, estimate.low > truth].map(f64::from);
+        [1.0 - low - high, low, high]
+    };
+    let add = |a: Held, b: Held| std::array::from_fn(|k| a[k] + b[k]);
+    let held = (0..n_studies).into_par_iter().map(count).reduce(|| [0.0; 3], add);
+    held.map(|share| share / f64::from(n_studies))
+}
+
+#[test]
+fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
+    // Log-odds with logistic tails, `middle + scale ln(u / (1 - u))`: spreads of good flights
+    // (0.25) and of small letters (0.8).
+    for (middle, scale) in [(3.5, 0.25), (2.5, 0.3), (1.0, 0.8), (-1.0, 0.8), (-3.0, 0.6)] {
+        let law = |u: f64| {
+            let odds = libm::log(u.max(1e-12) / (1.0 - u));
+            1.0 / (1.0 + libm::exp(-middle - scale * odds))
+        };
+        let points = 100_000;
+        let quantiles = (0..points).map(|k| law((f64::from(k) + 0.5) / f64::from(points)));
+        let truth = quantiles.sum::<f64>() / f64::from(points);
+        for n in [6, 10, 20, 50, 100] {
+            let [share, below, above] = held(&law, truth, n, (STUDIES, mean_of_probabilities));
+            println!("{middle} {scale} {n}: {share:.3} {below:.3} {above:.3}");
+            let least = if n == 6 { 0.89 } else { 0.925 };
+            assert!((least..=0.985).contains(&share), "{middle} {scale} {n}: {share}");
+        }
+    }
+}
+
+/// Flights of a word by a scene whose difficulty is set by two keys.
+fn contender(name: &str, kind: ControllerKind, cap_height_m: f64, speed_m_s: f64) -> NamedScene {
+    let mut scene = Scene::preset(Preset::CfBrushless);
+    scene.controller.kind = kind;
+    scene.letters.cap_height_m = cap_height_m;
+    scene.plan.stroke_speed_m_s = speed_m_s;
+    NamedScene::new(name, scene)
+}
+
+/// The flights of contenders with the same seeds.
+fn flights(contenders: Vec<NamedScene>, word: &str, n: u32) -> Vec<Vec<Record>> {
+    let words = vec![(word.to_owned(), n)];
+    let study = Study { contenders, words, conditions: Conditions::default(), seed: 11 };
+    let trials: Vec<Trial> = study.trials().collect();
+    let ready = study.prepare().unwrap();
+    let records = evaluate(&study, &ready, &trials, None, &Stop::default(), &|_| {}).unwrap();
+    records.chunks(n as usize).map(<[Record]>::to_vec).collect()
+}
+
+/// Studies of a cell; of pairs, whose subsets take a second for a hundred, fewer.
+const STUDIES: u32 = 4000;
+const STUDIES_OF_PAIRS: u32 = 500;
+
+const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
+
+/// Row of a table: how often an interval of n of these values holds the truth, in percent.
+fn row(name: &str, values: &[f64], truth: f64, interval: (u32, Interval)) {
+    let sigma = standard_error(values) * (values.len() as f64).sqrt();
+    let law = |u: f64| values[(u * values.len() as f64) as usize];
+    let cells = NUMBERS.map(|n| {
+        let [share, below, above] = held(&law, truth, n, interval).map(|share| 100.0 * share);
+        format!("{share:.1} ({below:.1}, {above:.1})")
+    });
+    println!("| {name} | {truth:.3} | {sigma:.3} | {} |", cells.join(" | "));
+}
+
+fn share_of_hits(strata: &[Vec<f64>]) -> Estimate {
+    share(strata.iter().flatten().map(|value| *value > 0.5))
+}
+
+fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
+    center(&strata.concat(), LEVEL).unwrap()
+}
+
+/// Mean of the lowest tenth of many values, of which 10 % is no whole number.
+fn tail(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let n_lowest = 0.1 * sorted.len() as f64;
+    let whole = n_lowest as usize;
+    let rest = (n_lowest - whole as f64) * sorted.get(whole).copied().unwrap_or(0.0);
+    (sorted[..whole].iter().sum::<f64>() + rest) / n_lowest
+}
+
+#[test]
+#[ignore = "1,160 flights: docs/figures coverage prints the table"]
+fn coverage_of_intervals_on_flights() {
+    use ControllerKind::{Geometric, Lqr, Pid};
+    let plain = Scene::preset(Preset::CfBrushless);
+    let (height_m, speed_m_s) = (plain.letters.cap_height_m, plain.plan.stroke_speed_m_s);
+    let of_tea = vec![
+        contender("geometric, TEA", Geometric, height_m, speed_m_s),
+        contender("pid, TEA", Pid, height_m, speed_m_s),
+        contender("lqr, TEA", Lqr, height_m, speed_m_s),
+        contender("lqr, TEA, capitals of 20 cm", Lqr, 0.2, speed_m_s),
+        contender("lqr, TEA, capitals of 10 cm", Lqr, 0.1, speed_m_s),
+        contender("lqr, TEA, capitals of 7 cm", Lqr, 0.07, speed_m_s),
+    ];
+    let of_noor = vec![
+        contender("lqr, NOOR", Lqr, height_m, speed_m_s),
+        contender("lqr, NOOR at 0.8 m/s", Lqr, height_m, 0.8),
+    ];
+    let pool = [flights(of_tea, "TEA", 160), flights(of_noor, "NOOR", 100)].concat();
+    let probabilities = |records: &[Record]| -> Vec<f64> {
+        records.iter().map(|record| record.outcome.probability).collect()
+    };
+    println!("| flights | truth | spread | {} |", NUMBERS.map(|n| n.to_string()).join(" | "));
+    println!("|---|---|---{}|", "|---".repeat(NUMBERS.len()));
+    for records in &pool {
+        let values = probabilities(records);
+        row(
+            &format!("P(read): {}", records[0].contender),
+            &values,
+            mean(&values),
+            (STUDIES, mean_of_probabilities),
+        );
+    }
+    for records in [&pool[2], &pool[3], &pool[6]] {
+        let values = probabilities(records);
+        row(
+            &format!("worst tenth: {}", records[0].contender),
+            &values,
+            tail(&values),
+            (STUDIES, worst_decile),
+        );
+    }
+    for records in [&pool[3], &pool[4], &pool[6]] {
+        let values: Vec<f64> =
+            records.iter().map(|record| f64::from(record.outcome.legible)).collect();
+        row(
+            &format!("legible: {}", records[0].contender),
+            &values,
+            mean(&values),
+            (STUDIES, share_of_hits),
+        );
+    }
+    for [better, worse] in [[0, 1], [1, 2], [2, 3]] {
+        let [a, b] = [better, worse].map(|index: usize| probabilities(&pool[index]));
+        let values: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+        let names = [better, worse].map(|index: usize| pool[index][0].contender.as_str());
+        let name = format!("pair: {} and {}", names[0], names[1]);
+        row(&name, &values, mean(&values), (STUDIES_OF_PAIRS, center_of_differences));
+    }
+}
