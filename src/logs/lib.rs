@@ -47,6 +47,8 @@ use noctograph_core::flight::{Flight, Quantity};
 use noctograph_core::settings::{Described, settings};
 
 mod ae483_json;
+mod arrays;
+mod bullet_folder;
 mod cells;
 mod cfclient_csv;
 mod clock;
@@ -69,6 +71,7 @@ mod tests;
 mod titles;
 mod usd;
 
+pub use arrays::doubts;
 pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in};
 use recording::Recording;
 
@@ -195,7 +198,8 @@ settings! {
     }
 }
 
-/// Imports the log of a real flight: a file, or a folder with cfclient's files of one connection.
+/// Imports the log of a real flight: a file, or a folder with cfclient's files of one connection or
+/// with a file for each variable of gym-pybullet-drones.
 ///
 /// # Errors
 ///
@@ -229,7 +233,11 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     if path.is_dir() {
         let budget = Budget::new(&name, HINT);
         let job = Job { file: &name, options, budget: &budget };
-        return flight(folder(path, job)?, options, &budget);
+        let recording = match bullet_folder::variables(path)? {
+            Some(variables) => bullet_folder::recording(&variables, job)?,
+            None => folder(path, job)?,
+        };
+        return flight(recording, options, &budget);
     }
     on_clock(&read(path)?, &name, options)
 }

@@ -298,7 +298,7 @@ mod tests {
             Problem::Gaps { spans_s: Vec::new(), bridged_m: None },
             Problem::LostStrokes { font: String::new(), letters: String::new() },
             Problem::Drawing(String::new()),
-            Problem::Outside { what: "word", sides: String::new() },
+            Problem::Outside { what: "word", sides: String::new(), is_framed: true },
             Problem::NoPicture(String::new()),
         ];
         let obstacles: Vec<String> =

@@ -14,13 +14,13 @@ mod shot;
 mod study;
 
 use std::collections::BTreeMap;
-use std::ffi::OsString;
+use std::ffi::{CString, OsString};
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyTuple};
+use pyo3::types::{PyByteArray, PyBytes, PyTuple};
 
 use noctograph::error::{Error, Result, Segment};
 use noctograph::shoot::Stop;
@@ -81,6 +81,15 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
         errors.getattr(class)?.call1(arguments)
     });
     made.map_or_else(|broken| broken, PyErr::from_value)
+}
+
+/// Warns in the name of the caller's line, once for each text.
+fn warn(py: Python<'_>, texts: impl IntoIterator<Item = String>) -> PyResult<()> {
+    let category = py.import("noctograph.errors")?.getattr("NoctographWarning")?;
+    texts.into_iter().try_for_each(|text| {
+        let text = CString::new(text.replace('\0', " ")).expect("no zero is left");
+        PyErr::warn(py, &category, &text, 1)
+    })
 }
 
 /// Runs a command of the program: its table, and what it prints with `--json`.
@@ -189,14 +198,14 @@ fn run_showing<T: Send + 'static>(
     Ok(done)
 }
 
-/// Bytes as an array of numpy that cannot be written to; no copy but the one into Python's memory.
+/// Bytes as an array of numpy, a copy in Python's memory that its owner may write to.
 fn array_of<'py>(
     py: Python<'py>,
     bytes: &[u8],
     dtype: &str,
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyAny>> {
-    let flat = py.import("numpy")?.call_method1("frombuffer", (PyBytes::new(py, bytes), dtype))?;
+    let flat = py.import("numpy")?.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype))?;
     flat.call_method1("reshape", (PyTuple::new(py, shape)?,))
 }
 
@@ -239,8 +248,11 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
     if !fits {
         let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
         let hint = match name {
-            "attitude_rad" => "yaw, pitch, roll: nc.attitude_rad makes them of quaternions",
-            _ => "reshape the array",
+            "attitude_rad" if shape.last() == Some(&4) => {
+                "yaw, pitch, roll: nc.attitude_rad makes them of quaternions"
+            }
+            _ if shape.len() == 2 && shape[0] == columns => &*format!("hand over {name}.T"),
+            _ => "one row for each time: the axes of a batch or of several drones are taken one by one",
         };
         let error = Error::input(name, format!("shape {shape:?}"), wanted, hint);
         return Err(raised(py, &error));

@@ -7,12 +7,15 @@ use nalgebra::Matrix3;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::flight::{
     BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightData, FlightSample,
-    SATURATED_S, Warning,
+    SATURATED_S, Warning, rests_on_floor,
 };
 use noctograph_core::plan::{Plan, Setpoint};
 
 /// Further columns of a flight, where they are logged.
 const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, ESTIMATE_NEES];
+
+/// Height above a drone on the floor from which its design asks it to fly, m.
+const MISSED_M: f64 = 0.1;
 
 /// Collects samples. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
 /// decimals gives back exactly the flight that was written.
@@ -73,7 +76,13 @@ impl Recorder {
         }
     }
 
-    pub(super) fn finish(self, warnings: Vec<Warning>) -> Flight {
+    pub(super) fn finish(self, mut warnings: Vec<Warning>) -> Flight {
+        let samples = &self.flight.samples;
+        let rises = samples.iter().any(|it| it.design_m.z - it.position_m.z > MISSED_M);
+        if rises && rests_on_floor(samples) {
+            let commands = samples.iter().flat_map(|sample| sample.motors);
+            warnings.push(Warning::OnFloor(commands.fold(0.0, f64::max)));
+        }
         let columns = COLUMNS.map(str::to_owned).into_iter().zip(self.extra);
         let extra = columns.filter(|(_, column)| !column.is_empty()).collect();
         Flight::made(FlightData { warnings, extra, ..self.flight })

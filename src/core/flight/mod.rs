@@ -21,7 +21,7 @@ pub mod table;
 mod warning;
 
 pub use airborne::airborne;
-pub use airborne::{on_floor, saturated_s};
+pub use airborne::{on_floor, rests_on_floor, saturated_s};
 pub use warning::Warning;
 
 /// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the

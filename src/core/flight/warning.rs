@@ -18,6 +18,8 @@ pub enum Warning {
     Unseen(f64),
     /// The host was silent for so long that the motors stopped, at so many seconds.
     HostSilent(f64),
+    /// The drone never left the floor, though its plan does; its highest motor command.
+    OnFloor(f64),
     /// Quantities that its file lacks, which are zeros in the samples.
     Unlogged(BTreeSet<Quantity>),
     /// Of its file: omitted data, assumed units and columns.
@@ -38,6 +40,10 @@ impl fmt::Display for Warning {
             Self::HostSilent(s) => {
                 write!(f, "no setpoint came for 2 s and the motors stopped at {s:.1} s")
             }
+            Self::OnFloor(most) => write!(
+                f,
+                "the drone never left the floor: its motor commands reach {most:.1} of 65535"
+            ),
             Self::Unlogged(quantities) => {
                 let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
                 write!(f, "not in the log: {}; set to zero", names.join(", "))

@@ -6,7 +6,7 @@ use super::{Recording, Shoot, Watch};
 use crate::scene::Scene;
 use noctograph_core::camera::{Camera, Framing};
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::flight::{DroneIndex, Flight, Quantity};
 use noctograph_core::geometry::bounds;
 use noctograph_letters::Strokes;
 use noctograph_picture::light::{
@@ -104,6 +104,7 @@ impl Shoot {
                         problems.extend(warnings.map(|warning| Problem::Flight(number, warning)));
                     }
                     problems.extend(problems::of_log(&flight));
+                    problems.extend(problems::lampless(&flight, &self.scene.light));
                     let trace = self.light_drone(drone, &flight)?;
                     flights.push(flight);
                     trace
@@ -128,7 +129,8 @@ impl Shoot {
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&all, &mut camera, options, photo);
         check_place(&all, bounds_m, &camera, &self.scene.camera.framing)?;
-        problems.extend(problems::outside(&all, bounds_m, &camera));
+        let is_framed = matches!(self.scene.camera.framing, Framing::Word(_));
+        problems.extend(problems::outside(&all, bounds_m, &camera, is_framed));
         let lamps = problems::writing(&flights, &all, &self.scene.light);
         let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
         writing.dedup();
@@ -163,10 +165,16 @@ impl Shoot {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
         }
-        let samples = flights.iter().flat_map(|flight| &flight.samples);
-        let written = samples.filter(|sample| sample.letter.is_some());
-        let places_m = written.map(|sample| [sample.design_m.x, sample.design_m.z]);
-        let [left, bottom, right, top] = bounds(places_m);
+        let samples = flights.iter().flat_map(|flight| {
+            let has_design = flight.has(Quantity::Design);
+            flight.samples.iter().map(move |sample| (sample, has_design))
+        });
+        let written = samples.filter(|(sample, _)| sample.letter.is_some());
+        let places_m = written.map(|(sample, has_design)| match has_design {
+            true => sample.design_m,
+            false => sample.position_m,
+        });
+        let [left, bottom, right, top] = bounds(places_m.map(|place_m| [place_m.x, place_m.z]));
         match &self.scene.camera.framing {
             _ if left < right || bottom < top => Ok([left, bottom, right, top]),
             Framing::Fixed(_) => Ok([0.0; 4]),

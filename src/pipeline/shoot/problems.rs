@@ -70,6 +70,8 @@ pub enum Problem {
         what: &'static str,
         /// Distances on each side.
         sides: String,
+        /// Whether the camera frames the word already.
+        is_framed: bool,
     },
     /// The stages before the photo refuse.
     NoPicture(String),
@@ -154,9 +156,19 @@ impl Problem {
             Self::Drawing(warning) => {
                 (warning.clone(), "convert it to plain paths in the editor of the drawing")
             }
-            Self::Outside { what, sides } => (
+            Self::Outside { what, sides, is_framed } => (
                 format!("part of the {what} is outside the picture: {sides}"),
-                "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin",
+                match (is_framed, *what) {
+                    (false, _) => {
+                        "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the \
+                         margin"
+                    }
+                    (true, "light") => {
+                        "{camera.framing.fill_frac} sets the margin around the word; is the flight \
+                         in meters, with z up, and at the word's place?"
+                    }
+                    (true, _) => "{camera.framing.fill_frac} sets the margin",
+                },
             ),
             Self::NoPicture(error) => {
                 (error.clone(), "see `preview`; {camera.framing=word} frames the word")
@@ -308,6 +320,25 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
     (brightest < median.saturating_add(CONTRAST)).then_some(Problem::Underexposed(settings))
 }
 
+/// Lit channels of a flight that no lamp of the scene follows, beside others that one follows.
+pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Problem> {
+    let fixtures = lamps.fixtures();
+    let follows = |channel: &str| {
+        let mut wanted = fixtures.iter().filter_map(|fixture| fixture.drive.channel());
+        wanted.any(|wanted| {
+            channel.strip_prefix(wanted).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        })
+    };
+    let lit = flight.lights.iter().filter(|(_, levels)| levels.iter().any(|level| *level > 0.0));
+    let (known, unknown): (Vec<&str>, Vec<&str>) =
+        lit.map(|(channel, _)| channel.as_str()).partition(|channel| follows(channel));
+    (!known.is_empty() && !unknown.is_empty()).then(|| {
+        let names = unknown.join(", ");
+        let text = format!("the scene has no lamp for the light of {names}: it is left out");
+        Problem::Flight(None, Warning::File(text))
+    })
+}
+
 /// The gaps in a real flight's log.
 pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Problem> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
@@ -324,6 +355,7 @@ pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],
     camera: &Camera,
+    is_framed: bool,
 ) -> impl Iterator<Item = Problem> {
     let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
     let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
@@ -332,7 +364,9 @@ pub(super) fn outside(
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
     let light = samples.map(|sample| sample.position_m);
     let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
-    sides.into_iter().filter_map(|(what, sides)| Some(Problem::Outside { what, sides: sides? }))
+    sides.into_iter().filter_map(move |(what, sides)| {
+        Some(Problem::Outside { what, sides: sides?, is_framed })
+    })
 }
 
 #[cfg(test)]

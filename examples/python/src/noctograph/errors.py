@@ -1,4 +1,4 @@
-"""Exceptions of noctograph, with what was found, where, and what to do."""
+"""Exceptions and warnings of noctograph, with what was found, where, and what to do."""
 
 
 class InputError(ValueError):
@@ -33,3 +33,10 @@ class InfeasibleError(RuntimeError):
 
     def __reduce__(self) -> tuple[type, tuple[str, ...]]:
         return type(self), (self.what, self.hint)
+
+
+class NoctographWarning(UserWarning):
+    """Something is doubtful or missing: units and axes of a flight, light outside the picture, dark lamps.
+
+    ``warnings.filterwarnings("error", category=nc.NoctographWarning)`` makes it an exception.
+    """

@@ -158,9 +158,7 @@ def estimate(make: Any, running: list[Any], message: bytes) -> bytes:
     """The estimate of a flight by its readings, or nothing where the flight begins."""
 
     def vector(value: Any) -> Any:
-        array = np.array(value, float)
-        array.flags.writeable = False
-        return array
+        return np.array(value, float)
 
     asked = json.loads(message)
     if "start" in asked:
@@ -179,7 +177,7 @@ def fly(wire: socket.socket, each: list[Any], estimator: Any) -> NoReturn:
         if message[:1] == b"e":
             send(wire, b"e" + estimate(estimator, running, message[1:]))
             continue
-        rows = np.frombuffer(message[1:]).reshape(-1, COLUMNS)
+        rows = np.frombuffer(bytearray(message[1:])).reshape(-1, COLUMNS)
         motors = np.empty((len(rows), 4))
         for row, command in zip(rows, motors, strict=True):
             state, reference = row[1:13], row[13:22]
