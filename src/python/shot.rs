@@ -16,9 +16,11 @@ use noctograph::logs::ImportOptions;
 use noctograph::photo::flip::difference;
 use noctograph::photo::{self, Photo, PhotoData};
 use noctograph::report::{escaped, photos::shrink};
-use noctograph::score::{Reader, View};
+use noctograph::score::{Reader, Reason, View};
 use noctograph::scene::{Change, Scene};
-use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop, infer_lights_if_dark};
+use noctograph::shoot::{
+    Format, Recording, Shoot, Shot, Stop, infer_lights_if_dark, is_dark,
+};
 
 /// A photograph with what was flown for it and whether it reads.
 #[pyclass(frozen, name = "Shot", module = "noctograph")]
@@ -275,7 +277,12 @@ pub(super) fn score<'py>(
     let stage = move || {
         let strokes = scene.strokes()?;
         let camera = scene.camera.camera(strokes.bounds_m(), 0.0)?;
-        Reader::new(&strokes, &scene.score)?.score(&photo, &View::from(&camera))
+        let mut verdict =
+            Reader::new(&strokes, &scene.score)?.score(&photo, &View::from(&camera))?;
+        if is_dark(&photo, &camera) {
+            verdict.refuse(Reason::NoLight);
+        }
+        Ok(verdict)
     };
     to_python(py, &run(py, &Stop::default(), stage)?)
 }

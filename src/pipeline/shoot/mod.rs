@@ -57,7 +57,7 @@ pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 use planned::plan;
 pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
-pub use problems::{CHECK_LIGHT, Problem, writing};
+pub use problems::{CHECK_LIGHT, Problem, is_dark, writing};
 pub use response::step_responses;
 pub use shot::{Shot, WriteFile, flight_sha256, known};
 

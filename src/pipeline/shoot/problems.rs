@@ -298,6 +298,12 @@ fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     if b.0 < a.0 { b } else { a }
 }
 
+/// Whether no trail stands out in a photo: a reader that raises faint light to full light may find
+/// letters in its noise.
+pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
+    matches!(of_photo(photo, camera), Some(Problem::Underexposed(_)))
+}
+
 /// A photo without a visible trail: all black or all white.
 pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Problem> {
     let mut histogram = [0_usize; 256];
