@@ -20,9 +20,12 @@ pub fn doubts(flight: &Flight) -> Vec<String> {
         format!("{why}: are they degrees, or of a quaternion whose parts are in another order?")
     });
     let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
-    let channels = block.columns.iter().take(3).filter(|_| rising).map(|column| {
-        Channel::new(block.time_s.clone(), column.values.clone())
-    });
+    let channels = block
+        .columns
+        .iter()
+        .take(3)
+        .filter(|_| rising)
+        .map(|column| Channel::new(block.time_s.clone(), column.values.clone()));
     let channels: Vec<Channel> = channels.collect();
     let speed = match speed::check(&channels, &ImportOptions::default(), "the flight") {
         Ok(said) => said,
@@ -83,10 +86,14 @@ mod tests {
     #[test]
     fn a_flight_in_other_units_or_axes_is_asked_about() {
         assert_eq!(said(|it| it), "", "meters, radians, z up");
-        let scaled = |scale: f64| move |it: FlightSample| FlightSample { position_m: scale * it.position_m, ..it };
+        let scaled = |scale: f64| {
+            move |it: FlightSample| FlightSample { position_m: scale * it.position_m, ..it }
+        };
         assert!(said(scaled(1000.0)).contains("meters"), "{}", said(scaled(1000.0)));
         assert!(said(scaled(100.0)).contains("meters"), "{}", said(scaled(100.0)));
-        let turned = |to: fn(Vector3<f64>) -> Vector3<f64>| move |it: FlightSample| FlightSample { position_m: to(it.position_m), ..it };
+        let turned = |to: fn(Vector3<f64>) -> Vector3<f64>| {
+            move |it: FlightSample| FlightSample { position_m: to(it.position_m), ..it }
+        };
         let down = said(turned(|p| Vector3::new(p.x, -p.y, -p.z)));
         assert!(down.contains("is z down") && down.contains("x, -y, -z"), "{down}");
         let y_up = said(turned(|p| Vector3::new(p.x, p.z, -p.y)));
@@ -97,9 +104,11 @@ mod tests {
 
     #[test]
     fn degrees_and_quaternions_in_another_order_are_asked_about() {
-        let rolled = |roll: fn(f64) -> f64| move |it: FlightSample| {
-            let roll_rad = roll(it.attitude.roll_rad);
-            FlightSample { attitude: Attitude { roll_rad, ..it.attitude }, ..it }
+        let rolled = |roll: fn(f64) -> f64| {
+            move |it: FlightSample| {
+                let roll_rad = roll(it.attitude.roll_rad);
+                FlightSample { attitude: Attitude { roll_rad, ..it.attitude }, ..it }
+            }
         };
         let degrees = said(rolled(f64::to_degrees));
         assert!(degrees.contains("degrees"), "{degrees}");

@@ -35,14 +35,15 @@ pub struct GatheredLog {
 ///
 /// [`Error::Io`] where it cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
-    Ok(bullet_folder::variables(folder)?.is_some() || entries_in(folder)?.iter().any(|path| {
-        // A file that cannot be read is not cfclient's; its import says why.
-        cfclient_csv::may_be_its_own(path)
-            && path.is_file()
-            && LIMIT
-                .beginning(path, HEAD_BYTES)
-                .is_ok_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::decode(&head).bytes)))
-    }))
+    Ok(bullet_folder::variables(folder)?.is_some()
+        || entries_in(folder)?.iter().any(|path| {
+            // A file that cannot be read is not cfclient's; its import says why.
+            cfclient_csv::may_be_its_own(path)
+                && path.is_file()
+                && LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| {
+                    cfclient_csv::is_its_own(&Head::find(&Text::decode(&head).bytes))
+                })
+        }))
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of

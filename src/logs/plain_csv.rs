@@ -281,7 +281,10 @@ pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
     if reaches > std::f64::consts::TAU {
         (true, Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned()))
     } else if leans > std::f64::consts::FRAC_PI_2 {
-        (true, Some(format!("pitch and roll reach {leans:.2}, which would be upside down in radians")))
+        (
+            true,
+            Some(format!("pitch and roll reach {leans:.2}, which would be upside down in radians")),
+        )
     } else if mean > 0.35 {
         let odd = "which no flight holds in radians";
         (true, Some(format!("pitch and roll are {mean:.2} on average, {odd}")))

@@ -14,7 +14,7 @@ mod shot;
 mod study;
 
 use std::collections::BTreeMap;
-use std::ffi::{CString, OsString};
+use std::ffi::OsString;
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -83,13 +83,10 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
     made.map_or_else(|broken| broken, PyErr::from_value)
 }
 
-/// Warns in the name of the caller's line, once for each text.
+/// Warns of each text in the name of the caller's line: see `noctograph/errors.py`.
 fn warn(py: Python<'_>, texts: impl IntoIterator<Item = String>) -> PyResult<()> {
-    let category = py.import("noctograph.errors")?.getattr("NoctographWarning")?;
-    texts.into_iter().try_for_each(|text| {
-        let text = CString::new(text.replace('\0', " ")).expect("no zero is left");
-        PyErr::warn(py, &category, &text, 1)
-    })
+    let warn = py.import("noctograph.errors")?.getattr("warn")?;
+    texts.into_iter().try_for_each(|text| warn.call1((text,)).map(drop))
 }
 
 /// Runs a command of the program: its table, and what it prints with `--json`.
@@ -205,7 +202,8 @@ fn array_of<'py>(
     dtype: &str,
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyAny>> {
-    let flat = py.import("numpy")?.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype))?;
+    let flat =
+        py.import("numpy")?.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype))?;
     flat.call_method1("reshape", (PyTuple::new(py, shape)?,))
 }
 
@@ -252,7 +250,9 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
                 "yaw, pitch, roll: nc.attitude_rad makes them of quaternions"
             }
             _ if shape.len() == 2 && shape[0] == columns => &*format!("hand over {name}.T"),
-            _ => "one row for each time: the axes of a batch or of several drones are taken one by one",
+            _ => {
+                "one row for each time: the axes of a batch or of several drones are taken one by one"
+            }
         };
         let error = Error::input(name, format!("shape {shape:?}"), wanted, hint);
         return Err(raised(py, &error));

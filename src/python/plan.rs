@@ -178,7 +178,12 @@ impl PyPlan {
     ///     ``position_m``, ``velocity_m_s``, ``acceleration_m_s2`` and ``jerk_m_s3``, shape (N, 3), in the axes of the
     ///     position, ``yaw_rad`` and ``light``, shape (N,), and ``lights`` by channel, as `Flight` takes them. Of one
     ///     number, shapes (3,) and ().
-    fn at<'py>(&self, py: Python<'py>, time_s: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    #[pyo3(name = "at")]
+    fn design_at<'py>(
+        &self,
+        py: Python<'py>,
+        time_s: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let numpy = py.import("numpy")?;
         let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
         let times = numpy.call_method1("atleast_1d", (time_s,))?;

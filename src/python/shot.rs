@@ -16,11 +16,9 @@ use noctograph::logs::ImportOptions;
 use noctograph::photo::flip::difference;
 use noctograph::photo::{self, Photo, PhotoData};
 use noctograph::report::{escaped, photos::shrink};
-use noctograph::score::{Reader, Reason, View};
 use noctograph::scene::{Change, Scene};
-use noctograph::shoot::{
-    Format, Recording, Shoot, Shot, Stop, infer_lights_if_dark, is_dark,
-};
+use noctograph::score::{Reader, Reason, View};
+use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop, infer_lights_if_dark, is_dark};
 
 /// A photograph with what was flown for it and whether it reads.
 #[pyclass(frozen, name = "Shot", module = "noctograph")]
@@ -219,8 +217,11 @@ fn recordings_of(
     scene: &Scene,
 ) -> PyResult<(Vec<Recording>, Vec<String>)> {
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
-    let flights: Vec<Bound<'_, PyAny>> =
-        if is_one { vec![flights.clone()] } else { flights.try_iter()?.collect::<PyResult<_>>()? };
+    let flights: Vec<Bound<'_, PyAny>> = if is_one {
+        vec![flights.clone()]
+    } else {
+        flights.try_iter()?.collect::<PyResult<_>>()?
+    };
     if flights.is_empty() {
         let hint = "leave it out to fly the scene's plans";
         return Err(raised(py, &Error::input("flights", "none", "one for each drone", hint)));

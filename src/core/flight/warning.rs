@@ -46,7 +46,7 @@ impl fmt::Display for Warning {
             ),
             Self::Unlogged(quantities) => {
                 let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
-                write!(f, "not in the log: {}; set to zero", names.join(", "))
+                write!(f, "not in the log: {}", names.join(", "))
             }
             Self::File(text) => f.write_str(text),
         }

@@ -332,7 +332,9 @@ pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Problem>
     let follows = |channel: &str| {
         let mut wanted = fixtures.iter().filter_map(|fixture| fixture.drive.channel());
         wanted.any(|wanted| {
-            channel.strip_prefix(wanted).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+            channel
+                .strip_prefix(wanted)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
         })
     };
     let lit = flight.lights.iter().filter(|(_, levels)| levels.iter().any(|level| *level > 0.0));
@@ -370,9 +372,9 @@ pub(super) fn outside(
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
     let light = samples.map(|sample| sample.position_m);
     let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
-    sides.into_iter().filter_map(move |(what, sides)| {
-        Some(Problem::Outside { what, sides: sides?, is_framed })
-    })
+    sides
+        .into_iter()
+        .filter_map(move |(what, sides)| Some(Problem::Outside { what, sides: sides?, is_framed }))
 }
 
 #[cfg(test)]

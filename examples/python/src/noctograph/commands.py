@@ -5,12 +5,11 @@ from __future__ import annotations
 import html
 import os
 import tempfile
-import warnings
 from pathlib import Path
 from typing import Any, cast
 
 from ._noctograph import Flight, Plan, Scene, Shot, command as _command, import_log, setting as _setting
-from .errors import InfeasibleError, InputError, NoctographWarning
+from .errors import InfeasibleError, InputError, warn
 
 PathLike = str | os.PathLike[str]
 
@@ -91,7 +90,7 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
         if isinstance(keys.get("warnings"), list):
             keys["warnings"] = [str(it).replace(folder + os.sep, "") for it in keys["warnings"]]
             for said in keys["warnings"]:
-                warnings.warn(said, NoctographWarning, stacklevel=2)
+                warn(said)
         return Report(text.replace(folder + os.sep, ""), keys)
 
 

@@ -1,5 +1,8 @@
 """Exceptions and warnings of noctograph, with what was found, where, and what to do."""
 
+import sys
+import warnings
+
 
 class InputError(ValueError):
     """An input value cannot be used.
@@ -40,3 +43,11 @@ class NoctographWarning(UserWarning):
 
     ``warnings.filterwarnings("error", category=nc.NoctographWarning)`` makes it an exception.
     """
+
+
+def warn(text: str) -> None:
+    """Warns in the name of the line outside the package that led here."""
+    frame, level = sys._getframe(), 1
+    while frame is not None and str(frame.f_globals.get("__name__")).split(".")[0] == "noctograph":
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, NoctographWarning, stacklevel=level)

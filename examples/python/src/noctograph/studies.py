@@ -23,7 +23,7 @@ from ._noctograph import (
 )  # fmt: skip
 from .answers import Candidate
 from .commands import PathLike, Report
-from .errors import InputError, NoctographWarning
+from .errors import InputError, warn
 
 Floats = NDArray[np.float64]
 Words = Mapping[str, int] | Sequence[str]
@@ -203,7 +203,7 @@ def _fly_controlled(
             show(int(n * min(float(seen["time_s"].max()) / duration_s, 1)), n)
     if grounded := int(((highest_m < ON_FLOOR_M) & ~seen["lost"]).sum()):
         said = f"{grounded} of {n} drones never left the floor: their motor commands reach {most:.4g} of 65535"
-        warnings.warn(said, NoctographWarning, stacklevel=3)
+        warn(said)
     return sessions.outcomes()
 
 
