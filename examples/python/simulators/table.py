@@ -24,7 +24,7 @@ ROWS = {
     "gym-pybullet-drones": (
         "gym_pybullet_drones", "pybullet_flight.py", "Pybullet", {"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05},
     ),
-    "MuJoCo, cf2 of Menagerie": ("mujoco", "mujoco_flight.py", None, {}),
+    "Menagerie's cf2 in MuJoCo": ("mujoco", "mujoco_flight.py", None, {}),
 }  # fmt: skip
 STILL = {"observer.kind": "truth", "air.gusts": "none", "plan.reference": "design", "plan.light_clock": "setpoint"}
 
@@ -34,7 +34,7 @@ def figures(shot, flight):
     tracking = nc.compare(flight, flight, part="letters")["a"]["tracking"]
     contour = tracking["contour"]
     read = f"{shot.verdict['read']} {shot.verdict['readability']:.3f}"
-    return f"{read} | {tracking['lag_s']:.2f} s | {1000 * contour['mean_m']:.1f} / {1000 * contour['max_m']:.0f} mm"
+    return f"{read} | {round(tracking['lag_s'], 2) + 0.0:.2f} s | {1000 * contour['mean_m']:.1f} / {1000 * contour['max_m']:.0f} mm"
 
 
 def main():
@@ -58,7 +58,7 @@ def main():
                 theirs = runpy.run_path(str(here / example))
             finally:
                 sys.argv, sys.stdout = typed, out
-        ours = " | | "
+        ours = "– | – | –"
         if controller is not None:
             scene = nc.Scene("cf21", word="NOOR", set={**STILL, **keys})
             (own,) = nc.fly(scene, controller=getattr(controllers, controller)(scene))

@@ -1,5 +1,10 @@
 """Flights of other simulators: what is asked about, what is said, and what is not made up."""
 
+import importlib.util
+import os
+import pathlib
+import subprocess
+import sys
 import warnings
 
 import noctograph as nc
@@ -250,3 +255,39 @@ def test_a_photo_without_light_is_scored_as_the_shot_is(scene, plan):
     shot = nc.photograph(scene, nc.Flight(plan.time_s, plan.position_m, light=0 * plan.light))
     scored = nc.score(shot.image, shot.scene)
     assert scored["readability"] == shot.verdict["readability"] and scored["reason"] == shot.verdict["reason"] == "no_light"
+
+
+SIMULATORS = pathlib.Path(__file__).parent.parent / "simulators"
+
+
+@pytest.mark.parametrize("package", ["rotorpy", "crazyflow", "gym_pybullet_drones", "mujoco"])
+def test_the_flights_of_other_simulators_are_read(package, tmp_path):
+    if importlib.util.find_spec(package) is None:
+        pytest.skip(f"{package} is not installed")
+    model = [os.environ.get("NOCTOGRAPH_CF2", "")] if package == "mujoco" else []
+    if model == [""]:
+        pytest.skip("NOCTOGRAPH_CF2 names cf2.xml of Menagerie")
+    name = "pybullet" if package == "gym_pybullet_drones" else package
+    words = [sys.executable, SIMULATORS / f"{name}_flight.py", "I", tmp_path / "i.png", *model]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "reads as I: legible" in done.stdout, done.stdout + done.stderr
+    assert "NoctographWarning" not in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("name, package", [("RotorPy", "rotorpy"), ("Crazyflow", "crazyflow"), ("Pybullet", "gym_pybullet_drones")])
+def test_controllers_of_other_simulators_fly(name, package):
+    if importlib.util.find_spec(package) is None:
+        pytest.skip(f"{package} is not installed")
+    code = f"""
+import os; os.environ["SCIPY_ARRAY_API"] = "1"
+import sys; sys.path.insert(0, {str(SIMULATORS)!r})
+import controllers, noctograph as nc
+lags = {{"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05}}
+scene = nc.Scene("cf21", word="I", set={{"air.gusts": "none", "observer.kind": "truth", **lags}})
+made = controllers.{name}
+assert nc.photograph(scene, nc.fly(scene, controller=made(scene))).legible
+found = nc.fly_many(scene, 2, controller=made, progress=False)
+assert found.legible.all() and found.contour_m.max() < 0.03, found
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
