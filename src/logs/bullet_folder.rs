@@ -78,7 +78,7 @@ pub(super) fn recording(variables: &[Variable], job: Job<'_>) -> Result<Recordin
             return Err(Error::input(path.display(), actual, "the same times", hint));
         }
         let known = NAMES.iter().find(|(name, _)| name == variable);
-        let name = known.map_or(variable.as_str(), |(_, name)| name);
+        let name = known.map_or(variable.as_str(), |(_, name)| *name);
         block.columns.push(Column::new(name.to_owned(), values));
     }
     let mut recording = Recording::new(job.file);
