@@ -238,6 +238,7 @@ fn check_place(
 mod tests {
     use super::*;
     use crate::scene::Preset;
+    use noctograph_core::flight::{FlightData, FlightSample};
     use noctograph_picture::light::{COLOR_LED, Deck};
 
     #[test]
@@ -262,6 +263,41 @@ mod tests {
         assert!(of_plan.contains_key(COLOR_LED.colors[1]), "{:?}", of_plan.keys());
         scene.light.letters_wrgb = vec![[9, 9, 9, 9]];
         assert_eq!(Shoot::new(scene.clone()).unwrap().lamps(), scene.light, "its own are meant");
+    }
+
+    #[test]
+    fn an_exposure_begins_with_the_first_recording_whatever_its_stamp() {
+        fn begins_s(stamps_s: &[f64]) -> Vec<f64> {
+            let recordings = stamps_s.iter().map(|stamp_s| {
+                let times_s = (0..50).map(|row| stamp_s + 0.1 * f64::from(row));
+                let samples =
+                    times_s.map(|time_s| FlightSample { time_s, ..FlightSample::default() });
+                let gaps = vec![[stamp_s + 1.0, stamp_s + 1.1]];
+                let samples = samples.collect();
+                Recording::Flight(Flight::made(FlightData {
+                    samples,
+                    gaps,
+                    ..FlightData::default()
+                }))
+            });
+            let scene = Scene::preset(Preset::default());
+            let shoot = Shoot::with_recordings(scene, recordings.collect()).unwrap();
+            let flights = shoot.recordings.iter().map(|recording| match recording {
+                Recording::Flight(flight) => flight,
+                Recording::Light(_) => unreachable!("all are flights"),
+            });
+            flights
+                .map(|flight| {
+                    let first_s = flight.samples[0].time_s;
+                    assert_eq!(flight.samples[10].time_s, first_s + 1.0, "on the grid");
+                    assert_eq!(flight.gaps, [[first_s + 1.0, first_s + 1.1]]);
+                    first_s
+                })
+                .collect()
+        }
+        assert_eq!(begins_s(&[600.0, 602.5]), [0.0, 2.5], "on one clock");
+        assert_eq!(begins_s(&[-8.0]), [0.0]);
+        assert_eq!(begins_s(&[1.7e9]), [0.0]);
     }
 
     #[test]
