@@ -249,6 +249,9 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
             "attitude_rad" if shape.last() == Some(&4) => {
                 "yaw, pitch, roll: nc.attitude_rad makes them of quaternions"
             }
+            _ if columns == 1 && shape.iter().filter(|n| **n != 1).count() == 1 => {
+                &*format!("hand over {name}.ravel()")
+            }
             _ if shape.len() == 2 && shape[0] == columns => &*format!("hand over {name}.T"),
             _ => {
                 "one row for each time: the axes of a batch or of several drones are taken one by one"

@@ -177,6 +177,8 @@ def test_shapes_are_told_what_to_do(plan):
     with pytest.raises(nc.InputError) as caught:
         nc.Flight(plan.time_s, plan.position_m, attitude_rad=np.zeros((3, len(plan.time_s))))
     assert "attitude_rad.T" in caught.value.hint
+    with pytest.raises(nc.InputError, match=r"time_s\.ravel"):
+        nc.Flight(plan.time_s[:, None], plan.position_m)
     with pytest.raises(nc.InputError, match="two or more"):
         nc.Flight([], np.zeros((0, 3)))
 
@@ -268,9 +270,9 @@ def test_the_flights_of_other_simulators_are_read(package, tmp_path):
     if model == [""]:
         pytest.skip("NOCTOGRAPH_CF2 names cf2.xml of Menagerie")
     name = "pybullet" if package == "gym_pybullet_drones" else package
-    words = [sys.executable, SIMULATORS / f"{name}_flight.py", "I", tmp_path / "i.png", *model]
+    words = [sys.executable, SIMULATORS / f"{name}_flight.py", "T", tmp_path / "t.png", *model]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0 and "reads as I: legible" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0 and "reads as T: legible" in done.stdout, done.stdout + done.stderr
     assert "NoctographWarning" not in done.stderr, done.stderr
 
 
@@ -283,7 +285,7 @@ import os; os.environ["SCIPY_ARRAY_API"] = "1"
 import sys; sys.path.insert(0, {str(SIMULATORS)!r})
 import controllers, noctograph as nc
 lags = {{"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05}}
-scene = nc.Scene("cf21", word="I", set={{"air.gusts": "none", "observer.kind": "truth", **lags}})
+scene = nc.Scene("cf21", word="T", set={{"air.gusts": "none", "observer.kind": "truth", **lags}})
 made = controllers.{name}
 assert nc.photograph(scene, nc.fly(scene, controller=made(scene))).legible
 found = nc.fly_many(scene, 2, controller=made, progress=False)
