@@ -34,14 +34,17 @@ pub fn doubts(flight: &Flight) -> Vec<String> {
         }
         Err(error) => Some(error.to_string()),
     };
-    let rests = rests_on_floor(samples).then(|| {
-        let highest_m = samples.iter().map(|it| it.position_m.z).fold(f64::NEG_INFINITY, f64::max);
+    let axes = frames::doubt(&Recording { blocks: vec![block], ..Recording::default() });
+    let rests = (axes.is_none() && rests_on_floor(samples)).then(|| {
+        let highest_m = samples.iter().map(|it| it.position_m.z).fold(0.0, f64::max);
         format!("the drone never left the floor: its height reaches {highest_m:.2} m")
     });
-    let recording = Recording { blocks: vec![block], ..Recording::default() };
-    let axes = frames::doubt(&recording).filter(|_| rests.is_none());
+    let first_s = samples[0].time_s;
+    let begins = (first_s < 0.0).then(|| {
+        format!("its clock begins at {first_s} s: a photograph's exposure begins there, not at 0 s")
+    });
     let size = mapper::warn_of_size(samples);
-    [speed, size, axes, angles, rests].into_iter().flatten().collect()
+    [begins, speed, size, axes, angles, rests].into_iter().flatten().collect()
 }
 
 /// The columns of a table that has the position and the attitude of a flight.

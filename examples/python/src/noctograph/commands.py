@@ -8,6 +8,8 @@ import tempfile
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+
 from ._noctograph import Flight, Plan, Scene, Shot, command as _command, import_log, setting as _setting
 from .errors import InfeasibleError, InputError, warn
 
@@ -88,9 +90,11 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
             raise InputError(*(part.replace(folder + os.sep, "") for part in parts)) from None
         keys = keys or {}
         if isinstance(keys.get("warnings"), list):
-            keys["warnings"] = [str(it).replace(folder + os.sep, "") for it in keys["warnings"]]
-            for said in keys["warnings"]:
-                warn(said)
+            # What is said of the file of an object is no news: the object has its own warnings.
+            said = [str(it) for it in keys["warnings"] if not str(it).startswith(folder + os.sep)]
+            keys["warnings"] = [it.replace(folder + os.sep, "") for it in said]
+            for it in keys["warnings"]:
+                warn(it)
         return Report(text.replace(folder + os.sep, ""), keys)
 
 
@@ -191,7 +195,7 @@ def compare(
         Logs or flights, as the measured one and the simulated one.
     design : Plan, optional
         What both were to fly, for flights that do not know it; its clock is theirs. Without a design a flight has no
-        tracking error.
+        tracking error, and the clocks are aligned by what was flown.
     output : path, optional
         Folder for the plots; without it, ``report.files`` has them as SVG.
     **options
@@ -202,6 +206,9 @@ def compare(
     Report
     """
     flights = [it if design is None else _designed(it, design) for it in (a, b)]
+    lack = any(isinstance(it, Flight) and np.isnan(it.design_m).any() for it in flights)
+    if lack and not options.keys() & {"align", "offset"}:
+        options["align"] = "flown"  # no design sets the clocks
     return _with_files("compare", *flights, output=output, **options)
 
 
