@@ -1,6 +1,6 @@
 """Exceptions and warnings of noctograph, with what was found, where, and what to do."""
 
-import sys
+import inspect
 import warnings
 
 
@@ -47,7 +47,7 @@ class NoctographWarning(UserWarning):
 
 def warn(text: str) -> None:
     """Warns in the name of the line outside the package that led here."""
-    frame, level = sys._getframe(), 1
+    frame, level = inspect.currentframe(), 1
     while frame is not None and str(frame.f_globals.get("__name__")).split(".")[0] == "noctograph":
         frame, level = frame.f_back, level + 1
     warnings.warn(text, NoctographWarning, stacklevel=level)
