@@ -61,7 +61,7 @@ FAULTY = {
     "raises.py": ("def controller(state, reference):\n    return 1 / 0\n", "failed: ZeroDivisionError: division by zero, line 2"),
     "sleeps.py": ("import time\ndef controller(state, reference):\n    time.sleep(1e6)\n", "failed: no answer within"),
     "shape.py": ("def controller(state, reference):\n    return [0, 0, 0]\n", "failed: TypeError: motor commands are wanted, 4 of them"),
-    "assigns.py": ("def controller(state, reference):\n    state[0] = 0\n" + ZERO, "failed: ValueError: assignment destination is read-only"),
+    "assigns.py": ("def controller(state, reference):\n    state[12] = 0\n" + ZERO, "failed: IndexError: index 12 is out of bounds"),
     "exits.py": ("import os\ndef controller(state, reference):\n    os._exit(3)\n", "failed: its process ended: exit code 3"),
     "leaves.py": ("def controller(state, reference):\n    raise SystemExit\n", "failed: it exits"),
     "grows.py": ("def controller(state, reference):\n    return [bytearray(1 << 36)]\n", "failed: MemoryError"),
