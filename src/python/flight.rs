@@ -150,21 +150,26 @@ impl PyFlight {
         self.flight.warnings.iter().map(ToString::to_string).collect()
     }
 
-    /// The flight with the design of a plan, whose clock is the flight's.
+    /// The flight with the design of a plan.
     ///
     /// Parameters
     /// ----------
     /// plan : Plan
     ///     What was to be flown.
+    /// begins_s : float, optional
+    ///     Time of the flight at which the plan begins, s; by default its first time.
     ///
     /// Returns
     /// -------
     /// Flight
-    fn with_design(&self, plan: &PyPlan) -> Self {
+    #[pyo3(signature = (plan, begins_s = None))]
+    fn with_design(&self, plan: &PyPlan, begins_s: Option<f64>) -> Self {
         let mut flight = self.flight.clone();
+        let first_s = flight.samples.first().map_or(0.0, |first| first.time_s);
+        let begins_s = begins_s.unwrap_or(first_s);
         flight.edit(|flight| {
             for sample in &mut flight.samples {
-                sample.design_m = plan.0.design_m(sample.time_s).map(on_grid);
+                sample.design_m = plan.0.design_m(sample.time_s - begins_s).map(on_grid);
             }
             flight.unlogged.remove(&Quantity::Design);
         });
@@ -370,6 +375,7 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 /// Returns
 /// -------
 /// list of Flight
+///     What is wrong with them stands in their ``warnings``, and is warned of as `NoctographWarning`.
 #[pyfunction]
 #[pyo3(signature = (scene, plans = None, *, controller = None, estimator = None, covariance = false))]
 pub(super) fn fly(

@@ -93,6 +93,9 @@ def test_without_a_design_there_is_no_figure(scene, plan):
     assert nc.compare(flight, flight)["a"]["tracking"] is None
     compared = nc.compare(flight, flight, design=plan)
     assert compared["a"]["tracking"]["lag_s"] == pytest.approx(0.4, abs=0.02)
+    later = nc.Flight(plan.time_s + 600, late_m, light=plan.light)
+    assert (later.with_design(plan).design_m == flight.with_design(plan).design_m).all()
+    assert (later.with_design(plan, begins_s=600).design_m == flight.with_design(plan, begins_s=0).design_m).all()
     observations = np.zeros((len(plan.time_s), 20))
     observations[:, :3], observations[:, 6] = late_m, 1
     same = nc.from_pybullet(plan.time_s, observations, light=plan.light, design_m=plan.position_m)

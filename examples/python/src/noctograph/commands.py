@@ -194,7 +194,7 @@ def compare(
     a, b : path or Flight
         Logs or flights, as the measured one and the simulated one.
     design : Plan, optional
-        What both were to fly, for flights that do not know it; its clock is theirs. Without a design a flight has no
+        What both were to fly, from their first times on, for flights that do not know it. Without a design a flight has no
         tracking error, and the clocks are aligned by what was flown.
     output : path, optional
         Folder for the plots; without it, ``report.files`` has them as SVG.
