@@ -169,7 +169,7 @@ impl PyFlight {
         let begins_s = begins_s.unwrap_or(first_s);
         flight.edit(|flight| {
             for sample in &mut flight.samples {
-                sample.design_m = plan.0.design_m(sample.time_s - begins_s).map(on_grid);
+                sample.design_m = plan.0.design_m(on_grid(sample.time_s - begins_s)).map(on_grid);
             }
             flight.unlogged.remove(&Quantity::Design);
         });

@@ -10,6 +10,7 @@ use super::columns::Columns;
 use super::scene::PyScene;
 use super::{Reduced, array, arrays, data_frame, numbers, raised, reduced, run, save, text_of};
 use noctograph::error::Error;
+use noctograph::flight::table::on_grid;
 use noctograph::plan::{Plan, PlanData, Setpoint};
 use noctograph::report::plan_view;
 use noctograph::shoot::{Shoot, Stop};
@@ -187,7 +188,9 @@ impl PyPlan {
         let numpy = py.import("numpy")?;
         let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
         let times = numpy.call_method1("atleast_1d", (time_s,))?;
+        // On the grid of setpoints: a time that is a bit too small is not before the setpoint.
         let times_s = numbers(&times, "time_s", 1)?;
+        let times_s: Vec<f64> = times_s.into_iter().map(on_grid).collect();
         if let Some(row) = times_s.iter().position(|time_s| !time_s.is_finite()) {
             let actual = format!("{} in row {row}", times_s[row]);
             let error = Error::input("time_s", actual, "finite times", "times in seconds");

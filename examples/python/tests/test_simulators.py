@@ -113,6 +113,7 @@ def test_a_plan_is_known_at_any_time(plan):
     assert np.quantile(np.abs(moved - at.velocity_m_s), 0.99) < 2e-3
     assert at.jerk_m_s3.shape == (len(time_s), 3) and at.yaw_rad.shape == at.light.shape == time_s.shape
     assert (plan.at(plan.time_s).lights["headlights"] == plan.lights["headlights"]).all()
+    assert (plan.at(plan.time_s - 1e-9).light == plan.light).all(), "as binary fractions have it"
     one = plan.at(1.23)
     assert one.position_m.shape == (3,) and np.ndim(one.light) == 0 and one.position_m == pytest.approx(plan.at([1.23]).position_m[0])
     before, after = plan.at(-1.0), plan.at(plan.duration_s + 9)
