@@ -1,7 +1,7 @@
 //! Logs: readers of real flights.
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
-//! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive,
+//! one file a block), the folder of gym-pybullet-drones with one file a variable, µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive,
 //! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours. Product
 //! out: [`Flight`]. The format is recognized from the content, not from the file's name.
 //!
