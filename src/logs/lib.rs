@@ -1,9 +1,10 @@
 //! Logs: readers of real flights.
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
-//! one file a block), the folder of gym-pybullet-drones with one file a variable, µSD binary
-//! (versions 1 and 2), plain tables (t, x, y, z …) also of Motive, Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours. Product
-//! out: [`Flight`]. The format is recognized from the content, not from the file's name.
+//! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive,
+//! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours; or the
+//! folder of gym-pybullet-drones. Product out: [`Flight`]. The format is recognized from the
+//! content, not from the file's name.
 //!
 //! Method: the reader of the format makes a recording (blocks of named columns, each with its own
 //! time axis); time stamps are repaired and the motion capture's clock is aligned with the drone's;
