@@ -294,7 +294,7 @@ pub fn report_of(words: &[String]) -> Result<Report> {
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
-        Ok(args) => on_threads(args.threads, || run_warned(&args.verb, true)),
+        Ok(args) => on_threads(args.threads, || run_quietly(&args.verb)),
         Err(error) if !error.use_stderr() => {
             Ok(Report::new(error.render().to_string(), Value::Null))
         }
@@ -428,8 +428,19 @@ fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
 const WARNING: &str = "warning: ";
 
 thread_local! {
-    /// Warnings that the running verb has printed.
+    /// Warnings of the running verb.
     static WARNED: std::cell::RefCell<Vec<String>> = const { std::cell::RefCell::new(Vec::new()) };
+    /// Whether they are in its object alone, for a caller that shows them.
+    static IS_QUIET: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Runs a verb for a caller that shows its warnings and notes. Of one that fails they are printed.
+fn run_quietly(verb: &Verb) -> Result<Report> {
+    IS_QUIET.set(true);
+    let report = run_warned(verb, true);
+    IS_QUIET.set(false);
+    warn(WARNED.take());
+    report
 }
 
 /// Runs a verb. The warnings that it prints are in its object, too, for programs.
@@ -439,10 +450,11 @@ fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     if let Some(photo) = report.photo.take().filter(|_| for_programs) {
         report.value("photo_sha256", sha256(&photo));
     }
-    let mut warned = WARNED.take();
-    if let Some(object) = report.json.as_object_mut().filter(|_| !warned.is_empty())
+    let has_warned = WARNED.with_borrow(|warned| !warned.is_empty());
+    if let Some(object) = report.json.as_object_mut().filter(|_| has_warned)
         && let Some(said) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()
     {
+        let mut warned = WARNED.take();
         // Those of a file are there without its name.
         warned.retain(|text| !said.iter().filter_map(Value::as_str).any(|s| text.ends_with(s)));
         said.extend(warned.into_iter().map(Value::from));
@@ -452,8 +464,11 @@ fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
 
 /// Prints a message on stderr within 80 columns. A failure to do so cannot be reported anywhere.
 fn message(head: &str, text: &str) {
-    if head == WARNING {
+    if head == WARNING || IS_QUIET.get() {
         WARNED.with_borrow_mut(|warned| warned.push(text.to_owned()));
+    }
+    if IS_QUIET.get() {
+        return;
     }
     let _ = std::io::stderr().write_all(wrapped(head, &printable(text)).as_bytes());
 }

@@ -2,6 +2,7 @@
 
 use super::{Report, Value, json, print};
 use crate::camera::Camera;
+use crate::flight::table::on_grid;
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::letters::Strokes;
 use crate::report::{LEAST_SHARE, rivals};
@@ -112,7 +113,9 @@ pub(super) fn flight_report(flight: &Flight, sha256: &str, known: Option<Trackin
             )
         }
     };
-    figures["duration_s"] = flight.samples.last().map_or(0.0, |last| last.time_s).into();
+    let begins_s = flight.samples.first().map_or(0.0, |first| first.time_s);
+    let lasts_s = flight.samples.last().map_or(0.0, |last| on_grid(last.time_s - begins_s));
+    figures["duration_s"] = lasts_s.into();
     for column in [SATURATED_S, BATTERY_V, ENERGY_J] {
         if let Some(last) = flight.at_end(column) {
             figures[column] = last.into();

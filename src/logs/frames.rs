@@ -81,6 +81,25 @@ fn negate(column: Option<&mut Column>) {
     values.for_each(|value| *value = -*value);
 }
 
+/// A doubt about the axes of positions that are said to be in meters with z up.
+pub(super) fn doubt(recording: &Recording) -> Option<String> {
+    let (axes, why) = match inferred(recording) {
+        Ok((axes, why)) => (axes, why?),
+        Err(error) => return Some(error.to_string()),
+    };
+    match axes {
+        Axes::ZDown => Some(format!("is z down, {why}? Then hand over x, -y, -z")),
+        Axes::YUp => Some(format!("is y up, {why}? Then hand over x, -z, y")),
+        // A flight may begin in the air, though not below the floor.
+        _ => {
+            let heights_m = recording.blocks.iter().find_map(places_m)?.into_iter().map(|p| p[2]);
+            let highest_m = heights_m.fold(f64::NEG_INFINITY, f64::max);
+            let is_below = highest_m < -FLOOR_M;
+            is_below.then(|| format!("the flight is below the floor (z up to {highest_m:.2} m)"))
+        }
+    }
+}
+
 /// The positions of a block that are complete; `None` with two or fewer.
 fn places_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));

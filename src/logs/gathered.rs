@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{LIMIT, cfclient_csv};
+use super::{LIMIT, bullet_folder, cfclient_csv};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
@@ -28,20 +28,22 @@ pub struct GatheredLog {
     pub name: String,
 }
 
-/// Whether a folder is one log: it holds cfclient's files of one connection.
+/// Whether a folder is one log: it holds cfclient's files of one connection, or those of
+/// gym-pybullet-drones.
 ///
 /// # Errors
 ///
 /// [`Error::Io`] where it cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
-    Ok(entries_in(folder)?.iter().any(|path| {
-        // A file that cannot be read is not cfclient's; its import says why.
-        cfclient_csv::may_be_its_own(path)
-            && path.is_file()
-            && LIMIT
-                .beginning(path, HEAD_BYTES)
-                .is_ok_and(|head| cfclient_csv::is_its_own(&Head::find(&Text::decode(&head).bytes)))
-    }))
+    Ok(bullet_folder::variables(folder)?.is_some()
+        || entries_in(folder)?.iter().any(|path| {
+            // A file that cannot be read is not cfclient's; its import says why.
+            cfclient_csv::may_be_its_own(path)
+                && path.is_file()
+                && LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| {
+                    cfclient_csv::is_its_own(&Head::find(&Text::decode(&head).bytes))
+                })
+        }))
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of

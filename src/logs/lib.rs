@@ -2,8 +2,9 @@
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
 //! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive,
-//! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours. Product
-//! out: [`Flight`]. The format is recognized from the content, not from the file's name.
+//! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours; or the
+//! folder of gym-pybullet-drones. Product out: [`Flight`]. The format is recognized from the
+//! content, not from the file's name.
 //!
 //! Method: the reader of the format makes a recording (blocks of named columns, each with its own
 //! time axis); time stamps are repaired and the motion capture's clock is aligned with the drone's;
@@ -47,6 +48,8 @@ use noctograph_core::flight::{Flight, Quantity};
 use noctograph_core::settings::{Described, settings};
 
 mod ae483_json;
+mod arrays;
+mod bullet_folder;
 mod cells;
 mod cfclient_csv;
 mod clock;
@@ -69,6 +72,7 @@ mod tests;
 mod titles;
 mod usd;
 
+pub use arrays::doubts;
 pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in};
 use recording::Recording;
 
@@ -195,7 +199,8 @@ settings! {
     }
 }
 
-/// Imports the log of a real flight: a file, or a folder with cfclient's files of one connection.
+/// Imports the log of a real flight: a file, or a folder with cfclient's files of one connection or
+/// with a file for each variable of gym-pybullet-drones.
 ///
 /// # Errors
 ///
@@ -229,7 +234,11 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     if path.is_dir() {
         let budget = Budget::new(&name, HINT);
         let job = Job { file: &name, options, budget: &budget };
-        return flight(folder(path, job)?, options, &budget);
+        let recording = match bullet_folder::variables(path)? {
+            Some(variables) => bullet_folder::recording(&variables, job)?,
+            None => folder(path, job)?,
+        };
+        return flight(recording, options, &budget);
     }
     on_clock(&read(path)?, &name, options)
 }

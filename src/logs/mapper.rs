@@ -282,7 +282,7 @@ fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<String> {
 /// Larger than any room: positions beyond are probably in another unit.
 const FARTHEST_M: f64 = 100.0;
 
-fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
+pub(super) fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
     let farthest_m = samples.iter().map(|sample| sample.position_m.amax()).fold(0.0, f64::max);
     let text = format!(
         "the position reaches {farthest_m:.0} m: is it in meters? A column of millimeters is named \

@@ -274,28 +274,37 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
+/// Whether the angles whose unit is not known are degrees, and what makes it a guess; nothing where
+/// they are plainly radians.
+pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
+    let (lean, all) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
+    let (leans, reaches, mean) = (most(&lean), most(&all), rms(&lean));
+    if reaches > std::f64::consts::TAU {
+        (true, Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned()))
+    } else if leans > std::f64::consts::FRAC_PI_2 {
+        (
+            true,
+            Some(format!("pitch and roll reach {leans:.2}, which would be upside down in radians")),
+        )
+    } else if mean > 0.35 {
+        let odd = "which no flight holds in radians";
+        (true, Some(format!("pitch and roll are {mean:.2} on average, {odd}")))
+    } else if leans > 0.7 {
+        (false, Some(format!("pitch and roll reach {leans:.2}")))
+    } else if lean.is_empty() && reaches > std::f64::consts::PI {
+        (false, Some(format!("the yaw reaches {reaches:.2}")))
+    } else {
+        (false, None)
+    }
+}
+
 /// Sets the unit of angles and angular velocities whose titles name none.
 pub(super) fn resolve_angles(block: &mut Block, wanted: AngleUnit, warnings: &mut Vec<String>) {
     let is_auto = wanted == AngleUnit::Auto;
-    let (lean, all) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
-    let (leans, reaches, mean) = (most(&lean), most(&all), rms(&lean));
-    let (are_degrees, why) = if reaches > std::f64::consts::TAU {
-        (true, "yaw, pitch and roll go beyond a full turn of 2π: taken as degrees".to_owned())
-    } else if leans > std::f64::consts::FRAC_PI_2 {
-        let odd = "which would be upside down in radians";
-        (true, format!("pitch and roll reach {leans:.2}, {odd}: taken as degrees"))
-    } else if mean > 0.35 {
-        let odd = "which no flight holds in radians";
-        (true, format!("pitch and roll are {mean:.2} on average, {odd}: taken as degrees"))
-    } else if leans > 0.7 {
-        (false, format!("pitch and roll reach {leans:.2}: taken as radians, not degrees"))
-    } else if lean.is_empty() && reaches > std::f64::consts::PI {
-        (false, format!("the yaw reaches {reaches:.2}: taken as radians, not degrees"))
-    } else {
-        (false, String::new())
-    };
-    if is_auto && !why.is_empty() {
-        warnings.push(why);
+    let (are_degrees, why) = are_degrees(block);
+    if let Some(why) = why.filter(|_| is_auto) {
+        let unit = if are_degrees { "degrees" } else { "radians, not degrees" };
+        warnings.push(format!("{why}: taken as {unit}"));
     }
     if wanted == AngleUnit::Degrees || is_auto && are_degrees {
         from_degrees(block, false);

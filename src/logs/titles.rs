@@ -5,7 +5,7 @@ use noctograph_core::files::{bracketed, simplified, unit};
 
 /// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
 /// the letters before them.
-const NAMES: [(&str, &str, &str); 17] = [
+const NAMES: [(&str, &str, &str); 18] = [
     (
         " ",
         "t",
@@ -17,18 +17,19 @@ const NAMES: [(&str, &str, &str); 17] = [
         "header_stamp time_boot timeus secs stamp_sec stamp_secs header_stamp_sec header_stamp_secs",
     ),
     ("xyz", "*_m", "* p* p_* pos_* pos* position_* *_pos *_position t* p_rs_r_* translation_*"),
-    ("xyz", "*_m", "loc_* location_* *_true true_* *_gt gt_* *_actual actual_*"),
+    ("xyz", "*_m", "loc_* location_* *_true true_* *_gt gt_* *_actual actual_* *true *gt"),
     ("z", "*_m", "height altitude alt höhe hoehe"),
-    ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat"),
+    ("xyz", "*_estimate_m", "*_estimate *_est *_estimated est_* estimate_* *_hat *est *hat"),
     (" ", "yaw_rad", "yaw psi"),
     (" ", "pitch_rad", "pitch theta"),
     (" ", "roll_rad", "roll phi"),
     ("wxyz", "q*", "q* q_* quat_* or_* ori_* orientation_* rotation_* q_rs_*"),
-    ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_*"),
+    ("xyz", "v*_world_m_s", "v* v_* vel_* vel* velocity_* *_vel v_rs_r_* *dot *_dot"),
     ("xyz", "v*_body_m_s", "v*_body"),
     ("xyz", "w*_body_rad_s", "w* w_* w*_body omega_* omega* gyro_* w_rs_s_*"),
     ("xyz", "*_design_m", "*_design *_des *_d *d *_ref *_sp *_setpoint *_cmd *_target ref_*"),
-    ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_*"),
+    ("xyz", "*_design_m", "setpoint_* target_* des_* cmd_* *_desired desired_* *_reference"),
+    ("xyz", "*_design_m", "*des *ref *sp *cmd *target *desired"),
     ("1234", "m*", "m* m_* motor* motor_* pwm* pwm_* m*_pwm"),
     // The last one is the empty title.
     (" ", "index", "index row "),

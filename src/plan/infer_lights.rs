@@ -52,9 +52,22 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
         all_m += libm::hypot(to_m[0] - from_m[0], to_m[1] - from_m[1]);
     }
     if flown_m < LEAST_FLOWN * all_m {
-        let actual = format!("{flown_m:.2} of {all_m:.2} m of its strokes in the setpoints");
         let place = format!("word {word}");
-        return Err(Error::input(place, actual, "a flight that writes this word", hint));
+        let near_m = near_m(&moves, flight);
+        let (actual, wanted) = match near_m < LEAST_FLOWN * all_m {
+            true => (
+                format!("{flown_m:.2} of {all_m:.2} m of its strokes in the setpoints"),
+                "a flight that writes this word",
+            ),
+            false => (
+                format!(
+                    "setpoints on {near_m:.2} of {all_m:.2} m of its strokes, and on {flown_m:.2} m \
+                     in their order"
+                ),
+                "the strokes in the order of style team, or a log with lights",
+            ),
+        };
+        return Err(Error::input(place, actual, wanted, hint));
     }
     flight.edit(|flight| {
         for (sample, letter) in flight.samples.iter_mut().zip(letters) {
@@ -63,6 +76,18 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
         flight.lights.insert(HEADLIGHTS.to_owned(), levels);
     });
     Ok(())
+}
+
+/// Length of the lit moves that setpoints run along, in any order.
+fn near_m(moves: &[(usize, Move)], flight: &Flight) -> f64 {
+    let lit = moves.iter().filter(|(_, leg)| leg.lit).map(|(_, leg)| {
+        let designs_m = flight.samples.iter().map(|sample| [sample.design_m.x, sample.design_m.z]);
+        let along_m = designs_m.filter_map(|design_m| along(leg, design_m));
+        let [from_m, to_m] =
+            along_m.fold([f64::INFINITY, 0.0], |[from, to], m| [m.min(from), m.max(to)]);
+        (to_m - from_m).max(0.0)
+    });
+    lit.sum()
 }
 
 /// Progress of the setpoints along the moves.

@@ -1,11 +1,8 @@
 //! Flights: simulated, imported, or from anybody's arrays.
 
-use std::collections::BTreeMap;
-use std::ffi::CString;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
 
-use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
 use super::columns::Columns;
@@ -14,17 +11,18 @@ use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{
     Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, run, run_showing,
-    save_with, text_of,
+    save_with, text_of, warn,
 };
+use noctograph::diagnostic::Diagnostic;
 use noctograph::error::{Error, Result};
-use noctograph::flight::table::MAX_DURATION_S;
+use noctograph::flight::table::{MAX_DURATION_S, on_grid};
 use noctograph::flight::{Flight, FlightData, FlightSample, Quantity};
 use noctograph::geometry::Attitude;
-use noctograph::logs::{ImportOptions, import};
-use noctograph::plan::{LightClock, ReferenceKind, infer_lights};
+use noctograph::logs::{ImportOptions, doubts, import};
+use noctograph::plan::{LightClock, ReferenceKind};
 use noctograph::report::{NamedFlight, front_view};
 use noctograph::scene::Scene;
-use noctograph::shoot::{Shoot, Stop};
+use noctograph::shoot::{Shoot, Stop, infer_lights_if_dark};
 use noctograph::sim::Session;
 
 /// The flight of one drone, sampled over time.
@@ -46,36 +44,34 @@ use noctograph::sim::Session;
 ///     about y, then roll about x: the angles that ROS and PyBullet call roll, pitch, yaw and give in the opposite
 ///     order (``rpy[:, ::-1]``). `attitude_rad` makes them of quaternions.
 /// design_m : numpy.ndarray, optional
-///     Position that was to be flown in m, shape (N, 3); the flown one by default. Without a word in the
-///     scene, the camera frames the design where there is light.
+///     Position that was to be flown in m, shape (N, 3). Without it there is no tracking error. Without a word in
+///     the scene, the camera frames the design where there is light, or else what was flown.
+///
+/// Notes
+/// -----
+/// The times may begin anywhere: a photograph's exposure begins with the flight. Arrays that a flight gives out are
+/// copies, and NaN in what it lacks. Numbers that look like other units or axes are asked about in ``warnings``, and
+/// as `NoctographWarning`.
 #[pyclass(frozen, name = "Flight", module = "noctograph")]
 #[derive(Debug)]
 pub(super) struct PyFlight {
     pub(super) flight: Flight,
-    /// Arrays that were asked for, so that they are made once.
-    arrays: Mutex<BTreeMap<String, Py<PyAny>>>,
 }
 
 impl PyFlight {
     pub(super) fn new(flight: Flight) -> Self {
-        Self { flight, arrays: Mutex::default() }
+        Self { flight }
     }
 
-    /// An array that is made when it is first asked for.
-    fn array<'py, const N: usize>(
-        &self,
-        py: Python<'py>,
-        name: &str,
-        vector: impl Fn(&FlightSample) -> [f64; N],
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let mut arrays = self.arrays.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = arrays.get(name) {
-            return Ok(known.bind(py).clone());
-        }
-        let values: Vec<f64> = self.flight.samples.iter().flat_map(vector).collect();
-        let made = array(py, &values, N)?;
-        arrays.insert(name.to_owned(), made.clone().unbind());
-        Ok(made)
+    /// An array of a quantity, NaN where the flight lacks it.
+    fn array<'py>(&self, py: Python<'py>, quantity: Quantity) -> PyResult<Bound<'py, PyAny>> {
+        let (has, numbers) = (self.flight.has(quantity), quantity.places());
+        let row = |sample: &FlightSample| match has {
+            true => sample.numbers()[numbers.clone()].to_vec(),
+            false => vec![f64::NAN; numbers.len()],
+        };
+        let values: Vec<f64> = self.flight.samples.iter().flat_map(row).collect();
+        array(py, &values, numbers.len())
     }
 }
 
@@ -93,6 +89,11 @@ impl PyFlight {
     ) -> PyResult<Self> {
         let columns = Columns::new(time_s)?;
         let times_s = &columns.times_s;
+        if times_s.len() < 2 {
+            let hint = "hand over what was flown, a row for each time";
+            let actual = format!("{} times", times_s.len());
+            return Err(raised(py, &Error::input("time_s", actual, "two or more", hint)));
+        }
         let lasts_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
         let step_s = lasts_s / times_s.len().max(2).saturating_sub(1) as f64;
         if lasts_s > MAX_DURATION_S || step_s > LONGEST_STEP_S {
@@ -103,13 +104,15 @@ impl PyFlight {
         }
         let positions_m = columns.points("position_m", Some(position_m))?;
         let angles_rad = columns.points("attitude_rad", attitude_rad)?;
-        let designs_m = columns.points("design_m", design_m.or(Some(position_m)))?;
+        let designs_m = columns.points("design_m", design_m)?;
         let lights = columns.lights(light, 1.0)?;
         let is_lit = |row: usize| lights.values().any(|levels| levels[row] > 0.0);
         let samples = (0..times_s.len()).map(|row| {
             let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
             FlightSample {
-                time_s: times_s[row],
+                // On the grid of the file, so that a clock that began at another time changes
+                // nothing.
+                time_s: on_grid(times_s[row]),
                 position_m: positions_m[row],
                 attitude: Attitude { yaw_rad, pitch_rad, roll_rad },
                 design_m: designs_m[row],
@@ -118,10 +121,16 @@ impl PyFlight {
             }
         });
         let samples = samples.collect();
-        let unlogged =
+        let mut unlogged: BTreeSet<Quantity> =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
+        unlogged.extend(design_m.is_none().then_some(Quantity::Design));
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
-        flight.map(Self::new).map_err(|error| raised(py, &error))
+        let mut flight = flight.map_err(|error| raised(py, &error))?;
+        let doubts = doubts(&flight);
+        let warnings = Diagnostic::warnings("arrays", doubts.iter().cloned());
+        flight.edit(|flight| flight.warnings.extend(warnings));
+        warn(py, doubts)?;
+        Ok(Self::new(flight))
     }
 
     /// Reads the flight that ``save`` or ``noctograph fly`` wrote to a file.
@@ -143,55 +152,78 @@ impl PyFlight {
         self.flight.warnings.iter().map(ToString::to_string).collect()
     }
 
+    /// The flight with the design of a plan.
+    ///
+    /// Parameters
+    /// ----------
+    /// plan : Plan
+    ///     What was to be flown.
+    /// begins_s : float, optional
+    ///     Time of the flight at which the plan begins, s; by default its first time.
+    ///
+    /// Returns
+    /// -------
+    /// Flight
+    #[pyo3(signature = (plan, begins_s = None))]
+    fn with_design(&self, plan: &PyPlan, begins_s: Option<f64>) -> Self {
+        let mut flight = self.flight.clone();
+        let first_s = flight.samples.first().map_or(0.0, |first| first.time_s);
+        let begins_s = begins_s.unwrap_or(first_s);
+        flight.edit(|flight| {
+            for sample in &mut flight.samples {
+                sample.design_m = plan.0.design_m(on_grid(sample.time_s - begins_s)).map(on_grid);
+            }
+            flight.unlogged.remove(&Quantity::Design);
+        });
+        Self::new(flight)
+    }
+
     /// numpy.ndarray: Time of each sample in s, shape (N,).
     #[getter]
     fn time_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "time_s", |sample| [sample.time_s])
+        array(py, &self.flight.samples.iter().map(|it| it.time_s).collect::<Vec<_>>(), 1)
     }
 
     /// numpy.ndarray: Position of the body in m, x right, y into the scene, z up; shape (N, 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "position_m", |sample| sample.position_m.data.0[0])
+        self.array(py, Quantity::Position)
     }
 
     /// numpy.ndarray: Position that was to be flown, in m; shape (N, 3).
     #[getter]
     fn design_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "design_m", |sample| sample.design_m.data.0[0])
+        self.array(py, Quantity::Design)
     }
 
     /// numpy.ndarray: Position according to the drone's estimator, in m; shape (N, 3).
     #[getter]
     fn estimate_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "estimate_m", |sample| sample.estimate_m.data.0[0])
+        self.array(py, Quantity::Estimate)
     }
 
     /// numpy.ndarray: Velocity in the body frame (x forward, y left, z up) in m/s; shape (N, 3).
     #[getter]
     fn velocity_body_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "velocity_body_m_s", |sample| sample.velocity_body_m_s.data.0[0])
+        self.array(py, Quantity::Velocity)
     }
 
     /// numpy.ndarray: Angular velocity in the body frame in rad/s; shape (N, 3).
     #[getter]
     fn rate_body_rad_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "rate_body_rad_s", |sample| sample.rate_body_rad_s.data.0[0])
+        self.array(py, Quantity::Rate)
     }
 
     /// numpy.ndarray: Yaw, pitch and roll in rad; shape (N, 3).
     #[getter]
     fn attitude_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "attitude_rad", |sample| {
-            let Attitude { yaw_rad, pitch_rad, roll_rad } = sample.attitude;
-            [yaw_rad, pitch_rad, roll_rad]
-        })
+        self.array(py, Quantity::Attitude)
     }
 
     /// numpy.ndarray: Motor commands m1 to m4, 0 to 65535; shape (N, 4).
     #[getter]
     fn motors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, "motors", |sample| sample.motors)
+        self.array(py, Quantity::Motors)
     }
 
     /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel; each of shape
@@ -347,6 +379,7 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 /// Returns
 /// -------
 /// list of Flight
+///     What is wrong with them stands in their ``warnings``, and is warned of as `NoctographWarning`.
 #[pyfunction]
 #[pyo3(signature = (scene, plans = None, *, controller = None, estimator = None, covariance = false))]
 pub(super) fn fly(
@@ -401,12 +434,7 @@ pub(super) fn fly(
         return Err(thrown);
     }
     let flown = flown??;
-    for warning in flown.iter().flat_map(|flight| &flight.warnings) {
-        if warning.code == "grounded" {
-            let text = CString::new(warning.to_string()).expect("no zero byte");
-            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
-        }
-    }
+    warn(py, flown.iter().flat_map(|flight| &flight.warnings).map(ToString::to_string))?;
     Ok(flown.into_iter().map(PyFlight::new).collect())
 }
 
@@ -417,7 +445,8 @@ pub(super) fn fly(
 /// path : str or os.PathLike
 ///     The log, or a folder of files that belong together.
 /// scene : Scene, optional
-///     Its word's letters and lights are inferred from the log's setpoints.
+///     Of a log without lights, its word's letters and lights are inferred from the setpoints, as
+///     ``noctograph import --word`` does.
 ///
 /// Returns
 /// -------
@@ -431,11 +460,22 @@ pub(super) fn import_log(
 ) -> PyResult<PyFlight> {
     let scene = scene.map(|scene| scene.0.clone());
     let stage = move || {
-        let mut flight = import(&path, &ImportOptions::default())?;
-        if let Some(scene) = scene {
-            infer_lights(&mut flight, &scene.strokes()?)?;
+        let firmware = scene.as_ref().map(|scene| scene.vehicle.firmware);
+        let options = ImportOptions { firmware, ..ImportOptions::default() };
+        let mut flight = import(&path, &options)?;
+        if let Some(mut scene) = scene
+            && let Some(preset) = infer_lights_if_dark(&mut flight, &mut scene)?
+        {
+            let text = format!(
+                "its setpoints are on the letters of {0}: photograph it with those, \
+                 nc.Scene(\"{0}\", word=...)",
+                preset.name()
+            );
+            flight.edit(|flight| flight.warnings.push(Diagnostic::warning("log", text)));
         }
         Ok(flight)
     };
-    run(py, &Stop::default(), stage).map(PyFlight::new)
+    let flight = run(py, &Stop::default(), stage)?;
+    warn(py, flight.warnings.iter().map(ToString::to_string))?;
+    Ok(PyFlight::new(flight))
 }

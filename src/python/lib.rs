@@ -21,7 +21,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyTuple};
+use pyo3::types::{PyByteArray, PyBytes, PyTuple};
 
 use noctograph::error::{Error, Result, Segment};
 use noctograph::scene::CarriedScene;
@@ -87,6 +87,12 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
         errors.getattr(class)?.call1(arguments)
     });
     made.map_or_else(|broken| broken, PyErr::from_value)
+}
+
+/// Warns of each text in the name of the caller's line: see `noctograph/errors.py`.
+fn warn(py: Python<'_>, texts: impl IntoIterator<Item = String>) -> PyResult<()> {
+    let warn = py.import("noctograph.errors")?.getattr("warn")?;
+    texts.into_iter().try_for_each(|text| warn.call1((text,)).map(drop))
 }
 
 /// Runs a command of the program: its table, and what it prints with `--json`.
@@ -205,14 +211,15 @@ fn run_showing<T: Send + 'static>(
     Ok(done)
 }
 
-/// Bytes as an array of numpy that cannot be written to; no copy but the one into Python's memory.
+/// Bytes as an array of numpy, a copy in Python's memory that its owner may write to.
 fn array_of<'py>(
     py: Python<'py>,
     bytes: &[u8],
     dtype: &str,
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyAny>> {
-    let flat = py.import("numpy")?.call_method1("frombuffer", (PyBytes::new(py, bytes), dtype))?;
+    let flat =
+        py.import("numpy")?.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype))?;
     flat.call_method1("reshape", (PyTuple::new(py, shape)?,))
 }
 
@@ -255,8 +262,16 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
     if !fits {
         let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
         let hint = match name {
-            "attitude_rad" => "yaw, pitch, roll: nc.attitude_rad makes them of quaternions",
-            _ => "reshape the array",
+            "attitude_rad" if shape.last() == Some(&4) => {
+                "yaw, pitch, roll: nc.attitude_rad makes them of quaternions"
+            }
+            _ if columns == 1 && shape.iter().filter(|n| **n != 1).count() == 1 => {
+                &*format!("hand over {name}.ravel()")
+            }
+            _ if shape.len() == 2 && shape[0] == columns => &*format!("hand over {name}.T"),
+            _ => {
+                "one row for each time: the axes of a batch or of several drones are taken one by one"
+            }
         };
         let error = Error::input(name, format!("shape {shape:?}"), wanted, hint);
         return Err(raised(py, &error));

@@ -3,11 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use nalgebra::Vector3;
 use pyo3::prelude::*;
 
 use super::columns::Columns;
 use super::scene::PyScene;
-use super::{Reduced, array, arrays, data_frame, raised, reduced, run, save_with, text_of};
+use super::{
+    Reduced, array, arrays, data_frame, numbers, raised, reduced, run, save_with, text_of,
+};
+use noctograph::error::Error;
+use noctograph::flight::table::on_grid;
 use noctograph::plan::{Plan, PlanData, Setpoint};
 use noctograph::report::plan_view;
 use noctograph::shoot::{Shoot, Stop};
@@ -34,6 +39,24 @@ use noctograph::shoot::{Shoot, Stop};
 pub(super) struct PyPlan(pub(super) Plan);
 
 impl PyPlan {
+    /// Position, velocity, acceleration and jerk at a time, from the setpoint in force. The jerk is
+    /// that of a trajectory on board, else the slope of the acceleration to the next setpoint.
+    fn design(&self, time_s: f64, row: usize) -> [Vector3<f64>; 4] {
+        let (from, next) = (&self.0.setpoints[row], self.0.setpoints.get(row + 1));
+        let Some(next) = next.filter(|_| time_s >= from.time_s) else {
+            let rests = if time_s == from.time_s { 1.0 } else { 0.0 };
+            let [v, a] = [from.velocity_m_s * rests, from.acceleration_m_s2 * rests];
+            return [from.position_m, v, a, self.0.jerk_m_s3(row) * rests];
+        };
+        let step_s = next.time_s - from.time_s;
+        let jerk_m_s3 = match self.0.jerk_m_s3.is_empty() {
+            true => (next.acceleration_m_s2 - from.acceleration_m_s2) / step_s,
+            false => self.0.jerk_m_s3(row),
+        };
+        let velocity_m_s = from.velocity_m_s + from.acceleration_m_s2 * (time_s - from.time_s);
+        [from.design_m(time_s), velocity_m_s, from.acceleration_m_s2, jerk_m_s3]
+    }
+
     /// An array of rows, one for each setpoint.
     fn array<'py, const N: usize>(
         &self,
@@ -142,6 +165,60 @@ impl PyPlan {
     #[getter]
     fn light<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         array(py, &self.0.lit(), 1)
+    }
+
+    /// The design at any times: what is to be flown then, as `fly` gives a controller its reference.
+    ///
+    /// Parameters
+    /// ----------
+    /// time_s : float or numpy.ndarray
+    ///     Times since the first setpoint in s, shape (N,) or one number. Before the plan the design rests at its
+    ///     first place, after it at its last.
+    ///
+    /// Returns
+    /// -------
+    /// noctograph.design.Design
+    ///     ``position_m``, ``velocity_m_s``, ``acceleration_m_s2`` and ``jerk_m_s3``, shape (N, 3), in the axes of the
+    ///     position, ``yaw_rad`` and ``light``, shape (N,), and ``lights`` by channel, as `Flight` takes them. Of one
+    ///     number, shapes (3,) and ().
+    #[pyo3(name = "at")]
+    fn design_at<'py>(
+        &self,
+        py: Python<'py>,
+        time_s: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let numpy = py.import("numpy")?;
+        let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
+        let times = numpy.call_method1("atleast_1d", (time_s,))?;
+        // On the grid of setpoints: a time that is a bit too small is not before the setpoint.
+        let times_s = numbers(&times, "time_s", 1)?;
+        let times_s: Vec<f64> = times_s.into_iter().map(on_grid).collect();
+        if let Some(row) = times_s.iter().position(|time_s| !time_s.is_finite()) {
+            let actual = format!("{} in row {row}", times_s[row]);
+            let error = Error::input("time_s", actual, "finite times", "times in seconds");
+            return Err(raised(py, &error));
+        }
+        if self.0.setpoints.is_empty() {
+            let error = Error::input("plan", "no setpoint", "one or more", "plan a word");
+            return Err(raised(py, &error));
+        }
+        let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
+        let design: Vec<[Vector3<f64>; 4]> =
+            times_s.iter().zip(&rows).map(|(time_s, row)| self.design(*time_s, *row)).collect();
+        let one = |made: Bound<'py, PyAny>| if is_one { made.get_item(0) } else { Ok(made) };
+        let vectors = |k: usize| {
+            let numbers: Vec<f64> = design.iter().flat_map(|it| it[k].data.0[0]).collect();
+            one(array(py, &numbers, 3)?)
+        };
+        let column = |levels: &[f64]| {
+            one(array(py, &rows.iter().map(|row| levels[*row]).collect::<Vec<_>>(), 1)?)
+        };
+        let yaw = one(array(py, &vec![self.0.yaw_rad; rows.len()], 1)?)?;
+        let lights = self.0.lights.iter().map(|(name, levels)| Ok((name.clone(), column(levels)?)));
+        let lights: BTreeMap<String, _> = lights.collect::<PyResult<_>>()?;
+        let parts = (vectors(0)?, vectors(1)?, vectors(2)?, vectors(3)?);
+        let arguments = (parts.0, parts.1, parts.2, parts.3, yaw, column(&self.0.lit())?, lights);
+        py.import("noctograph.design")?.getattr("Design")?.call1(arguments)
     }
 
     /// The plan as CSV, one row a setpoint.

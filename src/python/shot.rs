@@ -8,16 +8,18 @@ use pyo3::types::PyBytes;
 
 use super::flight::PyFlight;
 use super::scene::PyScene;
-use super::{Reduced, array_of, raised, run, save, to_python};
+use super::{Reduced, array_of, raised, run, save, to_python, warn};
 use noctograph::cli::verdict_table;
+use noctograph::diagnostic::{Change, Warned};
 use noctograph::error::Error;
 use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
 use noctograph::photo::flip::difference;
 use noctograph::photo::{self, Photo, PhotoData};
 use noctograph::report::{escaped, photos::shrink};
-use noctograph::score::{Reader, View};
-use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop};
+use noctograph::scene::Scene;
+use noctograph::score::{Reader, Reason, View};
+use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop, infer_lights_if_dark, is_dark};
 
 /// A photograph with what was flown for it and whether it reads.
 #[pyclass(frozen, name = "Shot", module = "noctograph")]
@@ -25,6 +27,7 @@ use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop};
 pub(super) struct PyShot {
     shot: Shot,
     image: Py<PyAny>,
+    warnings: Vec<String>,
 }
 
 /// Largest picture in a notebook, bytes; as text it is a third more.
@@ -70,6 +73,13 @@ impl PyShot {
     #[getter]
     fn legible(&self) -> bool {
         self.shot.verdict.as_ref().is_some_and(|verdict| verdict.legible)
+    }
+
+    /// list of str: What ``noctograph expose`` warns of, a sentence each: light outside the picture, lamps that are
+    /// dark or face away, a shutter that misses the word, and the warnings of the flights.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
     }
 
     /// list of Flight: One for each drone.
@@ -151,51 +161,96 @@ impl PyShot {
 /// ----------
 /// scene : Scene
 ///     Word, lamps, camera and seed. Without a word the photo is not read.
-/// flights : list of Flight, str or os.PathLike, optional
+/// flights : Flight, str or os.PathLike, or list of them, optional
 ///     One for each drone, from any simulator, or files: flights, logs, and light traces (a lamp's places,
-///     directions and candela, as ``noctograph expose`` takes them); by default the scene's plans are flown.
+///     directions and candela, as ``noctograph expose`` takes them); by default the scene's plans are flown. The
+///     exposure begins with the first of them. A log without lights has those of the scene's word.
 ///
 /// Returns
 /// -------
 /// Shot
+///     What is wrong or doubtful stands in its ``warnings``, and is warned of as `NoctographWarning`.
 #[pyfunction]
 #[pyo3(signature = (scene, flights = None))]
 pub(super) fn photograph(
     py: Python<'_>,
     scene: &PyScene,
-    flights: Option<Vec<Bound<'_, PyAny>>>,
+    flights: Option<Bound<'_, PyAny>>,
 ) -> PyResult<PyShot> {
-    let recording = |it: &Bound<'_, PyAny>| match it.cast::<PyFlight>() {
-        Ok(flight) => Ok(Recording::Flight(flight.get().flight.clone())),
-        Err(_no_flight) => {
-            let path = it.extract::<PathBuf>().map_err(|_no_path| {
-                let actual = it.get_type().to_string();
-                let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
-                raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
-            })?;
-            let read = Recording::read(&path, &ImportOptions::default());
-            read.map(|read| read.product).map_err(|error| raised(py, &error))
-        }
-    };
-    let recordings: Option<Vec<Recording>> =
-        flights.map(|all| all.iter().map(recording).collect::<PyResult<_>>()).transpose()?;
-    if recordings.as_ref().is_some_and(Vec::is_empty) {
-        let hint = "leave it out to fly the scene's plans";
-        return Err(raised(py, &Error::input("flights", "none", "one for each drone", hint)));
+    let mut scene = scene.0.clone();
+    let (mut recordings, mut warnings) = (None, Vec::new());
+    if let Some(flights) = flights {
+        let (read, said) = recordings_of(py, &flights, &scene)?;
+        (recordings, warnings) = (Some(read), said);
     }
-    let scene = scene.0.clone();
     let stop = Stop::default();
     let until = stop.clone();
     let shot = run(py, &stop, move || {
         let shoot = match recordings {
             None => Shoot::new(scene)?,
-            Some(recordings) => Shoot::with_recordings(scene, recordings)?,
+            Some(mut recordings) => {
+                for recording in &mut recordings {
+                    if let Recording::Flight(flight) = recording {
+                        infer_lights_if_dark(flight, &mut scene)?;
+                    }
+                }
+                Shoot::with_recordings(scene, recordings)?
+            }
         };
         Shoot { format: Some(Format::Png), stop: until, ..shoot }.take(&|_, _| {})
     })?;
+    let problems = shot.problems.iter().map(|problem| problem.sentence(Change::to_string));
+    let problems: Vec<String> = problems.collect();
+    warn(py, problems.iter().cloned())?;
+    warnings.extend(problems);
     let shape = [shot.photo.height_px as usize, shot.photo.width_px as usize, 3];
     let image = array_of(py, &shot.photo.rgb8, "u1", &shape)?;
-    Ok(PyShot { image: image.unbind(), shot })
+    // It is the shot's, not a copy.
+    image.call_method1("setflags", (false,))?;
+    Ok(PyShot { image: image.unbind(), shot, warnings })
+}
+
+/// The recordings of a flight or of several, and what is to be said of them. Files are warned of here, flights
+/// were when they were made.
+fn recordings_of(
+    py: Python<'_>,
+    flights: &Bound<'_, PyAny>,
+    scene: &Scene,
+) -> PyResult<(Vec<Recording>, Vec<String>)> {
+    let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
+    let flights: Vec<Bound<'_, PyAny>> = if is_one {
+        vec![flights.clone()]
+    } else {
+        flights.try_iter()?.collect::<PyResult<_>>()?
+    };
+    if flights.is_empty() {
+        let hint = "leave it out to fly the scene's plans";
+        return Err(raised(py, &Error::input("flights", "none", "one for each drone", hint)));
+    }
+    let firmware = Some(scene.vehicle.firmware);
+    let options = ImportOptions { firmware, ..ImportOptions::default() };
+    let (mut recordings, mut said) = (Vec::new(), Vec::new());
+    for flight in flights {
+        if let Ok(flight) = flight.cast::<PyFlight>() {
+            let flight = &flight.get().flight;
+            said.extend(flight.warnings.iter().map(ToString::to_string));
+            recordings.push(Recording::Flight(flight.clone()));
+            continue;
+        }
+        let path = flight.extract::<PathBuf>().map_err(|_no_path| {
+            let actual = flight.get_type().to_string();
+            let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
+            raised(py, &Error::input("flights", actual, "a Flight, or a file's path", hint))
+        })?;
+        let read = Recording::read(&path, &options);
+        let Warned { product, warnings } = read.map_err(|error| raised(py, &error))?;
+        let warnings = warnings.iter().map(|warning| format!("{}: {warning}", path.display()));
+        let warnings: Vec<String> = warnings.collect();
+        warn(py, warnings.iter().cloned())?;
+        said.extend(warnings);
+        recordings.push(product);
+    }
+    Ok((recordings, said))
 }
 
 /// Scores a photo of a word as its camera sees it.
@@ -224,7 +279,12 @@ pub(super) fn score<'py>(
     let stage = move || {
         let strokes = scene.strokes()?;
         let camera = scene.camera.camera(strokes.bounds_m(), 0.0)?;
-        Reader::new(&strokes, &scene.score)?.score(&photo, &View::from(&camera))
+        let mut verdict =
+            Reader::new(&strokes, &scene.score)?.score(&photo, &View::from(&camera))?;
+        if is_dark(&photo, &camera) {
+            verdict.refuse(Reason::NoLight);
+        }
+        Ok(verdict)
     };
     to_python(py, &run(py, &Stop::default(), stage)?)
 }

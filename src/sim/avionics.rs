@@ -30,7 +30,8 @@ pub struct Avionics {
     sensors: Sensors,
     motor_max: f64,
     tick_s: f64,
-    kinds: (ControllerKind, EstimatorKind),
+    /// `None`: an estimator outside the program.
+    kinds: (ControllerKind, Option<EstimatorKind>),
     /// Heading that is held, from world x toward y.
     yaw_rad: f64,
     estimate: State,
@@ -98,7 +99,7 @@ impl Avionics {
             sensors,
             motor_max: believed.vehicle.motor_max,
             tick_s: 1.0 / f64::from(rate_hz),
-            kinds: (believed.controller.kind, believed.observer.kind),
+            kinds: (believed.controller.kind, Some(believed.observer.kind)),
             estimate: State::zeros(),
             fresh: false,
             command: Command::default(),
@@ -131,6 +132,7 @@ impl Avionics {
     pub fn estimate_by(&mut self, make: impl FnOnce([f64; 12]) -> Update) {
         let state = self.estimator.state();
         self.estimator = Box::new(Outside { update: make(state.into()), state });
+        self.kinds.1 = None;
     }
 
     /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions
@@ -364,16 +366,23 @@ pub(super) fn ahead(state: &State, yaw_rad: f64) -> State {
 }
 
 /// Keys of the gains and weights of the controller and the estimator that fly.
-fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String {
+fn tuned_by((controller, estimator): (ControllerKind, Option<EstimatorKind>)) -> String {
     let estimator = match estimator {
+        None => ", and your estimator's units and signs,",
+        Some(estimator) => estimator_keys(estimator),
+    };
+    format!("{}{estimator}", controller.keys())
+}
+
+fn estimator_keys(estimator: EstimatorKind) -> &'static str {
+    match estimator {
         EstimatorKind::Luenberger => " and observer.luenberger",
         EstimatorKind::Ekf | EstimatorKind::EkfImproved | EstimatorKind::Cooperative => {
             " and observer.ekf"
         }
         EstimatorKind::Altitude => " and observer.altitude",
         EstimatorKind::Truth => "",
-    };
-    format!("{}{estimator}", controller.keys())
+    }
 }
 
 /// How a drone, or the belief of its estimator, is lost.

@@ -1,4 +1,7 @@
-"""A flight of crazyflow as a photograph: `pip install crazyflow`, then `python crazyflow_flight.py NOOR noor.png`."""
+"""A flight of crazyflow as a photograph: `pip install crazyflow`, then `python crazyflow_flight.py NOOR noor.png`.
+
+Run with crazyflow 0.4.0, JAX 0.10.1 and MuJoCo 4.0.0.
+"""
 
 import sys
 
@@ -18,17 +21,18 @@ states = sim.data.states
 sim.data = sim.data.replace(states=states.replace(pos=states.pos.at[...].set(plan.position_m[0])))
 
 time_s = np.arange(0, plan.duration_s, 1 / 100)
-in_force = np.searchsorted(plan.time_s, time_s, "right") - 1
-ahead_s = (time_s - plan.time_s[in_force])[:, None]
-design_m = plan.position_m[in_force] + plan.velocity_m_s[in_force] * ahead_s
-position_m = []
-for position, velocity in zip(design_m, plan.velocity_m_s[in_force]):
-    position_m.append(np.asarray(sim.data.states.pos[0, 0]))
-    command = [*position, *velocity, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0]  # then acceleration, quaternion, rates
+design = plan.at(time_s)
+flown = []
+for x, v, a in zip(design.position_m, design.velocity_m_s, design.acceleration_m_s2):
+    flown.append([np.asarray(sim.data.states.pos[0, 0]), np.asarray(sim.data.states.quat[0, 0])])
+    command = [*x, *v, *a, 0, 0, 0, 1, 0, 0, 0]  # then the quaternion x, y, z, w and the rates
     sim.state_control(np.array([[command]], np.float32))
     sim.step(5)
 
-flight = nc.Flight(time_s, position_m, light=plan.light[in_force], design_m=design_m)
-shot = nc.photograph(scene, [flight])
+position_m, quaternion = zip(*flown)
+flight = nc.Flight(
+    time_s, position_m, light=design.light, attitude_rad=nc.attitude_rad(quaternion), design_m=design.position_m
+)
+shot = nc.photograph(scene, flight)
 shot.save(photo)
 print(shot)

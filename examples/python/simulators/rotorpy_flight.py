@@ -1,4 +1,7 @@
-"""A flight of RotorPy as a photograph: `pip install rotorpy`, then `python rotorpy_flight.py NOOR noor.png`."""
+"""A flight of RotorPy as a photograph: `pip install rotorpy`, then `python rotorpy_flight.py NOOR noor.png`.
+
+Run with rotorpy 3.0.0.
+"""
 
 import sys
 
@@ -19,24 +22,21 @@ class Written:
     """The plan as a trajectory of RotorPy."""
 
     def update(self, t):
-        at = max(int(np.searchsorted(plan.time_s, t, "right")) - 1, 0)
-        x, v = plan.position_m[at], plan.velocity_m_s[at]
-        zero = np.zeros(3)
-        return {"x": x + v * (t - plan.time_s[at]), "x_dot": v, "x_ddot": zero, "x_dddot": zero, "x_ddddot": zero,
-                "yaw": 0.0, "yaw_dot": 0.0, "yaw_ddot": 0.0}  # fmt: skip
+        x, v, a, j, yaw, *_ = plan.at(t)
+        return {"x": x, "x_dot": v, "x_ddot": a, "x_dddot": j, "x_ddddot": 0 * j, "yaw": yaw, "yaw_dot": 0.0, "yaw_ddot": 0.0}
 
 
 hover = np.sqrt(quad_params["mass"] * 9.81 / 4 / quad_params["k_eta"])
 start = {"x": plan.position_m[0], "v": np.zeros(3), "q": np.array([0.0, 0, 0, 1]), "w": np.zeros(3),
          "wind": np.zeros(3), "rotor_speeds": np.full(4, hover)}  # fmt: skip
-environment = Environment(
-    vehicle=Multirotor(quad_params, initial_state=start), controller=SE3Control(quad_params), trajectory=Written()
-)
+environment = Environment(Multirotor(quad_params, initial_state=start), SE3Control(quad_params), Written())
 flown = environment.run(t_final=plan.duration_s, terminate=False, plot=False, animate_bool=False)
 
-time_s, position_m = flown["time"], flown["state"]["x"]
-in_force = np.searchsorted(plan.time_s, time_s, "right") - 1
-flight = nc.Flight(time_s, position_m, light=plan.light[in_force], design_m=plan.position_m[in_force])
-shot = nc.photograph(scene, [flight])
+time_s, state = flown["time"], flown["state"]
+design = plan.at(time_s)
+flight = nc.Flight(
+    time_s, state["x"], light=design.light, attitude_rad=nc.attitude_rad(state["q"]), design_m=design.position_m
+)
+shot = nc.photograph(scene, flight)
 shot.save(photo)
 print(shot)

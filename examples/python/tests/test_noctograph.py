@@ -77,7 +77,7 @@ def test_stages_make_the_same_photo(shot):
     assert scored["read"] == "RIGA" and scored["readability"] == shot.verdict["readability"]
 
 
-def test_arrays_have_shapes_and_are_made_once(shot):
+def test_arrays_have_shapes_and_are_copies(shot):
     flight = shot.flights[0]
     n = len(flight)
     shapes = {"time_s": (n,), "position_m": (n, 3), "design_m": (n, 3), "estimate_m": (n, 3), "attitude_rad": (n, 3),
@@ -85,7 +85,8 @@ def test_arrays_have_shapes_and_are_made_once(shot):
     for name, shape in shapes.items():
         array = getattr(flight, name)
         assert array.shape == shape and array.dtype == np.float64, name
-        assert getattr(flight, name) is array and not array.flags.writeable, name
+        array[:] = 0
+        assert name == "time_s" or getattr(flight, name).any(), name
     assert set(flight.lights) == {"headlights"} and {"battery_v", "energy_j"} <= set(flight.extra)
     assert shot.image.shape == (1080, 1920, 3) and not shot.image.flags.writeable
     assert 0.9 < flight.position_m[flight.lights["headlights"] > 0, 2].max() < 1.1, "capitals end at 1 m"
@@ -407,7 +408,7 @@ def test_environments_are_those_of_gymnasium():
     assert over.any() and not info
     with pytest.raises(nc.InputError, match="2 plans"):
         nc.VectorEnv(nc.Scene(word="NOOR", set={"plan.drones": 2}))
-    with pytest.raises(nc.InputError, match="wanted 3 rows"):
+    with pytest.raises(nc.InputError, match=r"wanted \(3, 4\)"):
         drones.step(np.zeros((2, 4)))
 
 

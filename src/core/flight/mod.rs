@@ -22,7 +22,7 @@ pub mod warning;
 
 pub use crate::place::DroneIndex;
 pub use airborne::airborne;
-pub use airborne::{on_floor, saturated_s};
+pub use airborne::{on_floor, rests_on_floor, saturated_s};
 
 /// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
 /// battery.

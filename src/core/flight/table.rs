@@ -21,8 +21,9 @@ pub const FLIGHT_LONG: &str = "flight-long";
 /// Largest number of a table: below it squares and sums stay finite.
 pub const MAX_NUMBER: f64 = 1e30;
 
-/// Latest or earliest time, before and after which a microsecond is lost in rounding.
-const MAX_TIME_S: f64 = 1e9;
+/// Latest or earliest time, before and after which a microsecond is lost in rounding: stamps of
+/// this century are within.
+const MAX_TIME_S: f64 = 4e9;
 
 /// Largest file: an hour of 36 columns at 100 Hz in numbers of nine digits.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HINT };

@@ -46,8 +46,8 @@ pub fn host_silent(stopped_s: f64) -> Diagnostic {
 /// The drone stood on the floor under a plan that rises, with motor commands up to this one.
 pub fn grounded(motors: f64) -> Diagnostic {
     let message = format!(
-        "the drone never left the floor, with motor commands up to {motors:.5}: are they from 0 to \
-         65535 (not rpm, N or 0 to 1), lengths in m with z up, and angles in rad?"
+        "the drone never left the floor: its motor commands reach {motors:.1} of 65535 (are they \
+         rpm, N or 0 to 1; are lengths in m with z up, and angles in rad?)"
     );
     Diagnostic::warning("grounded", message).with("motors", motors)
 }
@@ -55,6 +55,6 @@ pub fn grounded(motors: f64) -> Diagnostic {
 /// Quantities that a log lacks, which are zeros in the samples; `None` if it lacks none.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
-    let message = format!("not in the log: {}; set to zero", names.join(", "));
+    let message = format!("not in the log: {}", names.join(", "));
     (!names.is_empty()).then(|| Diagnostic::warning(UNLOGGED, message))
 }

@@ -124,6 +124,10 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     }
 
     let t = table.times_in("t", unit_s)?;
+    if let Some(first) = t.first().filter(|first| **first != 0.0) {
+        let first_s = on_grid(first * unit_s);
+        warnings.push(format!("its clock begins at {first_s} s, and the exposure at 0 s"));
+    }
     let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
     let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
     for (name, column) in [("r", r), ("g", g), ("b", b)] {

@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use noctograph_core::camera::{Camera, Framing};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::{DroneIndex, Flight};
+use noctograph_core::flight::{DroneIndex, Flight, Quantity};
 use noctograph_core::geometry::bounds;
 use noctograph_letters::Strokes;
 use noctograph_picture::light::{
@@ -105,6 +105,7 @@ impl Shoot {
                         problems.extend(warnings.map(|warning| warning.of_drone(number)));
                     }
                     problems.extend(problems::of_log(&flight));
+                    problems.extend(problems::lampless(&flight, &self.scene.light));
                     let trace = self.light_drone(drone, &flight)?;
                     flights.push(flight);
                     trace
@@ -129,7 +130,8 @@ impl Shoot {
         let mut camera = options.camera(bounds_m, end_s)?;
         let metered = metered(&all, &mut camera, options, photo);
         check_place(&all, bounds_m, &camera, &self.scene.camera.framing)?;
-        problems.extend(problems::outside(&all, bounds_m, &camera));
+        let is_framed = matches!(self.scene.camera.framing, Framing::Word(_));
+        problems.extend(problems::outside(&all, bounds_m, &camera, is_framed));
         let lamps = problems::writing(&flights, &all, &self.scene.light);
         let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
         writing.dedup();
@@ -164,10 +166,16 @@ impl Shoot {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
         }
-        let samples = flights.iter().flat_map(|flight| &flight.samples);
-        let written = samples.filter(|sample| sample.letter.is_some());
-        let places_m = written.map(|sample| [sample.design_m.x, sample.design_m.z]);
-        let [left, bottom, right, top] = bounds(places_m);
+        let samples = flights.iter().flat_map(|flight| {
+            let has_design = flight.has(Quantity::Design);
+            flight.samples.iter().map(move |sample| (sample, has_design))
+        });
+        let written = samples.filter(|(sample, _)| sample.letter.is_some());
+        let places_m = written.map(|(sample, has_design)| match has_design {
+            true => sample.design_m,
+            false => sample.position_m,
+        });
+        let [left, bottom, right, top] = bounds(places_m.map(|place_m| [place_m.x, place_m.z]));
         match &self.scene.camera.framing {
             _ if left < right || bottom < top => Ok([left, bottom, right, top]),
             Framing::Fixed(_) => Ok([0.0; 4]),
@@ -231,6 +239,7 @@ fn check_place(
 mod tests {
     use super::*;
     use crate::scene::Preset;
+    use noctograph_core::flight::{FlightData, FlightSample};
     use noctograph_picture::light::{COLOR_LED, Deck};
 
     #[test]
@@ -255,6 +264,41 @@ mod tests {
         assert!(of_plan.contains_key(COLOR_LED.colors[1]), "{:?}", of_plan.keys());
         scene.light.letters_wrgb = vec![[9, 9, 9, 9]];
         assert_eq!(Shoot::new(scene.clone()).unwrap().lamps(), scene.light, "its own are meant");
+    }
+
+    #[test]
+    fn an_exposure_begins_with_the_first_recording_whatever_its_stamp() {
+        fn begins_s(stamps_s: &[f64]) -> Vec<f64> {
+            let recordings = stamps_s.iter().map(|stamp_s| {
+                let times_s = (0..50).map(|row| stamp_s + 0.1 * f64::from(row));
+                let samples =
+                    times_s.map(|time_s| FlightSample { time_s, ..FlightSample::default() });
+                let gaps = vec![[stamp_s + 1.0, stamp_s + 1.1]];
+                let samples = samples.collect();
+                Recording::Flight(Flight::made(FlightData {
+                    samples,
+                    gaps,
+                    ..FlightData::default()
+                }))
+            });
+            let scene = Scene::preset(Preset::default());
+            let shoot = Shoot::with_recordings(scene, recordings.collect()).unwrap();
+            let flights = shoot.recordings.iter().map(|recording| match recording {
+                Recording::Flight(flight) => flight,
+                Recording::Light(_) => unreachable!("all are flights"),
+            });
+            flights
+                .map(|flight| {
+                    let first_s = flight.samples[0].time_s;
+                    assert_eq!(flight.samples[10].time_s, first_s + 1.0, "on the grid");
+                    assert_eq!(flight.gaps, [[first_s + 1.0, first_s + 1.1]]);
+                    first_s
+                })
+                .collect()
+        }
+        assert_eq!(begins_s(&[600.0, 602.5]), [0.0, 2.5], "on one clock");
+        assert_eq!(begins_s(&[-8.0]), [0.0]);
+        assert_eq!(begins_s(&[1.7e9]), [0.0]);
     }
 
     #[test]

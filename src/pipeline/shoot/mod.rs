@@ -27,6 +27,7 @@ use crate::scene::Scene;
 use noctograph_core::diagnostic::Warned;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::Flight;
+use noctograph_core::flight::table::on_grid;
 use noctograph_letters::Strokes;
 use noctograph_logs::{self as logs, ImportOptions};
 use noctograph_picture::expose::{BackendChoice, Developer};
@@ -57,7 +58,7 @@ pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 use planned::plan;
 pub use planned::{DesignCheck, Planned, aim, ends, rehearse};
-pub use problems::{CHECK_LIGHT, writing};
+pub use problems::{CHECK_LIGHT, is_dark, writing};
 pub use response::step_responses;
 pub use shot::{Shot, WriteFile, flight_sha256, known};
 
@@ -161,6 +162,25 @@ impl Recording {
     }
 }
 
+/// Moves flights in time, all by as much, so that the first one begins at 0. A light trace holds
+/// lit stretches alone, whose clock is the exposure's: flights beside it stay as they are.
+fn from_zero(recordings: &mut [Recording]) {
+    let flights = recordings.iter_mut().map(|recording| match recording {
+        Recording::Flight(flight) => Some(flight),
+        Recording::Light(_) => None,
+    });
+    let Some(mut flights) = flights.collect::<Option<Vec<&mut Flight>>>() else { return };
+    let firsts = flights.iter().filter_map(|flight| flight.samples.first());
+    let first_s = firsts.map(|sample| sample.time_s).reduce(f64::min).unwrap_or(0.0);
+    for flight in flights.iter_mut().filter(|_| first_s != 0.0) {
+        flight.edit(|flight| {
+            let times_s = flight.samples.iter_mut().map(|sample| &mut sample.time_s);
+            let ends_s = flight.gaps.as_flattened_mut().iter_mut();
+            times_s.chain(ends_s).for_each(|time_s| *time_s = on_grid(*time_s - first_s));
+        });
+    }
+}
+
 /// How a photo is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Judging {
@@ -229,14 +249,16 @@ impl Shoot {
         Ok(Self { plans, ..Self::bare(scene, strokes) })
     }
 
-    /// Photographs recorded flights or light, one for each drone. Without a word in the scene the
-    /// photo is not read.
+    /// Photographs recorded flights or light, one for each drone, on one clock: the exposure begins
+    /// with the first of them, whatever its first stamp. Without a word in the scene the photo is
+    /// not read.
     ///
     /// # Errors
     ///
     /// As [`Self::with_plans`].
-    pub fn with_recordings(scene: Scene, recordings: Vec<Recording>) -> Result<Self> {
+    pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
+        from_zero(&mut recordings);
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
     }
 

@@ -211,6 +211,12 @@ fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     if b.0 < a.0 { b } else { a }
 }
 
+/// Whether no trail stands out in a photo: a reader that raises faint light to full light may find
+/// letters in its noise.
+pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
+    of_photo(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
+}
+
 /// A photo without a visible trail: all black or all white.
 pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
     let mut histogram = [0_usize; 256];
@@ -242,6 +248,27 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
     })
 }
 
+/// Lit channels of a flight that no lamp of the scene follows, beside others that one follows.
+pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnostic> {
+    let fixtures = lamps.fixtures();
+    let follows = |channel: &str| {
+        let mut wanted = fixtures.iter().filter_map(|fixture| fixture.drive.channel());
+        wanted.any(|wanted| {
+            channel
+                .strip_prefix(wanted)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        })
+    };
+    let lit = flight.lights.iter().filter(|(_, levels)| levels.iter().any(|level| *level > 0.0));
+    let (known, unknown): (Vec<&str>, Vec<&str>) =
+        lit.map(|(channel, _)| channel.as_str()).partition(|channel| follows(channel));
+    (!known.is_empty() && !unknown.is_empty()).then(|| {
+        let names = unknown.join(", ");
+        let message = format!("the scene has no lamp for the light of {names}: it is left out");
+        Diagnostic::warning("lamp-missing", message)
+    })
+}
+
 /// The gaps in a real flight's log.
 pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
@@ -258,6 +285,7 @@ pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],
     camera: &Camera,
+    is_framed: bool,
 ) -> impl Iterator<Item = Diagnostic> {
     let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
     let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
@@ -266,10 +294,19 @@ pub(super) fn outside(
     let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
     let light = samples.map(|sample| sample.position_m);
     let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
-    let help = "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin";
+    let help = move |what: &str| match (is_framed, what) {
+        (false, _) => {
+            "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin"
+        }
+        (true, "light") => {
+            "{camera.framing.fill_frac} sets the margin around the word; is the flight in meters, \
+             with z up, and at the word's place?"
+        }
+        (true, _) => "{camera.framing.fill_frac} sets the margin",
+    };
     sides.into_iter().filter_map(move |(what, sides)| {
         let message = format!("part of the {what} is outside the picture: {}", sides?);
-        Some(Diagnostic::warning("outside", message).with("what", what).helped(help))
+        Some(Diagnostic::warning("outside", message).with("what", what).helped(help(what)))
     })
 }
 

@@ -27,7 +27,7 @@ from ._noctograph import (  # noqa: E402
 from .commands import (  # noqa: E402
     Report, check, command, compare, coverage, export, gains, hold, identify, locate, meter,
 )  # fmt: skip
-from .errors import InfeasibleError, InputError  # noqa: E402
+from .errors import InfeasibleError, InputError, NoctographWarning  # noqa: E402
 from .model import Model  # noqa: E402
 from .studies import Outcomes, fly_many, rank, tune  # noqa: E402
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .learning import Env, VectorEnv, sb3_env
 
 __all__ = [
-    "Env", "Flight", "InfeasibleError", "InputError", "Model", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
+    "Env", "Flight", "InfeasibleError", "InputError", "Model", "NoctographWarning", "Outcomes", "Plan", "Report", "Scene", "Shot", "check",
     "command", "compare", "coverage", "export", "fly", "fly_many", "from_pybullet", "gains", "hold", "identify", "import_log",
     "locate", "meter", "photograph", "plan", "preview", "rank", "read", "sb3_env", "score", "VectorEnv",
     "attitude_rad", "tune", "__version__",
@@ -79,7 +79,9 @@ def attitude_rad(quaternion: ArrayLike, order: str = "xyzw") -> NDArray[np.float
     return np.unwrap(np.stack([yaw, pitch, roll], axis=1), axis=0)
 
 
-def from_pybullet(time_s: ArrayLike, observations: ArrayLike, *, light: Any = None) -> Flight:
+def from_pybullet(
+    time_s: ArrayLike, observations: ArrayLike, *, light: Any = None, design_m: ArrayLike | None = None
+) -> Flight:
     """The flight of a drone of gym-pybullet-drones.
 
     Parameters
@@ -91,6 +93,8 @@ def from_pybullet(time_s: ArrayLike, observations: ArrayLike, *, light: Any = No
         follows is not used.
     light : array_like or dict, optional
         As for `Flight`.
+    design_m : array_like (N, 3), optional
+        Position that was to be flown, m, as ``plan.at(time_s).position_m``; without it there is no tracking error.
 
     Returns
     -------
@@ -99,7 +103,9 @@ def from_pybullet(time_s: ArrayLike, observations: ArrayLike, *, light: Any = No
     states = np.asarray(observations, float)
     if states.ndim != 2 or states.shape[1] < 7:
         raise InputError("observations", f"shape {states.shape}", "(N, 20), or (N, 7) and more", "one drone's rows")
-    return Flight(time_s, states[:, :3], light=light, attitude_rad=attitude_rad(states[:, 3:7]))
+    return Flight(
+        time_s, states[:, :3], light=light, attitude_rad=attitude_rad(states[:, 3:7]), design_m=design_m
+    )
 
 
 def preview(

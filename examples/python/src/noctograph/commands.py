@@ -8,8 +8,10 @@ import tempfile
 from pathlib import Path
 from typing import Any, cast
 
-from ._noctograph import Flight, Plan, Scene, Shot, command as _command, setting as _setting
-from .errors import InfeasibleError, InputError
+import numpy as np
+
+from ._noctograph import Flight, Plan, Scene, Shot, command as _command, import_log, setting as _setting
+from .errors import InfeasibleError, InputError, warn
 
 PathLike = str | os.PathLike[str]
 
@@ -86,7 +88,14 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
             # The files of the objects that were handed over are nobody's.
             parts = (error.place, error.found, error.wanted, error.hint)
             raise InputError(*(part.replace(folder + os.sep, "") for part in parts)) from None
-        return Report(text.replace(folder + os.sep, ""), keys or {})
+        keys = keys or {}
+        if isinstance(keys.get("warnings"), list):
+            # What is said of the file of an object is no news: the object has its own warnings.
+            said = [str(it) for it in keys["warnings"] if not str(it).startswith(folder + os.sep)]
+            keys["warnings"] = [it.replace(folder + os.sep, "") for it in said]
+            for it in keys["warnings"]:
+                warn(it)
+        return Report(text.replace(folder + os.sep, ""), keys)
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
@@ -170,13 +179,23 @@ def identify(log: PathLike | Flight, **options: Any) -> Report:
     return command("identify", log, **options)
 
 
-def compare(a: PathLike | Flight, b: PathLike | Flight, *, output: PathLike | None = None, **options: Any) -> Report:
+def compare(
+    a: PathLike | Flight,
+    b: PathLike | Flight,
+    *,
+    design: Plan | None = None,
+    output: PathLike | None = None,
+    **options: Any,
+) -> Report:
     """Errors between two flights, along each axis, after their clocks and places are aligned.
 
     Parameters
     ----------
     a, b : path or Flight
         Logs or flights, as the measured one and the simulated one.
+    design : Plan, optional
+        What both were to fly, from their first times on, for flights that do not know it. Without a design a flight has no
+        tracking error, and the clocks are aligned by what was flown.
     output : path, optional
         Folder for the plots; without it, ``report.files`` has them as SVG.
     **options
@@ -186,7 +205,17 @@ def compare(a: PathLike | Flight, b: PathLike | Flight, *, output: PathLike | No
     -------
     Report
     """
-    return _with_files("compare", a, b, output=output, **options)
+    flights = [it if design is None else _designed(it, design) for it in (a, b)]
+    lack = any(isinstance(it, Flight) and np.isnan(it.design_m).any() for it in flights)
+    if lack and not options.keys() & {"align", "offset"}:
+        options["align"] = "flown"  # no design sets the clocks
+    return _with_files("compare", *flights, output=output, **options)
+
+
+def _designed(flight: PathLike | Flight, plan: Plan) -> Flight:
+    """A flight or log with the design of a plan, in place of its own."""
+    flight = flight if isinstance(flight, Flight) else import_log(flight)
+    return flight.with_design(plan)
 
 
 def locate(*ranges: PathLike, output: PathLike | None = None, **options: Any) -> Report:

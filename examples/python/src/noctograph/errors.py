@@ -1,4 +1,7 @@
-"""Exceptions of noctograph, with what was found, where, and what to do."""
+"""Exceptions and warnings of noctograph, with what was found, where, and what to do."""
+
+import inspect
+import warnings
 
 
 class InputError(ValueError):
@@ -33,3 +36,18 @@ class InfeasibleError(RuntimeError):
 
     def __reduce__(self) -> tuple[type, tuple[str, ...]]:
         return type(self), (self.what, self.hint)
+
+
+class NoctographWarning(UserWarning):
+    """Something is doubtful or missing: units and axes of a flight, light outside the picture, dark lamps.
+
+    ``warnings.filterwarnings("error", category=nc.NoctographWarning)`` makes it an exception.
+    """
+
+
+def warn(text: str) -> None:
+    """Warns in the name of the line outside the package that led here."""
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and str(frame.f_globals.get("__name__")).split(".")[0] == "noctograph":
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, NoctographWarning, stacklevel=level)

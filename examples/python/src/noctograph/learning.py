@@ -19,7 +19,9 @@ Floats = NDArray[np.float32]
 WORTHLESS_M = 0.1
 #: Largest motor command.
 MOTOR_MAX = 65_535.0
-OBSERVATIONS = gymnasium.spaces.Box(-np.inf, np.inf, (18,), np.float32)
+#: Beyond any state of a drone in SI units: one that is farther than 10 km counts as lost.
+LARGEST = 1e5
+OBSERVATIONS = gymnasium.spaces.Box(-LARGEST, LARGEST, (18,), np.float32)
 ACTIONS = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
 
 
@@ -58,6 +60,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
 
     def __init__(self, scene: Scene, num_envs: int = 1, *, control_hz: float = 250, conditions: str = "still") -> None:
+        if not 0 < control_hz < np.inf:
+            raise InputError("control_hz", repr(control_hz), "a number above 0", "250 is the default")
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = OBSERVATIONS, ACTIONS
         self.observation_space = batch_space(OBSERVATIONS, num_envs)
@@ -83,7 +87,12 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def step(self, actions: Any) -> tuple[Floats, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Holds motor commands for a step; begins the episodes that ended in the last one."""
+        if not hasattr(self, "_time_s"):
+            raise InputError("step", "no episode", "a call of `reset` before it", "env.reset(seed=0) begins one")
         actions = np.asarray(actions, float)
+        if actions.shape != (self.num_envs, 4):
+            hint = "one command for each of the motors m1 to m4, of each drone"
+            raise InputError("actions", f"shape {actions.shape}", f"({self.num_envs}, 4)", hint)
         if np.isnan(actions).any():
             row = int(np.argwhere(np.isnan(actions))[0][0])
             raise InputError("actions", f"NaN in row {row}", "numbers from -1 to 1", "look at what your policy returns")
@@ -122,7 +131,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _observe(self, seen: dict[str, Any]) -> Floats:
         state, reference = seen["state"], seen["reference"]
         error = state[:, :3] - reference[:, :3]
-        return np.concatenate([error, state[:, 3:], reference[:, 3:]], axis=1).astype(np.float32)
+        seen_now = np.concatenate([error, state[:, 3:], reference[:, 3:]], axis=1)
+        return np.clip(seen_now, -LARGEST, LARGEST).astype(np.float32)
 
 
 class Env(gymnasium.Env[Any, Any]):
@@ -147,8 +157,13 @@ class Env(gymnasium.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Holds motor commands for a step."""
-        observations, rewards, terminated, truncated, infos = self._drones.step(np.asarray(action)[None])
-        info = {key: value[0] for key, value in infos.items()}
+        action = np.asarray(action)
+        if action.shape != (4,):
+            hint = "one command for each of the motors m1 to m4"
+            raise InputError("action", f"shape {action.shape}", "(4,)", hint)
+        observations, rewards, terminated, truncated, infos = self._drones.step(action[None])
+        # The vector's keys with an underscore say which drones have a value.
+        info = {key: value[0] for key, value in infos.items() if not key.startswith("_")}
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
 

@@ -23,12 +23,15 @@ from ._noctograph import (
 )  # fmt: skip
 from .answers import Candidate
 from .commands import PathLike, Report
-from .errors import InputError
+from .errors import InputError, warn
 
 Floats = NDArray[np.float64]
 Words = Mapping[str, int] | Sequence[str]
 Progress = Callable[[int, int], Any] | bool
 Controller = Callable[..., Any]
+
+#: A drone that comes no higher never left the floor.
+ON_FLOOR_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,9 +183,8 @@ def _fly_controlled(
     timed = _takes_time(each[0])
     motors, turns = np.zeros((n, 4)), [1] * n
     seen = sessions.look()
-    begun_m = highest_m = seen["position_m"][:, 2]
-    most = np.zeros(n)
     duration_s = sessions.duration_s
+    highest_m, most = np.zeros(n), 0.0
     while not (seen["landed"] | seen["lost"]).all():
         state, reference, time_s = seen["state"], seen["reference"], seen["time_s"]
         if vectorized:
@@ -196,16 +198,12 @@ def _fly_controlled(
         over = seen["landed"] | seen["lost"]
         sessions.step(np.where(over[:, None], 0, motors), turns)
         seen = sessions.look()
-        most, highest_m = np.maximum(most, motors.max(1)), np.maximum(highest_m, seen["position_m"][:, 2])
+        highest_m, most = np.maximum(highest_m, seen["position_m"][:, 2]), max(most, float(motors.max()))
         if show is not None:
             show(int(n * min(float(seen["time_s"].max()) / duration_s, 1)), n)
-    stands = highest_m - begun_m < 0.02
-    if stands.any():
-        warnings.warn(
-            f"{stands.sum()} of {n} flights never left the floor, with motor commands up to {most[stands].max():.5g}: are they "
-            "from 0 to 65535 (not rpm, N or 0 to 1), lengths in m with z up, and angles in rad?",
-            stacklevel=3,
-        )
+    if grounded := int(((highest_m < ON_FLOOR_M) & ~seen["lost"]).sum()):
+        said = f"{grounded} of {n} drones never left the floor: their motor commands reach {most:.4g} of 65535 (are they rpm, N or 0 to 1?)"
+        warn(said)
     return sessions.outcomes()
 
 

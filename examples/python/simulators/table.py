@@ -1,0 +1,72 @@
+"""Flights of other simulators and of their controllers in Noctograph, as the table of docs/model.md.
+
+`python examples/python/simulators/table.py [cf2.xml]`; a simulator that is not installed has no row.
+"""
+
+import importlib.metadata
+import os
+import pathlib
+import runpy
+import sys
+import tempfile
+
+# crazyflow wants it before SciPy is imported.
+os.environ.setdefault("SCIPY_ARRAY_API", "1")
+
+import controllers  # noqa: E402
+import noctograph as nc  # noqa: E402
+
+#: Simulator: package, example, controller and what is set for it.
+ROWS = {
+    "RotorPy": ("rotorpy", "rotorpy_flight.py", "RotorPy", {}),
+    "crazyflow": ("crazyflow", "crazyflow_flight.py", "Crazyflow", {}),
+    # It knows no lag of the motors, and turns over with the 0.14 s of `cf21`.
+    "gym-pybullet-drones": (
+        "gym_pybullet_drones", "pybullet_flight.py", "Pybullet", {"vehicle.motor_rise_s": 0.05, "vehicle.motor_fall_s": 0.05},
+    ),
+    "Menagerie's cf2 in MuJoCo": ("mujoco", "mujoco_flight.py", None, {}),
+}  # fmt: skip
+STILL = {"observer.kind": "truth", "air.gusts": "none", "plan.reference": "design", "plan.light_clock": "setpoint"}
+
+
+def figures(shot, flight):
+    """P(read), lag, and mean and largest contour error over the letters."""
+    tracking = nc.compare(flight, flight, part="letters")["a"]["tracking"]
+    contour = tracking["contour"]
+    read = f"{shot.verdict['read']} {shot.verdict['readability']:.3f}"
+    return f"{read} | {round(tracking['lag_s'], 2) + 0.0:.2f} s | {1000 * contour['mean_m']:.1f} / {1000 * contour['max_m']:.0f} mm"
+
+
+def main():
+    print("| simulator | reads as, P | lag | contour error, mean / largest | the same controller in Noctograph: P | lag | contour error |")
+    print("|---|---|---|---|---|---|---|")
+    here = pathlib.Path(__file__).parent
+    for name, (package, example, controller, keys) in ROWS.items():
+        models = sys.argv[1:] if controller is None else []
+        try:
+            version = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            version = None
+        if version is None or (controller is None and not models):
+            print(f"skipped: {name}", file=sys.stderr)
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            typed = sys.argv
+            sys.argv = [example, "NOOR", os.path.join(folder, "noor.png"), *models]
+            out, sys.stdout = sys.stdout, sys.stderr
+            try:
+                theirs = runpy.run_path(str(here / example))
+            finally:
+                sys.argv, sys.stdout = typed, out
+        ours = "– | – | –"
+        if controller is not None:
+            scene = nc.Scene("cf21", word="NOOR", set={**STILL, **keys})
+            (own,) = nc.fly(scene, controller=getattr(controllers, controller)(scene))
+            # The same samples as theirs: the lit ones.
+            flight = nc.Flight(own.time_s, own.position_m, light=own.lights, design_m=own.design_m)
+            ours = figures(nc.photograph(scene, own), flight)
+        print(f"| {name} {version} | {figures(theirs['shot'], theirs['flight'])} | {ours} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+//! Flights of somebody's arrays, which come without titles: they are asked what a table is asked.
+
+use super::recording::{Block, Channel, Column, Recording};
+use super::titles::ANGLES;
+use super::{ImportOptions, frames, mapper, plain_csv, speed};
+use noctograph_core::error::Error;
+use noctograph_core::flight::{Flight, FlightSample, Quantity, rests_on_floor};
+
+/// What speaks against meters, radians, seconds and z up in a flight that is said to have them, and
+/// against a flight at all. Nothing is converted.
+pub fn doubts(flight: &Flight) -> Vec<String> {
+    let samples = &flight.samples;
+    if samples.len() < 2 {
+        return Vec::new();
+    }
+    let block = block(samples);
+    let is_turned = flight.has(Quantity::Attitude);
+    let angles = Some(plain_csv::are_degrees(&block)).filter(|_| is_turned);
+    let angles = angles.and_then(|(are_degrees, why)| why.filter(|_| are_degrees)).map(|why| {
+        format!("{why}: are they degrees, or of a quaternion whose parts are in another order?")
+    });
+    let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
+    let channels = block
+        .columns
+        .iter()
+        .take(3)
+        .filter(|_| rising)
+        .map(|column| Channel::new(block.time_s.clone(), column.values.clone()));
+    let channels: Vec<Channel> = channels.collect();
+    let speed = match speed::check(&channels, &ImportOptions::default(), "the flight") {
+        Ok(said) => said,
+        Err(Error::Input { found, .. }) => {
+            Some(format!("{found}: is it in meters and seconds, and of one drone?"))
+        }
+        Err(error) => Some(error.to_string()),
+    };
+    let axes = frames::doubt(&Recording { blocks: vec![block], ..Recording::default() });
+    let rests = (axes.is_none() && rests_on_floor(samples)).then(|| {
+        let highest_m = samples.iter().map(|it| it.position_m.z).fold(0.0, f64::max);
+        format!("the drone never left the floor: its height reaches {highest_m:.2} m")
+    });
+    let first_s = samples[0].time_s;
+    let begins = (first_s < 0.0).then(|| {
+        format!("its clock begins at {first_s} s: a photograph's exposure begins there, not at 0 s")
+    });
+    let size = mapper::warn_of_size(samples);
+    [begins, speed, size, axes, angles, rests].into_iter().flatten().collect()
+}
+
+/// The columns of a table that has the position and the attitude of a flight.
+fn block(samples: &[FlightSample]) -> Block {
+    let column = |name: &str, number: usize, is_open_angle| Column {
+        name: name.to_owned(),
+        values: samples.iter().map(|sample| sample.numbers()[number]).collect(),
+        is_open_angle,
+    };
+    let place = ["x_m", "y_m", "z_m"].into_iter().zip(Quantity::Position.places());
+    let angles = ANGLES.into_iter().zip(Quantity::Attitude.places());
+    Block {
+        time_s: samples.iter().map(|sample| sample.time_s).collect(),
+        columns: place
+            .map(|(name, number)| column(name, number, false))
+            .chain(angles.map(|(name, number)| column(name, number, true)))
+            .collect(),
+        ..Block::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+    use noctograph_core::flight::FlightData;
+    use noctograph_core::geometry::Attitude;
+
+    /// Take-off, an L on the wall and landing, leaning by 0.1 rad.
+    fn said(to: impl Fn(FlightSample) -> FlightSample) -> String {
+        let samples = (0..=400).map(|row| {
+            let t = 0.02 * f64::from(row);
+            let position_m =
+                Vector3::new((t - 2.0).clamp(0.0, 1.0), 0.1, t.min(8.0 - t).clamp(0.0, 1.0));
+            let attitude = Attitude { roll_rad: 0.1 * libm::sin(t), ..Attitude::default() };
+            to(FlightSample { time_s: t, position_m, attitude, ..FlightSample::default() })
+        });
+        let samples = samples.collect();
+        doubts(&Flight::made(FlightData { samples, ..FlightData::default() })).join("\n")
+    }
+
+    #[test]
+    fn a_flight_in_other_units_or_axes_is_asked_about() {
+        assert_eq!(said(|it| it), "", "meters, radians, z up");
+        let scaled = |scale: f64| {
+            move |it: FlightSample| FlightSample { position_m: scale * it.position_m, ..it }
+        };
+        assert!(said(scaled(1000.0)).contains("meters"), "{}", said(scaled(1000.0)));
+        assert!(said(scaled(100.0)).contains("meters"), "{}", said(scaled(100.0)));
+        let turned = |to: fn(Vector3<f64>) -> Vector3<f64>| {
+            move |it: FlightSample| FlightSample { position_m: to(it.position_m), ..it }
+        };
+        let down = said(turned(|p| Vector3::new(p.x, -p.y, -p.z)));
+        assert!(down.contains("is z down") && down.contains("x, -y, -z"), "{down}");
+        let y_up = said(turned(|p| Vector3::new(p.x, p.z, -p.y)));
+        assert!(y_up.contains("is y up"), "{y_up}");
+        let rests = said(turned(|p| Vector3::new(p.x, p.y, 0.0)));
+        assert!(rests.contains("never left the floor"), "{rests}");
+    }
+
+    #[test]
+    fn degrees_and_quaternions_in_another_order_are_asked_about() {
+        let rolled = |roll: fn(f64) -> f64| {
+            move |it: FlightSample| {
+                let roll_rad = roll(it.attitude.roll_rad);
+                FlightSample { attitude: Attitude { roll_rad, ..it.attitude }, ..it }
+            }
+        };
+        let degrees = said(rolled(f64::to_degrees));
+        assert!(degrees.contains("degrees"), "{degrees}");
+        let upside_down = said(rolled(|roll| std::f64::consts::PI - roll));
+        assert!(upside_down.contains("quaternion"), "{upside_down}");
+    }
+}

@@ -1,0 +1,148 @@
+//! Folders of gym-pybullet-drones: one file a variable, two columns without a head, time in s and
+//! the value.
+//!
+//! Source: `Logger.save_as_csv` in `gym_pybullet_drones/utils/Logger.py` (2.1.0), which writes
+//! `x0.csv`, `y0.csv` … for drone 0. Velocities and angular velocities are `PyBullet`'s, in the
+//! world: the latter, the derivatives of the angles and the rotors are kept as further columns.
+//! What was to be flown and the lights are not in it.
+
+use std::path::{Path, PathBuf};
+
+use super::recording::{Block, Column, Recording, shortened};
+use super::{Job, cells, read};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Head, Text, entries_in, file_name};
+
+/// Variables with our names; `x` to `z` make such a folder what it is.
+const NAMES: [(&str, &str); 12] = [
+    ("x", "x_m"),
+    ("y", "y_m"),
+    ("z", "z_m"),
+    ("r", "roll_rad"),
+    ("p", "pitch_rad"),
+    ("ya", "yaw_rad"),
+    ("vx", "vx_world_m_s"),
+    ("vy", "vy_world_m_s"),
+    ("vz", "vz_world_m_s"),
+    ("wx", "wx_world_rad_s"),
+    ("wy", "wy_world_rad_s"),
+    ("wz", "wz_world_rad_s"),
+];
+
+/// A variable's file: its path, the variable and the number of its drone.
+type Variable = (PathBuf, String, usize);
+
+/// The variables of a folder, where it is such a folder.
+///
+/// # Errors
+///
+/// [`Error::Io`] where it cannot be read.
+pub(super) fn variables(folder: &Path) -> Result<Option<Vec<Variable>>> {
+    let variables = entries_in(folder)?.into_iter().filter_map(|path| {
+        let (name, number) = variable(path.file_name()?.to_str()?.strip_suffix(".csv")?)?;
+        Some((path, name, number))
+    });
+    let variables: Vec<Variable> = variables.collect();
+    let has = |name: &str| variables.iter().any(|(_, variable, _)| variable == name);
+    Ok(NAMES[..3].iter().all(|(name, _)| has(name)).then_some(variables))
+}
+
+/// The variable and the drone of a name such as `vx0` or `rpm3-0`.
+fn variable(stem: &str) -> Option<(String, usize)> {
+    let name = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = stem[name.len()..].parse().ok()?;
+    let name = name.strip_suffix('-').unwrap_or(name);
+    (!name.is_empty()).then(|| (name.to_owned(), number))
+}
+
+/// Reads the files of a folder as one recording.
+///
+/// # Errors
+///
+/// [`Error::Input`] for the files of several drones, and for a file that is no such variable.
+pub(super) fn recording(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
+    let drone = variables[0].2;
+    if let Some((path, ..)) = variables.iter().find(|(.., number)| *number != drone) {
+        let actual = format!("files of drone {drone} and {}", path.display());
+        let hint = "copy the files of each drone to a folder of their own, and import each";
+        return Err(Error::input(job.file, actual, "one drone", hint));
+    }
+    let mut block = Block { name: "bullet".into(), ..Block::default() };
+    for (path, variable, _) in variables {
+        let [time_s, values] = columns(path, job)?;
+        if block.columns.is_empty() {
+            block.time_s = time_s;
+        } else if block.time_s != time_s {
+            let hint = "export the folder again: its files belong to one flight";
+            let actual = "other times than in the files before it";
+            return Err(Error::input(path.display(), actual, "the same times", hint));
+        }
+        let known = NAMES.iter().find(|(name, _)| name == variable);
+        let name = known.map_or(variable.as_str(), |(_, name)| *name);
+        block.columns.push(Column::new(name.to_owned(), values));
+    }
+    let mut recording = Recording::new(job.file);
+    recording.warnings.push("read as a folder of gym-pybullet-drones: one file a variable".into());
+    let is_read = |path: &PathBuf| variables.iter().any(|(read, ..)| read == path);
+    let others = entries_in(Path::new(job.file))?.into_iter().filter(|path| !is_read(path));
+    let others: Vec<String> = others.map(|path| file_name(&path)).collect();
+    if !others.is_empty() {
+        let others = shortened(&others);
+        recording.warnings.push(format!("not read, as they are no variables: {others}"));
+    }
+    recording.blocks.push(block);
+    Ok(recording)
+}
+
+/// Times and values of a file.
+fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
+    let file = path.display().to_string();
+    let bytes = read(path)?;
+    job.budget.bytes(bytes.len())?;
+    job.budget.steps(bytes.len())?;
+    let text = Text::decode(&bytes);
+    let mut head = Head::find(&text.bytes);
+    if head.n_columns != 2 || !head.titles.is_empty() {
+        let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
+        let hint = "leave files that are no variables of the simulator out of the folder";
+        return Err(Error::input(file, actual, "time and value, without a head", hint));
+    }
+    head.titles = ["t", "value"].map(str::to_owned).into();
+    let (sheet, _) = cells::read_rows(&text, head, Job { file: &file, ..job }, |_| true)?;
+    job.budget.free(bytes.len() as u64);
+    let mut columns = sheet.columns.into_iter().map(|column| column.values);
+    Ok([(); 2].map(|()| columns.next().unwrap_or_default()))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{ImportOptions, import, is_one_log};
+    use noctograph_core::flight::Quantity;
+
+    #[test]
+    fn a_file_for_each_variable_is_one_flight_and_two_drones_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, value: &dyn Fn(f64) -> f64| {
+            let rows = (0..300).map(|row| f64::from(row) / 48.0);
+            let text: String = rows.map(|t| format!("{t:.18e},{:.18e}\n", value(t))).collect();
+            std::fs::write(folder.path().join(name), text).unwrap();
+        };
+        write("x0.csv", &|t| 0.1 * t);
+        write("y0.csv", &|_| 0.0);
+        write("z0.csv", &|t| (0.5 * t).min(1.0));
+        for (name, slope) in [("r0", 0.01), ("p0", -0.02), ("ya0", 0.0), ("vx0", 0.0)] {
+            write(&format!("{name}.csv"), &|t| slope * t);
+        }
+        write("rpm1-0.csv", &|t| 14_000.0 + t);
+        assert!(is_one_log(folder.path()).unwrap());
+        let flight = import(folder.path(), &ImportOptions::default()).unwrap();
+        let sample = flight.samples[200];
+        assert!((sample.position_m.x - 0.1 * sample.time_s).abs() < 1e-5, "{sample:?}");
+        assert!((sample.attitude.pitch_rad + 0.02 * sample.time_s).abs() < 1e-5, "{sample:?}");
+        assert!(flight.has(Quantity::Attitude) && !flight.has(Quantity::Design));
+        assert!(flight.extra.contains_key("rpm1"), "{:?}", flight.extra.keys());
+        write("x1.csv", &|t| t);
+        let error = import(folder.path(), &ImportOptions::default()).unwrap_err().to_string();
+        assert!(error.contains("x1.csv") && error.contains("one drone"), "{error}");
+    }
+}
