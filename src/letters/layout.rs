@@ -48,7 +48,7 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
             "split the text into several words; one flight cannot write so many",
         ));
     }
-    let word = word.nfc().collect::<String>();
+    let word = plain(word).nfc().collect::<String>();
     let drawn = drawable(&word, &fonts);
     fonts.check_work()?;
     let word = drawn?;
@@ -71,6 +71,31 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
         }
     }
     Ok(lay_out(&best, &fonts, &options.scaled(best_scale)))
+}
+
+/// A text as it is written: any white space is a space, but a line's end, and what only directs how
+/// a text runs leaves no light.
+pub fn plain(text: &str) -> String {
+    let plain = |c: char| match c {
+        '\n' => Some('\n'),
+        c if c.is_whitespace() => Some(' '),
+        // Format characters of Unicode 16 that no letter's shape depends on: the soft hyphen,
+        // spaces without width, marks and overrides of direction, the byte order mark, tags.
+        '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}' | '\u{200e}' | '\u{200f}' => None,
+        '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}' => None,
+        '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}' => None,
+        c => Some(c),
+    };
+    let mut before = ' ';
+    text.chars()
+        .filter_map(plain)
+        .filter(|c| {
+            // Joiners shape the letters of scripts that join: Arabic to those of India.
+            let joins = matches!(before, '\u{600}'..='\u{1cff}');
+            before = *c;
+            joins || !matches!(c, '\u{200c}' | '\u{200d}')
+        })
+        .collect()
 }
 
 /// Scale at which strokes fill a canvas.

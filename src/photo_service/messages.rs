@@ -5,7 +5,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use noctograph_core::error::{Error, Segment};
+use noctograph_core::error::{Error, Place, Segment};
 use noctograph_pipeline::preflight::{Checked, Severity};
 use noctograph_pipeline::scene::Change;
 use noctograph_pipeline::shoot::Problem;
@@ -131,6 +131,10 @@ impl Message {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
             }
+            // A page of another version may have another value for it.
+            Error::Input { place, .. } if key == Key::NotPossible => {
+                json!({ "setting": dotted(place) })
+            }
             _ => json!({}),
         };
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
@@ -206,6 +210,15 @@ impl From<Key> for Message {
         let [text, hint] = key.sentences();
         Self::new(key, json!({}), text.into(), hint)
     }
+}
+
+/// The keys of a place, as a setting names them.
+fn dotted(place: &Place) -> String {
+    let key = |segment: &Segment| match segment {
+        Segment::Key(key) => Some(key.clone()),
+        _ => None,
+    };
+    place.0.iter().filter_map(key).collect::<Vec<_>>().join(".")
 }
 
 fn key_of(error: &Error, is_picture: bool) -> Key {

@@ -21,12 +21,10 @@ export function showSent(box, another) {
     width: 144,
     height: 144,
   });
-  const home = make(
-    "div",
-    { className: "home" },
-    make("div", { className: "code" }, code),
-    make("p", {}, make("strong", {}, t("take-home")), make("br"), t("point-phone")),
-  );
+  const lead = make("p", {}, make("strong", {}, t("take-home")), make("br"), t("point-phone"));
+  const home = about.network
+    ? make("div", { className: "home" }, make("div", { className: "code" }, code), lead)
+    : make("p", { className: "home" }, t("no-phone"));
   const again = make("button", { type: "button", className: "second" }, t("another"));
   again.onclick = another;
   // A kiosk leads nowhere: the phone takes it home.
