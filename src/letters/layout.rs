@@ -35,6 +35,7 @@ const SINGLE_LINE: &str = "simplex";
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;
+    let word = plain(word);
     if word.trim().is_empty() {
         let hint = "name the word to write";
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
@@ -48,7 +49,7 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
             "split the text into several words; one flight cannot write so many",
         ));
     }
-    let word = plain(word).nfc().collect::<String>();
+    let word = word.nfc().collect::<String>();
     let drawn = drawable(&word, &fonts);
     fonts.check_work()?;
     let word = drawn?;
@@ -347,6 +348,24 @@ mod tests {
 
     fn simplex() -> LetterOptions {
         LetterOptions { font: "simplex".into(), ..LetterOptions::default() }
+    }
+
+    #[test]
+    fn any_white_space_is_a_space_and_what_directs_a_text_is_left_out() {
+        for (text, want) in [
+            ("A\u{a0}B\tC\u{2003}D\u{3000}E\u{202f}F", "A B C D E F"),
+            ("A\nB", "A\nB"),
+            ("\u{202e}A\u{200b}B\u{feff}\u{2066}C\u{ad}", "ABC"),
+            // Joiners shape Persian and Hindi, and nothing else.
+            ("می\u{200c}خواهم", "می\u{200c}خواهم"),
+            ("A\u{200d}B", "AB"),
+        ] {
+            assert_eq!(plain(text), want);
+        }
+        let [pasted, typed] = ["A\u{a0}B", "A B"].map(|text| write(text, &simplex()).unwrap());
+        assert_eq!(pasted.strokes, typed.strokes);
+        let nothing = write("\u{200b}\u{202e}", &simplex()).unwrap_err().to_string();
+        assert!(nothing.contains("at least one letter"), "{nothing}");
     }
 
     #[test]

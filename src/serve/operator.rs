@@ -101,7 +101,8 @@ impl Server {
 /// A text whose bytes stand in hexadecimal, as long as a code may have it.
 fn text_of(query: &str) -> Option<String> {
     let is_short = query.len() <= 2 * MAX_TEXT && query.len().is_multiple_of(2);
-    let digits = Some(query).filter(|it| is_short && it.bytes().all(|it| it.is_ascii_hexdigit()))?;
+    let digits =
+        Some(query).filter(|it| is_short && it.bytes().all(|it| it.is_ascii_hexdigit()))?;
     let byte = |index| u8::from_str_radix(&digits[index..index + 2], 16).ok();
     String::from_utf8((0..digits.len()).step_by(2).map(byte).collect::<Option<_>>()?).ok()
 }

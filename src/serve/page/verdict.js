@@ -26,15 +26,20 @@ const ALIKE = ["misread", "other-length", "unsure"];
  * @returns {{ i: number, letter: string, best: string } | null}
  */
 export function pair({ letters, rival }) {
-  const read = [...(rival?.word ?? "").replace(/\s/g, "")];
-  let i = read.length === letters.length ? letters.findIndex(({ expected }, k) => expected !== read[k]) : -1;
-  if (i >= 0) return { i, letter: letters[i].expected, best: read[i] };
+  const read = [...(rival?.word ?? "")].filter((letter) => letter !== " ");
+  let i = read.length === letters.length ? letters.findIndex(({ expected }, k) => !isAlike(expected, read[k])) : -1;
+  if (i >= 0 && read[i] !== "?") return { i, letter: letters[i].expected, best: read[i] };
   const shares = letters.map(({ rivals }) => rivals[0]?.p ?? 0);
   i = shares.indexOf(Math.max(...shares));
   return shares[i] >= ALIKE_P ? { i, letter: letters[i].expected, best: letters[i].rivals[0].letter } : null;
 }
 /** A share of another letter that the eye sees. */
 const ALIKE_P = 0.03;
+
+/** Whether two texts have one shape, as the reader sees it: without marks and case, I as l and 1. */
+const isAlike = (/** @type {string} */ a, /** @type {string} */ b) => shapes(a) === shapes(b);
+const shapes = (/** @type {string} */ text) =>
+  text.normalize("NFD").replace(/[\p{M}\s]/gu, "").toLowerCase().replace(/[l1|]/g, "i");
 
 /** Why a word is not read, as the eye sees it. @param {Judged} verdict */
 function reason(verdict) {
@@ -45,7 +50,8 @@ function reason(verdict) {
   if (letters.length === 1 && /[Il1|]/.test(letters[0].expected)) return why("alone");
   const alike = pair(verdict);
   if (alike) return why("pair", alike);
-  return rival && rival.word !== word ? why("rival", { word: rival.word }) : why(key);
+  const isOther = rival && !rival.word.includes("?") && !isAlike(rival.word, word);
+  return isOther ? why("rival", { word: rival.word }) : why(key);
 }
 
 /**
