@@ -583,8 +583,13 @@ onLost((lost) => {
   byId("lost").textContent = lost === "moved" ? t("moved") : lost ? t("lost") : "";
 });
 
-let resizing = 0;
+let resizing = 0,
+  screenSize = "";
 new ResizeObserver(() => {
+  // A longer sentence makes the stage lower, too, and asks for no other photograph.
+  const now = `${innerWidth} ${innerHeight}`;
+  if (now === screenSize) return;
+  screenSize = now;
   clearTimeout(resizing);
   resizing = window.setTimeout(() => {
     if (about && !isDrawing() && state.mode !== "pad") wanted();

@@ -26,6 +26,7 @@ const ALIKE = ["misread", "other-length", "unsure"];
  * @returns {{ i: number, letter: string, best: string } | null}
  */
 export function pair({ letters, rival }) {
+  if (isLine(letters)) return null;
   const read = [...(rival?.word ?? "")].filter((letter) => letter !== " ");
   let i = read.length === letters.length ? letters.findIndex(({ expected }, k) => !isAlike(expected, read[k])) : -1;
   if (i >= 0 && read[i] !== "?") return { i, letter: letters[i].expected, best: read[i] };
@@ -41,13 +42,16 @@ const isAlike = (/** @type {string} */ a, /** @type {string} */ b) => shapes(a) 
 const shapes = (/** @type {string} */ text) =>
   text.normalize("NFD").replace(/[\p{M}\s]/gu, "").toLowerCase().replace(/[l1|]/g, "i");
 
+/** Whether a line stands alone. */
+const isLine = (/** @type {LetterVerdict[]} */ letters) => letters.length === 1 && /[Il1|]/.test(letters[0].expected);
+
 /** Why a word is not read, as the eye sees it. @param {Judged} verdict */
 function reason(verdict) {
   const { letters, rival, word } = verdict;
   const key = (verdict.reason ?? "").replace(/_/g, "-");
   const why = (/** @type {string} */ key, values = {}) => sentence("reasons", { key, text: "", values });
   if (!ALIKE.includes(key)) return why(key);
-  if (letters.length === 1 && /[Il1|]/.test(letters[0].expected)) return why("alone");
+  if (isLine(letters)) return why("alone");
   const alike = pair(verdict);
   if (alike) return why("pair", alike);
   const isOther = rival && !rival.word.includes("?") && !isAlike(rival.word, word);
