@@ -288,7 +288,7 @@ def an_update_never_mixes_two_versions(browser):
         until(page, "document.querySelector('#verdict')?.textContent.startsWith('SECOND VERSION')", "the next version, whole")
         ready(page)
         page.click("#more")
-        page.wait_for_selector("#drawer[open] .second-version")
+        page.wait_for_selector("#drawer[open] .second-version", state="attached")
         assert "SECOND VERSION" in page.inner_text("#drawer")
         assert page.evaluate("caches.keys()") == ["noctograph-0000000000000002"]
         context.close()

@@ -8,7 +8,7 @@ import { putBrand } from "./brand.js";
 import { emptySketch, seen, shape } from "./sketch.js";
 import * as stage from "./stage.js";
 import { change, forget, origin, state, watch } from "./state.js";
-import { obstacle, ofError, ofLength, ofShot, pair, say } from "./verdict.js";
+import { obstacle, ofError, ofLength, ofShot, say } from "./verdict.js";
 import { about, FILL, isDrawing, isEmpty, isLog, learn, title, wish } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, putWords, sentence, speak, speakAll, t } from "./words.js";
 
@@ -81,9 +81,13 @@ function aspect() {
 const rounded = (/** @type {number} */ value) =>
   Math.min(2.5, Math.max(0.4, Math.round(20 * value) / 20));
 
+/** The shape of the photograph that is wished now. */
+let shapeNow = 1;
+
 /** Asks for the photograph of what is wished now, if that is another one. */
 async function wanted() {
-  const wishes = isEmpty() ? null : wish(aspect());
+  shapeNow = aspect();
+  const wishes = isEmpty() ? null : wish(shapeNow);
   const text = JSON.stringify(wishes);
   if (text === asked) return;
   asked = text;
@@ -111,10 +115,15 @@ async function wanted() {
   const colored = inks.some(({ color }) => !["black", "gray", "white"].includes(color ?? "black"));
   if (state.opened && !state.opened.colored !== !colored)
     return change({ opened: { ...state.opened, colored } });
-  if (shot.error) return leaveOut(shot.error) || failed(ofLog(shot.error));
-  if (isLog()) photographed = state.opened?.text ?? "";
+  if (shot.error) {
+    const { leaveOut, ofLog } = await loadAmiss();
+    if (mine !== current() || leaveOut(shot.error)) return;
+    return failed(ofLog(shot.error, state.opened?.text === seenLog));
+  }
+  if (isLog()) seenLog = state.opened?.text;
   await shown(shot, strokes, () => mine === current());
   if (mine !== current()) return;
+  putReason();
   const sharp = area.clientWidth * devicePixelRatio > SHARP_PX;
   const isHome = !about.kiosk && about.home;
   if (isUnjudged()) resting = window.setTimeout(() => enlarge(isHome), JUDGED_MS);
@@ -122,31 +131,18 @@ async function wanted() {
   else if ((sharp && !about.slow) || isHome) resting = window.setTimeout(() => enlarge(isHome), REST_MS);
 }
 
-/**
- * Leaves out what another version's link or state has set, and this one does not know. Returns
- * whether there was something. @param {Said} error
- */
-function leaveOut({ key, values }) {
-  const name = values?.setting ?? "";
-  const all = Object.keys(state.settings);
-  const wrong = name || key !== "page-old" ? all.filter((known) => `${name}.`.startsWith(`${known}.`)) : all;
-  if (!origin.foreign || !wrong.length) return false;
-  const left = origin.left || (location.hash ? "left-out" : "left-out-kept");
-  change({ settings: Object.fromEntries(Object.entries(state.settings).filter(([known]) => !wrong.includes(known))) });
-  Object.assign(origin, { foreign: true, left });
+/** The log that was photographed: what is wrong later is the word. @type {string | undefined} */
+let seenLog;
+/** Loaded when something is amiss first. @type {typeof import("./amiss.js") | null} */
+let amiss = null;
+const loadAmiss = async () => (amiss ??= await import("./amiss.js"));
+
+/** Says why a word is not read. */
+async function putReason() {
+  if (amiss || judged()?.legible !== false) return;
+  await loadAmiss();
+  putMarks();
   putDesk();
-  return true;
-}
-
-/** The log that was photographed: what is wrong later is the word. */
-let photographed = "";
-
-/** An error of an opened log: in a sentence of the page. @param {Said} error @returns {Said} */
-function ofLog(error) {
-  if (error.key !== "log" || !state.opened) return error;
-  const { name, text } = state.opened;
-  const key = text === photographed && state.word ? "log-word" : "log";
-  return { ...error, key, values: { name, word: state.word.trim() } };
 }
 
 /**
@@ -197,7 +193,7 @@ function enlarge(/** @type {boolean} */ advice) {
 /** @param {boolean} advice */
 async function enlarged(advice) {
   const mine = current();
-  const wished = wish(aspect());
+  const wished = wish(shapeNow);
   const large = await ask("photos", { ...wished, advice });
   if (large?.error && mine === current()) {
     known.alone = true;
@@ -210,6 +206,7 @@ async function enlarged(advice) {
   known.large = Object.assign(large, { files: {}, wish: { ...wished, visitor: state.visitor } });
   putMarks();
   putDesk();
+  putReason();
   if (drawer) drawer.putShot(known);
   const still = () => known.large === large;
   if (
@@ -253,7 +250,7 @@ function putMarks() {
   stage.mark(
     title() !== null && state.mode !== "sent" ? known.shot?.boxes : [],
     verdict?.letters ?? [],
-    verdict && !verdict.legible && verdict.letters.every(({ best, expected }) => best === expected) ? pair(verdict) : null,
+    amiss && verdict?.legible === false && verdict.letters.every(({ best, expected }) => best === expected) ? amiss.pair(verdict) : null,
   );
 }
 
@@ -327,7 +324,7 @@ function spoken() {
   if (known.shot) {
     const said = stop
       ? { first: sentence("stops", stop), then: t("way-flight-impossible") }
-      : ofShot(known.shot, judged());
+      : ofShot(known.shot, judged(), amiss?.reason);
     return origin.left ? { first: said.first, then: t(origin.left) } : said;
   }
   return { first: t(known.busy ? "busy" : about.slow ? "looking-slow" : "looking") };
@@ -371,7 +368,7 @@ async function send() {
   putDesk();
   try {
     const { number } = current();
-    const photo = JSON.stringify({ ...wish(aspect()), visitor: state.visitor, number });
+    const photo = JSON.stringify({ ...wish(shapeNow), visitor: state.visitor, number });
     const language = document.documentElement.lang;
     const entry = await insist(() => post("entries", { visitor: state.visitor, photo, language }));
     change({
@@ -397,7 +394,7 @@ async function send() {
 /** Gives the link that makes the photograph again: in the address, and to share or to paste. */
 async function share() {
   const { putLink } = await import("./link.js");
-  const url = putLink(aspect());
+  const url = putLink(shapeNow);
   const given = navigator.share?.({ url }) ?? navigator.clipboard?.writeText(url);
   await given?.catch(() => {});
   known.linked = true;

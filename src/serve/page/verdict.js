@@ -17,53 +17,13 @@ export const obstacle = (shot) => shot.obstacles.find(({ key }) => DARK.includes
 
 /** Errors whose English words say more than the page's sentence. */
 const EXPLAINED = ["broken", "drawing-broken", "log", "not-possible", "page-old"];
-/** Reasons that the letters tell better. */
-const ALIKE = ["misread", "other-length", "unsure"];
-
-/**
- * The letter that is taken most easily for another one, and for which.
- * @param {Judged} verdict
- * @returns {{ i: number, letter: string, best: string } | null}
- */
-export function pair({ letters, rival }) {
-  if (isLine(letters)) return null;
-  const read = [...(rival?.word ?? "")].filter((letter) => letter !== " ");
-  let i = read.length === letters.length ? letters.findIndex(({ expected }, k) => !isAlike(expected, read[k])) : -1;
-  if (i >= 0 && read[i] !== "?") return { i, letter: letters[i].expected, best: read[i] };
-  const shares = letters.map(({ rivals }) => rivals[0]?.p ?? 0);
-  i = shares.indexOf(Math.max(...shares));
-  return shares[i] >= ALIKE_P ? { i, letter: letters[i].expected, best: letters[i].rivals[0].letter } : null;
-}
-/** A share of another letter that the eye sees. */
-const ALIKE_P = 0.03;
-
-/** Whether two texts have one shape, as the reader sees it: without marks and case, I as l and 1. */
-const isAlike = (/** @type {string} */ a, /** @type {string} */ b) => shapes(a) === shapes(b);
-const shapes = (/** @type {string} */ text) =>
-  text.normalize("NFD").replace(/[\p{M}\s]/gu, "").toLowerCase().replace(/[l1|]/g, "i");
-
-/** Whether a line stands alone. */
-const isLine = (/** @type {LetterVerdict[]} */ letters) => letters.length === 1 && /[Il1|]/.test(letters[0].expected);
-
-/** Why a word is not read, as the eye sees it. @param {Judged} verdict */
-function reason(verdict) {
-  const { letters, rival, word } = verdict;
-  const key = (verdict.reason ?? "").replace(/_/g, "-");
-  const why = (/** @type {string} */ key, values = {}) => sentence("reasons", { key, text: "", values });
-  if (!ALIKE.includes(key)) return why(key);
-  if (isLine(letters)) return why("alone");
-  const alike = pair(verdict);
-  if (alike) return why("pair", alike);
-  const isOther = rival && !rival.word.includes("?") && !isAlike(rival.word, word);
-  return isOther ? why("rival", { word: rival.word }) : why(key);
-}
-
 /**
  * What is said of a photograph of a word. @param {Shot} shot
  * @param {Judged | null} verdict that of the photograph which is kept; null: it is not known yet
+ * @param {(verdict: Judged) => string} [reason] why it is not read
  * @returns {Spoken}
  */
-export function ofShot(shot, verdict) {
+export function ofShot(shot, verdict, reason = () => "") {
   const flight = t("flight", { n: Math.round(shot.flight_s) });
   const dark = obstacle(shot);
   if (dark) return { first: sentence("obstacles", dark) };
