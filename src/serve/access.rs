@@ -112,7 +112,8 @@ impl Access {
 
 /// Whether a browser opens an address, and reads a page.
 pub(crate) fn wants_page(head: &Parts) -> bool {
-    head.method == Method::GET && field(head, "accept").contains("text/html")
+    let accept = field(head, "accept");
+    head.method == Method::GET && (accept.contains("text/html") || accept == "*/*")
 }
 
 /// The first language of a page that a browser wants, of those that there are.
