@@ -104,8 +104,9 @@ mod tests {
         assert_ne!(lines, other);
         let [here, there] = [lines.clone(), other].map(|lines| on_grid(lines, &path, 1e-3));
         assert_eq!(here, there);
-        let off = lines[0].iter().zip(&here[0]).map(|(a, b)| libm::hypot(a[0] - b[0], a[1] - b[1]));
-        assert!(off.fold(0.0, f64::max) <= 1e-6, "a thousandth of the tolerance");
+        let moved =
+            lines[0].iter().zip(&here[0]).map(|(a, b)| libm::hypot(a[0] - b[0], a[1] - b[1]));
+        assert!(moved.fold(0.0, f64::max) <= 1e-6, "a thousandth of the tolerance");
         assert_eq!([here[0][0], here[0][1]], [[0.1, 0.0], [0.3, 0.7]]);
         assert_eq!(here[0][here[0].len() - 1], [5.5, 0.9]);
     }
