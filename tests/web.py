@@ -305,7 +305,7 @@ def an_element_stands_in_a_page_of_another_host(browser):
     """Made there by a worker that it loads; where it may not, the word stands with the reason."""
     maker = Host(FOLDER, [("Access-Control-Allow-Origin", "*")])
     with tempfile.TemporaryDirectory() as folder:
-        for policy, want in [("", "Man liest: NOOR."), ("worker-src 'none'", words("de")["element-none"])]:
+        for policy, want in [("", "Man liest: NOOR."), ("worker-src 'none'", words("de-more")["element-none"])]:
             meta = f'<meta http-equiv="Content-Security-Policy" content="{policy}">' if policy else ""
             (Path(folder) / "index.html").write_text(f"""<!doctype html><html lang="de"><head>{meta}<script type="module" src="{maker.url}element.js"></script></head>
                 <body><noctograph-photo word="NOOR"></noctograph-photo><div style="height: 400vh"></div><noctograph-photo lang="fr" word="HI"></noctograph-photo></body></html>""")
