@@ -905,6 +905,7 @@ def the_kiosk_begins_anew_after_a_minute(hall):
         start.click()
         assert page.get_attribute("html", "lang") == "en" and page.input_value("#language") == "en"
         assert page.inner_text("#verdict").startswith("A drone will write it"), page.inner_text("#verdict")
+        assert kept(page)["color"] == "green", "each visitor begins with another color: the first in orange"
         leads = page.evaluate("[...document.querySelectorAll('a[href]')].map(a => a.href)")
         assert not leads, f"nothing leads out: {leads}"
     finally:
@@ -1043,6 +1044,10 @@ def states(browser, server):
             other, _ = opened(browser, address, viewport=size, color_scheme=scheme)
             other.wait_for_selector({"home": "#acts button", "operator": "#list button", "wall": "#invite p"}[name])
             yield f"{name} {wide}", other
+            if name == "operator":
+                other.locator("#show-code").evaluate("button => button.click()")  # a phone has none
+                other.wait_for_selector("#sheet[open]")
+                yield f"codes {wide}", other
             other.context.close()
 
 

@@ -155,9 +155,9 @@ export async function showStart() {
 const TURN = ["orange", "green", "red", "white"];
 let turn = 0;
 
-/** Another visitor begins with another color. */
+/** Another visitor begins with another color, where the scene's drone has a lamp for it. */
 function nextColor() {
-  if (isEmpty()) change({ color: TURN[turn++ % TURN.length] });
+  if (isEmpty() && about.deck !== "none") change({ color: TURN[turn++ % TURN.length] });
 }
 
 function leave() {
