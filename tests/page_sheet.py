@@ -29,7 +29,7 @@ def take(page, name, size):
 def visitor(browser, url, size, word=None, language=None, **options):
     page, _ = opened(browser, "about:blank", viewport=size, **options)
     if language:
-        page.route("**/words/ar.json", lambda route: route.fulfill(body=ARABIC, content_type="application/json"))
+        page.route("**/words/ar*.json", lambda route: route.fulfill(body=ARABIC, content_type="application/json"))
         page.add_init_script(f"sessionStorage.noctograph ??= JSON.stringify({{language: '{language}'}})")
     page.goto(url)
     ready(page)

@@ -36,7 +36,7 @@ pub(super) struct ServeArgs {
     /// minute
     #[arg(long)]
     kiosk: bool,
-    /// With --network, show on the wall what nobody has approved yet
+    /// Show on the wall what nobody has approved yet
     #[arg(long)]
     open_wall: bool,
     /// Folder with the host's title, sentences and logo: brand.toml, logo.svg
@@ -141,6 +141,9 @@ fn object(page: &str, addresses: &Addresses) -> Value {
 /// The addresses for people.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
     let mut text = line("page", page);
+    if args.network && addresses.network.is_none() {
+        text += &line("network", "none: connect this machine to one, and start again");
+    }
     if let Some([visitors, kiosk]) = &addresses.network {
         if args.kiosk {
             text += &line("kiosk", kiosk);
@@ -154,6 +157,8 @@ fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) ->
         }
     }
     text += &line("operator", &addresses.operator);
+    let wall = if args.open_wall { "what is sent" } else { "what the operator approved" };
+    text += &line("wall", &format!("shows {wall}"));
     text += &line("", "Ctrl-C ends it");
     if let Some([visitors, kiosk]) =
         addresses.network.as_ref().filter(|_| std::io::stdout().is_terminal())

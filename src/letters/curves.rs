@@ -1,5 +1,7 @@
 //! Curves: Bézier paths become polylines.
 
+use std::collections::BTreeSet;
+
 use kurbo::{BezPath, PathEl, Point};
 
 /// Polylines along each subpath, no farther from the curve than `tolerance`; a closed one repeats
@@ -38,6 +40,24 @@ pub(super) fn polylines(
     (n_points <= max_points).then_some(lines)
 }
 
+/// Polylines of a path with their points on a grid of a thousandth of the tolerance, but for those
+/// of the path itself. Kurbo divides a curve by powers of the platform, whose last bits differ: a
+/// drawing has the same strokes in a browser.
+pub(super) fn on_grid(
+    mut lines: Vec<Vec<[f64; 2]>>,
+    path: &BezPath,
+    tolerance: f64,
+) -> Vec<Vec<[f64; 2]>> {
+    let bits = |point: [f64; 2]| point.map(f64::to_bits);
+    let ends = path.elements().iter().filter_map(PathEl::end_point);
+    let own: BTreeSet<[u64; 2]> = ends.map(|end| bits([end.x, end.y])).collect();
+    let step = tolerance / 1024.0;
+    for point in lines.iter_mut().flatten().filter(|point| !own.contains(&bits(**point))) {
+        *point = point.map(|value| (value / step).round() * step);
+    }
+    lines
+}
+
 /// The subpaths of a path: where each begins, and its other elements. After one that is closed the
 /// next begins at the same place.
 pub(super) fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
@@ -72,6 +92,23 @@ mod tests {
             assert!(error.abs() <= 1.1e-3, "{error}");
         }
         assert!(polylines(&circle, 1e-3, 10).is_none(), "too many points");
+    }
+
+    #[test]
+    fn points_of_curves_lie_on_a_grid_and_ends_stay() {
+        let path = BezPath::from_svg("M0.1,0 L0.3,0.7 C1,2 3,4 5.5,0.9").unwrap();
+        let lines = polylines(&path, 1e-3, 1000).unwrap();
+        // The last bit of a point on the curve, as another platform has it.
+        let mut other = lines.clone();
+        other[0][5][0] = f64::from_bits(other[0][5][0].to_bits() + 1);
+        assert_ne!(lines, other);
+        let [here, there] = [lines.clone(), other].map(|lines| on_grid(lines, &path, 1e-3));
+        assert_eq!(here, there);
+        let moved =
+            lines[0].iter().zip(&here[0]).map(|(a, b)| libm::hypot(a[0] - b[0], a[1] - b[1]));
+        assert!(moved.fold(0.0, f64::max) <= 1e-6, "a thousandth of the tolerance");
+        assert_eq!([here[0][0], here[0][1]], [[0.1, 0.0], [0.3, 0.7]]);
+        assert_eq!(here[0][here[0].len() - 1], [5.5, 0.9]);
     }
 
     #[test]

@@ -35,6 +35,7 @@ const SINGLE_LINE: &str = "simplex";
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;
+    let word = plain(word);
     if word.trim().is_empty() {
         let hint = "name the word to write";
         return Err(Error::input("word", "an empty word", "at least one letter", hint));
@@ -71,6 +72,31 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
         }
     }
     Ok(lay_out(&best, &fonts, &options.scaled(best_scale)))
+}
+
+/// A text as it is written: any white space is a space, but a line's end, and what only directs how
+/// a text runs leaves no light.
+pub fn plain(text: &str) -> String {
+    let plain = |c: char| match c {
+        '\n' => Some('\n'),
+        c if c.is_whitespace() => Some(' '),
+        // Format characters of Unicode 16 that no letter's shape depends on: the soft hyphen,
+        // spaces without width, marks and overrides of direction, the byte order mark, tags.
+        '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}' | '\u{200e}' | '\u{200f}' => None,
+        '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}' => None,
+        '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}' => None,
+        c => Some(c),
+    };
+    let mut before = ' ';
+    text.chars()
+        .filter_map(plain)
+        .filter(|c| {
+            // Joiners shape the letters of scripts that join: Arabic to those of India.
+            let joins = matches!(before, '\u{600}'..='\u{1cff}');
+            before = *c;
+            joins || !matches!(c, '\u{200c}' | '\u{200d}')
+        })
+        .collect()
 }
 
 /// Scale at which strokes fill a canvas.
@@ -322,6 +348,24 @@ mod tests {
 
     fn simplex() -> LetterOptions {
         LetterOptions { font: "simplex".into(), ..LetterOptions::default() }
+    }
+
+    #[test]
+    fn any_white_space_is_a_space_and_what_directs_a_text_is_left_out() {
+        for (text, want) in [
+            ("A\u{a0}B\tC\u{2003}D\u{3000}E\u{202f}F", "A B C D E F"),
+            ("A\nB", "A\nB"),
+            ("\u{202e}A\u{200b}B\u{feff}\u{2066}C\u{ad}", "ABC"),
+            // Joiners shape Persian and Hindi, and nothing else.
+            ("می\u{200c}خواهم", "می\u{200c}خواهم"),
+            ("A\u{200d}B", "AB"),
+        ] {
+            assert_eq!(plain(text), want);
+        }
+        let [pasted, typed] = ["A\u{a0}B", "A B"].map(|text| write(text, &simplex()).unwrap());
+        assert_eq!(pasted.strokes, typed.strokes);
+        let nothing = write("\u{200b}\u{202e}", &simplex()).unwrap_err().to_string();
+        assert!(nothing.contains("at least one letter"), "{nothing}");
     }
 
     #[test]

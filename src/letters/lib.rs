@@ -39,6 +39,6 @@ pub use typeface::has_outline;
 pub use drawing::LIMIT as DRAWING_LIMIT;
 pub use drawing::{DRAWING, Ink, draw};
 pub use font::Font;
-pub use layout::write;
+pub use layout::{plain, write};
 pub use noctograph_core::strokes::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes, StrokesData};
 pub use options::{Align, Fitting, LetterOptions, Pace, Trace};

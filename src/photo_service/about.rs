@@ -37,6 +37,8 @@ pub struct Host<'a> {
     pub boot: &'a str,
     /// The host's words.
     pub brand: &'a Brand,
+    /// Whether other machines are served, and can reach this one.
+    pub network: bool,
 }
 
 /// What the pages of visitors and of the operator have to know.
@@ -53,8 +55,6 @@ pub struct About<'a> {
     pub home: bool,
     /// Whether it is shown on a screen that stands in the hall.
     pub kiosk: bool,
-    /// Whether other machines are served.
-    pub network: bool,
     /// Whether nothing is taken at the moment.
     pub paused: bool,
     /// What the wall shows.

@@ -332,6 +332,10 @@ impl Studio<'_> {
             let scene = shot.shoot.scene.portable().to_toml();
             let bytes = CarriedScene::text(&scene, digests.map_err(told)?).into_bytes();
             files.push(File { name: "scene.toml".into(), bytes });
+            // The scene names it.
+            if let Some((name, bytes)) = subject.drawing().map_err(told)? {
+                files.push(File { name: name.into(), bytes });
+            }
         }
         let facts = LargeFacts {
             photo: PhotoFacts::new(&shot, notes),

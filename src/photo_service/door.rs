@@ -52,11 +52,10 @@ extern "C" fn base() -> usize {
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
     let about = About {
-        host: Host { role: Role::Visitor, boot: "", brand: &Brand::default() },
+        host: Host { role: Role::Visitor, boot: "", brand: &Brand::default(), network: false },
         alone: true,
         home: true,
         kiosk: false,
-        network: false,
         paused: false,
         wall: WallRule::Approved,
         limits: Limits { letters: MAX_WORD, body_bytes: 256 << 10 },

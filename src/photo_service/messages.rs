@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use noctograph_core::diagnostic::{Change, Diagnostic};
-use noctograph_core::error::{Error, Segment};
+use noctograph_core::error::{Error, Place, Segment};
 
 /// A message.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -129,6 +129,10 @@ impl Message {
             Error::Letter { position, letter, .. } => {
                 json!({ "letter": letter, "position": position })
             }
+            // A page of another version may have another value for it.
+            Error::Input { place, .. } if key == Key::NotPossible => {
+                json!({ "setting": dotted(place) })
+            }
             _ => json!({}),
         };
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
@@ -186,6 +190,15 @@ impl From<Key> for Message {
     }
 }
 
+/// The keys of a place, as a setting names them.
+fn dotted(place: &Place) -> String {
+    let key = |segment: &Segment| match segment {
+        Segment::Key(key) => Some(key.clone()),
+        _ => None,
+    };
+    place.0.iter().filter_map(key).collect::<Vec<_>>().join(".")
+}
+
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {
@@ -198,7 +211,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
         || place
             .0
             .iter()
-            .any(|segment| matches!(segment, Segment::File(name) if name.starts_with("drawing")));
+            .any(|segment| matches!(segment, Segment::File(name) if name.starts_with("drawing.")));
     match error.code() {
         "drawing-empty" if is_picture => Key::PictureNone,
         "input-large" if is_drawing => Key::DrawingLarge,

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::messages::{Key, Message};
 use noctograph_core::error::{Error, Result};
+use noctograph_letters::plain;
 
 /// Most characters of a word, and of the name of a visitor.
 pub const MAX_WORD: usize = 24;
@@ -178,6 +179,8 @@ impl PhotoRequest {
         if log.is_some() && (asker != Asker::Alone || drawing.is_some()) {
             return refused("the log of a flight".into());
         }
+        // What a title is made of runs as it is written.
+        let word = plain(&word);
         let n_letters = word.chars().count();
         if n_letters > MAX_WORD {
             return Err(Message::new(
@@ -195,7 +198,8 @@ impl PhotoRequest {
         }
         let lacks = |keys: &str| settings.keys().find(|key| !lists(keys, key));
         if let Some(key) = lacks(KEYS) {
-            return refused(format!("the setting {key}"));
+            let values = json!({ "setting": key });
+            return Err(Message::of_old_page(&format!("the setting {key}")).with_values(values));
         }
         if asker == Asker::Kiosk && (advice || room.is_some() || lacks(KIOSK_KEYS).is_some()) {
             return Err(Key::NotHere.into());

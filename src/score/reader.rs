@@ -270,11 +270,13 @@ impl Reader {
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
         let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
         let is_read = letters.iter().all(|letter| letter.best == Some(letter.expected));
-        let legible = is_likeliest && readability >= self.options.legible_probability;
+        // Of letters that are one glyph the others were not judged.
+        let is_whole = !self.is_joined();
+        let legible = is_whole && is_likeliest && readability >= self.options.legible_probability;
         let reason = match () {
             () if legible => None,
             () if has_few_px => Some(Reason::TooSmall),
-            () if has_other_length || reads_other_length => Some(Reason::OtherLength),
+            () if has_other_length || reads_other_length || !is_whole => Some(Reason::OtherLength),
             () if !placement.is_near(reach_m) => Some(Reason::OutOfRange),
             () if is_read && is_likeliest => Some(Reason::Unsure),
             () => Some(Reason::Misread),
@@ -292,8 +294,22 @@ impl Reader {
         }
     }
 
+    /// Whether letters touch, as by a bar through them: they are one glyph, that of the first.
+    fn is_joined(&self) -> bool {
+        let n_judged = |letters: &mut dyn Iterator<Item = char>| {
+            letters.filter(|letter| classes_of(*letter).is_some()).count()
+        };
+        let glyphs = &mut self.strokes.glyphs.iter().map(|glyph| glyph.character);
+        n_judged(glyphs) != n_judged(&mut self.strokes.word.chars())
+    }
+
     /// The likeliest spelling of each word, with the word's spaces, line ends and punctuation.
     fn spelled(&self, choices: &[Choice]) -> String {
+        if self.is_joined() {
+            let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
+            let first: Vec<char> = glyphs.filter(|c| classes_of(*c).is_some()).collect();
+            return likeliest(choices, &first).into_iter().collect();
+        }
         let mut choices = choices;
         let read = self.strokes.word.split_inclusive(char::is_whitespace).flat_map(|word| {
             let expected: Vec<char> = word.chars().filter(|c| classes_of(*c).is_some()).collect();

@@ -17,6 +17,9 @@ use super::address::{Address, is_secret};
 use super::http::{HttpError, HttpResult, MAX_BODY};
 use noctograph_photo_service::request::Asker;
 
+/// Why an address without a valid secret is refused: of a browser it opens a page that says so.
+pub(crate) const OLD_ADDRESS: &str = "open the address that the program printed";
+
 /// What is let in.
 #[derive(Debug)]
 pub(crate) struct Access {
@@ -68,7 +71,7 @@ impl Access {
         {
             return Err(HttpError(421, "the address names another host"));
         }
-        let unknown = HttpError(403, "open the address that the program printed");
+        let unknown = HttpError(403, OLD_ADDRESS);
         // Nothing is decoded, since no route needs it.
         let (base, route) = self.base(head.uri.path(), peer).ok_or(unknown)?;
         let body = match head.method {
@@ -105,6 +108,19 @@ impl Access {
         port == self.address.port.to_string()
             && (name == "localhost" || name.parse::<IpAddr>().is_ok_and(is_own))
     }
+}
+
+/// Whether a browser opens an address, and reads a page.
+pub(crate) fn wants_page(head: &Parts) -> bool {
+    let accept = field(head, "accept");
+    head.method == Method::GET && (accept.contains("text/html") || accept == "*/*")
+}
+
+/// The first language of a page that a browser wants, of those that there are.
+pub(crate) fn language<'a>(head: &Parts, known: &[&'a str]) -> Option<&'a str> {
+    let wanted = field(head, "accept-language").split(',');
+    let wanted = wanted.filter_map(|tag| tag.trim().get(..2));
+    wanted.filter_map(|tag| known.iter().find(|code| **code == tag).copied()).next()
 }
 
 /// A field of a request; empty where it is missing or no ASCII.

@@ -112,6 +112,11 @@ impl Address {
         format!("http://{ip}:{}/k/{}/", self.port, self.kiosk)
     }
 
+    /// The wall, seen from a machine.
+    pub(crate) fn of_wall(&self, ip: IpAddr) -> String {
+        self.of_visitors(ip) + "wall.html"
+    }
+
     /// The operator's page, on this machine.
     pub(crate) fn of_operator(&self) -> String {
         format!("http://{}:{}/o/{}/", Ipv4Addr::LOCALHOST, self.port, self.operator)

@@ -179,7 +179,7 @@ impl Gallery {
         let failed = |source| Error::write(&self.folder, source);
         let (staging, mut lock) = folder_in(&self.folder).map_err(failed)?;
         for noctograph_export::File { name, bytes } in &photo.files {
-            if [PNG, SCENE, JPEG, REPLAY].contains(&&**name) {
+            if [PNG, SCENE, JPEG, REPLAY].contains(&&**name) || name.starts_with("drawing.") {
                 write(&staging.path().join(name), bytes)?;
             }
         }

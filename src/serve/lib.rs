@@ -9,7 +9,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-use std::net::{IpAddr, Ipv4Addr, TcpListener};
+use std::net::{Ipv4Addr, TcpListener};
 use std::path::PathBuf;
 use std::process::Command;
 use std::sync::Arc;
@@ -92,7 +92,7 @@ pub struct Addresses {
     pub kiosk: String,
     /// Of the operator, who sits here.
     pub operator: String,
-    /// Of visitors and of kiosks in the network; `None`: it is not served.
+    /// Of visitors and of kiosks in the network; `None`: it is not served, or there is none.
     pub network: Option<[String; 2]>,
 }
 
@@ -114,8 +114,7 @@ pub fn serve(
         folder_in(temporary).map_err(|source| Error::write(temporary, source))?;
     let nowhere = scratch.path().join("gallery");
     let gallery = config.gallery.as_deref();
-    let is_open = !config.network || config.open_wall;
-    let entries = Entries::open(gallery.unwrap_or(&nowhere), is_open, program.warn)?;
+    let entries = Entries::open(gallery.unwrap_or(&nowhere), config.open_wall, program.warn)?;
     let ip = if config.network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
     let (address, listener) = Address::open(gallery, config.port, ip)?;
     let outside = config.network.then(own_ip).flatten();
@@ -131,7 +130,7 @@ pub fn serve(
         scene: config.scene,
         base: config.base,
         module,
-        ip: outside.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST)),
+        outside,
         boot: address::secret()?,
         visitors: Maker::new(program, scratch.path()),
         host: Maker::new(program, scratch.path()),

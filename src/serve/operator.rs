@@ -4,25 +4,37 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::access::Request;
+use super::address::Address;
 use super::gallery::{JPEG, PNG, REPLAY};
 use super::http::{self, Reply};
-use super::routes::{Posted, Server, ZIP, sent};
+use super::routes::{Posted, Server, ZIP, code_of, sent};
 use super::worker::Job;
 use noctograph_export::{File, stem, zip::zip};
 use noctograph_photo_service::messages::{Key, KeyResult, Message};
 use noctograph_photo_service::request::Product;
+
+/// Longest text of a code, bytes: name and password of a WLAN have 32 and 63, each escaped at most.
+const MAX_TEXT: usize = 256;
 
 impl Server {
     pub(crate) fn look(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["queue.json"] => Ok(http::whole("application/json", self.entries.queue())),
             ["entries", id, name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
-            ["qr.svg"] => Ok(self.code()),
+            ["visitors.svg"] => self.code(Address::of_visitors),
+            ["kiosk.svg"] => self.code(Address::of_kiosk),
+            ["wall.svg"] => self.code(Address::of_wall),
+            // The code of the hall's WLAN, whose text only this page knows.
+            ["text.svg"] => Ok(code_of(&text_of(&request.query).ok_or(Key::PageOld)?)),
             ["address.json"] => {
                 let address = &self.access.address;
-                let (visitors, kiosk) = (address.of_visitors(self.ip), address.of_kiosk(self.ip));
-                let wall = format!("{visitors}wall.html");
-                Ok(http::json(&json!({ "visitors": visitors, "wall": wall, "kiosk": kiosk })))
+                let ip = self.ip();
+                Ok(http::json(&json!({
+                    "visitors": address.of_visitors(ip),
+                    "kiosk": address.of_kiosk(ip),
+                    "wall": address.of_wall(ip),
+                    "network": self.outside.is_some(),
+                })))
             }
             _ => self.common(parts, request),
         }
@@ -84,6 +96,15 @@ impl Server {
         files.push(File { name: "export.json".into(), bytes });
         Ok((told, zip(&files)))
     }
+}
+
+/// A text whose bytes stand in hexadecimal, as long as a code may have it.
+fn text_of(query: &str) -> Option<String> {
+    let is_short = query.len() <= 2 * MAX_TEXT && query.len().is_multiple_of(2);
+    let digits =
+        Some(query).filter(|it| is_short && it.bytes().all(|it| it.is_ascii_hexdigit()))?;
+    let byte = |index| u8::from_str_radix(&digits[index..index + 2], 16).ok();
+    String::from_utf8((0..digits.len()).step_by(2).map(byte).collect::<Option<_>>()?).ok()
 }
 
 /// What became of the scripts of an entry.

@@ -1,4 +1,10 @@
-//! The page's files, served as they stand.
+//! The page's files, served as they stand, and the page of an address that is no longer one.
+
+use hyper::http::request::Parts;
+use serde_json::Value;
+
+use super::access::language;
+use super::http::{Reply, whole};
 
 /// Files of two folders under their own names.
 macro_rules! files {
@@ -14,10 +20,11 @@ macro_rules! files {
 pub(crate) const FILES: &[(&str, &str)] = files! {
     "index.html" "wall.html" "operator.html" "entry.html" "look.css" "visitor.css" "wall.css"
     "operator.css" "entry.css" "drawer.css" "start.css" "pad.css" "picture.css" "keyboard.css"
-    "ask.js" "brand.js" "dom.js" "drawer.js" "edit.js" "entry.js" "exposure.js" "files.js" "keyboard.js"
+    "amiss.js" "ask.js" "brand.js" "dom.js" "drawer.js" "edit.js" "entry.js" "exposure.js" "files.js" "keyboard.js"
     "lights.js" "loop.js" "main.js" "operator.js" "pad.js" "picture.js" "replay.js" "save.js" "sent.js" "sketch.js" "stage.js"
     "start.js" "state-of.js" "state.js" "verdict.js" "wall.js" "wish.js" "words.js"
-    "words/de.json" "words/en.json" "words/es.json" "words/fr.json";
+    "words/de.json" "words/en.json" "words/es.json" "words/fr.json"
+    "words/de-more.json" "words/en-more.json" "words/es-more.json" "words/fr-more.json";
     "here.js" "maker.js" "worker.js"
 };
 
@@ -25,4 +32,25 @@ pub(crate) const FILES: &[(&str, &str)] = files! {
 pub(crate) fn mark() -> String {
     let all: Vec<u8> = FILES.iter().flat_map(|(_, text)| text.bytes()).collect();
     format!("\"{}\"", &noctograph_core::digest::sha256(&all)[..16])
+}
+
+/// Languages of the page, the first for everybody else.
+const LANGUAGES: [&str; 4] = ["en", "de", "fr", "es"];
+
+/// What a visitor reads whose address has another secret: one sentence, in the browser's language.
+pub(crate) fn of_old_address(head: &Parts) -> Reply {
+    let code = language(head, &LANGUAGES).unwrap_or(LANGUAGES[0]);
+    let name = format!("words/{code}.json");
+    let words = FILES.iter().find(|(known, _)| *known == name).map_or("", |(_, text)| text);
+    let words: Value = serde_json::from_str(words).expect("a table of words");
+    let sentence = words["moved"].as_str().expect("it is in every table");
+    let page = format!(
+        "<!doctype html>\n<html lang=\"{code}\">\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width\">\n<title>Noctograph</title>\n\
+         <style>body {{ margin: 0; min-height: 100vh; display: grid; place-items: center; \
+         background: #0c0b09; color: #f5efe4; font: 1.4rem/1.5 system-ui, sans-serif; \
+         text-align: center }} p {{ max-width: 22em; padding: 1em }}</style>\n\
+         <main><p>{sentence}</p></main>\n"
+    );
+    whole("text/html; charset=utf-8", page)
 }

@@ -1,6 +1,6 @@
 //! What is answered at which address.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -8,13 +8,14 @@ use std::sync::atomic::Ordering;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
-use super::access::{Access, Base, Request};
+use super::access::{Access, Base, OLD_ADDRESS, Request, wants_page};
+use super::address::Address;
 use super::brand::Brand;
 use super::entries::Entries;
 use super::gallery::{JPEG, PNG, Photo, REPLAY};
-use super::http::{self, Arrival, MAX_BODY, Reply, with_field, with_status};
+use super::http::{self, Arrival, HttpError, MAX_BODY, Reply, with_field, with_status};
 use super::module::Module;
-use super::page::FILES;
+use super::page::{self, FILES};
 use super::qr;
 use super::worker::{Job, Maker, Parcel};
 use noctograph_core::digest::sha256;
@@ -35,8 +36,8 @@ pub(crate) struct Server {
     pub(crate) base: String,
     /// What visitors' browsers make photos by.
     pub(crate) module: Option<Module>,
-    /// This machine, as visitors see it.
-    pub(crate) ip: IpAddr,
+    /// This machine, as others in its network see it.
+    pub(crate) outside: Option<IpAddr>,
     /// Name of this run of the program.
     pub(crate) boot: String,
     /// Makes what visitors send, and photos for browsers that cannot make them.
@@ -72,7 +73,14 @@ impl Server {
             }
             Err(error) => {
                 http::skip(body).await;
-                error.into()
+                match error == HttpError(403, OLD_ADDRESS) && wants_page(&head) {
+                    true => with_field(
+                        with_status(page::of_old_address(&head), 403),
+                        "Content-Security-Policy",
+                        "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
+                    ),
+                    false => error.into(),
+                }
             }
         };
         working.store(false, Ordering::Relaxed);
@@ -163,7 +171,8 @@ impl Server {
             Base::Operator => Role::Operator,
             Base::Entry(_) => Role::Entry,
         };
-        let host = Host { role, boot, brand: &brand.words };
+        let network = self.outside.is_some();
+        let host = Host { role, boot, brand: &brand.words, network };
         if role == Role::Entry {
             return json!(host);
         }
@@ -174,7 +183,6 @@ impl Server {
             alone: false,
             home: request.is_home(),
             kiosk: request.base == Base::Kiosk,
-            network: self.access.network,
             paused: entries.is_paused(),
             wall: if entries.is_open() { WallRule::Open } else { WallRule::Approved },
             limits: Limits { letters: MAX_WORD, body_bytes: MAX_BODY },
@@ -193,7 +201,7 @@ impl Server {
                 Some((key, "json")) => sent(self.entries.shown(key, REPLAY)),
                 _ => Err(Key::Closed),
             },
-            ["qr.svg"] => Ok(self.code()),
+            ["qr.svg"] => self.code(Address::of_visitors),
             ["entries", id] => Ok(http::json(&self.entries.own(id)?)),
             ["entries", id, "qr.svg"] => self.code_of(id),
             _ => self.common(parts, request),
@@ -265,7 +273,7 @@ impl Server {
             Some((id, number)) => (id, number, false),
             None => self.keep(id, photo, language, request.peer).await?,
         };
-        let page = self.access.address.of_entry(self.ip, &id);
+        let page = self.access.address.of_entry(self.ip(), &id);
         let reply = http::json(&json!({ "id": id, "number": number, "page": page }));
         Ok(with_status(reply, if is_new { 201 } else { 200 }))
     }
@@ -286,15 +294,19 @@ impl Server {
         Ok(tokio::task::spawn_blocking(add).await.unwrap_or(Err(Key::Broken))?)
     }
 
-    /// The code of the visitors' page, which is no kiosk on their own telephones.
-    pub(crate) fn code(&self) -> Reply {
-        drawing(http::whole(SVG, qr::svg(&self.access.address.of_visitors(self.ip))))
+    /// This machine, as its pages name it.
+    pub(crate) fn ip(&self) -> IpAddr {
+        self.outside.unwrap_or(Ipv4Addr::LOCALHOST.into())
+    }
+
+    /// The code of a page, for telephones; none where they cannot reach this machine.
+    pub(crate) fn code(&self, page: impl Fn(&Address, IpAddr) -> String) -> KeyResult<Reply> {
+        Ok(code_of(&page(&self.access.address, self.outside.ok_or(Key::Closed)?)))
     }
 
     fn code_of(&self, id: &str) -> KeyResult<Reply> {
         self.entries.own(id)?;
-        let page = self.access.address.of_entry(self.ip, id);
-        Ok(drawing(http::whole(SVG, qr::svg(&page))))
+        self.code(|address, ip| address.of_entry(ip, id))
     }
 }
 
@@ -323,6 +335,11 @@ pub(crate) const ZIP: &str = "application/zip";
 const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' \
                       data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
+
+/// A text as a code.
+pub(crate) fn code_of(text: &str) -> Reply {
+    drawing(http::whole(SVG, qr::svg(text)))
+}
 
 /// A drawing that is opened by itself runs no script and asks for nothing.
 fn drawing(reply: Reply) -> Reply {

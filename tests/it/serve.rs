@@ -294,6 +294,16 @@ fn only_a_page_of_this_server_is_let_in() {
         assert!(!is_ours || head.contains("X-Content-Type-Options: nosniff"), "{name}: {head}");
         assert!(!head.contains("Access-Control"), "{name}: no leave for other origins");
     }
+    // A visitor with an old code reads a sentence, anything else the reason.
+    let accept = "Accept: text/html\r\nAccept-Language: xx, fr-CH;q=0.9, de;q=0.8\r\n";
+    let (status, head, page) = server.ask(&get("/", &format!("{own}{accept}")));
+    assert_eq!(status, 403, "{head}");
+    assert!(head.contains("default-src 'none'") && head.contains("text/html"), "{head}");
+    let page = String::from_utf8_lossy(&page);
+    assert!(page.contains("lang=\"fr\"") && page.contains("dans la salle"), "{page}");
+    let (_, _, reason) = server.ask(&get("/", &own));
+    assert_eq!(&*reason, b"open the address that the program printed");
+
     let (_, head, page) = server.ask(&get(path, &own));
     assert!(head.contains("frame-ancestors 'none'") && page.len() <= 100_000, "{} B", page.len());
 
@@ -593,7 +603,9 @@ fn the_operator_decides_what_hangs_and_what_flies() {
     assert_eq!(server.at(&format!("/e/{id}/queue.json")).0, 404);
     assert_eq!(server.post_at(&format!("/e/{id}/entries"), &json!({})).0, 403);
     let (status, code) = server.at(&format!("/e/{id}/qr.svg"));
-    assert!(status == 200 && code.starts_with(b"<svg"), "a code of its page");
+    let reached = server.json(&format!("/e/{id}/about.json"))["network"] == true;
+    let is_code = status == 200 && code.starts_with(b"<svg");
+    assert!(if reached { is_code } else { status == 404 }, "a code of its page, for phones");
 
     let queue = || server.json(&format!("{}queue.json", server.operator));
     let act = |id: &str, act: Value| server.operate(&format!("entries/{id}"), &act);
@@ -674,6 +686,70 @@ fn a_hall_whose_room_is_not_known_is_told() {
         child.kill().unwrap();
         child.wait().unwrap();
         assert_eq!(said.iter().any(|line| line.contains("fenced by a guess")), is_told, "{said:?}");
+    }
+}
+
+/// The wall waits for the operator on every server, unless it is opened; only its page knows codes.
+#[test]
+fn only_an_open_wall_shows_what_nobody_approved() {
+    for (flags, hung, rule) in
+        [(&[][..], 0, "approved"), (&["--kiosk"], 0, "approved"), (&["--open-wall"], 1, "open")]
+    {
+        let server = Server::start(flags);
+        server.send("me", "I");
+        let wall = server.json(&format!("{}wall", server.path));
+        assert_eq!(wall["photos"].as_array().unwrap().len(), hung, "{flags:?}");
+        let about = server.json(&format!("{}about.json", server.operator));
+        assert_eq!((&about["wall"], &about["network"]), (&json!(rule), &json!(false)));
+        // No code leads to this machine itself.
+        for path in [&server.path, &server.operator] {
+            for name in ["qr.svg", "visitors.svg", "kiosk.svg", "wall.svg"] {
+                assert_eq!(server.at(&format!("{path}{name}")).0, 404, "{path}{name}");
+            }
+        }
+        let text = |hex: &str| server.at(&format!("{}text.svg?{hex}", server.operator)).0;
+        let long = "41".repeat(257);
+        let statuses = ["5749", "574", "5g", "ff", "%41", &long].map(text);
+        assert_eq!(statuses, [200, 400, 400, 400, 400, 400]);
+        assert_eq!(server.at(&format!("{}text.svg?5749", server.path)).0, 404);
+    }
+}
+
+/// A scene's drawing stands beside it, in the answer and in the gallery.
+#[test]
+fn a_drawing_travels_with_its_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let gallery = folder.path().join("gallery");
+    let server = Server::start(&["--gallery", gallery.to_str().unwrap()]);
+    let svg = r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path d="M1 1 L8 8" stroke="black"/></svg>"#;
+    let drawn = json!({ "visitor": "me", "drawing": { "kind": "svg", "text": svg } });
+    let mut whole = drawn.clone();
+    whole["files"] = json!(true);
+    let (_, large) = server.post("photos", &whole);
+    let file = |name: &str| BASE64_STANDARD.decode(large["files"][name].as_str().unwrap()).unwrap();
+    assert_eq!(file("drawing.svg"), svg.as_bytes());
+    let sent = json!({ "visitor": "me", "photo": drawn.to_string() });
+    assert_eq!(server.post("entries", &sent).0, 201);
+    let entry = std::fs::read_dir(&gallery).unwrap().map(|it| it.unwrap().path());
+    let entry = entry.filter(|path| path.is_dir()).find(|path| path.join("scene.toml").exists());
+    let entry = entry.unwrap();
+    assert_eq!(std::fs::read(entry.join("drawing.svg")).unwrap(), svg.as_bytes());
+    let out = folder.path().join("out");
+    noctograph(&entry).args(["preview", "--scene", "scene.toml", "-o"]).arg(&out).assert();
+    let [kept, again] = [&entry, &out].map(|folder| std::fs::read(folder.join("photo.png")));
+    assert!(kept.unwrap() == again.unwrap(), "the scene gives its photograph");
+}
+
+/// What a page of another version sets is named, so that the page can leave it out.
+#[test]
+fn a_setting_that_cannot_be_is_named() {
+    let server = Server::start(&[]);
+    for (key, value) in
+        [("wings.flap", "7"), ("controller.kind", "psychic"), ("letters.cap_height_m", "tall")]
+    {
+        let (_, answer) =
+            server.post("live", &with(&word("I"), json!({ "settings": { key: value } })));
+        assert_eq!(answer["error"]["values"]["setting"], key, "{answer}");
     }
 }
 

@@ -16,7 +16,7 @@ use kurbo::{Affine, BezPath, PathEl, Point, Shape};
 use usvg::tiny_skia_path::{self, PathSegment};
 use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
-use super::super::curves::{polylines, subpaths};
+use super::super::curves::{on_grid, polylines, subpaths};
 use super::super::smooth::simplified;
 use super::layers::{Color, Cut, Painted, Scale};
 use super::notes::{Notes, RULES, SIGN_X, in_words_of_usvg};
@@ -188,7 +188,10 @@ impl Drawing {
         let mut left = MAX_POINTS;
         for item in &self.items {
             let (some, color) = match item {
-                Item::Whole(path, color) => (polylines(path, tolerance, left), color),
+                Item::Whole(path, color) => {
+                    let lines = polylines(path, tolerance, left);
+                    (lines.map(|lines| on_grid(lines, path, tolerance)), color)
+                }
                 Item::Part(line, color) => (Some(vec![simplified(line, tolerance)]), color),
             };
             let some = some.ok_or_else(|| too_many(file))?;

@@ -1,7 +1,9 @@
 // <noctograph-photo word="NOOR">: a photograph with its verdict in a page of one's own, made by the
-// reader's browser. `set` has keys of the scene: set="controller.kind=pid; preset=cf-brushless".
+// reader's browser once it is seen. `set` has keys of the scene: set="controller.kind=pid;
+// preset=cf-brushless". It speaks the language of its page.
 
 import { make } from "./maker.js";
+import { LANGUAGES, worded, wordsOf } from "./words.js";
 
 const STYLE = `
   :host { display: block; max-inline-size: 60rem; }
@@ -13,70 +15,114 @@ const STYLE = `
   a { color: inherit; }
 `;
 
+/** What is read before the words are there, or where they cannot be loaded. */
+const BARE = { "element-none": "No photograph here: put the folder beside your page." };
+
 class NoctographPhoto extends HTMLElement {
   static observedAttributes = ["word", "set", "aspect"];
   #ends = new AbortController();
+  /** Begins when it is about to be seen. */
+  #sight = new IntersectionObserver(
+    ([{ isIntersecting }]) => {
+      if (!isIntersecting) return;
+      this.#sight.disconnect();
+      this.#isSeen = true;
+      this.#put();
+    },
+    { rootMargin: "25%" },
+  );
+  #isSeen = false;
 
   connectedCallback() {
     if (!this.shadowRoot) this.attachShadow({ mode: "open" });
-    this.#put();
+    this.#plan();
+    if (this.#isSeen) this.#put();
+    else this.#sight.observe(this);
   }
 
   attributeChangedCallback() {
-    if (this.isConnected && this.shadowRoot) this.#put();
+    if (!this.isConnected || !this.shadowRoot) return;
+    this.#plan();
+    if (this.#isSeen) this.#put();
   }
 
   disconnectedCallback() {
     this.#ends.abort();
+    this.#sight.disconnect();
   }
 
-  async #put() {
-    this.#ends.abort();
-    const { signal } = (this.#ends = new AbortController());
+  get #aspect() {
+    return Number(this.getAttribute("aspect")) || 16 / 9;
+  }
+
+  /** What the lamp will write, until the photograph is there. Returns its place and its caption. */
+  #plan() {
     const word = this.getAttribute("word") ?? "";
-    const aspect = Number(this.getAttribute("aspect")) || 16 / 9;
-    const pairs = (this.getAttribute("set") ?? "").split(";").filter((pair) => pair.includes("="));
-    const settings = Object.fromEntries(
-      pairs.map((pair) => [pair.split("=")[0], pair.slice(pair.indexOf("=") + 1)].map((side) => side.trim())),
-    );
-    const image = Object.assign(document.createElement("img"), { alt: "" });
     const caption = document.createElement("figcaption");
     const figure = document.createElement("figure");
-    // What the lamp will write, until the photograph is there.
     const plan = document.createElement("p");
     plan.append(Object.assign(document.createElement("span"), { textContent: word }));
     plan.ariaHidden = "true";
     figure.append(plan, caption);
     const style = Object.assign(document.createElement("style"), { textContent: STYLE });
     this.shadowRoot?.replaceChildren(style, figure);
-    this.style.setProperty("--aspect", `${aspect}`);
+    this.style.setProperty("--aspect", `${this.#aspect}`);
     this.style.setProperty("--n", `${word.length || 1}`);
+    return { plan, caption };
+  }
+
+  async #put() {
+    this.#ends.abort();
+    const { signal } = (this.#ends = new AbortController());
+    const word = this.getAttribute("word") ?? "";
+    const { plan, caption } = this.#plan();
+    const pairs = (this.getAttribute("set") ?? "").split(";").filter((pair) => pair.includes("="));
+    const settings = Object.fromEntries(
+      pairs.map((pair) => [pair.split("=")[0], pair.slice(pair.indexOf("=") + 1)].map((side) => side.trim())),
+    );
+    const t = await phrases(this);
+    if (signal.aborted) return;
     const tell = (/** @type {number} */ done) => {
-      caption.textContent = `The photograph is being made: ${Math.round(100 * done)} %`;
+      caption.textContent = t("element-made", { n: Math.round(100 * done) });
     };
     tell(0);
-    const body = JSON.stringify({ visitor: "element", word, settings, aspect });
-    const answer = await make("live", body, { signal, tell }).catch((error) => ({ error: { text: String(error) } }));
+    const body = JSON.stringify({ visitor: "element", word, settings, aspect: this.#aspect });
+    const answer = await make("live", body, { signal, tell }).catch((error) => ({ error, none: true }));
     if (signal.aborted) return;
-    if (answer.error) {
-      caption.textContent = `No photograph: ${answer.error.text}`;
+    if (answer.none) {
+      caption.textContent = t("element-none");
+    } else if (answer.error) {
+      caption.textContent = t("element-error", { text: answer.error.text });
     } else {
+      const image = Object.assign(document.createElement("img"), { src: answer.photo, alt: t("alt", { title: word }) });
       plan.replaceWith(image);
-      image.src = answer.photo;
-      image.alt = `${word}, written with light in the dark`;
-      const { verdict, flight_s } = answer;
-      // A question mark stands for light that is no letter.
-      const unsure = verdict && (verdict.read === word || !verdict.read || verdict.read.includes("?"));
-      const misread = unsure ? "Most people could not read it." : `Most people would read ${verdict?.read}.`;
-      const read = verdict && (verdict.legible ? `Reads as ${verdict.read}.` : misread);
       const link = document.createElement("a");
-      const parts = { word, settings: JSON.stringify(settings), aspect: `${aspect}` };
+      const parts = { word, settings: JSON.stringify(settings), aspect: `${this.#aspect}` };
       link.href = `${new URL("index.html", import.meta.url)}#${new URLSearchParams(parts)}`;
-      link.textContent = "Change it";
-      caption.replaceChildren(`${read ?? ""} The flight takes ${Math.round(flight_s)} seconds. `, link);
+      link.textContent = t("change-it");
+      caption.replaceChildren(`${read(answer.verdict, word, t)} ${t("flight", { n: Math.round(answer.flight_s) })} `, link);
     }
     this.dispatchEvent(new CustomEvent("photograph", { detail: answer }));
   }
+}
+
+/** @typedef {(key: string, values?: Record<string, string | number>) => string} Say */
+
+/** What is read. @param {any} verdict @param {string} word @param {Say} t */
+function read(verdict, word, t) {
+  if (!verdict) return "";
+  if (verdict.legible) return t("reads", { read: verdict.read });
+  // A question mark stands for light that is no letter.
+  const isUnsure = verdict.read === word || !verdict.read || verdict.read.includes("?");
+  return isUnsure ? t("unreadable-nothing") : t("unreadable", { read: verdict.read });
+}
+
+/** Phrases in the language of an element. @param {Element} element @returns {Promise<Say>} */
+async function phrases(element) {
+  const said = element.closest("[lang]")?.getAttribute("lang")?.slice(0, 2) ?? "en";
+  const code = said in LANGUAGES ? said : "en";
+  const table = await wordsOf(code, ["", "-more"]).catch(() => BARE);
+  return (key, values = {}) => worded(table[key] ?? key, values, code);
 }
 
 customElements.define("noctograph-photo", NoctographPhoto);

@@ -1,7 +1,7 @@
 // The page's requests, answered in this browser.
 
 import { answeredBy } from "./ask.js";
-import { beginWith, make } from "./maker.js";
+import { beginWith, make, prepare, ready } from "./maker.js";
 
 /** What a page asks a server for and can make itself. */
 const MADE = ["live", "photos", "script"];
@@ -29,15 +29,27 @@ async function answered(kind, { body, signal }) {
 }
 
 /**
- * Has the page's photographs made here. Where this browser cannot, `instead` answers from then on.
+ * Has the page's photographs made here. Until the module is there, a server makes them. Where this
+ * browser cannot, `instead` answers from then on.
  * @param {string} scene the text of the scene that the page begins with
  * @param {(route: string, init: RequestInit) => Promise<Response>} instead
  */
 export function makeHere(scene, instead) {
   if (scene) beginWith(scene);
   let can = true;
+  try {
+    // Compiled while one looks at the page.
+    prepare((share) => {
+      // A page without a server says so with its first request.
+      if (share >= 0) tellStage(share);
+      else can = !scene;
+    });
+  } catch {
+    can = false;
+  }
   answeredBy(async (route, init) => {
     const kind = route.replace(".json", "");
+    if (scene && can && !ready()) return fetch(route, init);
     if (!can || !(MADE.includes(kind) || (kind === "about" && !scene))) return instead(route, init);
     try {
       return await answered(kind, init);

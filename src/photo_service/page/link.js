@@ -1,7 +1,7 @@
 // The link of a photograph: all that makes it stands behind the `#` of the page's address, so that
 // any browser makes it again.
 
-import { change, fresh, state, watch } from "./state.js";
+import { change, fresh, origin, state, take, watch } from "./state.js";
 import { seen } from "./sketch.js";
 
 /** What makes a photograph, beside the word. */
@@ -33,25 +33,28 @@ export function putLink(/** @type {number} */ aspect) {
   return location.href;
 }
 
-/** Opens what the address says, if it says something. What is none of ours is left out. */
+/** Opens what the address says, if it says something. What is none of ours is left out, and said. */
 export function openLink() {
   const all = new URLSearchParams(location.hash.slice(1));
   if (!all.has("word")) return;
   const told = { ...fresh(), visitor: state.visitor, number: state.number, language: state.language };
   told.word = all.get("word") ?? "";
-  for (const part of PARTS) {
+  all.delete("word");
+  /** @type {Record<string, unknown>} */
+  const values = {};
+  for (const [part, text] of all) {
+    const isPart = PARTS.some((known) => known === part);
     try {
-      const value = JSON.parse(all.get(part) ?? "null");
-      const usual = told[part];
-      const fits = typeof value === typeof usual && Array.isArray(value) === Array.isArray(usual);
-      if (value !== null && fits && isSketch(part, value)) Reflect.set(told, part, value);
+      values[isPart ? part : ""] = JSON.parse(text);
     } catch {
-      // another page's
+      values[""] = null;
     }
   }
+  const left = take(told, values);
   if (!told.word.trim() && seen(told.sketch).length) told.mode = "pad";
   said = "";
   change(told);
+  Object.assign(origin, { foreign: true, left: left ? "left-out" : "" });
   said = parts(state.aspect);
 }
 
@@ -62,16 +65,5 @@ watch(() => {
   state.aspect = 0;
   if (location.hash.startsWith("#word=")) history.replaceState(null, "", ".");
 });
-
-/** Whether a part that is a drawing can be drawn. @param {string} part @param {any} value */
-function isSketch(part, value) {
-  if (part !== "sketch") return true;
-  const isPoint = (/** @type {unknown} */ point) =>
-    Array.isArray(point) && point.length === 3 && point.every(Number.isFinite);
-  const isStroke = (/** @type {any} */ { id, color, points }) =>
-    Number.isInteger(id) && typeof color === "string" && points?.length && points.every(isPoint);
-  const { page, strokes, states, now } = value;
-  return page?.length === 2 && page.every(Number.isFinite) && states?.[now] && strokes?.every(isStroke);
-}
 
 addEventListener("hashchange", openLink);

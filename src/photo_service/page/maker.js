@@ -15,13 +15,26 @@ let base = "";
 const waiting = [];
 /** @type {Job | null} */
 let running = null;
-// The module is compiled while the page loads.
 /** @type {Worker | null} */
-let worker = start();
+let worker = null;
+let isReady = false;
+/** @type {(share: number) => void} */
+let tellLoad = () => {};
+
+/** The address of the worker. A page of another origin starts none from here, but its own that loads it. */
+function source() {
+  const url = new URL("worker.js", import.meta.url);
+  if (url.origin === location.origin) return url;
+  return URL.createObjectURL(new Blob([`import ${JSON.stringify(url)};`], { type: "text/javascript" }));
+}
 
 function start() {
-  const started = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
-  started.onmessage = ({ data: { done, answer, memory, broken } }) => {
+  const started = new Worker(source(), { type: "module" });
+  started.onmessage = ({ data: { loaded, done, answer, memory, broken } }) => {
+    if (loaded !== undefined) {
+      isReady = loaded === 2;
+      return tellLoad(isReady ? 0 : loaded);
+    }
     if (done !== undefined) return running?.tell?.(done);
     // What a fault leaves behind in the module's memory is gone with its worker.
     if (broken !== undefined) end();
@@ -31,7 +44,10 @@ function start() {
     running = null;
     next();
   };
-  started.onerror = () => started.onmessage?.(new MessageEvent("message", { data: { broken: "no worker" } }));
+  started.onerror = () => {
+    tellLoad(-1);
+    started.onmessage?.(new MessageEvent("message", { data: { broken: "no worker" } }));
+  };
   if (base) started.postMessage({ kind: "base", body: base });
   return started;
 }
@@ -45,9 +61,27 @@ function next() {
   if (running) return;
   running = waiting.shift() ?? null;
   if (!running) return;
-  worker ??= start();
-  worker.postMessage({ kind: running.kind, body: running.body });
+  try {
+    worker ??= start();
+    worker.postMessage({ kind: running.kind, body: running.body });
+  } catch (error) {
+    // A browser that has no worker for this page.
+    running.reject(error);
+    running = null;
+  }
 }
+
+/**
+ * Loads and compiles the module before it is wanted.
+ * @param {typeof tellLoad} tell receives the share that is loaded; 0 at the end, and -1 where it cannot be
+ */
+export function prepare(tell) {
+  tellLoad = tell;
+  worker ??= start();
+}
+
+/** Whether the module can begin at once. */
+export const ready = () => isReady;
 
 /**
  * Has something made. One that nobody wants any more is not begun; a photograph of a keystroke that

@@ -4,21 +4,45 @@
 let tell = () => {};
 const page = { progress: (/** @type {number} */ stage, /** @type {number} */ share) => tell(stage, share) };
 
+/** About what the module has, where a host does not say it. */
+const MODULE_BYTES = 2_600_000;
+
 const ready = (async () => {
   const response = await fetch(new URL("noctograph.wasm.gz", import.meta.url));
-  if (!response.ok) throw new Error(`noctograph.wasm.gz: ${response.status}`);
-  let bytes = await response.arrayBuffer();
+  if (!response.ok || !response.body) throw new Error(`noctograph.wasm.gz: ${response.status}`);
+  const { first, stream } = await counted(response.body, Number(response.headers.get("Content-Length")) || MODULE_BYTES);
   // Compressed, since not every host compresses what it sends; some say so, and it is unpacked.
-  if (new Uint8Array(bytes)[0] === 0x1f) {
-    const unpacking = new DecompressionStream("gzip");
-    const writer = unpacking.writable.getWriter();
-    // What goes wrong is told by the reader.
-    writer.write(bytes).then(() => writer.close()).catch(() => {});
-    bytes = await new Response(unpacking.readable).arrayBuffer();
-  }
-  const { instance } = await WebAssembly.instantiate(bytes, { page });
+  const module = first === 0x1f ? stream.pipeThrough(new DecompressionStream("gzip")) : stream;
+  // Compiled while it arrives.
+  const source = new Response(module, { headers: { "Content-Type": "application/wasm" } });
+  const { instance } = await WebAssembly.instantiateStreaming(source, { page });
+  postMessage({ loaded: 2 });
   return /** @type {any} */ (instance.exports);
 })();
+
+/**
+ * A stream whose share that has arrived is told, and its first byte.
+ * @param {ReadableStream<Uint8Array<ArrayBuffer>>} body @param {number} bytes
+ */
+async function counted(body, bytes) {
+  const reader = body.getReader();
+  let next = await reader.read();
+  let arrived = 0,
+    told = 0;
+  const stream = new ReadableStream({
+    async pull(controller) {
+      if (next.done) return controller.close();
+      controller.enqueue(next.value);
+      arrived += next.value.length;
+      const share = Math.floor((50 * arrived) / bytes) / 50;
+      if (share > told) postMessage({ loaded: Math.min(0.98, (told = share)) });
+      next = await reader.read();
+    },
+  });
+  return { first: next.value?.[0], stream };
+}
+
+ready.catch(() => postMessage({ loaded: -1 }));
 
 /** Calls a function of the module with a text, and returns how many bytes its answer has. */
 async function call(/** @type {string} */ kind, /** @type {string} */ body) {

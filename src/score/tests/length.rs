@@ -1,5 +1,7 @@
 //! Words of one letter more or less than the photo shows.
 
+use noctograph_core::strokes::StrokesData;
+
 use super::*;
 
 /// Words, each with words that have a letter more or less at the beginning, in the middle or at the
@@ -92,4 +94,16 @@ fn gaps_between_words_are_spaces() {
     for text in ["GO ON", "WE CAN DO"] {
         assert_eq!(read(&Shot::new(&simplex(text)).photo()).text, text);
     }
+}
+
+/// A bar through two letters makes one glyph of them, whose second letter nobody judges.
+#[test]
+fn letters_that_touch_are_never_called_legible() {
+    let mut joined: StrokesData = (*simplex("ALSO")).clone();
+    let second = joined.glyphs.remove(1);
+    joined.glyphs[0].moves.extend(second.moves);
+    let joined = Strokes::new(joined).unwrap();
+    let verdict = Shot::new(&joined).verdict(&joined);
+    assert_eq!((verdict.legible, verdict.reason), (false, Some(Reason::OtherLength)));
+    assert_eq!((verdict.read.chars().count(), verdict.letters.len()), (3, 3), "{verdict:?}");
 }

@@ -8,8 +8,6 @@ interface About extends Host {
   home: boolean;
   /** Whether it is shown on a screen that stands in the hall. */
   kiosk: boolean;
-  /** Whether other machines are served. */
-  network: boolean;
   /** Whether nothing is taken at the moment. */
   paused: boolean;
   /** What the wall shows. */
@@ -172,6 +170,8 @@ interface Host {
   boot: string;
   /** The host's words. */
   brand: Brand;
+  /** Whether other machines are served, and can reach this one. */
+  network: boolean;
 }
 
 /** What there is to say of the large photo: the members of `preview --json`, and what the page needs. */

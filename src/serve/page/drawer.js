@@ -337,7 +337,7 @@ function ofShot() {
         "div",
         { className: "files" },
         ...FILES.filter(([name]) => name === "photo.png" || (about.home && !(name === "flight.zip" && isLog()))).map(([name, word]) =>
-          download(large, name, word),
+          download(large, name, name === "scene.toml" && "drawing" in large.wish ? "file-scene-drawing" : word),
         ),
       ),
     );

@@ -7,7 +7,7 @@ import { exposure } from "./exposure.js";
 import { replay } from "./replay.js";
 import { save } from "./save.js";
 import { becomes } from "./state-of.js";
-import { day, LANGUAGES, preferred, putWords, sentence, speak, t } from "./words.js";
+import { day, LANGUAGES, preferred, putWords, sentence, speakAll, t } from "./words.js";
 
 const photo = /** @type {HTMLImageElement} */ (byId("photo")),
   light = /** @type {HTMLCanvasElement} */ (byId("light"));
@@ -18,7 +18,9 @@ let map = null;
 /** @type {((share: number) => void) | null} */
 let show = null;
 let maker = "Noctograph",
-  logo = false;
+  logo = false,
+  /** Whether a phone reaches this page. */
+  reached = false;
 
 const strip = replay(byId("replay"), (share) => {
   light.hidden = share >= 1 || !map;
@@ -88,9 +90,9 @@ function putCard() {
         "div",
         { className: "maker" },
         logo ? make("img", { src: "brand/logo.svg", alt: maker }) : maker,
-        make("span", {}, t("card-scan")),
+        ...(reached ? [make("span", {}, t("card-scan"))] : []),
       ),
-      make("img", { src: "qr.svg", alt: "" }),
+      ...(reached ? [make("img", { src: "qr.svg", alt: "" })] : []),
     ),
   );
 }
@@ -119,13 +121,14 @@ async function begun() {
   const about = /** @type {About | null} */ (await get("about.json").catch(() => null));
   maker = putBrand(about);
   logo = about?.brand.logo ?? false;
-  await speak(preferred(""));
+  reached = about?.network ?? false;
+  await speakAll(preferred(""));
   putWords(document);
   const language = /** @type {HTMLSelectElement} */ (byId("language"));
   for (const [code, own] of Object.entries(LANGUAGES)) language.add(new Option(own, code));
   language.value = document.documentElement.lang;
   language.onchange = async () => {
-    await speak(language.value);
+    await speakAll(language.value);
     if (entry) put();
     else load();
   };

@@ -1,6 +1,6 @@
 // The keyboard on the screen, for a kiosk whose system has none: its address ends with `?keyboard`.
 
-import { byId, icon, make } from "./dom.js";
+import { byId, draw, make } from "./dom.js";
 import { watch } from "./state.js";
 import { t } from "./words.js";
 
@@ -38,6 +38,13 @@ function putCase() {
   box.querySelector(".shift")?.setAttribute("aria-pressed", `${shift}`);
 }
 
+/** The sign of the key that deletes. */
+function back() {
+  const sign = draw("svg", { class: "icon turns", viewBox: "0 0 24 24", "aria-hidden": "true" });
+  sign.append(draw("path", { d: "M9 5h12v14H9l-6-7zM12 9.5l5 5M17 9.5l-5 5" }));
+  return sign;
+}
+
 /** @param {string} className @param {() => void} act @param {Node | string} face */
 function key(className, act, face, name = "") {
   const button = make("button", { type: "button", className }, face);
@@ -62,7 +69,7 @@ function put() {
   const last = [
     key("shift", turn, "⇧", "key-shift"),
     key("space", () => type(" "), " ", "key-space"),
-    key("", () => type(""), icon("rub"), "key-delete"),
+    key("", () => type(""), back(), "key-delete"),
   ];
   box.replaceChildren(...[...rows, last].map((row) => make("div", {}, ...row)));
   putCase();

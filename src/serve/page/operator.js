@@ -6,7 +6,7 @@ import { byId, make } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { replay } from "./replay.js";
 import { refusal, save } from "./save.js";
-import { number, preferred, putWords, sentence, speak, t } from "./words.js";
+import { number, preferred, putWords, sentence, speakAll, t } from "./words.js";
 
 /** Tabs, and the states of an entry that are in each. @type {[string, State[]][]} */
 const TABS = [
@@ -19,7 +19,9 @@ const TABS = [
 /** @type {{ revision: number, paused: boolean, flying: string | null, entries: ForOperator[] }} */
 let queue = { revision: -1, paused: false, flying: null, entries: [] };
 let tab = "waiting",
-  chosen = "";
+  chosen = "",
+  /** What the wall shows. */
+  rule = "wall-approved";
 /** What was answered, to be undone. @type {{ id: string, was: State, now: State }[]} */
 const answered = [];
 /** When the one in the air took off, as far as this page knows. */
@@ -143,6 +145,7 @@ function putList(list) {
     }),
   );
   if (!list.length) box.append(make("li", { className: "none" }, t("queue-empty")));
+  box.append(make("li", { className: "rule" }, t(rule)));
   if (had) /** @type {HTMLElement | null} */ (box.querySelector("[aria-current]"))?.focus();
 }
 
@@ -412,13 +415,58 @@ byId("pause").onclick = async () => {
   await load();
 };
 byId("show-code").onclick = async () => {
-  const { visitors, wall } = await get("address.json");
-  sheet(
-    t("show-code"),
-    make("div", { className: "code" }, make("img", { src: "qr.svg", alt: t("code-of-page") })),
-    ...[visitors, wall].map((address) => make("p", {}, make("a", { href: address }, address))),
-  );
+  const told = await get("address.json").catch(tell);
+  if (!told) return;
+  const cards = make("div", { className: "cards" }, ...["visitors", "kiosk", "wall"].map((of) => card(of, told)));
+  const print = make("button", { type: "button", className: "first" }, t("print"));
+  print.onclick = () => window.print();
+  const note = told.network ? wlan(cards) : make("p", { className: "note" }, t("no-phone"));
+  sheet(t("show-code"), note, cards, print);
 };
+
+/** A card to print: whose page it is, its code and its address. @param {string} of @param {any} told */
+function card(of, told) {
+  const copy = make("button", { type: "button", className: "second" }, t("copy"));
+  copy.onclick = async () => {
+    await navigator.clipboard.writeText(told[of]).then(() => {
+      copy.textContent = t("copied");
+    }, tell);
+  };
+  const code = () => make("div", { className: "code" }, make("img", { src: `${of}.svg`, alt: t(`code-${of}`) }));
+  return make(
+    "section",
+    {},
+    make("h3", {}, t(`code-${of}`)),
+    make("p", {}, t(`for-${of}`)),
+    ...(told.network ? [code()] : []),
+    make("a", { href: told[of] }, told[of]),
+    copy,
+    make("div", { className: "wlan" }),
+  );
+}
+
+/** Fields for the hall's WLAN, whose code then stands on each card. @param {HTMLElement} cards */
+function wlan(cards) {
+  const [name, password] = ["wlan-name", "wlan-password"].map((key) =>
+    make("input", { type: "text", autocomplete: "off", spellcheck: false, placeholder: t(key), "aria-label": t(key) }),
+  );
+  const escaped = (/** @type {HTMLInputElement} */ { value }) => value.replace(/[\\;,:"]/g, "\\$&");
+  const put = () => {
+    const text = `WIFI:T:${password.value ? "WPA" : "nopass"};S:${escaped(name)};P:${escaped(password)};;`;
+    const hex = [...new TextEncoder().encode(text)].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+    for (const box of cards.querySelectorAll(".wlan"))
+      box.replaceChildren(
+        ...(name.value
+          ? [
+              make("p", {}, t("wlan-join", { name: name.value })),
+              make("div", { className: "code" }, make("img", { src: `text.svg?${hex}`, alt: t("wlan") })),
+            ]
+          : []),
+      );
+  };
+  name.onchange = password.onchange = put;
+  return make("div", { className: "fields" }, name, password);
+}
 byId("keys").onclick = () =>
   sheet(
     t("all-keys"),
@@ -523,7 +571,8 @@ async function load(then) {
 
 async function begun() {
   const about = /** @type {About} */ (await get("about.json"));
-  await speak(preferred(""));
+  if (about.wall === "open") rule = "wall-open";
+  await speakAll(preferred(""));
   putWords(document);
   putBrand(about, t("queue"));
   onLost((lost) => {

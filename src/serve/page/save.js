@@ -22,7 +22,10 @@ export async function save(route, name) {
   put(await response.blob(), name);
 }
 
-/** Saves a file of a large photograph, which is made now. @param {Large} large @param {string} name */
+/**
+ * Saves a file of a large photograph, which is made now; a scene with the drawing that it names.
+ * @param {Large} large @param {string} name
+ */
 export async function saveOf(large, name) {
   if (!large.files[name]) {
     const made =
@@ -30,7 +33,9 @@ export async function saveOf(large, name) {
     if (made.error) throw new Refused(made.error);
     Object.assign(large.files, made.files);
   }
-  put(new Blob([Uint8Array.from(atob(large.files[name]), (sign) => sign.charCodeAt(0))]), name);
+  const drawing = Object.keys(large.files).filter((known) => name === "scene.toml" && known.startsWith("drawing."));
+  for (const file of [name, ...drawing])
+    put(new Blob([Uint8Array.from(atob(large.files[file]), (sign) => sign.charCodeAt(0))]), file);
 }
 
 /** @param {Blob} blob @param {string} name */

@@ -15,18 +15,17 @@ export function showSent(box, another) {
   const { sent } = state;
   if (!sent) return;
   const about_it = make("p", { role: "status" });
-  const code = make("img", {
+  // An image is asked for as soon as it has an address.
+  const code = () => make("img", {
     src: `entries/${sent.id}/qr.svg`,
     alt: t("code"),
     width: 144,
     height: 144,
   });
-  const home = make(
-    "div",
-    { className: "home" },
-    make("div", { className: "code" }, code),
-    make("p", {}, make("strong", {}, t("take-home")), make("br"), t("point-phone")),
-  );
+  const lead = make("p", {}, make("strong", {}, t("take-home")), make("br"), t("point-phone"));
+  const home = about.network
+    ? make("div", { className: "home" }, make("div", { className: "code" }, code()), lead)
+    : make("p", { className: "home" }, t("no-phone"));
   const again = make("button", { type: "button", className: "second" }, t("another"));
   again.onclick = another;
   // A kiosk leads nowhere: the phone takes it home.

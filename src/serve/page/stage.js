@@ -83,8 +83,9 @@ export const dim = (/** @type {boolean} */ waits) => frame.classList.toggle("wai
 /**
  * The letters' places on the photograph, and what is wrong with those that do not read.
  * @param {Shot["boxes"] | undefined} boxes @param {LetterVerdict[]} read
+ * @param {{ i: number, best: string } | null} alike the letter that could be another one
  */
-export function mark(boxes, read) {
+export function mark(boxes, read, alike) {
   const written = boxes?.length ? letters() : [];
   const focused = [...marks.querySelectorAll("button")].indexOf(
     /** @type {HTMLButtonElement} */ (document.activeElement),
@@ -96,9 +97,10 @@ export function mark(boxes, read) {
       const box = boxes?.[i];
       if (!box) return [];
       const { best, expected } = read[i] ?? {};
-      const wrong = best !== undefined && best !== expected;
+      const isAlike = alike?.i === i;
+      const wrong = isAlike || (best !== undefined && best !== expected);
       const color = t(colorOf(i));
-      const looks = best ? t("looks-like", { best }) : t("looks-like-nothing");
+      const looks = isAlike ? t("could-be", alike) : best ? t("looks-like", { best }) : t("looks-like-nothing");
       const button = make("button", {
         type: "button",
         tabIndex: i === Math.max(0, focused) ? 0 : -1,

@@ -6,7 +6,7 @@ import { exposure } from "./exposure.js";
 import { loop, stopLoop } from "./loop.js";
 import { change, forget, state } from "./state.js";
 import { about, isEmpty } from "./wish.js";
-import { LANGUAGES, ofMaker, preferred, speak, t } from "./words.js";
+import { LANGUAGES, ofMaker, preferred, speak, speakAll, t } from "./words.js";
 
 /** Without a touch for so long, the next visitor begins anew; it is said before. */
 const IDLE_S = 60,
@@ -20,8 +20,9 @@ const start = byId("start"),
 let idle = 0;
 
 /** Begins as a kiosk: at the start screen, unless somebody is in the middle of something. */
-export function startKiosk() {
+export async function startKiosk() {
   home = preferred("");
+  await speakAll();
   if (isEmpty()) showStart();
   for (const event of ["pointerdown", "pointermove", "keydown", "input", "wheel"])
     addEventListener(event, touched, { capture: true });
@@ -36,6 +37,7 @@ export function startKiosk() {
   addEventListener("news", () => {
     if (!start.hidden) putEvening();
   });
+  addEventListener("visitor", nextColor);
   touched();
 }
 
@@ -149,8 +151,18 @@ export async function showStart() {
   await putEvening();
 }
 
+/** Colors that visitors of a kiosk begin with in turn: a wall of white words is gray. */
+const TURN = ["orange", "green", "red", "white"];
+let turn = 0;
+
+/** Another visitor begins with another color, where the scene's drone has a lamp for it. */
+function nextColor() {
+  if (isEmpty() && about.deck !== "none") change({ color: TURN[turn++ % TURN.length] });
+}
+
 function leave() {
   stopLoop();
+  nextColor();
   start.hidden = true;
   main.inert = false;
   touched();

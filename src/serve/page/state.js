@@ -38,20 +38,73 @@ export const fresh = () => ({
 
 /** @typedef {ReturnType<typeof fresh>} State */
 
+const isOf = (/** @type {string} */ names) => (/** @type {any} */ value) =>
+  names.split(" ").includes(value);
+const isColor = isOf("white red orange yellow green cyan blue magenta");
+/** What parts may be, beside the type that they have when they are fresh. @type {Record<string, (value: any) => boolean>} */
+const KNOWN = {
+  visitor: (value) => /^\w{1,40}$/.test(value),
+  number: Number.isSafeInteger,
+  mode: isOf("word pad sent"),
+  color: isColor,
+  painted: (value) => value.every(isColor),
+  lamp: isOf(" headlights ring color-led"),
+  room: (value) => !value || /^[\d.]+x[\d.]+x[\d.]+$/.test(value),
+  body: isOf(" a6400 canon-eos-2000d one-inch phone"),
+  pace: isOf("written even"),
+  seed: (value) => Number.isSafeInteger(value) && value >= 0,
+  aspect: (value) => !value || (value >= 0.4 && value <= 2.5),
+  settings: (value) => Object.values(value).every((text) => typeof text === "string"),
+  sketch: isSketch,
+  opened: (value) => isOf("svg json jpg log")(value.kind) && typeof value.text === "string",
+};
+
+/**
+ * Takes parts that were kept, or that a link has. What another version wrote and this one does not
+ * know is left out. Returns whether something was.
+ * @param {State} state @param {Record<string, any>} parts
+ */
+export function take(state, parts) {
+  let left = false;
+  for (const [part, value] of Object.entries(parts)) {
+    const usual = Reflect.get(state, part);
+    const isNone = value === null && usual === null;
+    let fits = isNone || (value !== null && typeof value === typeof usual && Array.isArray(value) === Array.isArray(usual));
+    try {
+      fits &&= isNone || KNOWN[part]?.(value) !== false;
+    } catch {
+      fits = false;
+    }
+    if (fits && Object.hasOwn(state, part)) Reflect.set(state, part, value);
+    else left = true;
+  }
+  return left;
+}
+
+/** Whether a drawing can be drawn. @param {any} value */
+function isSketch({ page, strokes, states, now }) {
+  const isPoint = (/** @type {unknown} */ point) =>
+    Array.isArray(point) && point.length === 3 && point.every(Number.isFinite);
+  const isStroke = (/** @type {any} */ { id, color, points }) =>
+    Number.isInteger(id) && typeof color === "string" && points.length && points.every(isPoint);
+  return page.length === 2 && page.every(Number.isFinite) && Array.isArray(states[now]) && strokes.every(isStroke);
+}
+
+/**
+ * Whether what is wished was not chosen on this page but came from a link or from before, and what
+ * is to be said of what it lost: a word's key.
+ */
+export const origin = { foreign: false, left: "" };
+
 /** @returns {State} */
 function restored() {
   const state = fresh();
   try {
     const kept = JSON.parse(sessionStorage.getItem(KEY) ?? "{}");
-    for (const key of Object.keys(state))
-      if (key in kept && typeof kept[key] === typeof Reflect.get(state, key))
-        Reflect.set(state, key, kept[key]);
-    // Null has the type of an object: these two may be either.
-    state.opened ??= null;
-    state.sent ??= null;
-    state.sketch ??= emptySketch();
+    origin.foreign = "word" in kept;
+    if (take(state, kept)) origin.left = "left-out-kept";
   } catch {
-    return state; // what another version wrote is no loss
+    origin.left = "left-out-kept";
   }
   return state;
 }

@@ -13,6 +13,9 @@ type Large = Asked &
     wish: object;
   };
 
+/** What is read in a photograph of either size. */
+type Judged = NonNullable<Shot["verdict"]>;
+
 /** A message, or what the page itself says. */
 type Said = Pick<Message, "key" | "text"> & Partial<Message>;
 

@@ -1,10 +1,13 @@
 // The verdict, as a sentence or two.
 
-import { make } from "./dom.js";
+import { byId, make } from "./dom.js";
 import { about, isLog } from "./wish.js";
 import { hasWord, sentence, t } from "./words.js";
 
-/** @typedef {{ first: string, then?: string }} Spoken */
+/**
+ * What is said; `why` opens the program's own words.
+ * @typedef {{ first: string, then?: string, why?: boolean }} Spoken
+ */
 
 /** Without these there is something to see; the others are told at home. */
 const DARK = ["unlit", "underexposed", "no-picture"];
@@ -12,13 +15,19 @@ const DARK = ["unlit", "underexposed", "no-picture"];
 /** Why a photograph shows nothing that could be sent. @param {Shot} shot */
 export const obstacle = (shot) => shot.obstacles.find(({ key }) => DARK.includes(key));
 
-/** What is said of a photograph of a word. @param {Shot} shot @returns {Spoken} */
-export function ofShot(shot) {
+/** Errors whose English words say more than the page's sentence. */
+const EXPLAINED = ["broken", "drawing-broken", "log", "not-possible", "page-old"];
+/**
+ * What is said of a photograph of a word. @param {Shot} shot
+ * @param {Judged | null} verdict that of the photograph which is kept; null: it is not known yet
+ * @param {(verdict: Judged) => string} [reason] why it is not read
+ * @returns {Spoken}
+ */
+export function ofShot(shot, verdict, reason = () => "") {
   const flight = t("flight", { n: Math.round(shot.flight_s) });
   const dark = obstacle(shot);
   if (dark) return { first: sentence("obstacles", dark) };
-  const { verdict } = shot;
-  if (!verdict) return { first: t(isLog() ? "unjudged-log" : "unjudged"), then: flight };
+  if (!verdict) return { first: t(isLog() && !shot.verdict ? "unjudged-log" : "unjudged"), then: flight };
   const read = verdict.read.replace(/\s+/g, " ").trim();
   if (verdict.legible) return { first: t("reads", { read }), then: flight };
   const wrong = verdict.letters.find(({ expected, best }) => best !== expected);
@@ -28,7 +37,7 @@ export function ofShot(shot) {
   if (!wrong && verdict.reason) {
     return {
       first: t("unsure"),
-      then: `${sentence("reasons", { key: verdict.reason.replace(/_/g, "-"), text: "" })} ${way}`.trim(),
+      then: `${reason(verdict)} ${way}`.trim(),
     };
   }
   // A question mark stands for light that is no letter.
@@ -38,7 +47,11 @@ export function ofShot(shot) {
 /** What is said of an error: its sentence, and a way out. @param {Said} said @returns {Spoken} */
 export function ofError(said) {
   const way = `way-${said.key}`;
-  return { first: sentence("errors", said), then: hasWord(way) ? t(way) : undefined };
+  return {
+    first: sentence("errors", said),
+    then: hasWord(way) ? t(way) : undefined,
+    why: about.home && said.text !== "" && EXPLAINED.includes(said.key),
+  };
 }
 
 /**
@@ -46,8 +59,9 @@ export function ofError(said) {
  * @param {HTMLElement} line
  * @param {Spoken} spoken
  */
-export function say(line, { first, then }) {
-  if (line.textContent === [first, then].filter(Boolean).join(" ")) return;
+export function say(line, { first, then, why }) {
+  const asks = why ? t("why") : "";
+  if (line.textContent === [first, then, asks].filter(Boolean).join(" ")) return;
   line.replaceChildren(
     make(
       "span",
@@ -55,6 +69,7 @@ export function say(line, { first, then }) {
       ...(then
         ? [make("strong", {}, first), " ", make("span", { className: "then" }, then)]
         : [first]),
+      ...(why ? [" ", make("button", { type: "button", className: "why", onclick: () => byId("more").click() }, asks)] : []),
     ),
   );
 }

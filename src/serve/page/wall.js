@@ -6,7 +6,7 @@ import { putBrand } from "./brand.js";
 import { byId, make } from "./dom.js";
 import { exposure } from "./exposure.js";
 import { loop } from "./loop.js";
-import { preferred, putWords, speak, t } from "./words.js";
+import { preferred, putWords, speakAll, t } from "./words.js";
 
 /** A photograph is written once, and hangs large for a minute at least. */
 const HANGS_MS = 60_000,
@@ -23,10 +23,10 @@ let since = 0,
 /** The newest that has hung large. */
 let latest = "";
 
-/** What is known of a photograph: the name only of the large one. @param {Hung} photo @param {boolean} large */
+/** What is known of a photograph: how long it shone only of the large one. @param {Hung} photo @param {boolean} large */
 function caption({ title, flight_s, flying }, large) {
   const n = Math.round(flight_s);
-  if (!large) return make("figcaption", {}, t(flying ? "flying-now" : "seconds", { n }));
+  if (!large) return make("figcaption", {}, make("bdi", {}, flying ? t("flying-now") : title ?? t("drawing")));
   const light = make("small", {}, t(flying ? "flying-now" : "seconds-of-light", { n }));
   return make("figcaption", {}, make("bdi", {}, title ?? t("drawing")), light);
 }
@@ -94,13 +94,15 @@ async function put(photo) {
 
 async function begun() {
   const about = await get("about.json").catch(() => null);
-  await speak(new URLSearchParams(location.search).get("language") ?? preferred(""));
+  await speakAll(new URLSearchParams(location.search).get("language") ?? preferred(""));
   putWords(document);
   putBrand(about);
-  const code = make("img", { src: "qr.svg", alt: t("code-of-page") });
+  // Phones reach no machine that is in no network.
+  const reached = about?.network === true;
+  const code = () => make("div", { className: "code" }, make("img", { src: "qr.svg", alt: t("code-of-page") }));
   byId("invite").replaceChildren(
-    make("div", { className: "code" }, code),
-    make("p", {}, t("write-yours"), make("small", {}, t("write-where"))),
+    ...(reached ? [code()] : []),
+    make("p", {}, t("write-yours"), make("small", {}, t(reached ? "write-where" : "write-here"))),
   );
   onLost((lost) => {
     byId("lost").textContent = lost ? t(lost === "moved" ? "moved" : "lost") : "";

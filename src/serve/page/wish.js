@@ -14,8 +14,18 @@ export const learn = (/** @type {About} */ told) => {
   about = told;
 };
 
+/**
+ * The word as it is written: any white space is a space, and what only directs how a text runs is
+ * left out, as the program does it.
+ */
+const word = () =>
+  state.word
+    .replace(/\s/g, " ")
+    .replace(/[\xad\u061c\u180e\u200b\u200e\u200f\u202a-\u202e\u2060-\u206f\ufeff]/g, "")
+    .replace(/([\u0600-\u1cff]?)([\u200c\u200d])/g, (_, joined, joiner) => (joined ? joined + joiner : ""))
+    .trim();
 /** Letters that have a color of their own. */
-export const letters = () => [...state.word.replace(/\s/g, "")];
+export const letters = () => [...word().replace(/ /g, "")];
 export const colorOf = (/** @type {number} */ i) => state.painted[i] ?? state.color;
 
 /** The colors that are seen in what is wished. */
@@ -26,13 +36,13 @@ function colors() {
 
 /** Whether the log of a flight is photographed, whose word may be known. */
 export const isLog = () => state.opened?.kind === "log";
-export const isDrawing = () => !state.opened && !state.word.trim() && seen(state.sketch).length > 0;
+export const isDrawing = () => !state.opened && !word() && seen(state.sketch).length > 0;
 export const isEmpty = () =>
-  state.opened ? isNothing(state.opened) : !state.word.trim() && !seen(state.sketch).length;
+  state.opened ? isNothing(state.opened) : !word() && !seen(state.sketch).length;
 /** Whether all strokes of a file are left out. */
 const isNothing = (/** @type {Opened} */ { out, of }) => out !== undefined && out.length === of;
 /** What it is called; null for a drawing. */
-export const title = () => (state.opened || isDrawing() ? null : state.word.trim());
+export const title = () => (state.opened || isDrawing() ? null : word());
 
 /** The lamp that writes: the chosen one, or one that has colors where a color is wished. */
 function lamp() {
@@ -60,9 +70,9 @@ function canvas(/** @type {number} */ aspect) {
 
 /** @returns {{ word: string, log?: string } | { drawing: { kind: string, text: string } }} */
 function subject() {
-  if (state.opened && isLog()) return { word: state.word.trim(), log: state.opened.text };
+  if (state.opened && isLog()) return { word: word(), log: state.opened.text };
   if (state.opened) return { drawing: { kind: state.opened.kind, text: state.opened.text } };
-  if (!isDrawing()) return { word: state.word.trim() };
+  if (!isDrawing()) return { word: word() };
   // White is the lamp's own color, which is written as black.
   const own = lamp() === "color-led" ? "white" : "";
   const rgb = (/** @type {string} */ name) => (name === own ? [0, 0, 0] : color(name).screen);

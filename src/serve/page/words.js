@@ -1,4 +1,5 @@
-// Words in the visitor's language: `words/en.json` and its sisters, a table a language.
+// Words in the visitor's language: `words/en.json` and its sisters, a table a language; what no
+// visitor reads at first stands in `words/en-more.json`.
 
 /** Languages that are complete, by their own names. */
 export const LANGUAGES = { en: "English", de: "Deutsch", fr: "Français", es: "Español" };
@@ -7,6 +8,8 @@ export const LANGUAGES = { en: "English", de: "Deutsch", fr: "Français", es: "E
 /** @type {Record<string, Phrase | Record<string, string>>} */
 let table = {};
 let language = "en";
+/** Whether all words are wanted, see `speakAll`. */
+let whole = false;
 const RIGHT_TO_LEFT = ["ar", "fa", "he", "ur"];
 
 /** The language to begin with: the one that was chosen, or the browser's first that is there. */
@@ -18,16 +21,32 @@ export function preferred(/** @type {string} */ chosen) {
   return known ?? "en";
 }
 
+/** The words of a language, in parts. @param {string} code @param {string[]} parts */
+export async function wordsOf(code, parts = [""]) {
+  const tables = parts.map(async (part) => {
+    const name = `words/${code}${part}.json`;
+    const response = await fetch(new URL(name, import.meta.url));
+    if (!response.ok) throw new Error(`no ${name}`);
+    return response.json();
+  });
+  return Object.assign({}, ...(await Promise.all(tables)));
+}
+
 /** Loads a language and words the document in it. */
 export async function speak(/** @type {string} */ code) {
-  const response = await fetch(`words/${code}.json`);
-  if (!response.ok) throw new Error(`no words/${code}.json`);
-  table = await response.json();
+  table = await wordsOf(code, whole ? ["", "-more"] : [""]);
   language = code;
   const root = document.documentElement;
   root.lang = code;
   root.dir = RIGHT_TO_LEFT.includes(code) ? "rtl" : "ltr";
   putWords(document);
+}
+
+/** The same with all words: those of settings, of the operator, of the wall and of what stops. */
+export function speakAll(code = language) {
+  if (whole && code === language) return Promise.resolve();
+  whole = true;
+  return speak(code);
 }
 
 /** Words all elements that ask for it: as text (data-t), label (data-l) or placeholder (data-p). */
@@ -68,8 +87,8 @@ export function sentence(group, said) {
 }
 
 /** @param {Phrase} phrase @param {Record<string, string | number>} values */
-function worded(phrase, values) {
-  const rule = new Intl.PluralRules(language).select(Number(values.n ?? 0));
+export function worded(phrase, values, code = language) {
+  const rule = new Intl.PluralRules(code).select(Number(values.n ?? 0));
   const text = typeof phrase === "string" ? phrase : (phrase[rule] ?? phrase.other ?? "");
   return text.replace(/\{(\w+)\}/g, (_, name) => {
     const value = values[name];
