@@ -31,7 +31,7 @@
 //!
 //! | crate | what is in it | of ours, it depends on |
 //! |---|---|---|
-//! | `core` | the products as plain data: [`strokes`], the plan, [`flight`], the photo; descriptions without pixels: [`camera`], [`lamps`]; [`error`], settings, files, digests, random numbers, [`geometry`], facts of the [`crazyflie`] | `features` |
+//! | `core` | the products as plain data: [`strokes`], the plan, [`flight`], the photo; descriptions without pixels: [`camera`], [`lamps`]; [`error`] and [`diagnostic`], the one type that says what is wrong; settings, files, digests, random numbers, [`geometry`], facts of the [`crazyflie`] | `features` |
 //! | `features` | no code: features of packages, so that the tests of one crate reuse the program's build | nothing |
 //! | `letters` | word, drawing or picture → [`strokes::Strokes`] | `core` |
 //! | `plan` | Strokes → [`plan::Plan`]; [`tracking`]: a flight against its plan | `core` |

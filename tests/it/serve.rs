@@ -735,7 +735,7 @@ fn a_drawing_travels_with_its_scene() {
     let entry = entry.unwrap();
     assert_eq!(std::fs::read(entry.join("drawing.svg")).unwrap(), svg.as_bytes());
     let out = folder.path().join("out");
-    noctograph(&entry).args(["preview", "--scene", "scene.toml", "-o"]).arg(&out).assert();
+    noctograph(&entry).args(["preview", "--scene", "scene.toml", "-o"]).arg(&out).assert().code(0);
     let [kept, again] = [&entry, &out].map(|folder| std::fs::read(folder.join("photo.png")));
     assert!(kept.unwrap() == again.unwrap(), "the scene gives its photograph");
 }
