@@ -4,7 +4,8 @@
 use clap::Command;
 
 use super::outcome::typed_words;
-use super::{Error, typefaces};
+use super::typefaces;
+use crate::error::Error;
 use crate::scene::Scene;
 use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};

@@ -1,11 +1,15 @@
 //! `noctograph check`: whether a word or a plan is safe to fly; exit code 1 if not.
 
-use super::{
-    Args, ProfileFlags, Report, Result, StandFlag, SubjectFlags, findings, json, print, show,
-    wrapped,
-};
+use super::flags::{ProfileFlags, SubjectFlags};
+use super::outcome::Report;
+use super::picture::StandFlag;
+use super::printer::{print, wrapped};
+use super::{findings, show};
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::error::Result;
 use crate::preflight::{Preflight, preflight};
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArgs {

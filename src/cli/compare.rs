@@ -2,14 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{
-    Args, Error, FlightFlags, OutputFolder, Report, Result, Value, json, message, named, show,
-};
+use super::flight_flags::FlightFlags;
+use super::names::named;
+use super::outcome::Report;
+use super::output::OutputFolder;
+use super::show;
+use super::terminal::message;
 use crate::comparison::{Alignment, Comparison, ComparisonOptions, Discrepancy, compare};
+use crate::error::{Error, Result};
 use crate::flight::{Flight, Quantity};
 use crate::logs::{PositionSource, import};
 use crate::report::{NamedFlight, error_over_time, front_view, top_view};
 use crate::tracking::{Part, Tracking, track};
+use clap::Args;
+use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {

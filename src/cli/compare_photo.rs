@@ -2,12 +2,17 @@
 
 use std::path::PathBuf;
 
-use super::{Args, Error, OutputFolder, Report, Result, json, warn};
+use super::outcome::Report;
+use super::output::OutputFolder;
+use super::terminal::warn;
+use crate::error::{Error, Result};
 use crate::geometry::distance;
 use crate::photo;
 use crate::photo::flip::difference;
 use crate::report::photos::{Similarity, overlay, placed, shrink};
 use crate::score::{ReadLetter, read};
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ComparePhotoArgs {

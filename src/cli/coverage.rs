@@ -3,14 +3,20 @@
 
 use std::path::PathBuf;
 
+use super::flags::{SceneFlags, set_word, typed_word};
 use super::letters::LetterFlags;
-use super::{Args, Output, Report, Result, SceneFlags, json, numbers, set_word, typed_word};
+use super::names::numbers;
+use super::outcome::Report;
+use super::output::Output;
+use crate::error::Result;
 use crate::plan::Plan;
 use crate::report::{bound_map, coverage_map};
 use crate::scene::Scene;
 use crate::sensors::{Coverage, coverage};
 use crate::shoot::Shoot;
 use crate::sim::{bounds, one_more_anchor, writing_sigma_m};
+use clap::Args;
+use serde_json::json;
 
 /// Margin around the word, and the region where there is no word.
 const MARGIN_M: f64 = 0.5;

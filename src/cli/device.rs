@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::{Error, Result, message};
+use super::terminal::message;
+use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 

@@ -2,13 +2,18 @@
 
 use std::path::Path;
 
+use super::flags::warn_of;
+use super::outcome::{Report, shell_word};
+use super::output::OutputFolder;
 use super::studies::{counter, shortened};
-use super::{OutputFolder, Report, Result, json, shell_word, warn, warn_of};
+use super::terminal::warn;
+use crate::error::Result;
 use crate::logs::{ImportOptions, logs_in};
 use crate::report::evening_page;
 use crate::scene::Scene;
 use crate::studies::{Conditions, Evening, MeanDrone};
 use crate::vehicle::VehicleOptions;
+use serde_json::json;
 
 pub(super) fn run(
     folder: &Path,

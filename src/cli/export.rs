@@ -4,18 +4,23 @@ use std::cell::Cell;
 use std::path::PathBuf;
 
 use super::advice::mentioned;
-use super::{
-    Args, Error, Output, OutputFolder, ProfileFlags, Report, Result, SubjectFlags, findings, json,
-    named, warn,
-};
+use super::findings;
+use super::flags::{ProfileFlags, SubjectFlags};
+use super::names::named;
+use super::outcome::Report;
+use super::output::{Output, OutputFolder};
+use super::terminal::warn;
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::error::{Error, Result};
 use crate::export::{Form, Format, Length, Mode, check_memory, end_heights_m, stem};
 use crate::plan::Plan;
 use crate::preflight::{
     CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, make_exportable,
 };
 use crate::shoot::Shoot;
+use clap::Args;
 use noctograph_core::crazyflie::Release;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {

@@ -4,11 +4,18 @@ use std::path::PathBuf;
 
 use super::advice::mentioned;
 use super::device::tried;
-use super::{
-    Args, FlightFlags, Output, PictureFlags, Report, Result, SceneFlags, SeedFlag, message, named,
-    show, warn, watch,
-};
+use super::flags::{SceneFlags, SeedFlag};
+use super::flight_flags::FlightFlags;
+use super::names::named;
+use super::outcome::Report;
+use super::output::Output;
+use super::picture::PictureFlags;
+use super::progress::watch;
+use super::show;
+use super::terminal::{message, warn};
+use crate::error::Result;
 use crate::shoot::{Format, Judging, Shoot};
+use clap::Args;
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {

@@ -1,7 +1,7 @@
 //! Findings of a check in words.
 
 use super::advice::mentioned;
-use super::wrapped;
+use super::printer::wrapped;
 use crate::diagnostic::Diagnostic;
 
 /// The table of findings with advice.

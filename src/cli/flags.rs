@@ -3,13 +3,17 @@
 use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
+use super::names::names;
+use super::outcome::shell_word;
 use super::output::{drone_number, is_csv};
-use super::{Args, Error, Result, message, names, shell_word, warn};
+use super::terminal::{message, warn};
+use crate::error::{Error, Result};
 use crate::plan::{Plan, Style};
 use crate::preflight::{Profile, fit_within, frame_within, hang_stations};
 use crate::scene::{CarriedScene, NamedScene, Scene};
 use crate::sensors::read_lighthouse_config;
 use crate::shoot::{DesignCheck, Shoot};
+use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
 /// Plans that fly together: one has some 6 MB an hour.

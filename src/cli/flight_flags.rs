@@ -2,14 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Args, Result, message, named, set_word, shell_word, warn_of};
+use super::flags::{set_word, warn_of};
+use super::names::named;
+use super::outcome::shell_word;
+use super::terminal::message;
 use crate::diagnostic::Warned;
+use crate::error::Result;
 use crate::flight::Flight;
 use crate::logs::{
     self, AngleUnit, Axes, Damaged, ImportOptions, OnClock, PositionSource, TimeUnit,
 };
 use crate::scene::Scene;
 use crate::shoot::{Recording, Shoot};
+use clap::Args;
 use noctograph_core::files::Limit;
 
 /// Flights, logs and light traces that are read together: sixteen drones for six minutes.

@@ -2,13 +2,19 @@
 
 use std::path::PathBuf;
 
-use super::{
-    Args, FLIGHTS, FlightFlags, Outputs, Report, Result, SceneFlags, SeedFlag, json, read_plans,
-    show, warn, warn_of, watch,
-};
+use super::flags::{SceneFlags, SeedFlag, read_plans, warn_of};
+use super::flight_flags::{FLIGHTS, FlightFlags};
+use super::outcome::Report;
+use super::output::Outputs;
+use super::progress::watch;
+use super::show;
+use super::terminal::warn;
+use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::{Plan, Replay, replay};
 use crate::shoot::Shoot;
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct FlyArgs {

@@ -2,10 +2,15 @@
 
 use nalgebra::{Complex, DMatrix};
 
-use super::{Args, Report, Result, SceneFlags, Value, json, warn};
+use super::flags::SceneFlags;
+use super::outcome::Report;
+use super::terminal::warn;
 use crate::control::Margins;
+use crate::error::Result;
 use crate::sim::gain_design::{Design, INPUTS, MOTOR_LAG_S, STATES, design};
 use crate::sim::{EstimatorKind, Law, SimOptions};
+use clap::Args;
+use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct GainsArgs {

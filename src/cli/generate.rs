@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, Command, Subcommand};
 use clap_complete::Shell;
 
-use super::{Output, OutputFolder, Report, Result, json};
+use super::outcome::Report;
+use super::output::{Output, OutputFolder};
+use crate::error::Result;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct GenerateArgs {

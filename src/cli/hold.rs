@@ -2,15 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{
-    Args, OutputFolder, Progress, Report, Result, SceneFlags, SeedFlag, Value, json, named, names,
-};
+use super::flags::{SceneFlags, SeedFlag};
+use super::names::{named, names};
+use super::outcome::Report;
+use super::output::OutputFolder;
+use super::progress::Progress;
+use crate::error::Result;
 use crate::report::{Page, hold_figure};
 use crate::scene::Preset;
 use crate::studies::{
     CONSISTENT, DURATION_S, HoldFigures, HoldModel, HoldScenario, HoldVerdict, STATE_NAMES, hold,
     hold_figures,
 };
+use clap::Args;
+use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct HoldArgs {

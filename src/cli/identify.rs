@@ -2,9 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Args, Error, FlightFlags, Report, Result, SceneFlags, json, warn};
+use super::flags::SceneFlags;
+use super::flight_flags::FlightFlags;
+use super::outcome::Report;
+use super::terminal::warn;
+use crate::error::{Error, Result};
 use crate::identify::{Identified, MODEL_STATES, identify, pendulum_inertia_kg_m2};
 use crate::vehicle::VehicleOptions;
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct IdentifyArgs {

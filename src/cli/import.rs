@@ -3,14 +3,20 @@
 
 use std::path::{Path, PathBuf};
 
+use super::evening;
+use super::flags::{SceneFlags, set_word};
+use super::flight_flags::FlightFlags;
 use super::flight_flags::infer_lights_if_dark;
+use super::outcome::Report;
+use super::output::Outputs;
 use super::show::flight_report;
-use super::{
-    Args, Error, FlightFlags, Outputs, Report, Result, SceneFlags, evening, json, set_word, warn,
-};
+use super::terminal::warn;
+use crate::error::{Error, Result};
 use crate::flight::airborne;
 use crate::logs::{OnClock, is_one_log};
 use crate::scene::CarriedScene;
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ImportArgs {

@@ -2,9 +2,11 @@
 
 use std::fmt::Display;
 
-use super::{Args, Corners, Setting};
+use super::flags::Setting;
+use super::names::Corners;
 use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::{letters_within, parse_room};
+use clap::Args;
 
 /// The word as it is drawn.
 #[derive(Debug, Args)]

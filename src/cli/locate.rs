@@ -5,10 +5,14 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use nalgebra::Vector3;
 
+use super::flags::{SceneFlags, warn_of};
+use super::flight_flags::FlightFlags;
 use super::locate_region::region;
-use super::{
-    Error, FlightFlags, OutputFolder, Report, Result, SceneFlags, json, numbers, warn, warn_of,
-};
+use super::names::numbers;
+use super::outcome::Report;
+use super::output::OutputFolder;
+use super::terminal::warn;
+use crate::error::{Error, Result};
 use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightData, FlightSample, Quantity, warning::UNLOGGED};
 use crate::locate::{
@@ -23,6 +27,7 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::files::Limit;
 use noctograph_core::input_error;
 use noctograph_core::statistics::median;
+use serde_json::json;
 
 /// Logs, or references, that are read together.
 const LOGS: Limit = Limit {

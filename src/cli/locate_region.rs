@@ -3,10 +3,12 @@
 
 use nalgebra::Vector3;
 
-use super::{Error, Report, Result, json};
+use super::outcome::Report;
+use crate::error::{Error, Result};
 use crate::locate::{Outputs, SharedAnchorObserver, observability, share_left, shared_anchor};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
+use serde_json::json;
 
 /// Start errors, gains and times of the map.
 const ERRORS_M: [f64; 5] = [0.25, 0.5, 1.0, 2.0, 4.0];

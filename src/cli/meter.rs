@@ -3,10 +3,16 @@
 use std::path::PathBuf;
 
 use super::advice::mentioned;
-use super::{
-    Args, FlightFlags, PictureFlags, Report, Result, SubjectFlags, Value, json, warn, watch,
-};
+use super::flags::SubjectFlags;
+use super::flight_flags::FlightFlags;
+use super::outcome::Report;
+use super::picture::PictureFlags;
+use super::progress::watch;
+use super::terminal::warn;
+use crate::error::Result;
 use crate::expose::meter::{LampReading, floor_stops, meter};
+use clap::Args;
+use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct MeterArgs {

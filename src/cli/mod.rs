@@ -10,24 +10,13 @@ use std::num::NonZero;
 use std::sync::LazyLock;
 
 use clap::error::{ContextKind, ContextValue};
-use clap::{Args, Command, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
 use noctograph_core::digest::sha256;
-// Common imports of the verbs.
-use flags::{
-    DesignFlags, ProfileFlags, SceneFlags, SeedFlag, SetFlag, Setting, SubjectFlags, find_scene,
-    frame, read_plans, set_word, typed_word, warn_of, warn_of_fewer_drones, warn_of_unused_keys,
-};
-use flight_flags::{FLIGHTS, FlightFlags};
-use names::{Corners, named, names, numbers};
-use outcome::{shell_word, typed_command};
-use output::{Output, OutputFolder, Outputs, is_svg};
-use picture::{CameraFlags, PictureFlags, StandFlag};
-use printer::{line, print, table, wrapped};
-use progress::{Progress, watch};
+use terminal::{escaped, message, print_out, printable, quietly, take_warnings, warn};
 
 mod advice;
 mod check;
@@ -70,6 +59,7 @@ mod show;
 mod spread;
 mod started;
 mod studies;
+mod terminal;
 mod tune;
 mod typefaces;
 
@@ -398,83 +388,29 @@ fn no_thread(error: impl std::fmt::Display) -> Error {
     Error::infeasible(format!("no thread can be started: {error}"), hint)
 }
 
-/// Prints a result on stdout. A reader that went away, such as `head`, is no error.
-fn print_out(text: &str) -> Result<()> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Error::write("standard output".as_ref(), source))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Text with its control characters as escapes.
-fn printable(text: &str) -> String {
-    escaped(text, |code| format!("\\u{{{code:x}}}"))
-}
-
-/// Text with the codes of its control characters, those that turn the direction of writing among
-/// them, as escapes: names from foreign files must not steer a terminal. Line ends and tabs stay.
-fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
-    let steers = |c: char| {
-        (c.is_control() && c != '\n' && c != '\t')
-            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-    };
-    text.chars().map(|c| if steers(c) { escape(c.into()) } else { c.to_string() }).collect()
-}
-
-/// Head of a warning.
-const WARNING: &str = "warning: ";
-
-thread_local! {
-    /// Warnings of the running verb.
-    static WARNED: std::cell::RefCell<Vec<String>> = const { std::cell::RefCell::new(Vec::new()) };
-    /// Whether they are in its object alone, for a caller that shows them.
-    static IS_QUIET: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
-}
-
 /// Runs a verb for a caller that shows its warnings and notes. Of one that fails they are printed.
 fn run_quietly(verb: &Verb) -> Result<Report> {
-    IS_QUIET.set(true);
-    let report = run_warned(verb, true);
-    IS_QUIET.set(false);
-    warn(WARNED.take());
+    let report = quietly(|| run_warned(verb, true));
+    warn(take_warnings());
     report
 }
 
 /// Runs a verb. The warnings that it prints are in its object, too, for programs.
 fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
-    WARNED.take();
+    take_warnings();
     let mut report = run(verb)?;
     if let Some(photo) = report.photo.take().filter(|_| for_programs) {
         report.value("photo_sha256", sha256(&photo));
     }
-    let has_warned = WARNED.with_borrow(|warned| !warned.is_empty());
-    if let Some(object) = report.json.as_object_mut().filter(|_| has_warned)
+    let mut warned = take_warnings();
+    if let Some(object) = report.json.as_object_mut().filter(|_| !warned.is_empty())
         && let Some(said) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()
     {
-        let mut warned = WARNED.take();
         // Those of a file are there without its name.
         warned.retain(|text| !said.iter().filter_map(Value::as_str).any(|s| text.ends_with(s)));
         said.extend(warned.into_iter().map(Value::from));
     }
     Ok(report)
-}
-
-/// Prints a message on stderr within 80 columns. A failure to do so cannot be reported anywhere.
-fn message(head: &str, text: &str) {
-    if head == WARNING || IS_QUIET.get() {
-        WARNED.with_borrow_mut(|warned| warned.push(text.to_owned()));
-    }
-    if IS_QUIET.get() {
-        return;
-    }
-    let _ = std::io::stderr().write_all(wrapped(head, &printable(text)).as_bytes());
-}
-
-fn warn(warnings: impl IntoIterator<Item: ToString>) {
-    warnings.into_iter().for_each(|warning| message(WARNING, &warning.to_string()));
 }
 
 #[cfg(test)]

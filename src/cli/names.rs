@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
-use super::Error;
+use crate::error::Error;
 use noctograph_core::settings::{Described, Shape};
 
 /// A parser of a choice: lists its names in the help and suggests the nearest for a wrong one.

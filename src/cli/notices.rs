@@ -2,7 +2,9 @@
 
 use clap::Args;
 
-use super::{Report, Result, json};
+use super::outcome::Report;
+use crate::error::Result;
+use serde_json::json;
 
 /// Made from the lock by `tests/notices --write`.
 const NOTICES: &str = include_str!("notices.txt");

@@ -4,9 +4,10 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use serde::Serialize;
 
+use super::printer::{line, print};
 use super::started::words;
-use super::{Value, line, print};
 use noctograph_core::files::{STANDARD_OUTPUT, file_name};
+use serde_json::Value;
 
 /// Result of a verb: its product as an object, and printed for people.
 #[derive(Debug)]

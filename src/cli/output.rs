@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use super::{Error, Result};
+use crate::error::{Error, Result};
 use crate::scene::{CarriedScene, Scene, SceneFiles};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 use noctograph_core::files::{WholeFile, ending, file_name, files_in};

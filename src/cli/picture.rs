@@ -2,11 +2,15 @@
 
 use std::path::PathBuf;
 
-use super::{Args, Result, find_scene, named, numbers, warn};
+use super::flags::find_scene;
+use super::names::{named, numbers};
+use super::terminal::warn;
 use crate::camera::{FixedPose, Framing};
+use crate::error::Result;
 use crate::expose::BackendChoice;
 use crate::photo::{Noise, taken_as};
 use crate::scene::{Preset, Scene};
+use clap::Args;
 
 /// The camera.
 #[derive(Debug, Args)]

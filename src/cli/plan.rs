@@ -2,16 +2,21 @@
 
 use std::path::PathBuf;
 
-use super::{
-    Args, DesignFlags, FlightFlags, Output, Outputs, Report, Result, Value, frame, is_svg, json,
-    set_word, show, typed_word, warn, warn_of_fewer_drones,
-};
+use super::flags::{DesignFlags, frame, set_word, typed_word, warn_of_fewer_drones};
+use super::flight_flags::FlightFlags;
+use super::outcome::Report;
+use super::output::{Output, Outputs, is_svg};
+use super::show;
+use super::terminal::warn;
+use crate::error::Result;
 use crate::flight::Flight;
 use crate::plan::Plan;
 use crate::report::plan_view;
 use crate::shoot::{Planned, Shoot};
 use crate::tracking::{Part, track};
+use clap::Args;
 use noctograph_core::files::file_name;
+use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct PlanArgs {

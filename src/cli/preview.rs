@@ -5,19 +5,27 @@ use std::path::{Path, PathBuf};
 use super::advice::{mentioned, typed};
 use super::device::tried;
 use super::export::warn_of_trailing;
+use super::flags::{ProfileFlags, SubjectFlags};
+use super::names::named;
+use super::outcome::{Report, typed_command};
+use super::output::OutputFolder;
 use super::output::{forget_scene, is_csv, leftovers, write_scene};
+use super::picture::PictureFlags;
+use super::printer::{line, table, wrapped};
+use super::progress::watch;
 use super::spread::SpreadFlags;
-use super::{
-    Args, OutputFolder, PictureFlags, ProfileFlags, Report, Result, SubjectFlags, Value, findings,
-    json, line, named, show, table, typed_command, warn, watch, wrapped,
-};
+use super::terminal::warn;
+use super::{findings, show};
 use crate::diagnostic::Diagnostic;
+use crate::error::Result;
 use crate::export::{Form, Length};
 use crate::preflight::{CAMERA_PLACE, ShotPlan};
 use crate::report::{ShotNotes, shot_page};
 use crate::score::Verdict;
 use crate::shoot::{Format, Shoot, Shot};
 use crate::studies::{Remedy, remedies_for};
+use clap::Args;
+use serde_json::{Value, json};
 
 /// The page of `--report`.
 const REPORT: &str = "report.html";

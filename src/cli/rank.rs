@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
+use super::outcome::Report;
 use super::studies::{
     GRADED, RANKING, StudyFlags, counter, open_results, open_store, ranking_report, write_ranking,
 };
-use super::{Args, Report, Result, json, message, warn};
+use super::terminal::{message, warn};
+use crate::error::Result;
 use crate::photo::encode_png;
 use crate::report::acuity_sheet;
 use crate::scene::{NamedScene, SceneTask};
@@ -14,6 +16,8 @@ use crate::studies::{
     Conditions, Record, Shard, Study, Trial, Unranked, acuity, evaluate, fly_ladder, least_flights,
     rank, shards, submissions,
 };
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Every flight is added to OUTPUT/flights.jsonl at once. An interrupted \

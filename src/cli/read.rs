@@ -2,10 +2,16 @@
 
 use std::path::PathBuf;
 
-use super::{Args, CameraFlags, Corners, Report, Result, json, message};
+use super::names::Corners;
+use super::outcome::Report;
+use super::picture::CameraFlags;
+use super::terminal::message;
 use crate::camera::Framing;
+use crate::error::Result;
 use crate::photo::{self, Photo};
 use crate::score::{Reading, View, has_bright_rim, quarter_turned, read_any_way_up};
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct ReadArgs {

@@ -2,13 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
+use super::outcome::Report;
+use super::output::Output;
 use super::show::sentence;
-use super::{Args, Error, Output, Report, Result, Value, json};
+use crate::error::{Error, Result};
 use crate::photo;
 use crate::report::Page;
 use crate::report::photos::shrink;
 use crate::scene::Scene;
+use clap::Args;
 use noctograph_core::files::{Limit, Text, ending, entries_in, file_name as name, files_in};
+use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 #[command(after_help = "The folders of rank, tune, hold, locate and preview. \

@@ -2,8 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::flags::{DesignFlags, SeedFlag, typed_word};
+use super::outcome::Report;
+use super::output::Output;
 use super::output::keep_copies;
-use super::{Args, DesignFlags, Output, Report, Result, SeedFlag, json, typed_word};
+use crate::error::Result;
+use clap::Args;
+use serde_json::json;
 
 #[derive(Debug, Args)]
 pub(super) struct SceneArgs {

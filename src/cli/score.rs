@@ -2,12 +2,17 @@
 
 use std::path::PathBuf;
 
+use super::flags::{SceneFlags, set_word, typed_word};
 use super::flight_flags::infer_lights_if_dark;
+use super::flight_flags::{FLIGHTS, FlightFlags};
+use super::names::Corners;
+use super::outcome::{Report, shell_word};
+use super::output::{Output, is_svg};
+use super::picture::CameraFlags;
 use super::read::read_upright;
-use super::{
-    Args, CameraFlags, Corners, Error, FLIGHTS, FlightFlags, Output, Report, Result, SceneFlags,
-    is_svg, message, set_word, shell_word, show, typed_word,
-};
+use super::show;
+use super::terminal::message;
+use crate::error::{Error, Result};
 use crate::flight::Flight;
 use crate::letters::Strokes;
 use crate::photo::{self, Photo};
@@ -17,6 +22,7 @@ use crate::report::{overlay_photo, overlay_svg};
 use crate::scene::{Scene, folder_of};
 use crate::score::{Homography, LogGap, Reader, Reading, View, find_word};
 use crate::shoot::{flight_sha256, known};
+use clap::Args;
 
 #[derive(Debug, Args)]
 pub(super) struct ScoreArgs {

@@ -8,14 +8,17 @@ use std::process::{Command, Stdio};
 use clap::Parser;
 use noctograph_serve::{Addresses, Program, ServerConfig, Suggestion, printed_code, work};
 
+use super::outcome::Report;
+use super::printer::line;
 use super::started::{program, words};
-use super::{
-    Args, CommandLine, Error, Report, Result, Value, Verb, json, line, message, print_out,
-    typefaces, warn,
-};
+use super::terminal::{message, print_out, warn};
+use super::{CommandLine, Verb, typefaces};
+use crate::error::{Error, Result};
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
 use crate::studies::remedies_for;
+use clap::Args;
+use serde_json::{Value, json};
 
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 #[derive(Debug, Args)]

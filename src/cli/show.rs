@@ -1,6 +1,7 @@
 //! Tables and JSON that several verbs share.
 
-use super::{Report, Value, json, print};
+use super::outcome::Report;
+use super::printer::print;
 use crate::camera::Camera;
 use crate::flight::table::on_grid;
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
@@ -9,6 +10,7 @@ use crate::report::{LEAST_SHARE, rivals};
 use crate::score::{Reason, Verdict};
 use crate::shoot::Shot;
 use crate::tracking::{Part, Tracking, track};
+use serde_json::{Value, json};
 
 /// The verdict: lines for the word, a row for each letter, advice.
 pub fn verdict_table(verdict: &Verdict) -> String {

@@ -1,12 +1,17 @@
 //! The spread of a preview: many flights under conditions, their photos and bands.
 
+use super::outcome::Report;
+use super::output::OutputFolder;
 use super::studies::counter;
-use super::{Args, OutputFolder, Report, Result, Value, json, warn};
+use super::terminal::warn;
+use crate::error::Result;
 use crate::photo;
 use crate::report::{spread_front, spread_over_time, spread_sheet};
 use crate::shoot::Shoot;
 use crate::studies::statistics::median;
 use crate::studies::{BAND_FRAC, Band, Conditions, LEAST_FLIGHTS, Spread, SpreadFlight, spread};
+use clap::Args;
+use serde_json::{Value, json};
 
 #[derive(Debug, Args)]
 pub(super) struct SpreadFlags {

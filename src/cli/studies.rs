@@ -6,18 +6,22 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use super::flags::{SetFlag, find_scene, warn_of_unused_keys};
+use super::outcome::Report;
+use super::output::OutputFolder;
+use super::progress::Progress;
 use super::show::LEAD_S;
-use super::{
-    Args, Error, OutputFolder, Progress, Report, Result, SetFlag, find_scene, json, message,
-    warn_of_unused_keys,
-};
+use super::terminal::message;
+use crate::error::{Error, Result};
 use crate::report::study_sheet;
 use crate::scene::{NamedScene, Scene};
 use crate::studies::{
     Conditions, Prepared, Ranking, Record, SpeedLimit, Store, Study, flights_csv, marks_csv,
     ranking_csv,
 };
+use clap::Args;
 use noctograph_core::files::{Limit, is_file_name};
+use serde_json::json;
 
 /// Words, seeds and conditions of a study.
 #[derive(Debug, Args)]

@@ -3,9 +3,12 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use super::outcome::Report;
 use super::outcome::without_folders;
+use super::progress::Progress;
 use super::studies::{StudyFlags, counter, open_results, open_store, ranking_report};
-use super::{Args, Error, Progress, Report, Result, json, warn};
+use super::terminal::warn;
+use crate::error::{Error, Result};
 use crate::letters::LetterOptions;
 use crate::report::pareto;
 use crate::scene::Scene;
@@ -13,6 +16,8 @@ use crate::shoot::Stop;
 use crate::studies::{
     Candidate, Knob, Ranking, Store, Study, TuneOptions, Tuned, candidates_csv, tune,
 };
+use clap::Args;
+use serde_json::json;
 
 /// Files that are written once the best scene is found.
 const FILES: [&str; 3] = ["scene.toml", "candidates.csv", "pareto.svg"];
