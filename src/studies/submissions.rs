@@ -151,7 +151,9 @@ mod tests {
         let lqr = "[controller]\nkind = \"lqr\"\n";
         let deep = "bo_12/more";
         std::fs::create_dir_all(folder.path().join(deep)).unwrap();
-        ["eve_13", "ida_14"].map(|it| std::fs::create_dir(folder.path().join(it)).unwrap());
+        for student in ["eve_13", "ida_14"] {
+            std::fs::create_dir(folder.path().join(student)).unwrap();
+        }
         let rows = ["BEN.TOML", "anna.toml", "bo_12/gains.toml"];
         let others =
             ["cy.toml.txt", "dora.zip", ".ed.toml", "eve_13/gains.py", "bo_12/more/x.toml"];
