@@ -105,7 +105,7 @@ fn scenes_with_long_names_keep_rows_of_their_own() {
     let output = noctograph(folder.path()).args(args).args(["--words", "I:2"]).output().unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     for end in ["long-name-1", "long-name-2"] {
-        assert_eq!(text.lines().filter(|line| line.contains(end)).count(), 3, "{end} in\n{text}");
+        assert_eq!(text.lines().filter(|line| line.contains(end)).count(), 4, "{end} in\n{text}");
     }
 }
 

@@ -57,10 +57,10 @@ CHEATS = {
     "calls.py": ("import socket\ndef controller(state, reference):\n    socket.socket()\n"
                  + ZERO, "failed: socket."),
     "kills.py": ("import os\nos.kill(os.getppid(), 9)\ndef controller(state, reference):\n" + ZERO, "failed: os.kill"),
-    "thread.py": ("import threading, time\nthreading.Thread(target=time.sleep, args=(60,), daemon=True).start()\n"
-                  "def controller(state, reference):\n" + ZERO, "failed: it flies with 2 threads and 0 processes more"),
+    "thread.py": ("import threading\ndef spin():\n    while True: pass\nthreading.Thread(target=spin, daemon=True).start()\n"
+                  "def controller(state, reference):\n" + ZERO, "failed: it flies with a thread that works"),
     "child.py": ("import ctypes\nlibc = ctypes.CDLL(None)\nif libc.fork() == 0:\n    libc.sleep(60)\n"
-                 "def controller(state, reference):\n" + ZERO, "failed: it flies with 0 threads and 2 processes more"),
+                 "def controller(state, reference):\n" + ZERO, "failed: it flies with 2 processes beside its own"),
     "starts.py": ("import _thread\ndef controller(state, reference):\n    _thread.start_new_thread(print, ())\n"
                   + ZERO, "failed: RuntimeError: can't start new thread, line 3"),
     "asks.py": ("import subprocess\nsubprocess.run(['id'])\ndef controller(state, reference):\n" + ZERO,
@@ -248,7 +248,7 @@ def test_what_the_system_forbids_is_out_of_reach(tmp_path):
     import ctypes, os
     libc = ctypes.CDLL(None)
     libc.open.argtypes = libc.umount2.argtypes = (ctypes.c_char_p, ctypes.c_int)
-    free = [libc.open(b"/tmp/noctograph-spy", 0o101) >= 0, libc.kill(os.getppid(), 0) == 0 and os.getppid() != 0,
+    free = [libc.open(b"/tmp/noctograph-spy", 0o101) >= 0, (libc.kill(os.getppid(), 9), os.getppid() != 1)[1],
             libc.open(b"%s", 0) >= 0, libc.open(b"%s", 0) >= 0, libc.umount2(b"/usr", 2) == 0]
     def controller(state, reference):
         raise RuntimeError(f"free {free}")

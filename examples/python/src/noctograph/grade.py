@@ -47,6 +47,8 @@ SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cac
 GUARD_S = 10.0
 #: Time between two looks whether all is to stop, and whether a submission is alone, s.
 STOPS_S = 0.1
+#: CPU time of other threads of a submission in flight, s: those of a package fall asleep within a millisecond.
+WORKS_S = 0.02
 #: Largest source of a controller, bytes.
 MOST_BYTES = 1 << 20
 
@@ -77,6 +79,7 @@ class _Process:
 
     def __init__(self, source: bytes, scene: Scene, n: int, limits: Limits, shown: Sequence[str], running: _Running) -> None:
         self.limits, self.waited_s, self.looks_s, self.flights, self.running = limits, 0.0, 0.0, 0, running
+        self.worked_s: float | None = None
         self.wire, theirs = socket.socketpair()
         self.folder = tempfile.TemporaryDirectory(prefix="noctograph-grade-")
         own = os.path.realpath(self.folder.name)
@@ -134,7 +137,8 @@ class _Process:
         return numbers
 
     def _is_alone(self) -> None:
-        """Refuses threads and processes beside the one of the submission: see `isolated.descend`."""
+        """Refuses processes beside the one of the submission, see `isolated.descend`, and threads beside its first
+        that work: those of packages wait, of this one too."""
 
         def children(pid: int) -> list[int]:
             with open(f"/proc/{pid}/task/{pid}/children") as file:
@@ -143,10 +147,14 @@ class _Process:
         with contextlib.suppress(OSError, IndexError):  # it has ended, or this system does not tell
             first = children(self.process.pid)
             found = children(first[0])
-            threads = len(os.listdir(f"/proc/{found[0]}/task"))
-            others = len(first) + len(found) + len(children(found[0])) - 2
-            if others or threads > 1:
-                raise Failed(f"it flies with {threads - 1} threads and {others} processes more, not alone")
+            if others := len(first) + len(found) + len(children(found[0])) - 2:
+                raise Failed(f"it flies with {others} processes beside its own")
+            threads = Path(f"/proc/{found[0]}/task").glob("[0-9]*/schedstat")
+            worked_s = sum(1e-9 * int(it.read_text().split()[0]) for it in threads if it.parent.name != str(found[0]))
+            if self.worked_s is None:
+                self.worked_s = worked_s
+            if worked_s > self.worked_s + WORKS_S:
+                raise Failed("it flies with a thread that works beside its own")
 
     def _send(self, message: bytes) -> None:
         self.wire.settimeout(self.limits.load_s)
