@@ -201,7 +201,10 @@ fn a_folder_is_read_with_the_files_that_it_was_written_with() {
     copy(parent, "other/plan-1.csv", "three/plan-3.csv");
     let before = text(&parent.join("three/scene.toml"));
     let said = refused(parent, &["plan", "OH", "--drones", "2", "-o", "three"]);
-    assert!(said.contains("three: found plan-3.csv, wanted no plan of more than 2 drones"), "{said}");
+    assert!(
+        said.contains("three: found plan-3.csv, wanted no plan of more than 2 drones"),
+        "{said}"
+    );
     assert_eq!(text(&parent.join("three/scene.toml")), before, "nothing is written");
     preview(parent, &["HI", "--drones", "2", "-o", "less"]);
     preview(parent, &["I", "-o", "less"]);

@@ -85,9 +85,11 @@ fn send(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     if flies == kind {
         return Ok(());
     }
-    let hint =
-        format!("no flight of controller.kind = {} is checked with others", controller.kind.name());
-    Err(Error::input("the mode", kind.name(), format!("{}, or trajectory", flies.name()), hint))
+    let (law, flies) = (controller.kind.name(), flies.name());
+    let hint = format!(
+        "under controller.kind = {law} flights are checked with {flies} setpoints or as a trajectory"
+    );
+    Err(Error::input("the mode", kind.name(), format!("{flies}, or trajectory"), hint))
 }
 
 impl CheckedExport {
