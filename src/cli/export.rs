@@ -28,8 +28,8 @@ pub(super) struct ExportArgs {
     /// polynomials]
     #[arg(long, value_name = "MM")]
     tolerance: Option<f64>,
-    /// Setpoints of the script for cflib, unless its own --mode is given [default: those that `check`
-    /// flies, full states for controllers that follow the design's motion]
+    /// Setpoints of the script for cflib, unless its own --mode is given [default: those that
+    /// `check` flies, full states for controllers that follow the design's motion]
     #[arg(long, value_name = "NAME", value_parser = named::<Mode>())]
     mode: Option<Mode>,
     #[command(flatten)]

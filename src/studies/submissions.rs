@@ -27,8 +27,8 @@ struct Handed {
 
 /// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
 /// learning platforms hand them out. A row has the name of its file, behind that of the student's
-/// folder; a name that two of them have is as much of the path as tells them apart. Every other entry
-/// of a folder is named.
+/// folder; a name that two of them have is as much of the path as tells them apart. Every other
+/// entry of a folder is named.
 ///
 /// # Errors
 ///

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use super::staging::{Former, Place, file_in, locked_soon};
+use super::staging::{Former, Place, file_in, folder, locked_soon};
 use crate::digest::{Digest, Digested};
 use crate::error::{Error, Result};
 use crate::input_error;
@@ -187,12 +187,6 @@ impl WholeFile {
         former.forget();
         Ok(named)
     }
-}
-
-/// The folder of a file.
-pub(super) fn folder(path: &Path) -> &Path {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-    parent.unwrap_or(Path::new("."))
 }
 
 impl Sink {

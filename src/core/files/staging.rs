@@ -11,8 +11,6 @@ use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile, TempDir, TempPath};
 
-use super::output::folder;
-
 const PREFIX: &str = ".noctograph-";
 const SUFFIX: &str = ".tmp";
 
@@ -178,6 +176,12 @@ impl Place {
             false => Self::Through(file),
         })
     }
+}
+
+/// The folder of a file.
+pub(super) fn folder(path: &Path) -> &Path {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
 }
 
 /// What stands in the places of files that belong together, until all of these have their names: it
