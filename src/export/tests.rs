@@ -11,6 +11,7 @@ use proptest::strategy::Strategy;
 use serde_json::{Value, json};
 
 use super::compressed::{Axis, Compressed, Piece};
+use super::lights::preparation;
 use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::{MAX_PIECES, Poly4d};
 use super::safety::{Battery, Checks, Platform};
@@ -18,7 +19,7 @@ use super::timeline::Timeline;
 use super::{File, Form, Format, Job, Length, Mode, deviation_m, export, flown};
 use noctograph_core::camera::CameraOptions;
 use noctograph_core::crazyflie::Release;
-use noctograph_core::lamps::LightOptions;
+use noctograph_core::lamps::{ColorLedLevels, LightOptions};
 use noctograph_letters::{LetterOptions, write};
 use noctograph_plan::{Plan, PlanData, PlanOptions, Setpoint, plan};
 use noctograph_sim::sensors::Positioning;
@@ -169,7 +170,7 @@ fn planned(word: &str, drone: u32) -> Plan {
     plan
 }
 
-/// The setpoints of a plan, each with its time, place and velocity, and the level of its headlights.
+/// A plan of setpoints, each with its time, place and velocity and the level of the headlights.
 fn lit(rows: &[(f64, [f64; 3], [f64; 3], f64)]) -> Plan {
     let setpoint =
         |&(time_s, place_m, velocity_m_s, _): &(f64, [f64; 3], [f64; 3], f64)| Setpoint {
@@ -371,6 +372,35 @@ fn several_drones_have_a_script_each_and_one_that_starts_them() {
         let stretch = Stretch::new(plan).unwrap();
         let end_s = data["end_s"].as_f64().unwrap();
         assert!((end_s - stretch.start_s() - stretch.duration_s()).abs() < 0.3, "{end_s}");
+    }
+}
+
+#[test]
+fn a_light_that_changes_between_two_steps_changes_then() {
+    let mut plan = planned("I", 0);
+    plan.edit(|plan| plan.setpoints.iter_mut().for_each(|setpoint| setpoint.time_s += 0.003));
+    let plans = [plan];
+    let flown = flown(Release::MODELED, &plans, Form::Compressed, 0.002, Length::OnBoard).unwrap();
+    let zero_s = Stretch::new(&plans[0]).unwrap().start_s() - 7.0;
+    let (lit, flown_lit) = (plans[0].lit(), flown[0].lit());
+    let on_s = plans[0].setpoints[lit.iter().position(|level| *level > 0.0).unwrap()].time_s;
+    let row = flown_lit.iter().position(|level| *level > 0.0).unwrap();
+    let flown_on_s = flown[0].setpoints[row].time_s + zero_s;
+    assert!((flown_on_s - on_s).abs() < 1e-6, "{flown_on_s} s instead of {on_s} s");
+}
+
+#[test]
+fn decks_that_a_plan_does_not_light_are_dark_and_the_color_led_is_corrected_as_the_scene_says() {
+    let headlights = lit(&[(0.0, [0.0; 3], [0.0; 3], 0.0)]);
+    let before = preparation(&headlights, &LightOptions::default()).unwrap();
+    let before: Vec<_> = before.iter().map(|(name, value)| (&**name, *value)).collect();
+    assert_eq!(before, [("led.bitmask", 128), ("ring.headlightEnable", 0), ("ring.effect", 0)]);
+    let lights = [("color-led".to_owned(), vec![0.0])].into();
+    let color = Plan::made(PlanData { lights, ..headlights.into_data() });
+    for (color_led_levels, value) in [(ColorLedLevels::Corrected, 1), (ColorLedLevels::Plain, 0)] {
+        let options = LightOptions { color_led_levels, ..LightOptions::default() };
+        let before = preparation(&color, &options).unwrap();
+        assert!(before.contains(&("colorLedBot.brightCorr".to_owned(), value)), "{before:?}");
     }
 }
 
