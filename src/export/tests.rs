@@ -378,15 +378,15 @@ fn several_drones_have_a_script_each_and_one_that_starts_them() {
 #[test]
 fn a_light_that_changes_between_two_steps_changes_then() {
     let mut plan = planned("I", 0);
-    let row = plan.lit().iter().position(|level| *level > 0.0).unwrap();
-    plan.edit(|plan| plan.setpoints[row].time_s += 0.003);
+    let dark = |plan: &Plan| plan.lit().iter().rposition(|level| *level > 0.0).unwrap() + 1;
+    let row = dark(&plan);
+    plan.edit(|plan| plan.setpoints[row].time_s += 0.0043);
     let plans = [plan];
     let flown = flown(Release::MODELED, &plans, Form::Compressed, 0.002, Length::OnBoard).unwrap();
     let zero_s = Stretch::new(&plans[0]).unwrap().start_s() - 7.0;
-    let on_s = plans[0].setpoints[row].time_s;
-    let row = flown[0].lit().iter().position(|level| *level > 0.0).unwrap();
-    let flown_on_s = flown[0].setpoints[row].time_s + zero_s;
-    assert!((flown_on_s - on_s).abs() < 1e-6, "{flown_on_s} s instead of {on_s} s");
+    let dark_s = plans[0].setpoints[row].time_s;
+    let flown_s = flown[0].setpoints[dark(&flown[0])].time_s + zero_s;
+    assert!((flown_s - dark_s).abs() < 1e-6, "{flown_s} s instead of {dark_s} s");
 }
 
 #[test]
