@@ -23,7 +23,7 @@ use noctograph_core::lamps::Channel;
 use noctograph_core::settings::settings;
 use noctograph_plan::Plan;
 use noctograph_sim::sensors::Positioning;
-use noctograph_sim::{ControllerKind, Law, SetpointKind};
+use noctograph_sim::{ControllerKind, Law};
 
 /// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the
 /// log's variables, and `@CFLIB@` in that of the oldest cflib.
@@ -47,15 +47,6 @@ settings! {
         "full-state" => FullState,
         /// The start of a compressed trajectory on board.
         "trajectory" => Trajectory,
-    }
-}
-
-impl From<SetpointKind> for Mode {
-    fn from(kind: SetpointKind) -> Self {
-        match kind {
-            SetpointKind::Position => Self::Position,
-            SetpointKind::FullState => Self::FullState,
-        }
     }
 }
 
@@ -113,15 +104,13 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
         trajectory.flight(&timeline, over_s)
     });
-    let mut refused: BTreeMap<_, _> =
-        job.refused.iter().map(|(mode, reason)| (mode.name(), reason.clone())).collect();
+    let mut refused = job.refused.to_vec();
     let bytes = match flight {
-        Ok(bytes) => bytes,
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
-        Err(error) => {
-            refused.insert(Mode::Trajectory.name(), error.to_string());
+        flight => flight.unwrap_or_else(|error| {
+            refused.push((Mode::Trajectory.name(), error.to_string()));
             Vec::new()
-        }
+        }),
     };
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
@@ -147,7 +136,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "corners_m": corners_m(job.plans),
         "uri": format!("radio://0/80/2M/E7E7E7E7{:02X}", if number.is_empty() { 0xE7 } else { drone + 1 }),
         "mode": job.mode.name(),
-        "refused": refused,
+        "refused": BTreeMap::from_iter(refused),
         "controller": firmware_controller(job.sim.controller.kind),
         "gains": gains::parameters(job.sim),
         "log": format!("{}_flight{number}.json", stem(job.word)),

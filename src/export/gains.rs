@@ -176,7 +176,10 @@ mod tests {
 
     #[test]
     fn mellingers_gains_ask_for_the_same_thrust_and_torques_as_lees() {
-        let sim = SimOptions::default();
+        let mut sim = SimOptions::default();
+        // A command of the firmware's asks for two of the scene's.
+        let command = 2.0;
+        sim.vehicle.motor_max = command * 65_535.0;
         fn by_name(parameters: Parameters) -> std::collections::BTreeMap<String, f64> {
             parameters.into_iter().collect()
         }
@@ -187,14 +190,14 @@ mod tests {
         // The torque of motors that get the command for an error of 0.1 rad, by their levers.
         let error = 2.0 * libm::sin(0.1);
         let roll = mellinger["ctrlMel.kR_xy"] * error;
-        let torque = 4.0 * (roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;
+        let torque = 4.0 * (command * roll / 2.0) * vehicle.k_f_n * vehicle.arm_m;
         let want = 0.5 * (lee["ctrlLee.KR_x"] + lee["ctrlLee.KR_y"]) * libm::sin(0.1);
         assert!((torque / want - 1.0).abs() < 1e-12, "{torque} N m instead of {want} N m");
-        let torque = 4.0 * mellinger["ctrlMel.kw_z"] * vehicle.k_m_n_m;
+        let torque = 4.0 * command * mellinger["ctrlMel.kw_z"] * vehicle.k_m_n_m;
         assert!((torque / lee["ctrlLee.Kw_z"] - 1.0).abs() < 1e-12, "{torque} N m s");
         // Of the size of the firmware's own 70 000, 20 000 and 132 000.
-        assert!((10_000.0..100_000.0).contains(&mellinger["ctrlMel.kR_xy"]));
-        assert!((120_000.0..140_000.0).contains(&mellinger["ctrlMel.massThrust"]));
+        assert!((10_000.0..100_000.0).contains(&(command * mellinger["ctrlMel.kR_xy"])));
+        assert!((120_000.0..140_000.0).contains(&(command * mellinger["ctrlMel.massThrust"])));
     }
 
     #[test]

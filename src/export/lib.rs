@@ -87,8 +87,8 @@ pub struct Job<'a> {
     pub tolerance_m: f64,
     /// What the script for cflib sends unless it is told otherwise.
     pub mode: Mode,
-    /// What else that script must not send, and why.
-    pub refused: &'a [(Mode, String)],
+    /// Names of other modes that it must not fly, and why.
+    pub refused: &'a [(&'static str, String)],
     /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
     /// The facts behind the checks of the flights.

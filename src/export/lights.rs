@@ -26,7 +26,7 @@ const BRIGHTNESS_CORRECTION: &str = "colorLedBot.brightCorr";
 /// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase,
 /// and on a slow clock. An entry between two ticks is never shown, and the end of the list leaves
 /// the LEDs as they are (`timeMemEffect`, `ledring12.c`).
-const LAST_UNITS: f64 = 2.0;
+const LAST_UNITS: u64 = 2;
 
 /// One light command.
 #[derive(Clone, Debug, PartialEq)]
@@ -219,7 +219,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
         // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
         let (until_s, least) = match commands.get(index + 1) {
             Some(next) => (next.time_s, 1),
-            None => (command.time_s + LAST_UNITS * RING_TIMING_S, 2),
+            None => (command.time_s, LAST_UNITS),
         };
         #[expect(clippy::cast_possible_truncation, reason = "an hour")]
         let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;

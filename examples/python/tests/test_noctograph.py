@@ -2,6 +2,7 @@
 
 import ast
 import concurrent.futures
+import hashlib
 import importlib.util
 import inspect
 import json
@@ -468,6 +469,17 @@ def test_a_search_tells_its_callback():
         nc.tune(scene, seeds=2, knobs=knobs, budget=10_000, callback=lambda n, best: 1 / 0)
     with pytest.raises(nc.InputError, match="mass"):
         nc.tune(scene, knobs=["mass=1..2"])
+
+
+def test_a_plan_and_its_scene_are_saved_as_one(tmp_path):
+    scene = nc.Scene("cf21", word="HI")
+    plan, path = nc.plan(scene)[0], tmp_path / "hi.csv"
+    plan.save(path, scene)
+    assert hashlib.sha256(path.read_bytes()).hexdigest() in (tmp_path / "hi.scene.toml").read_text()
+    assert nc.Scene(str(tmp_path / "hi.scene.toml")).to_toml() == scene.to_toml()
+    assert "fly" in json.loads(program("check", "hi.csv", "--json", cwd=tmp_path))
+    nc.plan(nc.Scene("cf21", word="I"))[0].save(path)
+    assert program("check", "hi.csv", "--json", cwd=tmp_path) == "", "another plan beside that scene"
 
 
 def test_commands_are_functions(shot, tmp_path):

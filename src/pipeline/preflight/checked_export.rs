@@ -69,11 +69,16 @@ pub fn make_exportable(
     if scene.trajectory_clock() != 1.0 {
         scene.plan.trajectory_clock.get_or_insert(1.0);
     }
-    let kind = SetpointKind::ALL.iter().find(|kind| mode == Some(Mode::from(**kind)));
+    let kind = SetpointKind::ALL.iter().find(|kind| mode == Some(mode_of(**kind)));
     if let Some(kind) = kind.filter(|_| format == Format::Cflib) {
         send(scene, *kind)?;
     }
-    Ok(mode.unwrap_or(scene.controller.sends().into()))
+    Ok(mode.unwrap_or(mode_of(scene.controller.sends())))
+}
+
+/// The mode in which the script sends setpoints of a kind.
+fn mode_of(kind: SetpointKind) -> Mode {
+    kind.name().parse().expect("setpoints have the names of modes")
 }
 
 /// Gives a scene the setpoints that a script sends, where its controller flies them.
@@ -86,9 +91,11 @@ fn send(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     if flies == kind {
         return Ok(());
     }
-    let hint =
-        format!("no flight of controller.kind = {} is checked with others", controller.kind.name());
-    Err(Error::input("the mode", kind.name(), format!("{}, or trajectory", flies.name()), hint))
+    let (law, flies) = (controller.kind.name(), flies.name());
+    let hint = format!(
+        "under controller.kind = {law} flights are checked with {flies} setpoints or as a trajectory"
+    );
+    Err(Error::input("the mode", kind.name(), format!("{flies}, or trajectory"), hint))
 }
 
 impl CheckedExport {
@@ -167,19 +174,19 @@ impl CheckedExport {
 
     /// Setpoints that the script must not be told to send, and why: those that its controller does
     /// not fly, and those that are not safe.
-    fn refused(&self) -> Vec<(Mode, String)> {
-        let others =
-            SetpointKind::ALL.iter().filter(|kind| Mode::from(**kind) != self.options.mode);
+    fn refused(&self) -> Vec<(&'static str, String)> {
         let reason = |kind: &SetpointKind| {
             let mut shoot = self.shoot.clone();
             if let Err(error) = send(&mut shoot.scene, *kind) {
                 return Some(error.hint().to_owned());
             }
-            let unsafe_because = "the flight is not safe with these setpoints: export it with them to \
-                                  see why";
-            (!self.may_fly(&shoot)).then(|| unsafe_because.to_owned())
+            let is_unsafe = mode_of(*kind) != self.options.mode && !self.may_fly(&shoot);
+            let reason =
+                "the flight is not safe with these setpoints: export it with them to see why";
+            is_unsafe.then(|| reason.to_owned())
         };
-        others.filter_map(|kind| Some(((*kind).into(), reason(kind)?))).collect()
+        let kinds = SetpointKind::ALL.iter();
+        kinds.filter_map(|kind| Some((kind.name(), reason(kind)?))).collect()
     }
 
     /// Whether nothing stops another flight of the plans, where that is asked for.
