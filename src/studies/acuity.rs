@@ -6,13 +6,13 @@
 //! [`Acuity`].
 //!
 //! Of words that read below a speed and not above, the mean of P(read) over the ladder is the share
-//! of rungs below it (Spearman, British Journal of Psychology 2, 1908; Kärber, Archiv für
-//! experimentelle Pathologie und Pharmakologie 162, 1931). So that mean and its interval are a
-//! speed and its interval, without a model of how P(read) falls. The ladder is a study whose words
-//! are its rungs, and two contenders are compared flight against flight, as [`rank`] does.
+//! of rungs below it (Spearman, British Journal of Psychology 2, 1908; Kärber 1931). So that mean
+//! and its interval are a speed and its interval, without a model of how P(read) falls. The ladder
+//! is a study whose words are its rungs, and two contenders are compared flight against flight, as
+//! [`rank`] does.
 //!
-//! The other axis, smaller letters, is bounded by the lamp, and tells a true state from an estimate
-//! with three times as many flights. Not done: limits beyond the ladder.
+//! The other axis, smaller letters, is bounded by the lamp: at 8 cm a true state and an estimate
+//! differ by 0.12 in P(read), at 2.5 m/s by 0.37. Not done: limits beyond the ladder.
 
 use serde::Serialize;
 

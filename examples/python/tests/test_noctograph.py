@@ -200,6 +200,35 @@ def test_controllers_in_python_fly_many_and_are_ranked():
         nc.fly_many(scene, 2, controller=lambda state, reference: [0, 0, 0, 0], vectorized=True, progress=False)
 
 
+def test_a_drone_that_stands_is_asked_about():
+    scene = nc.Scene(word="I")
+
+    def shares(state, reference):
+        return [0.6, 0.6, 0.6, 0.6]
+
+    with pytest.warns(UserWarning, match="never left the floor.*up to 0.6.*0 to 65535"):
+        (flight,) = nc.fly(scene, controller=shares)
+    assert "never left the floor" in flight.warnings[0]
+    with pytest.warns(UserWarning, match="2 of 2 flights never left the floor.*up to 0.6"):
+        nc.fly_many(scene, 2, controller=shares, progress=False)
+
+
+def test_the_acuity_of_a_controller_is_a_speed():
+    class Still:
+        def __call__(self, state, reference):
+            return [0, 0, 0, 0]
+
+    scene = nc.Scene("pid", set=SMALL)
+    with pytest.warns(UserWarning, match="never left the floor"):
+        contenders = {"pid": scene, "still": (scene, Still)}
+        ranked = nc.rank(contenders, ["I"], seeds=2, acuity=1, conditions="still", progress=False)
+    fast, still = ranked["acuity"]["limits"]
+    assert (fast["contender"], still["contender"], still["n_flights"]) == ("pid", "still", 8)
+    speeds = [limit["stroke_speed_m_s"]["value"] for limit in (fast, still)]
+    assert speeds[0] > speeds[1] and len(fast["rungs"]) == 8 and still["rungs"][0]["legibility"] < 0.1
+    assert "acuity_m_s" in ranked.files["ranking.csv"].decode()
+
+
 def test_a_flight_has_the_covariance_of_its_filter():
     scene = nc.Scene(word="I")
     (flight,), (plain,) = nc.fly(scene, covariance=True), nc.fly(scene)
