@@ -363,7 +363,7 @@ mod tests {
             assert_eq!(plain(text), want);
         }
         let [pasted, typed] = ["A\u{a0}B", "A B"].map(|text| write(text, &simplex()).unwrap());
-        assert_eq!(pasted.strokes, typed.strokes);
+        assert_eq!(pasted.glyphs, typed.glyphs);
         let nothing = write("\u{200b}\u{202e}", &simplex()).unwrap_err().to_string();
         assert!(nothing.contains("at least one letter"), "{nothing}");
     }
