@@ -2,7 +2,7 @@
 
 use kurbo::{Affine, BezPath, PathEl};
 
-use super::super::curves::{polylines, subpaths};
+use super::super::curves::{on_grid, polylines, subpaths};
 use super::super::outline::{self, Filled};
 use super::MAX_POINTS;
 use noctograph_core::files::Budget;
@@ -83,7 +83,9 @@ impl<'a> Scale<'a> {
     pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
         let Self { size, budget } = self;
         let most = if budget.spend_steps(1) { MAX_POINTS } else { 0 };
-        let mut contours = polylines(path, FLATNESS * size, most).unwrap_or_default();
+        let tolerance = FLATNESS * size;
+        let contours = polylines(path, tolerance, most).unwrap_or_default();
+        let mut contours = on_grid(contours, path, tolerance);
         contours.retain(|contour| contour.len() > 2);
         budget.spend_steps(POINT_STEPS * contours.iter().map(Vec::len).sum::<usize>());
         let bounds = bounds(contours.iter().flatten().copied());

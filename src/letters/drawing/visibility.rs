@@ -8,7 +8,7 @@
 
 use kurbo::{BezPath, Shape as _};
 
-use super::super::curves::polylines;
+use super::super::curves::{on_grid, polylines};
 use super::super::vector::{between, is_closed, legs};
 use super::MAX_POINTS;
 use super::layers::{Area, Color, Cut, FLATNESS, Layer, Painted, Scale};
@@ -225,7 +225,9 @@ impl<'a> Page<'a> {
     }
 
     fn lines(&self, path: &BezPath) -> Vec<Vec<[f64; 2]>> {
-        polylines(path, FLATNESS * self.scale.size, MAX_POINTS).unwrap_or_default()
+        let tolerance = FLATNESS * self.scale.size;
+        let lines = polylines(path, tolerance, MAX_POINTS).unwrap_or_default();
+        on_grid(lines, path, tolerance)
     }
 
     /// The visible parts of lines, and whether the lines are visible as a whole in one color.
