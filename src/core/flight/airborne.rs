@@ -71,7 +71,8 @@ pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
     pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
 }
 
-/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies.
+/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies, or
+/// neither motors, setpoints nor heights are logged.
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;
@@ -89,6 +90,8 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
         )
     } else if flight.has(Quantity::Design) {
         format!("setpoints reach {:.2} m; flight takes {FLYING_HEIGHT_M} m", most(|s| s.design_m.z))
+    } else if !flight.has(Quantity::Position) {
+        return None;
     } else {
         let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);
         format!("the height changes by {climb_m:.2} m; flight takes {FLYING_HEIGHT_M} m")
