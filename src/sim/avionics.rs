@@ -255,6 +255,12 @@ impl Avionics {
         let writes = plan.setpoints[self.setpoint].letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
         let Some(fault) = lost(&plant.body(), &self.estimate) else { return Ok(()) };
+        if plant.warnings().contains(&Warning::BatteryEmpty) {
+            return Err(Error::Infeasible {
+                what: format!("the battery is empty, and the drone {fault} after {time_s:.3} s"),
+                hint: EMPTY.into(),
+            });
+        }
         Err(Error::Infeasible {
             what: format!("the drone {fault} after {time_s:.3} s"),
             hint: format!(
@@ -374,6 +380,10 @@ fn tuned_by((controller, estimator): (ControllerKind, EstimatorKind)) -> String 
     };
     format!("{}{estimator}", controller.keys())
 }
+
+/// Advice for a drone that is lost with an empty battery.
+pub(super) const EMPTY: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
+                                hovering; or a larger vehicle.battery";
 
 /// How a drone, or the belief of its estimator, is lost.
 fn lost(body: &RigidBody, estimate: &State) -> Option<&'static str> {

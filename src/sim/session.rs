@@ -1,6 +1,6 @@
 //! A flight whose controller is outside the program.
 
-use super::avionics::Avionics;
+use super::avionics::{Avionics, EMPTY};
 use super::controller::Reference;
 use super::fly::{Rig, rigs};
 use super::options::Drone;
@@ -104,7 +104,7 @@ impl Session {
         }
         self.rig.avionics.command(motors);
         self.conclude().and_then(|()| self.run()).map_err(|error| match error {
-            Error::Infeasible { what, .. } => {
+            Error::Infeasible { what, hint } if hint != EMPTY => {
                 let hint = "check your controller's signs, units and gains".into();
                 Error::Infeasible { what, hint }
             }
