@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::letters::LetterFlags;
-use super::names::names;
+use super::names::{Setting, names};
 use super::outcome::shell_word;
 use super::output::{drone_number, is_csv};
 use super::terminal::{message, warn};
@@ -22,9 +22,6 @@ const PLANS: Limit = Limit {
     what: "plans",
     hint: "plan with longer plan.setpoint_interval_s, or name fewer plans",
 };
-
-/// A key of the scene with its new value.
-pub(super) type Setting = (String, String);
 
 fn setting(text: &str) -> std::result::Result<Setting, String> {
     let (key, value) = text.split_once('=').ok_or("wanted KEY=VALUE, such as camera.iso=200")?;

@@ -12,7 +12,7 @@ use super::output::Outputs;
 use super::show::flight_report;
 use super::terminal::warn;
 use crate::error::{Error, Result};
-use crate::flight::airborne;
+use crate::flight::{Quantity, airborne};
 use crate::logs::{OnClock, is_one_log};
 use crate::scene::CarriedScene;
 use clap::Args;
@@ -78,12 +78,20 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json, "gaps_s": &flight.gaps,
     });
-    let mut report = Report::with_layout(product, LAYOUT);
+    let has_height = [Quantity::Position, Quantity::Design, Quantity::Motors];
+    let air = match air_s {
+        Some([from_s, to_s]) => format!("in the air {from_s:.2} s to {to_s:.2} s"),
+        None if has_height.iter().any(|quantity| flight.has(*quantity)) => {
+            "never in the air".into()
+        }
+        None => "no height, setpoints or motors are logged".into(),
+    };
+    let mut report = Report::with_words(product, &json!({ "air": air }), LAYOUT);
     report.text += &figures.text;
     Ok(report.with_files(&files))
 }
 
 const LAYOUT: &str = "\
-samples   {samples}, {airborne_s?in the air :never in the air}[{airborne_s.0:.2} s to {airborne_s.1:.2} s]
+samples   {samples}, {air}
 firmware  {firmware}
 ";

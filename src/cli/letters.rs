@@ -2,8 +2,7 @@
 
 use std::fmt::Display;
 
-use super::flags::Setting;
-use super::names::Corners;
+use super::names::{Corners, Setting};
 use crate::light::{ColorLedLevels, color_led_wrgb};
 use crate::preflight::{letters_within, parse_room};
 use clap::Args;

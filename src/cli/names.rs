@@ -7,6 +7,9 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use crate::error::Error;
 use noctograph_core::settings::{Described, Shape};
 
+/// A key of the scene with its new value.
+pub(super) type Setting = (String, String);
+
 /// A parser of a choice: lists its names in the help and suggests the nearest for a wrong one.
 pub(super) fn named<T>() -> impl TypedValueParser<Value = T>
 where

@@ -9,7 +9,9 @@ use super::terminal::message;
 use crate::camera::Framing;
 use crate::error::Result;
 use crate::photo::{self, Photo};
-use crate::score::{Reading, View, has_bright_rim, quarter_turned, read_any_way_up};
+use crate::score::{
+    Reading, View, has_bright_rim, mirrored, quarter_turned, read_any_way_up, read_mirrored,
+};
 use clap::Args;
 use serde_json::json;
 
@@ -42,14 +44,27 @@ const LAYOUT: &str = "\
 ";
 
 /// A photo and its reading, turned until its writing, or the word that it should show, is the right
-/// way up.
+/// way up. Mirrored writing is named, and flipped where no word is given.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_rim(&photo) {
         message("note: ", "the photo's rim is bright: cut its border off, or invert dark writing");
     }
     let (reading, quarters) = read_any_way_up(&photo, word);
+    if !reading.smaller.is_empty() {
+        let text = reading.smaller.replace('\n', " ");
+        message("note: ", &format!("smaller writing is passed over: {text}"));
+    }
     if quarters == 0 {
-        return (photo, reading);
+        let mirrored_reading = read_mirrored(&photo, &reading, word);
+        let Some((flipped, turns)) = mirrored_reading else { return (photo, reading) };
+        let text = flipped.text.replace('\n', " ");
+        message("note: ", &format!("the writing is mirrored: flipped, it reads {text}"));
+        // A word is judged as the photo shows it.
+        return if word.is_empty() {
+            (quarter_turned(&mirrored(&photo), turns), flipped)
+        } else {
+            (photo, reading)
+        };
     }
     let way_up = ["on its side", "upside down", "on its side"][quarters - 1];
     let angle_deg = 90 * quarters;

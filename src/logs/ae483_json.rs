@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 use super::cfclient_csv::WRAP_S;
 use super::json_tree::{self, List, Node, is_indexed, joined};
-use super::recording::{Block, Clock, Column, Recording, shortened};
+use super::recording::{Block, Clock, Column, Recording};
 use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Budget, Text, simplified};
@@ -81,7 +81,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     };
     let Reader { mut log, skipped, in_seconds, .. } = reader;
     if !skipped.is_empty() {
-        log.warnings.push(format!("not read: {}", shortened(&skipped)));
+        log.warnings.push(format!("not read: {}", skipped.join(", ")));
     }
     resolve_units(&mut log, in_seconds, options.time_unit);
     for block in &mut log.blocks {

@@ -4,7 +4,6 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, RowRules, Sheet, SheetColumn, Text};
 
 use super::Job;
-use super::recording::shortened;
 use super::titles::meaning;
 
 const HINT: &str = "correct or cut the file; each line needs one number a column";
@@ -35,12 +34,12 @@ pub(super) fn read_rows(
     let texts: Vec<String> = sheet.columns.iter().filter_map(named_texts).collect();
     let is_no_quantity = |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
     if !texts.is_empty() && sheet.columns.iter().all(is_no_quantity) {
-        let actual = format_args!("texts in {}", shortened(&texts));
+        let actual = format_args!("texts in {}", texts.join(", "));
         let hint = "write each variable to a column of its own, below a head t,x,y,z";
         return Err(Error::input(file, actual, "a number in each cell", hint));
     }
     if !texts.is_empty() {
-        sheet.notes.push(format!("texts are not read: {}", shortened(&texts)));
+        sheet.notes.push(format!("texts are not read: {}", texts.join(", ")));
     }
     Ok((sheet, are_dated))
 }

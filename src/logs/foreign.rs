@@ -8,8 +8,13 @@ const BY_PLOTJUGGLER: &str = "open it in PlotJuggler, export the pose as CSV, an
 const BY_MAVLOGDUMP: &str = "convert it with `mavlogdump.py --types XKF1 --format csv FILE` (of \
                              pymavlink), name PN, PE and PD x, y and z, and import that";
 
+const BY_NAME: &str =
+    "write a table with the time, x, y and z of each state in columns, below a head t,x,y,z";
+const BY_POLYNOMIAL: &str = "it is a plan, not a flight: evaluate its pieces at 100 Hz, and write \
+                             t,x,y,z,yaw";
+
 /// What a file begins with, what it is, and what to do.
-const FORMATS: [(&[u8], &str, &str); 26] = [
+const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
     (b"FMT, 128,", "a DataFlash log of ArduPilot, as text", BY_MAVLOGDUMP),
@@ -35,6 +40,11 @@ const FORMATS: [(&[u8], &str, &str); 26] = [
     (b"% program", "a solution of RTKLIB", "write it in meters east, north and up as t,x,y,z"),
     (b"$G", "sentences of NMEA", "write it in meters east, north and up as t,x,y,z"),
     (b"%PDF", "a PDF file", "import the log itself"),
+    (b"pitch:", "the state of a Tello, as names and values", BY_NAME),
+    (b"mid:", "the state of a Tello, as names and values", BY_NAME),
+    (b"Duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
+    (b"duration,x^0", "a trajectory of polynomials (uav_trajectories)", BY_POLYNOMIAL),
+    (b"Frame #", "a printout of NatNet", BY_CAPTURE),
     (b"{\\rtf", "a text with layout", "save it as plain text, with a header t,x,y,z"),
 ];
 

@@ -126,12 +126,19 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let highest_m = heights[heights.len() - 1];
     let is_below = middle_m < -FLOOR_M;
     let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
-    // If the drone begins and ends low, and leaves and returns along y, y is up at any depth.
-    let is_low = [rows[0], rows[rows.len() - 1]].iter().all(|row| row[2].abs() < CLIMB_M);
-    let rises_along_y =
-        is_low && climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
+    // If the drone leaves and returns along y, y is up at any depth, unless it hovers along y at
+    // one height: that is above zero at both ends.
+    let is_low = [rows[0], rows[rows.len() - 1]].iter().any(|row| row[2].abs() < CLIMB_M);
+    let climbs_along_y =
+        climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
+    let is_level = highest_m - lowest_m < FLOOR_M;
+    let rises_along_y = climbs_along_y && (is_low || !is_level);
 
-    let unseen = "no axis shows a take-off or a landing straight along it";
+    let unseen = if climbs_along_y {
+        "it rises and ends straight along y, at one height z"
+    } else {
+        "no axis shows a take-off or a landing straight along it"
+    };
     if !(is_below || is_flat || rises_along_y) {
         return Ok(guess(unseen));
     }

@@ -7,7 +7,7 @@
 
 use half::f16;
 
-use super::recording::{Column, Recording, shortened};
+use super::recording::{Column, Recording};
 use noctograph_core::crazyflie::{Feature, Release};
 
 /// Largest distance of each neighbor from twice the sample, and of their mean, relative to it.
@@ -41,7 +41,7 @@ pub(super) fn restore(recording: &mut Recording) {
         }
     }
     if !restored.is_empty() {
-        let (last, list) = (Feature::HALF_PRECISION.last_without().name(), shortened(&restored));
+        let (last, list) = (Feature::HALF_PRECISION.last_without().name(), restored.join(", "));
         recording.warnings.push(format!(
             "samples that are half of both their neighbors are doubled, as values of half precision \
              (FP16) that lost a carry in firmware up to {last}: {list}"

@@ -67,6 +67,7 @@ mod recording;
 mod rows;
 mod sources;
 mod speed;
+mod subjects;
 #[cfg(test)]
 mod tests;
 mod titles;

@@ -78,7 +78,7 @@ fn nothing_known(recording: &Recording) -> Error {
         let notes = recording.warnings.iter().map(|note| format!("; {note}"));
         format!("no column with a sample{}", notes.collect::<String>())
     } else {
-        format!("columns {}", shortened(&names))
+        format!("columns {}", names.join(", "))
     };
     Error::input(
         Place::file(&recording.file),
@@ -260,7 +260,7 @@ fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
     let kept = extra.keys().filter_map(|name| name.strip_prefix("log."));
     let halves = kept.filter(|name| Quantity::TABLE.iter().any(|(.., names)| names.contains(name)));
     let halves: Vec<&str> = halves.collect();
-    let (first, names) = (halves.first()?, shortened(&halves));
+    let (first, names) = (halves.first()?, halves.join(", "));
     Some(format!("{names} without the other columns of the quantity: kept as log.{first}"))
 }
 

@@ -21,9 +21,9 @@
 use std::collections::BTreeMap;
 
 use super::mocap_csv::Capture;
-use super::recording::{Block, Column, Recording, shortened};
+use super::recording::{Block, Column, Recording};
 use super::titles::{ANGLES, Title, in_si_units};
-use super::{AngleUnit, Axes, Job, TimeUnit, cells, firmware, rows};
+use super::{AngleUnit, Axes, Job, TimeUnit, cells, firmware, rows, subjects};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{DEGREE, Head, Separator, SheetColumn, Text};
 use noctograph_core::flight::csv::is_standard_column;
@@ -55,15 +55,19 @@ pub(super) fn read(
     let mut unnamed = None;
     if head.titles.is_empty() {
         let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
-        let names: &[&str] = if is_tum { &TUM } else { &UNNAMED };
+        let message = message_of_ros(text, &head);
+        let names = message.unwrap_or(if is_tum { &TUM } else { &UNNAMED });
         let others = (names.len() + 1..=head.n_columns).map(|number| format!("column{number}"));
         head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
         head.titles.truncate(head.n_columns);
-        unnamed = Some(format!("no head: the columns are taken as {}", names.join(", ")));
+        let as_printed = message.map_or("", |_| ", as `ros2 topic echo --csv` prints a pose");
+        let names = names.join(", ");
+        unnamed = Some(format!("no head: the columns are taken as {names}{as_printed}"));
     }
     let (mut sheet, mut are_dated) = cells::read_rows(text, head, job, |title| {
         Title::parse(title).is_known || title.starts_with("ranging.")
-    })?;
+    })
+    .map_err(|error| because(error, unnamed.as_deref()))?;
     log.warnings.append(&mut sheet.notes);
     log.warnings.extend(unnamed);
     rows::check(&sheet, file)?;
@@ -83,7 +87,8 @@ pub(super) fn read(
         let is_dated = are_dated[column.number - 1];
         columns.add(column, is_dated)?;
     }
-    let Columns { mut log, time, named, unknown, .. } = columns;
+    let Columns { mut log, time, mut named, mut unknown, .. } = columns;
+    subjects::resolve(&mut log, &mut named, &mut unknown)?;
     log.is_stamped = time.is_some();
     let mut time_s = match (time, period_s) {
         (Some(_), Some(_)) if captured.is_none() => {
@@ -96,7 +101,23 @@ pub(super) fn read(
             let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
                           between two rows";
             let hint = "name the column of times t, or give the period of the rows";
-            let error = Error::input("times", titles.join(","), wanted, hint);
+            let is_title = |title: &String| {
+                !title.is_empty()
+                    && title.parse::<f64>().is_err()
+                    && !title.contains([':', '=', '[', '{'])
+            };
+            let n_titles = titles.iter().filter(|title| is_title(title)).count();
+            if 2 * n_titles <= titles.len() {
+                let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
+                let first = String::from_utf8_lossy(first.unwrap_or_default());
+                let first: String = first.trim().chars().take(48).collect();
+                let seen = format!("lines that are no table, such as {first:?}");
+                let hint = "write the time and the position of each sample to columns, below a \
+                            head t,x,y,z";
+                return Err(Error::input(file, seen, "a table with a column of times", hint));
+            }
+            let titles = format!("the columns {}", titles.join(", "));
+            let error = Error::input("times", titles, wanted, hint);
             return Err(error.coded("times-missing").in_file(file, 1));
         }
     };
@@ -105,7 +126,7 @@ pub(super) fn read(
             .push("several rows share a stamp: they are spread evenly up to the next".into());
     }
     if !unknown.is_empty() {
-        let names = shortened(&unknown);
+        let names = unknown.join(", ");
         log.warnings.push(format!("unknown columns are kept unchanged: {names}"));
     }
     let mut block = Block { name: "csv".into(), time_s, columns: named, ..Block::default() };
@@ -113,6 +134,34 @@ pub(super) fn read(
     resolve_angles(&mut block, options.angle_unit, &mut log.warnings);
     log.blocks = vec![block];
     Ok(log)
+}
+
+/// The names of the first columns of a message with a pose, as `ros2 topic echo --csv` prints it
+/// without a head: stamp and frame, a second frame of an odometry or a transform, and the pose.
+fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str]> {
+    const POSE: [&str; 10] = ["sec", "nanosec", "frame", "x", "y", "z", "qx", "qy", "qz", "qw"];
+    const ODOMETRY: [&str; 11] =
+        ["sec", "nanosec", "frame", "body", "x", "y", "z", "qx", "qy", "qz", "qw"];
+    let row = text.bytes.split(|byte| *byte == b'\n').nth(head.row)?;
+    let row = String::from_utf8_lossy(row);
+    let cells: Vec<&str> = row.trim_end().split(',').collect();
+    let are_numbers: Vec<bool> = cells.iter().map(|cell| cell.parse::<f64>().is_ok()).collect();
+    let names: &[&str] = match (&are_numbers[..], cells.len()) {
+        ([true, true, false, false, ..], 11..) => &ODOMETRY,
+        ([true, true, false, true, ..], 10..) => &POSE,
+        ([true, true, false, true, ..], 6) => &POSE[..6],
+        _ => return None,
+    };
+    let is_stamp = cells[..2].iter().all(|cell| cell.bytes().all(|byte| byte.is_ascii_digit()));
+    is_stamp.then_some(names)
+}
+
+/// An error with what was assumed of a table without a head.
+fn because(mut error: Error, assumed: Option<&str>) -> Error {
+    if let (Error::Input { hint, .. }, Some(assumed)) = (&mut error, assumed) {
+        *hint = format!("{assumed}; write a head above the rows if that is wrong");
+    }
+    error
 }
 
 /// Whether a header is that of PX4's `vehicle_local_position`, whose z points down.

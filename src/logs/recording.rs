@@ -172,7 +172,7 @@ impl Recording {
             });
             let empty: Vec<String> = empty.collect();
             if !empty.is_empty() {
-                let list = shortened(&empty);
+                let list = empty.join(", ");
                 self.warnings.push(format!("cells without a number are left out: {list}"));
             }
         }
@@ -191,7 +191,7 @@ fn is_number(value: f64) -> bool {
     value.abs() < 1e18
 }
 
-/// A list for a message: the first twelve names, then a count.
+/// A list for a message: the first twelve of what is no name of a column, then a count.
 pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
     let first: Vec<&str> = names.iter().take(12).map(AsRef::as_ref).collect();
     let more = names.len().saturating_sub(12);

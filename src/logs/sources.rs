@@ -315,9 +315,17 @@ impl Search<'_> {
             }
         }
         let mut angles = angles.or_else(|| {
-            let yaw = self.recording.channel("yaw_rad")?;
-            self.used.insert("yaw_rad".to_owned());
-            self.left_out.push(format!("{YAW_ALONE}: the drone counts as level"));
+            let (preferred, others): (Vec<_>, Vec<_>) =
+                ATTITUDE.iter().partition(|source| truth.contains(&source.0));
+            let (name, factor, mut yaw) =
+                preferred.into_iter().chain(others).find_map(|source| {
+                    let name = names(source.1).next()?;
+                    let yaw = self.recording.channel(&name)?;
+                    Some((name, source.2.first().copied().unwrap_or(1.0), yaw))
+                })?;
+            yaw.values.iter_mut().for_each(|value| *value *= factor);
+            self.left_out.push(format!("{YAW_ALONE} ({name}): the drone counts as level"));
+            self.used.insert(name);
             let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
             Some(vec![yaw, level.clone(), level])
         })?;

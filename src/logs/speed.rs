@@ -11,6 +11,14 @@ const STEP_M: f64 = 1e-3;
 /// Least size of a glitch, m: two stamps may be nearer to each other than their samples.
 const GLITCH_M: f64 = 0.2;
 
+/// Least acceleration of a single sample that leaves and returns, m/s²: more than any drone has.
+const SPIKE_M_S2: f64 = 40.0;
+
+/// Least distance of such a sample from its neighbors' middle, m, and their largest distance from
+/// each other, relative to it.
+const SPIKE_M: f64 = 0.1;
+const RETURN: f64 = 0.5;
+
 /// Least number of fast steps that are more than glitches, and their share of all moving steps.
 const FEWEST: usize = 3;
 const SHARE: f64 = 0.1;
@@ -33,6 +41,9 @@ pub(super) fn check(
             }
         }
     }
+    if fast.is_empty() {
+        return Ok(spikes(position));
+    }
     let Some((fastest_m_s, time_s, _)) = fast.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))
     else {
         return Ok(None);
@@ -49,6 +60,32 @@ pub(super) fn check(
                 rows of one drone alone; a drone that is as fast: raise the limit";
     Err(Error::input("max_speed_m_s", seen, "the position of one drone, in m and s", hint)
         .in_file(file, None))
+}
+
+/// A warning of single samples that leave the path and return at once.
+fn spikes(position: &[Channel]) -> Option<String> {
+    let (mut n, mut first_s, mut farthest_m) = (0, f64::INFINITY, 0.0_f64);
+    for channel in position {
+        let pairs = channel.time_s.windows(3).zip(channel.values.windows(3));
+        for (time_s, place_m) in pairs {
+            let aside_m = (place_m[1] - f64::midpoint(place_m[0], place_m[2])).abs();
+            let step_s = 0.5 * (time_s[2] - time_s[0]);
+            if aside_m > SPIKE_M
+                && (place_m[2] - place_m[0]).abs() < RETURN * aside_m
+                && 2.0 * aside_m > SPIKE_M_S2 * step_s * step_s
+            {
+                n += 1;
+                first_s = first_s.min(time_s[1] - channel.start_s());
+                farthest_m = farthest_m.max(aside_m);
+            }
+        }
+    }
+    (n > 0).then(|| {
+        format!(
+            "{n} single sample(s) of the position jump aside by up to {farthest_m:.2} m and return \
+             (first at {first_s:.2} s), faster than a drone can: glitches of the sensor or the log?"
+        )
+    })
 }
 
 #[cfg(test)]
@@ -72,5 +109,10 @@ mod tests {
         let glitch = climb(1.0).enumerate().map(|(i, z)| if i == 20 { z + 3.0 } else { z });
         let said = checked(0.02, glitch).unwrap().unwrap();
         assert!(said.contains("2 of 5"), "{said}");
+        let spike = climb(1.0).enumerate().map(|(i, z)| if i == 60 { z - 0.25 } else { z });
+        let said = checked(0.1, spike).unwrap().unwrap();
+        assert!(said.contains("1 single sample") && said.contains("at 6.00 s"), "{said}");
+        let turns = (0..100).map(|i| if i / 5 % 2 == 0 { 0.0 } else { 0.3 });
+        assert_eq!(checked(0.2, turns).unwrap(), None, "a place that is kept");
     }
 }

@@ -39,7 +39,7 @@ const NAMES: [(&str, &str, &str); 18] = [
 pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 
 /// The meaning of a title.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Title {
     /// Our name; an unknown title's is as it stands.
     pub(super) name: String,

@@ -34,11 +34,20 @@ const SLACK_H: f64 = 0.25;
 /// Share of its line's height from which the ink of a letter's own color is all of the letter.
 const OWN_BOX: f64 = 0.7;
 
+/// Least height of a letter with a level bar, in widths of its stroke.
+const BAR: f64 = 3.0;
+
 /// Most lines of a photo.
 const MAX_LINES: usize = 4;
 
 /// Largest ratio of the letters' heights of two lines.
 const MAX_RATIO: f64 = 1.8;
+
+/// Height from which a line is the writing, and a smaller one a credit, by the height of that.
+const LARGER: f64 = 3.0;
+
+/// Largest height of a line that is looked for beside a smaller one, by the photo's.
+const ROOM: f64 = 0.6;
 
 /// A line of writing. Lengths are pixels of the searched picture.
 pub(super) struct Line {
@@ -103,7 +112,8 @@ impl Search {
         let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
         let mut lines: Vec<Line> = Vec::new();
         while lines.len() < MAX_LINES {
-            let Some(line) = Line::from_mask(self.step, light, ink, &mask) else { break };
+            let line = Line::from_mask(self.step, light, ink, &mask, Band::OfMost);
+            let Some(line) = line else { break };
             mask[line.rows[0] * ink.width..line.rows[1] * ink.width].fill(false);
             if lines.first().is_some_and(|first| !line.has_height_of(first)) {
                 break;
@@ -115,6 +125,39 @@ impl Search {
     }
 }
 
+impl Search {
+    /// The line of all ink around the row with the most crossings: of a single letter, in which the
+    /// ragged edge of a level stroke crosses more than the letter does.
+    pub(super) fn of_any(&self, light: &[Arc<Raster>; 2], ink: &Arc<Raster>) -> Option<Line> {
+        let mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
+        Line::from_mask(self.step, light, ink, &mask, Band::OfAny)
+    }
+
+    /// Whether the photo has room for writing that is several times as high as some letters.
+    pub(super) fn has_room_for_larger(&self, than_px: f64) -> bool {
+        LARGER * than_px <= ROOM * self.light.height as f64
+    }
+
+    /// The line with the most crossings among those that are several times as high as some letters:
+    /// a credit or a date in the corner has more strokes than the writing that it stands by.
+    pub(super) fn larger(
+        &self,
+        light: &[Arc<Raster>; 2],
+        ink: &Arc<Raster>,
+        than_px: f64,
+    ) -> Option<Line> {
+        let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
+        for _ in 0..MAX_LINES {
+            let line = Line::from_mask(self.step, light, ink, &mask, Band::OfMost)?;
+            if line.letter_px >= LARGER * than_px {
+                return Some(line);
+            }
+            mask[line.rows[0] * ink.width..line.rows[1] * ink.width].fill(false);
+        }
+        None
+    }
+}
+
 impl Line {
     /// The line of writing in a mask of inked pixels: its rows, columns and stroke width. `None`
     /// where it would be no higher than its strokes are wide, as the ragged edge of a level stroke.
@@ -123,10 +166,14 @@ impl Line {
         light: &[Arc<Raster>; 2],
         ink: &Arc<Raster>,
         mask: &[bool],
+        by: Band,
     ) -> Option<Self> {
         let (width, height) = (ink.width, ink.height);
-        let [top, bottom] = band(mask, width)?;
+        let [top, bottom] = band(mask, width, by)?;
         let stroke_px = stroke_width(mask, width);
+        if by == Band::OfAny && ((bottom - top) as f64) < BAR * stroke_px {
+            return None;
+        }
         let mut inked = (0..width).filter(|x| (top..bottom).any(|y| mask[y * width + x]));
         let first = inked.next()?;
         let columns = [first, inked.next_back().unwrap_or(first) + 1];
@@ -236,8 +283,17 @@ impl Line {
     }
 }
 
+/// Rows that are the letters'.
+#[derive(Clone, Copy, PartialEq)]
+enum Band {
+    /// With a share of the most crossings of a row.
+    OfMost,
+    /// With any ink.
+    OfAny,
+}
+
 /// First and last row of the letters: around the row with the most crossings.
-fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
+fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     let crossings = mask.chunks_exact(width).map(|row| {
         u32::from(row[0]) + row.iter().zip(&row[1..]).map(|(a, b)| u32::from(!a & b)).sum::<u32>()
     });
@@ -250,7 +306,8 @@ fn band(mask: &[bool], width: usize) -> Option<[usize; 2]> {
     });
     let smooth: Vec<f64> = smooth.collect();
     let most = smooth.iter().copied().fold(0.0, f64::max);
-    let enough: Vec<bool> = smooth.iter().map(|mean| *mean >= MIN_CROSSINGS * most).collect();
+    let least = MIN_CROSSINGS * if by == Band::OfAny { most.min(1.0) } else { most };
+    let enough: Vec<bool> = smooth.iter().map(|mean| *mean >= least).collect();
     let middle = (0..rows.len()).find(|y| smooth[*y] >= most).filter(|_| most > 0.0)?;
     let top = (0..=middle).rev().take_while(|y| enough[*y]).last()?;
     let bottom = (middle..rows.len()).take_while(|y| enough[*y]).last()? + 1;
@@ -286,6 +343,9 @@ mod tests {
         }
         let light = Arc::new(Raster { width, height, values });
         let mask: Vec<bool> = light.values.iter().map(|value| *value > INK_LEVEL).collect();
-        assert!(Line::from_mask(1, &[light.clone(), light.clone()], &light, &mask).is_none());
+        for band in [Band::OfMost, Band::OfAny] {
+            let line = Line::from_mask(1, &[light.clone(), light.clone()], &light, &mask, band);
+            assert!(line.is_none());
+        }
     }
 }

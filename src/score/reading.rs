@@ -56,6 +56,9 @@ pub struct Reading {
     pub text: String,
     /// Letter by letter, from left to right and line by line.
     pub letters: Vec<ReadLetter>,
+    /// Much smaller writing beside it, such as a credit or a date, that is passed over.
+    #[serde(skip)]
+    pub smaller: String,
     /// What the lines show, one after another, each at the size at which it was read.
     #[serde(skip)]
     pub(super) columns: Columns,
@@ -137,16 +140,57 @@ pub fn read(photo: &Photo) -> Reading {
             (lines, known) = (read, inked);
         }
     }
+    if lines.iter().map(|line| line.letters.len()).sum::<usize>() <= 1
+        && let Some(letter) = read_letter(&search, &mut budget)
+        && worth(std::slice::from_ref(&letter)) > worth(&lines)
+    {
+        lines = vec![letter];
+    }
     if lines.len() > 1 {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
     }
-    let texts: Vec<&str> = lines.iter().map(|line| &line.text[..]).collect();
+    let small = known.iter().map(|line| line.letter_px).fold(0.0, f64::max);
+    let may_be_larger = !known.is_empty() && search.has_room_for_larger(small);
+    let larger = may_be_larger.then(|| read_larger(&search, small, &mut budget)).flatten();
+    let text =
+        |lines: &[ReadLine]| lines.iter().map(|line| &line.text[..]).collect::<Vec<_>>().join("\n");
+    let mut smaller = String::new();
+    if let Some(larger) = larger {
+        smaller = text(&lines);
+        lines = vec![larger];
+    }
     Reading {
-        text: texts.join("\n"),
+        text: text(&lines),
+        smaller,
         letters: lines.iter().flat_map(|line| line.letters.clone()).collect(),
         columns: Columns::joined(lines.into_iter().map(|line| line.columns)),
     }
+}
+
+/// The clearest single letter of all ink.
+fn read_letter(search: &line::Search, budget: &mut usize) -> Option<ReadLine> {
+    let exposed = [0.95, 0.6].into_iter().filter_map(|full_rank| search.exposed(full_rank));
+    let lines = exposed.flat_map(|light| [1, 0].map(|ink| search.of_any(&light, &light[ink])));
+    let read = lines.flatten().filter_map(|line| {
+        let sizes_px = sizes_px(&line, budget);
+        read_line(&line, sizes_px)
+    });
+    let single = read.filter(|line| line.letters.len() == 1);
+    single.reduce(|a, b| if b.ln_p > a.ln_p { b } else { a })
+}
+
+/// The clearest line of letters several times as high as some, if it is sure to be writing.
+fn read_larger(search: &line::Search, than_px: f64, budget: &mut usize) -> Option<ReadLine> {
+    let exposed = [0.95, 0.6].into_iter().filter_map(|full_rank| search.exposed(full_rank));
+    let larger =
+        exposed.flat_map(|light| [1, 0].map(|ink| search.larger(&light, &light[ink], than_px)));
+    let read = larger.flatten().filter_map(|line| {
+        let sizes_px = sizes_px(&line, budget);
+        read_line(&line, sizes_px)
+    });
+    let sure = read.filter(|line| line.letters.len() > 1 && line.ln_p > SURE);
+    sure.reduce(|a, b| if b.ln_p > a.ln_p { b } else { a })
 }
 
 /// Heights of capitals at which a line is read, as far as the columns that are left suffice.

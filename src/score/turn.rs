@@ -39,6 +39,36 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     best.unwrap_or((upright, 0))
 }
 
+/// The reading of a photo that is flipped from left to right, if its writing reads clearly only so,
+/// and not as it is, with the number of quarter turns after that: the writer faced the camera, or
+/// the camera flips its pictures. It reads more clearly than as it is, or as `word`.
+pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
+    let is_clear = upright.letters.len() >= LEAST_LETTERS && upright.mean_share() >= UPRIGHT;
+    if upright.text.eq_ignore_ascii_case(word) || is_clear && word.is_empty() {
+        return None;
+    }
+    // From behind; or in water, below what it mirrors.
+    let [left, down] =
+        [0, 2].map(|quarters| (read(&quarter_turned(&mirrored(photo), quarters)), quarters));
+    let is_down = down.0.mean_share() > left.0.mean_share() + LEAD;
+    let (reading, quarters) = if is_down { down } else { left };
+    let is_word = reading.text.eq_ignore_ascii_case(word);
+    let lead = if is_word { 0.0 } else { LEAD };
+    let reads = reading.letters.len() >= LEAST_LETTERS
+        && reading.mean_share() >= UPRIGHT.max(upright.mean_share() + lead)
+        && (is_word || !is_clear);
+    reads.then_some((reading, quarters))
+}
+
+/// A photo that is flipped from left to right.
+pub fn mirrored(photo: &Photo) -> Photo {
+    let mut photo = PhotoData::clone(photo);
+    let width = photo.width_px as usize;
+    let rows = photo.rgb8.chunks_exact(3 * width);
+    photo.rgb8 = rows.flat_map(|row| row.chunks_exact(3).rev().flatten().copied()).collect();
+    Photo::made(photo)
+}
+
 /// Whether a photo is bright all along its rim: it has a white border, or its writing is dark.
 pub fn has_bright_rim(photo: &Photo) -> bool {
     let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
@@ -93,6 +123,7 @@ mod tests {
         let once = quarter_turned(&photo, 1);
         assert_eq!([once.width_px, once.height_px], [2, 3]);
         assert_eq!(once.rgb8[3..6], [0, 1, 2]);
+        assert_eq!(mirrored(&photo).rgb8[..9], [6, 7, 8, 3, 4, 5, 0, 1, 2]);
         assert_eq!(quarter_turned(&once, 3), photo);
         assert_eq!(quarter_turned(&photo, 4), photo);
     }

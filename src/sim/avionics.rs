@@ -12,7 +12,7 @@ use crate::vehicle::{Plant, RigidBody, State};
 use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::flight::warning;
+use noctograph_core::flight::warning::{self, BATTERY};
 use noctograph_core::geometry::turned;
 use noctograph_core::plan::Plan;
 
@@ -258,6 +258,10 @@ impl Avionics {
         let writes = plan.setpoints[self.setpoint].letter.is_some();
         self.saturated_writing_ticks += u32::from(self.command.saturated && writes);
         let Some(fault) = lost(&plant.body(), &self.estimate) else { return Ok(()) };
+        if plant.warnings().iter().any(|warning| warning.code == BATTERY[1]) {
+            let what = format!("the battery is empty, and the drone {fault} after {time_s:.3} s");
+            return Err(Error::infeasible(what, EMPTY).coded(BATTERY[1]));
+        }
         Err(Error::infeasible(
             format!("the drone {fault} after {time_s:.3} s"),
             format!(
@@ -384,6 +388,10 @@ fn estimator_keys(estimator: EstimatorKind) -> &'static str {
         EstimatorKind::Truth => "",
     }
 }
+
+/// Advice for a drone that is lost with an empty battery.
+const EMPTY: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
+                                hovering; or a larger vehicle.battery";
 
 /// How a drone, or the belief of its estimator, is lost.
 fn lost(body: &RigidBody, estimate: &State) -> Option<&'static str> {

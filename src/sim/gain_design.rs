@@ -174,7 +174,13 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         margins: margins(fed_a, fed_b, k).map(|m| [m[0], m[1], m[2], m[3]]),
         motor_lag_s,
         lagging_poles: poles(&closed_lag),
-        warnings: warnings(options, motor_lag_s, lagging_margins.is_some(), longest_lag_s),
+        warnings: warnings(
+            options,
+            motor_lag_s,
+            [poles(&(fed_a - fed_b * k)), poles(&closed_lag)],
+            lagging_margins.is_some(),
+            longest_lag_s,
+        ),
         lagging_margins,
         longest_lag_s,
         largest_inputs,
@@ -231,12 +237,27 @@ fn largest_inputs(options: &VehicleOptions, vehicle: &Vehicle) -> [f64; 4] {
 fn warnings(
     options: &SimOptions,
     lag_s: f64,
+    [immediate, lagging]: [Option<Vec<Complex<f64>>>; 2],
     is_stable: bool,
     longest_s: Option<f64>,
 ) -> Vec<String> {
+    let rightmost = |poles: &Option<Vec<Complex<f64>>>| {
+        let real = poles.iter().flatten().map(|pole| pole.re);
+        real.fold(f64::NEG_INFINITY, f64::max)
+    };
     let longest = longest_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"));
+    let [without, with] = [&immediate, &lagging].map(rightmost);
     let unstable = (!is_stable).then(|| {
-        format!("the loop is stable only without motor lag: with {lag_s} s it is not{longest}")
+        if without <= 0.0 {
+            return format!(
+                "the loop is stable only without motor lag: with {lag_s} s it is not{longest}"
+            );
+        }
+        format!(
+            "the loop is unstable: a pole at {without:+.2} 1/s without motor lag, {with:+.2} 1/s \
+             with {lag_s} s. Is the gain that of u = u_hover - K (x - x_des), with its signs and \
+             units (rad, m)?"
+        )
     });
     let altitude = (options.controller.kind == ControllerKind::Altitude).then(|| {
         "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of the altitude"

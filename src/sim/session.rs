@@ -103,9 +103,10 @@ impl Session {
             return Ok(());
         }
         self.rig.avionics.command(motors);
-        self.conclude()
-            .and_then(|()| self.run())
-            .map_err(|error| error.with_hint("check your controller's signs, units and gains"))
+        self.conclude().and_then(|()| self.run()).map_err(|error| match error.code() {
+            "infeasible" => error.with_hint("check your controller's signs, units and gains"),
+            _ => error,
+        })
     }
 
     /// The flight so far.

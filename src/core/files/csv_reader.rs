@@ -252,7 +252,17 @@ impl Sheet {
         let mut sheet = Self::begun(&head);
         sheet.notes = text.notes.iter().chain(&head.notes).cloned().collect();
         let signs = sheet.signs(&text.bytes, &head);
-        if signs == [true, false] {
+        let thousands = Thousands::in_rows(&text.bytes, &head, signs);
+        let thousands = thousands.map_err(|cell| {
+            let wanted = "numbers without thousands separators, or decimal commas that show";
+            let hint = "write them with a decimal point (in a spreadsheet: format the cells as \
+                        General, and export again)";
+            Error::input("numbers", format_args!("{cell:?}"), wanted, hint).in_file(file, None)
+        })?;
+        if let Some(sign) = thousands {
+            let sign = char::from(sign);
+            sheet.notes.push(format!("`{sign}` parts the thousands of its numbers"));
+        } else if signs == [true, false] {
             sheet.notes.push("its numbers have decimal commas".into());
         }
         let mut row = vec![0.0; n];
@@ -269,7 +279,7 @@ impl Sheet {
             }
             budget.bytes(size_of::<f64>() * (n + 1))?;
             budget.steps(STEPS[1] * n)?;
-            if plain_row(line, head.separator, &mut row).is_some() {
+            if thousands.is_none() && plain_row(line, head.separator, &mut row).is_some() {
                 let values = sheet.columns.iter_mut().map(|column| &mut column.values);
                 values.zip(&row).for_each(|(values, value)| push(values, *value));
                 push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
@@ -278,9 +288,16 @@ impl Sheet {
             let mut cells = head.separator.cells(line);
             for (place, column) in sheet.columns.iter_mut().enumerate() {
                 let Some(cell) = cells.next() else { break };
-                let short = short_number(cell).filter(|(_, length)| *length == cell.len());
+                let short = short_number(cell)
+                    .filter(|(_, length)| *length == cell.len() && thousands.is_none());
                 let value = short.map(|(value, _)| value).or_else(|| {
                     let bare = unquoted(cell);
+                    if let Some(sign) = thousands {
+                        let whole = without(bare, sign);
+                        if let Ok(value) = std::str::from_utf8(&whole).ok()?.parse() {
+                            return Some(value);
+                        }
+                    }
                     if signs == [true, false] && is_number(bare) {
                         return std::str::from_utf8(&with_points(bare)).ok()?.parse().ok();
                     }
@@ -392,6 +409,79 @@ fn is_number(cell: &[u8]) -> bool {
     let text = with_points(unquoted(cell));
     let commas = cell.iter().filter(|byte| **byte == b',').count();
     commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
+}
+
+/// Separators of thousands, told from decimal ones by their places.
+struct Thousands;
+
+impl Thousands {
+    /// The sign that parts the thousands of a table, if one does; the error is a cell in which it
+    /// may be either. It parts thousands if each has three digits after it and none a zero before
+    /// it, and if a column has whole numbers below a thousand, too, or a number has two of them, or
+    /// a decimal point.
+    fn in_rows(
+        text: &[u8],
+        head: &Head,
+        [has_commas, _]: [bool; 2],
+    ) -> std::result::Result<Option<u8>, String> {
+        let is_free = head.separator != Separator::Byte(b',');
+        let sign = match has_commas || head.separator == Separator::Byte(b',') {
+            true => b',',
+            false if is_free && head.separator != Separator::Blanks => b'.',
+            false => return Ok(None),
+        };
+        if sign == b',' && !is_free && !text.contains(&b'"') {
+            return Ok(None);
+        }
+        // Whether a column has whole numbers of two or three digits, and cells with the sign.
+        let mut columns = vec![[false; 2]; head.n_columns];
+        let (mut first, mut is_clear) = (None, false);
+        for line in lines(text).skip(head.row).filter(|line| !is_comment(line)) {
+            for (cell, column) in head.separator.cells(line).zip(&mut columns) {
+                let bare = unquoted(cell);
+                let n = bare.iter().filter(|byte| **byte == sign).count();
+                if n == 0 {
+                    column[0] |=
+                        (2..=3).contains(&bare.len()) && bare.iter().all(u8::is_ascii_digit);
+                    continue;
+                }
+                if !is_grouped(bare, sign) {
+                    return Ok(None);
+                }
+                is_clear |= n > 1 || sign == b',' && bare.contains(&b'.');
+                column[1] = true;
+                first.get_or_insert_with(|| String::from_utf8_lossy(bare).into_owned());
+            }
+        }
+        match first {
+            Some(_) if is_clear || columns.contains(&[true; 2]) => Ok(Some(sign)),
+            // Three decimals, of which none is below one: a point is one, a comma may be either.
+            Some(cell) if sign == b',' => Err(cell),
+            _ => Ok(None),
+        }
+    }
+}
+
+/// Whether a cell has three digits after each sign of thousands, and begins with none of zero.
+fn is_grouped(cell: &[u8], sign: u8) -> bool {
+    let cell = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
+    let whole = match cell.iter().position(|byte| *byte == b'.').filter(|_| sign == b',') {
+        Some(point) if cell[point + 1..].iter().all(u8::is_ascii_digit) => &cell[..point],
+        Some(_) => return false,
+        None => cell,
+    };
+    let mut groups = whole.split(|byte| *byte == sign);
+    let first = groups.next().unwrap_or_default();
+    let are_digits = |group: &[u8]| group.iter().all(u8::is_ascii_digit);
+    (1..=3).contains(&first.len())
+        && first[0] != b'0'
+        && are_digits(first)
+        && groups.all(|group| group.len() == 3 && are_digits(group))
+}
+
+/// A cell without a sign.
+fn without(cell: &[u8], sign: u8) -> Vec<u8> {
+    cell.iter().copied().filter(|byte| *byte != sign).collect()
 }
 
 /// A cell with points in place of its commas.

@@ -79,7 +79,8 @@ pub fn rests_on_floor(samples: &[FlightSample]) -> bool {
     high_m - low_m < FLYING_HEIGHT_M && high_m.abs() < 2.0 * FLYING_HEIGHT_M
 }
 
-/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies.
+/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies, or
+/// neither motors, setpoints nor heights are logged.
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;
@@ -97,6 +98,8 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
         )
     } else if flight.has(Quantity::Design) {
         format!("setpoints reach {:.2} m; flight takes {FLYING_HEIGHT_M} m", most(|s| s.design_m.z))
+    } else if !flight.has(Quantity::Position) {
+        return None;
     } else {
         let climb_m = most(|s| s.position_m.z) + most(|s| -s.position_m.z);
         format!("the height changes by {climb_m:.2} m; flight takes {FLYING_HEIGHT_M} m")

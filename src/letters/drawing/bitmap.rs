@@ -33,6 +33,10 @@ const STEPS: usize = 8;
 /// the paper, by the picture's longer side.
 const SPECK: f64 = 2e-3;
 const SURROUNDINGS: f64 = 0.3;
+/// Largest side of a speck of dust, by the picture's longer side and by the mean width of the
+/// largest patch, and the largest share of specks in the ink.
+const DUST: [f64; 2] = [1e-2, 0.65];
+const DUSTY: f64 = 0.5;
 /// Share of a picture in shades beyond which it is a photograph. Measured: 0.08 to 0.5 for a
 /// portrait and seven color photographs of scikit-image (astronaut, cat, coffee, grass, gravel,
 /// motorcycle, rocket), 0.01 to 0.04 for three gray ones, up to 0.03 for drawings, boards and pages
@@ -76,7 +80,8 @@ pub(super) fn read(
     file: &str,
 ) -> Result<Traced> {
     let budget = Budget::new(file, "make the picture smaller, or draw less");
-    let (whole, shrunk) = upright(bytes, &budget, file)?;
+    let (mut whole, shrunk) = upright(bytes, &budget, file)?;
+    let is_checkered = without_checkerboard(&mut whole);
     let corners = corners(&whole, shrunk, options, file)?;
     let in_whole = corners.map(|corners| corners.map(|corner| corner.map(|x| x / shrunk)));
     let picture = in_whole.map_or_else(|| whole.clone(), |it| paper_photo::square_on(&whole, &it));
@@ -88,6 +93,7 @@ pub(super) fn read(
         return Err(Error::input(file, photograph, DRAWINGS, hint).coded("picture-none"));
     }
     let (patches, n_cut) = field.patches();
+    let (patches, n_specks) = without_dust(patches, field.width.max(field.height) as f64);
     if patches.is_empty() {
         return Err(blank(file));
     }
@@ -108,6 +114,17 @@ pub(super) fn read(
         return Err(super::too_many(file));
     }
     let mut warnings = Vec::new();
+    if is_checkered {
+        let text = "the checkerboard that stands for transparency is part of this picture: it is \
+                    left out";
+        warnings.push(text.to_owned());
+    }
+    if n_specks > 0 {
+        warnings.push(format!(
+            "{n_specks} speck(s), as of dust, are not drawn: they are smaller than the width of the \
+             lines"
+        ));
+    }
     if n_cut > 0 {
         warnings.push(format!(
             "shapes at the picture's rim are not drawn ({n_cut}): they look like what lies around the \
@@ -306,6 +323,75 @@ fn saturated(color: [f64; 3], gray: f64) -> [u8; 3] {
     }
     // In halves, so that strokes of one pen have one color.
     color.map(|value| [0, 128, 255][level(2.0 * (value - least) / (most - least) + 0.5).min(2)])
+}
+
+/// Patches without specks that no pen of the drawing leaves, and the number of these.
+fn without_dust(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<Contour>>, usize) {
+    let ink = |patch: &Vec<Contour>| patch.iter().map(|contour| area(contour)).sum::<f64>();
+    let largest = patches.iter().max_by(|a, b| ink(a).total_cmp(&ink(b)));
+    let most = largest.map_or(0.0, |it| (DUST[1] * mean_stroke_width(it)).min(DUST[0] * side));
+    let is_speck = |patch: &Vec<Contour>| {
+        let [left, bottom, right, top] = bounds(patch[0].iter().copied());
+        (right - left).max(top - bottom) <= most
+    };
+    let (specks, drawn): (Vec<_>, Vec<_>) = patches.iter().partition(|patch| is_speck(patch));
+    let sum = |patches: &[&Vec<Contour>]| patches.iter().map(|patch| ink(patch)).sum::<f64>();
+    if specks.is_empty() || sum(&specks) > DUSTY * sum(&drawn) {
+        return (patches, 0);
+    }
+    let n_specks = specks.len();
+    (patches.into_iter().filter(|patch| !is_speck(patch)).collect(), n_specks)
+}
+
+/// Replaces the checkerboard that stands for transparency by one of its two grays; whether there is
+/// one: most pixels have two grays, in squares of one size.
+fn without_checkerboard(picture: &mut RgbImage) -> bool {
+    const NEAR: u8 = 5;
+    let gray = |pixel: &image::Rgb<u8>| {
+        let [r, g, b] = pixel.0;
+        (r.max(g).max(b) - r.min(g).min(b) <= 2 * NEAR).then_some(g)
+    };
+    let mut counts = [0_usize; 256];
+    picture.pixels().filter_map(gray).for_each(|tone| counts[usize::from(tone)] += 1);
+    let sum = |tone: u8| -> usize {
+        counts[usize::from(tone.saturating_sub(NEAR))..=usize::from(tone.saturating_add(NEAR))]
+            .iter()
+            .sum()
+    };
+    let most = |apart: &dyn Fn(u8) -> bool| {
+        (0..=255).filter(|tone| apart(*tone)).max_by_key(|tone| (sum(*tone), *tone))
+    };
+    let Some(first) = most(&|_| true) else { return false };
+    let Some(second) = most(&|tone| (8..=90).contains(&tone.abs_diff(first))) else { return false };
+    let n = picture.pixels().len();
+    if 5 * sum(second) < n || 2 * (sum(first) + sum(second)) < n {
+        return false;
+    }
+    let tone_of = |pixel: &image::Rgb<u8>| {
+        let tone = gray(pixel)?;
+        [first, second].into_iter().find(|known| tone.abs_diff(*known) <= NEAR)
+    };
+    // Lengths of the runs of one tone between two of the other, along rows.
+    let mut lengths = std::collections::BTreeMap::<usize, usize>::new();
+    for row in picture.rows() {
+        let tones: Vec<Option<u8>> = row.map(tone_of).collect();
+        let runs: Vec<&[Option<u8>]> = tones.chunk_by(|a, b| a == b).collect();
+        for run in runs.windows(3) {
+            if run.iter().all(|run| run[0].is_some()) {
+                *lengths.entry(run[1].len()).or_default() += 1;
+            }
+        }
+    }
+    let n_runs: usize = lengths.values().sum();
+    let usual = lengths.iter().max_by_key(|(_, n)| **n).map_or(0, |(length, _)| *length);
+    let n_alike: usize = lengths.range(usual.saturating_sub(1)..=usual + 1).map(|(_, n)| n).sum();
+    if usual < 3 || n_runs < picture.height() as usize || 3 * n_alike < 2 * n_runs {
+        return false;
+    }
+    for pixel in picture.pixels_mut().filter(|pixel| tone_of(pixel).is_some()) {
+        pixel.0 = [first; 3];
+    }
+    true
 }
 
 /// Patches of ink, each a contour with its holes, of at least an area.

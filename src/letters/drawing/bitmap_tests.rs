@@ -305,3 +305,48 @@ fn a_narrow_strip_is_drawn_or_refused() {
         assert!(told.as_ref().is_ok_and(|it| it.n_strokes() > 0) || told.is_err(), "{told:?}");
     }
 }
+
+#[test]
+fn dust_and_a_checkerboard_are_left_out_and_a_pen_on_a_ruling_is_kept() {
+    let options = LetterOptions::default();
+    let clean = sheet(CROSS, 10.0);
+    let wanted = drawn(clean.clone(), &options, Ink::Alike).unwrap();
+    let mut dusty = clean.clone();
+    for (x, y, pixel) in dusty.enumerate_pixels_mut() {
+        let hash =
+            (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503)).wrapping_mul(2_246_822_519);
+        if hash >> 8 & 511 == 0 {
+            pixel.0 = [0; 3];
+        }
+    }
+    let checkered = |side: u32, tones: [u8; 2]| {
+        let mut picture = clean.clone();
+        for (x, y, pixel) in picture.enumerate_pixels_mut().filter(|it| it.2.0 == [255; 3]) {
+            pixel.0 = [tones[usize::from((x / side + y / side).is_multiple_of(2))]; 3];
+        }
+        picture
+    };
+    for (picture, said) in [
+        (dusty, "speck(s), as of dust"),
+        (checkered(8, [204, 255]), "checkerboard"),
+        (checkered(16, [191, 254]), "checkerboard"),
+        (checkered(10, [102, 153]), "checkerboard"),
+    ] {
+        let strokes = drawn(picture, &options, Ink::Alike).unwrap();
+        assert_eq!(strokes.source.strokes.len(), wanted.source.strokes.len(), "{said}");
+        assert!(strokes.warnings.iter().any(|text| text.contains(said)), "{:?}", strokes.warnings);
+        let (found_m, wanted_m) = (strokes.bounds_m(), wanted.bounds_m());
+        assert!((0..4).all(|k| (found_m[k] - wanted_m[k]).abs() < 0.02), "{said}: {found_m:?}");
+    }
+    let mut canvas = Canvas::new(SIZE, [255; 3]);
+    for y in (32..320_u16).step_by(32).map(f32::from) {
+        canvas.draw(&line(&[[0.0, y], [480.0, y]]), [170, 190, 230], 1.5);
+    }
+    canvas.draw(&line(&[[80.0, 64.0], [400.0, 64.0]]), [20, 20, 60], 4.0);
+    canvas.draw(&line(&[[80.0, 240.0], [240.0, 240.0]]), [20, 20, 60], 4.0);
+    let strokes = drawn(canvas.picture(), &options, Ink::Alike).unwrap();
+    let lit = strokes.glyphs[0].moves.iter().filter(|step| step.lit);
+    let length_m: f64 = lit.map(|step| distance(step.from_m, step.to_m)).sum();
+    let [left, _, right, _] = strokes.bounds_m();
+    assert!((length_m / (right - left) - 1.5).abs() < 0.05, "{length_m}, {left} to {right}");
+}

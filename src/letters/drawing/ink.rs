@@ -344,7 +344,10 @@ fn without_rulings(contrast: &mut [f64], width: usize, pale: &Range<f64>) -> usi
         let levels = lines.clone().map(|pixels| {
             let inked = pixels.map(|pixel| contrast[pixel]).filter(|ink| *ink > pale.start);
             let is_across = inked.clone().count() as f64 > ACROSS * n_along as f64;
-            if is_across { quantile(inked.map(|ink| 255.0 * ink), 0.5) / 255.0 } else { 0.0 }
+            let rank = |rank| quantile(inked.clone().map(|ink| 255.0 * ink), rank) / 255.0;
+            // A pen's line may lie along most of a ruling.
+            let level = || Some(rank(0.5)).filter(|it| *it < pale.end).unwrap_or_else(|| rank(0.1));
+            if is_across { level() } else { 0.0 }
         });
         let levels: Vec<f64> = levels.collect();
         let most = extremes(&levels, n_lines, NEAR, f64::max);

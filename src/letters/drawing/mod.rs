@@ -29,6 +29,7 @@ mod ink;
 mod layers;
 mod levels;
 mod notes;
+mod once;
 mod paper_photo;
 mod selection;
 mod size;
@@ -167,9 +168,14 @@ fn drawn(path: &Path, options: &LetterOptions, ink: Ink) -> Result<StrokesData> 
 fn foreign(kind: &str, file: &str) -> Error {
     let wanted = "a file *.svg, *.png, *.jpg, *.webp, *.gif, *.bmp or *.json (strokes)";
     let (content, hint) = match kind {
-        "heic" | "heif" | "avif" | "tif" | "tiff" | "jp2" | "psd" | "ico" | "pgm" | "xcf" => (
+        "heic" | "heif" | "avif" => (
             "a photo of a kind that is not read",
             "save it as JPEG or PNG: on an iPhone, Settings > Camera > Formats > Most Compatible",
+        ),
+        "tif" | "tiff" | "jp2" | "pgm" | "ppm" | "pbm" | "tga" | "psd" | "psb" | "ico" | "xcf"
+        | "kra" | "procreate" => (
+            "a picture of a kind that is not read",
+            "open it in the program that made it, and export it as PNG",
         ),
         "pdf" | "ai" | "eps" => {
             ("a document", "save the page as SVG, for example with Inkscape, or as PNG")

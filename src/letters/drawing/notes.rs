@@ -50,6 +50,9 @@ pub(super) const FOREIGN: &str = "text image foreignObject video iframe canvas m
 /// Elements whose content is not drawn: a pattern is a shade.
 pub(super) const EMPTIED: &str = "pattern filter";
 
+/// Elements that have an effect where they are referred to.
+const REFERRED: &str = "clipPath mask linearGradient radialGradient pattern marker symbol filter";
+
 const ANIMATIONS: &str = "animate animateTransform animateMotion animateColor set";
 
 /// Most stops of a gradient that are read.
@@ -70,8 +73,20 @@ pub(super) fn has(words: &str, word: &str) -> bool {
     words.split_ascii_whitespace().any(|other| other == word)
 }
 
-/// The text of a file in the words of usvg: `:root`, a background, and transforms with units.
+/// The namespace of drawings.
+pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
+
+/// The text of a file in the words of usvg: `:root`, a background, transforms with units, and
+/// namespaces that a program took for links.
 pub(super) fn in_words_of_usvg(text: String) -> String {
+    let mut text = text;
+    for namespace in ["2000/svg", "1999/xlink"] {
+        for quote in ['"', '\''] {
+            let [written, meant] =
+                ["https", "http"].map(|by| format!("{quote}{by}://www.w3.org/{namespace}"));
+            text = text.replace(&written, &meant);
+        }
+    }
     let text = text.replace("svg:root", "svg").replace(":root", "svg");
     let text = text.replace("background:", "background-color:");
     let mut parts = text.split("transform:");
@@ -110,7 +125,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     /// Notes an element and those within it. The error is a kind with too many elements.
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
-        if matches!(node.tag_name().namespace(), None | Some("http://www.w3.org/2000/svg")) {
+        if matches!(node.tag_name().namespace(), None | Some(SVG)) {
             let before = node.prev_siblings().filter(|it| it.has_tag_name(tag));
             match tag {
                 "script" => self.named.add("a script", "not followed", node),
@@ -125,6 +140,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     self.named.add("an animation", "drawn as it begins", node);
                 }
                 tag if has(EMPTIED, tag) => {
+                    self.only_first(node);
                     self.empty(node);
                     return Ok(());
                 }
@@ -132,10 +148,28 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
                     self.edits.push((node.range(), String::new()));
                     return Ok(());
                 }
-                _ => {}
+                _ => self.only_first(node),
             }
         }
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
+    }
+
+    /// Takes an id from an element that is not the first of it: browsers refer to the first, usvg
+    /// to the last.
+    fn only_first(&mut self, node: Node<'a, 'input>) {
+        let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
+            return;
+        };
+        if self.styles.has_rule_of(id.value()) {
+            let what = format!("the id {:?} a second time, with a style", id.value());
+            self.named.add(what, "references may go to it", node);
+            return;
+        }
+        self.edits.push((id.range(), String::new()));
+        if has(REFERRED, node.tag_name().name()) {
+            let what = format!("the id {:?} again", id.value());
+            self.named.add(what, "references go to the first, as in browsers", node);
+        }
     }
 
     /// Replaces an element by a marker: a polyline with the element's attributes, whose points
@@ -158,7 +192,9 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let prefix = prefix.map_or(String::new(), |(prefix, _)| format!("{prefix}:"));
         let mut sign =
             format!("<{prefix}polyline noctograph=\"\" points=\"{SIGN_X} {index} {SIGN_X} 0 0 0\"");
-        for own in node.attributes().filter(|own| !has("points noctograph", own.name())) {
+        let (is_first, left_out) = (self.styles.is_first(node), "points noctograph");
+        let kept = |name| !has(left_out, name) && (is_first || name != "id");
+        for own in node.attributes().filter(|own| kept(own.name())) {
             sign += " ";
             sign += &text[own.range()];
         }

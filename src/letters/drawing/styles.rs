@@ -98,6 +98,8 @@ pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 pub(super) struct Styles<'a, 'input> {
     declared: HashMap<NodeId, (Declared<'a>, usize)>,
     ids: HashMap<&'a str, Node<'a, 'input>>,
+    /// The text of all style sheets.
+    sheets: String,
 }
 
 impl<'a, 'input> Styles<'a, 'input> {
@@ -107,7 +109,7 @@ impl<'a, 'input> Styles<'a, 'input> {
         named: &mut Named,
     ) -> Result<Self> {
         let elements = document.descendants().filter(Node::is_element);
-        let mut sheet = simplecss::StyleSheet::new();
+        let (mut sheet, mut sheets) = (simplecss::StyleSheet::new(), String::new());
         for node in elements.clone().filter(|node| node.tag_name().name() == "style") {
             if !matches!(node.attribute("type"), None | Some("text/css")) {
                 continue;
@@ -119,6 +121,7 @@ impl<'a, 'input> Styles<'a, 'input> {
             let text = node.text().filter(|_| !has_escapes(node)).unwrap_or("");
             check_sheet(text, node, budget, named)?;
             sheet.parse_more(text);
+            sheets += text;
         }
         let (mut all, mut ids) = (HashMap::new(), HashMap::new());
         for node in elements {
@@ -147,7 +150,7 @@ impl<'a, 'input> Styles<'a, 'input> {
             budget.bytes(DECLARATION * declared.len())?;
             all.insert(node.id(), (declared, steps.get()));
         }
-        Ok(Self { declared: all, ids })
+        Ok(Self { declared: all, ids, sheets })
     }
 
     pub(super) fn declared(&self, node: Node<'_, '_>) -> &[(&'a str, &'a str, bool)] {
@@ -162,6 +165,22 @@ impl<'a, 'input> Styles<'a, 'input> {
     pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
         let declared = self.declared(node).iter().rev();
         declared.filter(|own| own.0 == name).map(|own| own.1.trim()).next()
+    }
+
+    /// Whether an element is the first of its id, or has none.
+    pub(super) fn is_first(&self, node: Node<'_, '_>) -> bool {
+        let first = node.attribute("id").and_then(|id| self.ids.get(id));
+        first.is_none_or(|first| first.id() == node.id())
+    }
+
+    /// Whether a style sheet may have a rule of an id.
+    pub(super) fn has_rule_of(&self, id: &str) -> bool {
+        let is_name = |sign: char| sign.is_alphanumeric() || sign == '-' || sign == '_';
+        let name = format!("#{id}");
+        let mut parts = self.sheets.split(&name).peekable();
+        std::iter::from_fn(|| Some((parts.next()?, *parts.peek()?))).any(|(before, after)| {
+            !before.ends_with(['(', '"', '\'']) && !after.starts_with(is_name)
+        })
     }
 
     /// The element that `#name` or `url(#name)` refers to.

@@ -18,10 +18,11 @@ use usvg::{ImageHrefResolver, Node, Options, Tree, roxmltree};
 
 use super::super::curves::{on_grid, polylines, subpaths};
 use super::super::smooth::simplified;
-use super::layers::{Color, Cut, Painted, Scale};
-use super::notes::{Notes, RULES, SIGN_X, in_words_of_usvg};
+use super::layers::{Color, Cut, FLATNESS, Painted, Scale};
+use super::notes::{Notes, RULES, SIGN_X, SVG, in_words_of_usvg};
+use super::once::Front;
 use super::styles::{Named, Styles, check_text};
-use super::visibility::{Page, Visible};
+use super::visibility::{OPAQUE, Page, Visible};
 use super::{ColoredLine, LIMIT, MAX_POINTS, size, too_many};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, file_name};
@@ -70,6 +71,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     let document = roxmltree::Document::parse_with_options(&text, limits);
     let document = document.map_err(|broken| refused(file, broken.to_string()))?;
     let root = document.root_element();
+    check_root(root).map_err(|cause| refused(file, cause))?;
     let mut named = Named::default();
     for node in document.root().children() {
         if node.pi().is_some_and(|pi| pi.target == "xml-stylesheet") {
@@ -124,14 +126,22 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
         let (shown, is_alike) = page.visible(index, item, &line);
         budget.check()?;
         n_alike += usize::from(is_alike);
+        let reach = item
+            .stroke
+            .as_ref()
+            .filter(|stroke| stroke.1 >= OPAQUE)
+            .map_or(0.0, |it| 0.5 * it.2.width * item.placed.determinant().abs().sqrt());
+        let mut add = |item| items.push((index, reach, item));
         match shown {
-            Visible::Stroke(color) => items.push(Item::Whole(line, color)),
-            Visible::Rim(color) => items.push(Item::Whole(item.closed(), color)),
+            Visible::Stroke(color) => add(Item::Whole(line, color)),
+            Visible::Rim(color) => add(Item::Whole(item.closed(), color)),
             Visible::Parts(parts) => {
-                items.extend(parts.into_iter().map(|(line, color)| Item::Part(line, color)));
+                parts.into_iter().for_each(|(line, color)| add(Item::Part(line, color)));
             }
         }
     }
+    let items = seen_once(items, scale);
+    budget.check()?;
     let mut warnings = named.sentences(&document, &file_name(file));
     if n_alike > 0 {
         let s = if n_alike == 1 { " has" } else { "s have" };
@@ -149,9 +159,43 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     Ok(drawing)
 }
 
+/// The parts of items, each of an element and with half the width of its stroke, that are seen:
+/// what lies beneath those in front of it is left out.
+fn seen_once(mut items: Vec<(usize, f64, Item)>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
+    let [left, bottom, right, top] = bounds_of(items.iter().map(|(.., item)| item));
+    let mut front = Front::new((right - left).max(top - bottom), budget);
+    let mut seen = Vec::new();
+    while let Some((element, reach, item)) = items.pop() {
+        let (lines, color) = match &item {
+            Item::Whole(path, color) => (polylines(path, FLATNESS * size, MAX_POINTS), *color),
+            Item::Part(line, color) => (Some(vec![line.clone()]), *color),
+        };
+        match lines.and_then(|lines| front.uncovered(&lines, color, element, reach)) {
+            None => seen.push(item),
+            Some(parts) => {
+                seen.extend(parts.into_iter().rev().map(|(line, color)| Item::Part(line, color)));
+            }
+        }
+    }
+    seen.reverse();
+    seen
+}
+
 fn refused(file: &str, cause: String) -> Error {
     let hint = "open the file in an SVG editor, and save it as plain SVG";
     Error::input(file, cause, "an SVG drawing", hint)
+}
+
+/// Checks that a root is that of a drawing; the error is the cause.
+fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> {
+    let (name, namespace) = (root.tag_name().name(), root.tag_name().namespace());
+    match namespace {
+        _ if name != "svg" => Err(format!("a document of <{name}>, not of <svg>")),
+        Some(namespace) if namespace != SVG => {
+            Err(format!("<svg> with xmlns={namespace:?} in place of {SVG:?}"))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The tree of an edited file; the error is the cause.
@@ -172,14 +216,7 @@ fn parsed(edited: &str) -> std::result::Result<Tree, String> {
 impl Drawing {
     /// The box of all items: left, bottom, right, top; inverted without items.
     pub(super) fn bounds(&self) -> [f64; 4] {
-        let bounds = self.items.iter().map(|item| match item {
-            Item::Whole(path, _) => {
-                let bounds = path.bounding_box();
-                [bounds.x0, bounds.y0, bounds.x1, bounds.y1]
-            }
-            Item::Part(line, _) => geometry::bounds(line.iter().copied()),
-        });
-        geometry::bounds(bounds.flat_map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]]))
+        bounds_of(self.items.iter())
     }
 
     /// Polylines within a tolerance of the curves, with their colors.
@@ -200,6 +237,18 @@ impl Drawing {
         }
         Ok(lines)
     }
+}
+
+/// The box of items: left, bottom, right, top; inverted without items.
+fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
+    let bounds = items.map(|item| match item {
+        Item::Whole(path, _) => {
+            let bounds = path.bounding_box();
+            [bounds.x0, bounds.y0, bounds.x1, bounds.y1]
+        }
+        Item::Part(line, _) => geometry::bounds(line.iter().copied()),
+    });
+    geometry::bounds(bounds.flat_map(|[x0, y0, x1, y1]| [[x0, y0], [x1, y1]]))
 }
 
 /// The encoding in the XML declaration of a file.

@@ -436,3 +436,121 @@ fn an_empty_drawing_names_what_was_not_followed() {
     let error = drawn_in("a.svg", body, &LetterOptions::default(), Ink::Alike).unwrap_err();
     assert!(error.hint().contains("stroke `oklch(40% 0.2 90)`"), "{}", error.hint());
 }
+
+/// The summed length of the lines of a document in its own units, without warnings.
+fn length(body: &str) -> f64 {
+    let (lines, warnings) = read(page(body).as_bytes()).unwrap();
+    assert_eq!(warnings, Vec::<String>::new(), "{body}");
+    lines.iter().map(|line| polyline_length_m(line)).sum()
+}
+
+#[test]
+fn an_edge_that_is_seen_once_is_drawn_once() {
+    let rect =
+        |x: f64, fill: &str| format!("<rect x='{x}' y='20' width='40' height='60' fill='{fill}'/>");
+    let near = |body: &str, wanted: f64| {
+        let length = length(body);
+        assert!((length - wanted).abs() < 0.01 * wanted, "{body}: {length}, wanted {wanted}");
+    };
+    let flag = [rect(20.0, "blue"), rect(60.0, "red"), rect(100.0, "green")];
+    near(&flag.concat(), 480.0);
+    near(&[rect(20.0, "blue"), rect(60.0, "#fff"), rect(100.0, "red")].concat(), 400.0);
+    let outline = "<rect x='20' y='20' width='40' height='60' fill='none' stroke='#000' \
+                   stroke-width='4'/>";
+    near(&(rect(20.0, "yellow") + outline), 200.0);
+    let inset = "<rect x='21' y='21' width='38' height='58' fill='yellow'/>";
+    near(&(inset.to_owned() + outline), 200.0);
+    let thin = outline.replace("'4'", "'1'");
+    near(&(inset.to_owned() + &thin), 200.0 + 192.0);
+    near(&(outline.to_owned() + outline), 200.0);
+    let casing = "<path d='M10 50H190' stroke='#000' stroke-width='9'/><path d='M10 50H190' \
+                  stroke='red' stroke-width='5'/>";
+    near(casing, 180.0);
+    let crossing = "<path d='M10 50H190' stroke='#000'/><path d='M100 10V90M100 10L40 90' \
+                    stroke='red' stroke-width='6' fill='none'/>";
+    near(crossing, 180.0 + 80.0 + 100.0);
+    let chain: String = (0..400)
+        .map(|k| 0.03 * f64::from(k))
+        .map(|x| format!("<path d='M{x} 50h.03' stroke='#000' stroke-width='2'/>"))
+        .collect();
+    near(&chain, 12.0);
+    let pale = outline.replace("/>", " stroke-opacity='.4'/>");
+    near(&(inset.to_owned() + &pale), 200.0 + 192.0);
+}
+
+#[test]
+fn of_two_elements_with_one_id_the_first_counts() {
+    let lines = "<path d='M0 20H200M0 50H200M0 80H200' stroke='#000' fill='none'";
+    let [upper, lower] = ["width='200' height='60'", "y='60' width='200' height='40'"];
+    for (tag, property, fill) in [("clipPath", "clip-path", ""), ("mask", "mask", "fill='#fff'")] {
+        let units =
+            if tag == "mask" { "maskUnits='userSpaceOnUse' width='200' height='100'" } else { "" };
+        let body = format!(
+            "<{tag} id='c' {units}><rect {upper} {fill}/></{tag}>\
+             <{tag} id='c' {units}><rect {lower} {fill}/></{tag}>{lines} {property}='url(#c)'/>"
+        );
+        let (drawn, warnings) = read(page(&body).as_bytes()).unwrap();
+        assert_eq!(rounded(&drawn), [[0, 20, 200, 20], [0, 50, 200, 50]], "{tag}");
+        assert!(warnings[0].contains("the id \"c\" again: references go to the first"), "{tag}");
+    }
+    let used = "<defs><path id='p' d='M0 20H90' stroke='red'/></defs><g display='none'>\
+                <path id='p' d='M0 90H10' stroke='red'/></g><use href='#p'/>";
+    assert_eq!(ends(used), [[0, 20, 90, 20]]);
+    let styled = format!(
+        "<style>#c{{fill:red}}</style><clipPath id='c'><rect {upper}/></clipPath><clipPath id='c'>\
+         <rect {lower}/></clipPath>{lines} clip-path='url(#c)'/>"
+    );
+    let (_, warnings) = read(page(&styled).as_bytes()).unwrap();
+    assert!(warnings[0].contains("the id \"c\" a second time"), "{warnings:?}");
+}
+
+#[test]
+fn a_namespace_taken_for_a_link_is_read_and_a_page_is_named() {
+    let https = page("<path d='M0 20H90' stroke='red'/>").replace("http://", "https://");
+    assert_eq!(read(https.as_bytes()).unwrap().0.len(), 1);
+    let html = read(b"<html><body><svg/></body></html>").unwrap_err().to_string();
+    assert!(html.contains("a document of <html>"), "{html}");
+    let other = read(b"<svg xmlns='http://example.com/svg'/>").unwrap_err().to_string();
+    assert!(other.contains("http://example.com/svg"), "{other}");
+}
+
+proptest::proptest! {
+    #![proptest_config(proptest::prelude::ProptestConfig::with_cases(48))]
+
+    /// Clip art of two layers, shuffled tiles: as long as the lines that are seen.
+    #[test]
+    fn colors_below_their_outline_and_tiles_are_as_long_as_their_lines(
+        n in 2..5_u32,
+        width in 8.0..18.0_f64,
+        stroke in 1.0..5.0_f64,
+        inset in -0.3..0.3_f64,
+        has_lines: bool,
+        round in 0.0..6.0_f64,
+        turned in proptest::bool::ANY,
+    ) {
+        let tile = |k: u32, inset: f64, more: &str| {
+            let (x, w, h) = (10.0 + width * f64::from(k) + inset, width - 2.0 * inset, 50.0 - 2.0 * inset);
+            let y = 20.0 + inset;
+            let rx = if has_lines { round } else { 0.0 };
+            match turned && rx == 0.0 {
+                true => format!("<path d='M{x} {y}v{h}h{w}v-{h}z' {more}/>"),
+                false => format!("<rect x='{x}' y='{y}' width='{w}' height='{h}' rx='{rx}' {more}/>"),
+            }
+        };
+        let fill = |k: u32| format!("fill='#{}{}f'", 3 * k % 10, 9 - k);
+        let inset = inset * stroke;
+        let (body, wanted) = if has_lines {
+            // Apart, each with its outline.
+            let outline = format!("fill='none' stroke='#000' stroke-width='{stroke}'");
+            let colors: String = (0..n).map(|k| tile(2 * k, inset, &fill(k))).collect();
+            let lines: String = (0..n).map(|k| tile(2 * k, 0.0, &outline)).collect();
+            (colors + &lines, length(&lines))
+        } else {
+            let tiles: String = (0..n).map(|k| tile(k, 0.0, &fill(k))).collect();
+            let n = f64::from(n);
+            (tiles, 2.0 * n * width + 50.0 * (n + 1.0))
+        };
+        let seen = length(&body);
+        proptest::prop_assert!((seen - wanted).abs() < 0.02 * wanted, "{seen}, {wanted}: {body}");
+    }
+}

@@ -3,8 +3,10 @@
 //!
 //! A picture is layers of fills from back to front, each within its clips and masks. A line is cut
 //! where it crosses the edges of areas, and each piece is tested at its middle, a little to its
-//! left and right. Lines have no width: they do not cover other lines, unless they have the color
-//! of the paper.
+//! left and right. Strokes in the color of the paper are areas. Of the others, [`once`] knows the
+//! width.
+//!
+//! [`once`]: super::once
 
 use kurbo::{BezPath, Shape as _};
 
@@ -15,7 +17,7 @@ use super::layers::{Area, Color, Cut, FLATNESS, Layer, Painted, Scale};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
 /// Opacity from which a fill hides what is under it.
-const OPAQUE: f64 = 0.9;
+pub(super) const OPAQUE: f64 = 0.9;
 
 /// Difference of two colors in a channel, of 255, up to which they are one.
 const ALIKE: f64 = 3.0;

@@ -219,4 +219,116 @@ proptest! {
         let flight = flight.map_err(|error| TestCaseError::fail(format!("{error}\n{text:.300}")))?;
         check(&format!("{text:.300}"), &flight);
     }
+
+    #[test]
+    fn thousands_are_parted_by_commas_points_or_nothing(
+        sign in select(vec![",", ".", ""]),
+        separator in select(vec![",", ";", "\t"]),
+        decimals in 0..2_usize,
+        from_m in 0.0..3.0_f64,
+    ) {
+        let grouped = |value: f64| {
+            let text = format!("{:.0}", value.round());
+            let n = text.len();
+            if value < 1000.0 { return text; }
+            format!("{}{sign}{}", &text[..n - 3], &text[n - 3..])
+        };
+        let digits = if sign == "," && decimals > 0 { ".0" } else { "" };
+        let quoted = |cell: String| if separator == "," { format!("\"{cell}\"") } else { cell };
+        // In a table of commas, points are decimal ones.
+        prop_assume!(sign != "." || separator != ",");
+        let mut text = ["t_ms", "x_mm", "y_mm", "z_mm"].join(separator) + "\n";
+        for i in 0..=120 {
+            let t = 0.1 * f64::from(i);
+            let [x, y, z] = place(t);
+            let cells = [1e3 * t, 1e3 * (x + from_m).max(0.0), 1e3 * (y + 4.0), 1e3 * z];
+            let cells = cells.map(|cell| quoted(grouped(cell.max(0.0)) + digits));
+            text += &(cells.join(separator) + "\n");
+        }
+        let flight = parse(text.as_bytes(), "log", &ImportOptions::default());
+        let flight = flight.map_err(|error| TestCaseError::fail(format!("{error}\n{text:.300}")))?;
+        prop_assert!((flight.samples.last().unwrap().time_s - 12.0).abs() < 0.02, "{text:.300}");
+        let high_m = flight.samples.iter().map(|s| s.position_m.z).fold(0.0, f64::max);
+        let wanted_m = (0..=120).map(|i| place(0.1 * f64::from(i))[2]).fold(0.0, f64::max);
+        prop_assert!((high_m - wanted_m).abs() < 2e-3, "{high_m}, {wanted_m}: {text:.300}");
+    }
+
+    #[test]
+    fn a_position_is_read_under_the_name_of_what_it_is_of_or_refused_by_its_columns(
+        subject in select(vec!["drone", "tracker", "uav", "Quadrotor", "cf3", "vicon", "zorro", "thing"]),
+        sign in select(vec!["_", ".", "/", " "]),
+        has_target: bool,
+        has_rates: bool,
+    ) {
+        let [x, y, z] = ["x", "y", "z"].map(|axis| format!("{subject}{sign}{axis}"));
+        let mut head = format!("t,{x},{y},{z}");
+        if has_target { head += ",target_x,target_y,target_z"; }
+        if has_rates { head += ",gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z"; }
+        let mut text = head + "\n";
+        for i in 0..=120 {
+            let t = 0.1 * f64::from(i);
+            let cells = place(t).map(|value| format!("{value:.4}")).join(",");
+            text += &format!("{t:.1},{cells}");
+            if has_target { text += &format!(",{cells}"); }
+            if has_rates { text += &format!(",0,0,{:.2},0,0,9.8", 0.1 * t.sin()); }
+            text += "\n";
+        }
+        let read = parse(text.as_bytes(), "log", &ImportOptions::default());
+        if ["zorro", "thing"].contains(&subject) {
+            let error = read.unwrap_err().to_string();
+            prop_assert!([x, y, z].iter().all(|name| error.contains(name)), "{error}");
+        } else {
+            check(&format!("{text:.300}"), &read.map_err(|error| TestCaseError::fail(format!("{error}")))?);
+        }
+    }
+
+    #[test]
+    fn a_heading_alone_is_kept_from_every_source(
+        (title, per_rad) in select(vec![
+            ("stateEstimate.yaw", 57.295_779_513), ("stabilizer.yaw", 57.295_779_513),
+            ("ctrlLee.rpyz", 1.0), ("yaw", 1.0), ("yaw_deg", 57.295_779_513), ("mocap.yaw", 1.0),
+            ("ae483log.psi", 1.0),
+        ]),
+        yaw_rad in 0.1..1.5_f64,
+    ) {
+        let is_of_drone = title.contains('.');
+        let axes = ["x", "y", "z"].map(|axis| match is_of_drone {
+            true => format!("stateEstimate.{axis}"),
+            false => axis.to_owned(),
+        });
+        let stamp = if is_of_drone { "Timestamp" } else { "t" };
+        let mut text = format!("{stamp},{},{title}\n", axes.join(","));
+        for i in 0..=120 {
+            let t = 0.1 * f64::from(i);
+            let cells = place(t).map(|value| format!("{value:.4}")).join(",");
+            let stamp = if is_of_drone { 1e3 * t } else { t };
+            text += &format!("{stamp:.1},{cells},{:.4}\n", per_rad * (yaw_rad + 0.01 * (t % 2.0)));
+        }
+        let flight = parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap();
+        let yaws = flight.samples.iter().map(|sample| sample.attitude.yaw_rad);
+        let [least, most] = [f64::min, f64::max].map(|f| yaws.clone().reduce(f).unwrap());
+        prop_assert!(least > yaw_rad - 1e-3 && most < yaw_rad + 0.021, "{title}: {least} to {most}");
+        let said = flight.warnings.iter().map(ToString::to_string).collect::<String>();
+        prop_assert!(said.contains("the yaw alone is logged"), "{said}");
+    }
+
+    #[test]
+    fn a_single_sample_that_leaves_and_returns_is_named(
+        step_s in 0.01..0.1_f64,
+        aside_m in select(vec![-0.4, -0.25, 0.25, 0.4]),
+        row in 30..60_i32,
+        axis in 0..3_usize,
+    ) {
+        let mut text = "t,x,y,z\n".to_owned();
+        let n = (12.0 / step_s).floor();
+        for i in (0..).take_while(|i| f64::from(*i) < n) {
+            let t = step_s * f64::from(i);
+            let mut place = place(t);
+            if i == row { place[axis] += aside_m; }
+            text += &format!("{t:.4},{:.4},{:.4},{:.4}\n", place[0], place[1], place[2]);
+        }
+        let flight = parse(text.as_bytes(), "log", &ImportOptions::default()).unwrap();
+        let said = flight.warnings.iter().map(ToString::to_string).collect::<String>();
+        prop_assert!(said.contains("glitches"), "{said}");
+    }
 }

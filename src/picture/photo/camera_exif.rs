@@ -116,7 +116,29 @@ fn with_exif(
         needed.map(|(_, value)| value)
     else {
         let missing = needed.iter().filter(|(_, value)| value.is_none());
-        let missing = missing.map(|(tag, _)| *tag).collect::<Vec<_>>().join(", ");
+        let mut missing: Vec<&str> = missing.map(|(tag, _)| *tag).collect();
+        let is_of = |tag: &str, empty: &str| tag.split(' ').next() == empty.split(' ').next();
+        let mut empty = empty_tags(exif);
+        empty.retain(|(tag, _)| missing.iter().any(|missing| is_of(missing, tag)));
+        if !empty.is_empty() {
+            let is_said = |tag: &str, empty: &str| {
+                is_of(tag, empty) || empty.ends_with(&format!(" without {tag}"))
+            };
+            missing.retain(|tag| !empty.iter().any(|(empty, _)| is_said(tag, empty)));
+            let tags = empty.iter().map(|(tag, key)| format!("{tag} (give {key})"));
+            let tags = tags.collect::<Vec<_>>().join(", ");
+            let without = match missing.is_empty() {
+                true => String::new(),
+                false => format!(", and without {}", missing.join(", ")),
+            };
+            let seen = format!("EXIF with {tags}{without}");
+            let wanted = "numbers of lens and exposure: a camera writes 0 for what it does not \
+                          know, as the aperture of a lens without contacts";
+            let hint = "leave the photograph out, and name these keys in a scene file, beside those \
+                        that the photograph has";
+            return Err(Error::input(place, seen, wanted, hint));
+        }
+        let missing = missing.join(", ");
         let why: String = warnings.iter().map(|why| format!("; {why}")).collect();
         let wanted = format!("the tags of lens and exposure{why}");
         return Err(Error::input(place, format!("EXIF without {missing}"), wanted, HINT));
@@ -133,6 +155,27 @@ fn with_exif(
     take_aspect(&mut camera, exif, size_px, &mut warnings);
     warnings.extend(odd_tags(exif));
     Ok((camera, warnings))
+}
+
+/// Tags that are there, and from which nothing follows: zeros, and a focal length as of 35 mm film
+/// alone. Each with the key that stands for it.
+fn empty_tags(exif: &Exif) -> Vec<(String, &'static str)> {
+    const KEYS: [(Tag, &str); 5] = [
+        (Tag::FocalLength, "camera.lens.focal_length_m"),
+        (Tag::FNumber, "camera.f_number"),
+        (Tag::ExposureTime, "camera.shutter_close_s"),
+        (Tag::PhotographicSensitivity, "camera.iso"),
+        (Tag::FocalLengthIn35mmFilm, "camera.body.sensor_width_m"),
+    ];
+    let is_empty = |tag: &Tag| signed(exif, *tag).map_or(true, |value| value <= 0.0);
+    let zeros = KEYS.iter().filter(|(tag, _)| value(exif, *tag).is_some() && is_empty(tag));
+    let mut empty: Vec<_> = zeros.map(|(tag, key)| (format!("{tag} = 0"), *key)).collect();
+    let of_film = number(exif, Tag::FocalLengthIn35mmFilm);
+    if let Some(mm) = of_film.filter(|_| value(exif, Tag::FocalLength).is_none()) {
+        let keys = "camera.lens.focal_length_m and camera.body.sensor_width_m";
+        empty.push((format!("FocalLengthIn35mmFilm = {mm} without FocalLength"), keys));
+    }
+    empty
 }
 
 /// Sets width and height to the aspect of the photograph, upright.
@@ -762,6 +805,18 @@ mod tests {
         assert!(message.contains("FocalPlaneXResolution with PixelXDimension"), "{message}");
         let zero = [(Tag::FNumber, ratio(0, 0)), (Tag::ExposureTime, ratio(1, 0))];
         assert!(error(tiff(&zero).path()).to_string().contains("FNumber"));
+        for (tag, value, key) in [
+            (Tag::FNumber, ratio(0, 1), "camera.f_number"),
+            (Tag::ExposureTime, ratio(0, 1), "camera.shutter_close_s"),
+            (Tag::PhotographicSensitivity, Value::Short(vec![0]), "camera.iso"),
+            (Tag::FocalLength, ratio(0, 1), "camera.lens.focal_length_m"),
+        ] {
+            let error = error(tiff(&telephone_with(&[], &[(tag, value)])).path()).to_string();
+            assert!(error.contains(&format!("{tag} = 0 (give {key})")), "{error}");
+            assert!(!error.contains("without"), "{error}");
+        }
+        let of_film = error(tiff(&telephone_with(&[Tag::FocalLength], &[])).path()).to_string();
+        assert!(of_film.contains("FocalLengthIn35mmFilm = 26 without FocalLength"), "{of_film}");
         for bytes in [&b""[..], b"no image", b"\x89PNG\r\n\x1a\n", b"II*\0\xff\xff\xff\xff"] {
             let file = tempfile::NamedTempFile::new().unwrap();
             std::fs::write(file.path(), bytes).unwrap();

@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use super::warn_if;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::geometry::distance;
-use noctograph_letters::{Glyph, Move, Strokes};
+use noctograph_letters::{DRAWING, Glyph, Move, Strokes};
 use noctograph_plan::Style;
 
 /// Two lit moves nearer to each other than this, and as parallel, draw one line.
@@ -23,7 +23,10 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
         glyphs.iter().map(|glyph| (glyph.character, doubled_m(&glyph.moves))),
         SHORT_M,
         "every line drawn once",
-        "write with {letters.font=ae483-fixed} or simplex",
+        match strokes.font {
+            Some(_) => "write with {letters.font=ae483-fixed} or simplex",
+            None => "leave one of the lines that lie on each other out of the drawing",
+        },
     )];
     if strokes.font.is_some() {
         let lost_m = |glyph: &Glyph| {
@@ -122,7 +125,11 @@ fn lengths(
 }
 
 fn named(letters: impl IntoIterator<Item = char>) -> String {
-    letters.into_iter().map(String::from).collect::<Vec<_>>().join(", ")
+    let name = |letter| match letter {
+        DRAWING => "the drawing".to_owned(),
+        letter => letter.to_string(),
+    };
+    letters.into_iter().map(name).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

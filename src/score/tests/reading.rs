@@ -51,6 +51,51 @@ fn a_word_is_read_whichever_way_up_the_photo_is() {
 }
 
 #[test]
+fn mirrored_writing_is_read_from_behind() {
+    for text in ["GREEN", "FLOCK", "WAVE"] {
+        let photo = Shot::new(&word(text)).photo();
+        for quarters in [0, 2] {
+            let behind = quarter_turned(&mirrored(&photo), quarters);
+            let (upright, _) = read_any_way_up(&behind, "");
+            let (reading, turns) = read_mirrored(&behind, &upright, "").unwrap();
+            assert_eq!((&*reading.text, turns), (text, quarters));
+        }
+        assert_eq!(read_mirrored(&photo, &read(&photo), ""), None, "{text}");
+        assert_eq!(read_mirrored(&photo, &read(&photo), text), None, "{text}");
+    }
+}
+
+#[test]
+fn a_character_alone_is_read() {
+    let is_read = |c: &char| {
+        let reading = read(&Shot::new(&simplex(&c.to_string())).photo()).of_writing();
+        reading.text == c.to_string()
+    };
+    let read: String = "2456789ABCDEFGHKLMNPRSTUVXZ".chars().filter(is_read).collect();
+    assert!(read.len() >= 24 && read.contains('7'), "{read}");
+}
+
+#[test]
+fn a_credit_below_the_writing_is_passed_over() {
+    let word = Shot::new(&word("GREEN")).photo();
+    let credit = Shot::new(&simplex("Studio Miller 2024")).photo();
+    let mut both = PhotoData::clone(&word);
+    let width = word.width_px as usize;
+    let n_rows = credit.height_px as usize / 5;
+    both.rgb8.resize(3 * width * (word.height_px as usize + n_rows + 10), 0);
+    both.height_px += u32::try_from(n_rows).unwrap() + 10;
+    for (y, x) in (0..n_rows).flat_map(|y| (0..credit.width_px as usize / 5).map(move |x| (y, x))) {
+        let within =
+            (0..25).map(|k| 3 * ((5 * y + k / 5) * credit.width_px as usize + 5 * x + k % 5));
+        let most = within.map(|pixel| credit.rgb8[pixel]).max().unwrap_or(0);
+        let pixel = 3 * ((word.height_px as usize + y) * width + x);
+        both.rgb8[pixel..pixel + 3].fill(most);
+    }
+    let reading = read(&Photo::made(both));
+    assert_eq!(reading.text, "GREEN", "{reading:?}");
+}
+
+#[test]
 fn nothing_is_read_where_nothing_is_written() {
     let shot = Shot::new(&word("NOOR"));
     assert_eq!(read(&shot.showing(Vec::new()).photo()).text, "");

@@ -1,0 +1,254 @@
+//! What is seen once is drawn once: parts of lines under a stroke that covers them, or along a line
+//! that is drawn already, are left out.
+//!
+//! Lines are taken from the front to the back, and each is compared by place with those in front of
+//! it: an edge between two colors is one line, and so is the rim of a color under its outline. A
+//! line that only crosses a stroke stays whole.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::super::vector::{between, counts, cross, dot, is_closed, legs, minus};
+use super::layers::Color;
+use super::visibility::Part;
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{distance, polyline_length_m, segment_distance};
+
+/// Distance up to which two lines are one, by the drawing's larger side: a millimeter of a drawing
+/// of a meter. More joins lines that are told apart in a photograph.
+const NEAR: f64 = 1e-3;
+
+/// Cells of the finest index along the drawing's larger side.
+const CELLS: f64 = 128.0;
+
+/// Longest part under a stroke that only crosses, by half the stroke's width: an angle of 20°.
+const CROSSING: f64 = 6.0;
+
+/// Steps of looking into a cell, and of comparing with a piece in it.
+const STEPS: [usize; 2] = [20, 8];
+
+/// Halvings that find where a line goes under another.
+const HALVINGS: usize = 5;
+
+/// Sine of the angle up to which two lines that have no width are one.
+const SLANT: f64 = 0.3;
+
+/// A piece of a line in front.
+struct Piece {
+    element: usize,
+    /// Half the width of its stroke, if that is opaque.
+    reach: f64,
+    ends: [[f64; 2]; 2],
+}
+
+/// The lines in front, in cells by place. Wide strokes are in levels of larger cells.
+pub(super) struct Front<'a> {
+    budget: &'a Budget,
+    near: f64,
+    cell: f64,
+    pieces: Vec<Piece>,
+    cells: HashMap<(i32, i64, i64), Vec<usize>>,
+    /// The farthest reach in each level.
+    levels: BTreeMap<i32, f64>,
+}
+
+/// A stretch of a line, and the reach of what covers it.
+type Stretch = (Vec<[f64; 2]>, Option<f64>);
+
+impl<'a> Front<'a> {
+    /// No line yet, of a drawing of some size.
+    pub(super) fn new(size: f64, budget: &'a Budget) -> Self {
+        let (near, cell) = (NEAR * size, size / CELLS);
+        let (cells, levels) = (HashMap::new(), BTreeMap::new());
+        Self { budget, near, cell, pieces: Vec::new(), cells, levels }
+    }
+
+    /// The parts of an element's lines that nothing in front covers, which are in front from now
+    /// on; `None` if they are all of the lines.
+    pub(super) fn uncovered(
+        &mut self,
+        lines: &[Vec<[f64; 2]>],
+        color: Color,
+        element: usize,
+        reach: f64,
+    ) -> Option<Vec<Part>> {
+        let (mut parts, mut is_whole) = (Vec::new(), true);
+        for line in lines {
+            let stretches = self.stretches(line, element);
+            let seen: Vec<Vec<[f64; 2]>> = match &stretches[..] {
+                [(_, None)] => vec![line.clone()],
+                _ => shown(stretches, line, self.near),
+            };
+            is_whole &= seen.len() == 1 && seen[0] == *line;
+            seen.iter().for_each(|part| self.add(part, element, reach));
+            parts.extend(seen.into_iter().map(|part| (part, color)));
+        }
+        (!is_whole).then_some(parts)
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    fn key(&self, level: i32, place: [f64; 2]) -> [i64; 2] {
+        place.map(|x| (x / self.cell_of(level)).floor() as i64)
+    }
+
+    fn cell_of(&self, level: i32) -> f64 {
+        self.cell * libm::exp2(f64::from(level))
+    }
+
+    /// Adds a line to those in front, in pieces of half a cell, whose cells are twice their reach.
+    fn add(&mut self, line: &[[f64; 2]], element: usize, reach: f64) {
+        #[expect(clippy::cast_possible_truncation, reason = "at most the exponent of a float")]
+        let level = libm::log2(2.0 * reach / self.cell).ceil().max(0.0) as i32;
+        let farthest = self.levels.entry(level).or_insert(self.near);
+        *farthest = farthest.max(reach);
+        let longest = 0.5 * self.cell_of(level);
+        for leg in legs(line) {
+            for ends in cut(leg, longest) {
+                if self.budget.bytes(2 * size_of::<Piece>()).is_err() {
+                    return;
+                }
+                let [x, y] = self.key(level, between(ends[0], ends[1], 0.5));
+                self.cells.entry((level, x, y)).or_default().push(self.pieces.len());
+                self.pieces.push(Piece { element, reach, ends });
+            }
+        }
+    }
+
+    /// The reach of what covers a place of an element; `None` if nothing does. A stroke does not
+    /// cover its own element, and nothing covers what lies beyond its ends.
+    fn cover(&self, place: [f64; 2], along: [f64; 2], element: usize) -> Option<f64> {
+        let mut most: Option<f64> = None;
+        for (level, farthest) in &self.levels {
+            // A piece's middle is a quarter of a cell from its ends.
+            let aside = 0.25 * self.cell_of(*level) + farthest;
+            let [low, high] =
+                [-aside, aside].map(|aside| self.key(*level, place.map(|x| x + aside)));
+            let cells = (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| (x, y)));
+            for (x, y) in cells {
+                let pieces = self.cells.get(&(*level, x, y)).map_or(&[][..], Vec::as_slice);
+                self.budget.spend_steps(STEPS[0] + STEPS[1] * pieces.len());
+                let reaches =
+                    pieces.iter().filter_map(|piece| self.reach(*piece, place, along, element));
+                most = reaches.fold(most, |most, reach| Some(most.unwrap_or(0.0).max(reach)));
+            }
+        }
+        most
+    }
+
+    /// The reach of a piece that covers a place of an element.
+    fn reach(
+        &self,
+        piece: usize,
+        place: [f64; 2],
+        direction: [f64; 2],
+        element: usize,
+    ) -> Option<f64> {
+        let Piece { element: other, reach, ends } = &self.pieces[piece];
+        let reach = if *other == element { self.near } else { reach.max(self.near) };
+        let along = minus(ends[1], ends[0]);
+        let share = dot(minus(place, ends[0]), along) / dot(along, along);
+        let is_beside = (-1e-6..=1.0 + 1e-6).contains(&share);
+        let [length, other_length] = [along, direction].map(|[x, y]| libm::hypot(x, y));
+        let is_crossed =
+            reach <= self.near && cross(along, direction).abs() > SLANT * length * other_length;
+        (is_beside && !is_crossed && segment_distance(place, *ends) <= reach).then_some(reach)
+    }
+
+    /// A line in stretches that are covered or not.
+    fn stretches(&self, line: &[[f64; 2]], element: usize) -> Vec<Stretch> {
+        if self.pieces.is_empty() {
+            return vec![(line.to_vec(), None)];
+        }
+        let mut stretches: Vec<Stretch> = Vec::new();
+        for [from, to] in legs(line).flat_map(|leg| cut(leg, 0.5 * self.cell)) {
+            let along = minus(to, from);
+            let here = self.cover(between(from, to, 0.5), along, element);
+            match stretches.last_mut() {
+                Some((points, cover)) if cover.is_some() == here.is_some() => {
+                    points.push(to);
+                    *cover = cover.zip(here).map(|(a, b)| a.max(b));
+                }
+                None => stretches.push((vec![from, to], here)),
+                Some((points, _)) => {
+                    let is_before =
+                        |place| self.cover(place, along, element).is_some() == here.is_none();
+                    let ends = [between(points[points.len() - 2], from, 0.5), from];
+                    let is_later = is_before(from);
+                    let ends = if is_later { [from, between(from, to, 0.5)] } else { ends };
+                    let change = change(ends, is_before);
+                    let next = if is_later { vec![change, to] } else { vec![change, from, to] };
+                    if !is_later {
+                        points.pop();
+                    }
+                    points.push(change);
+                    stretches.push((next, here));
+                }
+            }
+        }
+        stretches
+    }
+}
+
+/// The stretches of a line that are seen. Short ones take the state of what is around them: a
+/// stroke that crosses covers nothing, and what looks out between two covered ones is no line.
+fn shown(mut stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
+    let is_closed = is_closed(line);
+    let is_same = |a: &Stretch, b: &Stretch| a.1.is_some() == b.1.is_some();
+    // A closed line that goes on over its beginning.
+    if is_closed && stretches.len() > 1 && is_same(&stretches[0], &stretches[stretches.len() - 1]) {
+        let (mut points, cover) = stretches.pop().expect("two are left");
+        points.extend(&stretches[0].0[1..]);
+        stretches[0] = (points, cover.zip(stretches[0].1).map(|(a, b)| a.max(b)));
+    }
+    let n = stretches.len();
+    let covers: Vec<Option<f64>> = stretches.iter().map(|stretch| stretch.1).collect();
+    for (place, (points, cover)) in stretches.iter_mut().enumerate() {
+        let beside = match is_closed && n > 1 {
+            true => [Some((place + n - 1) % n), Some((place + 1) % n)],
+            false => [place.checked_sub(1), Some(place + 1).filter(|next| *next < n)],
+        };
+        let length = polyline_length_m(points);
+        match cover {
+            Some(reach) if beside != [None; 2] && length <= CROSSING * *reach => *cover = None,
+            None if beside.iter().all(Option::is_some) => {
+                let around = beside.iter().flatten().filter_map(|beside| covers[*beside]);
+                let widest = around.fold(2.0 * near, f64::max);
+                *cover = (length < 2.0 * widest).then_some(widest);
+            }
+            _ => {}
+        }
+    }
+    if stretches.iter().all(|stretch| stretch.1.is_none()) {
+        return vec![line.to_vec()];
+    }
+    let mut seen: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut is_open = false;
+    let (begins, ends) = (stretches[0].1.is_none(), stretches[n - 1].1.is_none());
+    for (points, cover) in stretches {
+        match seen.last_mut().filter(|_| is_open && cover.is_none()) {
+            Some(before) => before.extend(&points[1..]),
+            None if cover.is_none() => seen.push(points),
+            None => {}
+        }
+        is_open = cover.is_none();
+    }
+    if seen.len() > 1 && begins && ends && is_closed {
+        let first = seen.remove(0);
+        seen.last_mut().expect("one is left").extend(&first[1..]);
+    }
+    seen
+}
+
+/// The place between two where a test fails first.
+fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool) -> [f64; 2] {
+    for _ in 0..HALVINGS {
+        let middle = between(same, other, 0.5);
+        *(if test(middle) { &mut same } else { &mut other }) = middle;
+    }
+    between(same, other, 0.5)
+}
+
+/// A leg in pieces of some length at most.
+fn cut([from, to]: [[f64; 2]; 2], longest: f64) -> impl Iterator<Item = [[f64; 2]; 2]> {
+    let n = (distance(from, to) / longest).ceil().clamp(1.0, 1e5);
+    counts(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])
+}

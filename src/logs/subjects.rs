@@ -1,0 +1,156 @@
+//! Subjects of titles: a position whose columns are named after what they are of (`drone_x`,
+//! `tracker_x`), or after the directions of the compass (`PN`, `PE`, `PD`).
+//!
+//! They are read where no other column is a position and one subject alone has all three. A table
+//! in which several have, or one that is not known, is refused by the names of its columns: what
+//! is left of its flight would be none.
+
+use std::collections::BTreeMap;
+
+use super::Axes;
+use super::recording::{Column, Recording};
+use super::titles::{Title, in_si_units};
+use noctograph_core::error::{Error, Result};
+use noctograph_core::files::simplified;
+
+/// What flies, is tracked, or tells a place.
+const SUBJECTS: &str = "drone uav quad quadrotor quadcopter copter multirotor crazyflie cf vehicle \
+    aircraft robot agent body base base_link baselink rigid_body rigidbody rb object tracker marker \
+    center com cog odom odometry local local_position world pose measured measurement meas vicon \
+    optitrack mocap qualisys vive lighthouse uwb lps dwm kalman ekf ekf2 filtered fused slam vio \
+    state current position pos global self ego actual";
+
+/// Positions by the directions of the compass, in meters, and where they point.
+const COMPASS: [(&str, Axes); 8] = [
+    ("pn pe pd", Axes::ZDown),
+    ("pos_n pos_e pos_d", Axes::ZDown),
+    ("x_ned y_ned z_ned", Axes::ZDown),
+    ("north east down", Axes::ZDown),
+    ("n e d", Axes::ZDown),
+    ("east north up", Axes::ZUp),
+    ("e n u", Axes::ZUp),
+    ("x_enu y_enu z_enu", Axes::ZUp),
+];
+
+/// Parts of names that are no position.
+const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic vel velocity speed \
+    linear angular rate rates omega force torque thrust target goal ref reference cmd command des \
+    desired sp setpoint set error err bias cov covariance var variance std sigma imu quat rot wind \
+    dir axis jerk moment current_a gravity lin ang joy stick rc light led color integral pid";
+
+/// Our names of a position.
+const PLACE: [&str; 3] = ["x_m", "y_m", "z_m"];
+
+/// Gives the columns of the only position of a table our names, if it has none under its own.
+pub(super) fn resolve(
+    log: &mut Recording,
+    columns: &mut [Column],
+    unknown: &mut Vec<String>,
+) -> Result<()> {
+    let has = |columns: &[Column], name: &str| columns.iter().any(|column| column.name == name);
+    if PLACE.iter().any(|name| has(columns, name)) || has_other_position(columns) {
+        return Ok(());
+    }
+    let of_compass = COMPASS.iter().find_map(|(names, axes)| {
+        let places = names
+            .split(' ')
+            .map(|name| columns.iter().position(|column| simplified(&column.name) == name));
+        Some((places.collect::<Option<Vec<usize>>>()?, *axes))
+    });
+    let mut subjects: BTreeMap<String, Vec<(usize, Title)>> = BTreeMap::new();
+    for (place, column) in columns.iter().enumerate() {
+        if let Some((subject, title)) = parted(&column.name) {
+            subjects.entry(subject).or_default().push((place, title));
+        }
+    }
+    subjects
+        .retain(|_, parts| PLACE.iter().all(|name| parts.iter().any(|(_, it)| it.name == *name)));
+    let known = |subject: &str| {
+        let plain = simplified(subject);
+        SUBJECTS
+            .split(' ')
+            .any(|known| known == plain.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_'))
+    };
+    let chosen: Vec<&String> = subjects.keys().filter(|subject| known(subject)).collect();
+    let renamed: Vec<(usize, Title)> = match (of_compass, &chosen[..]) {
+        (Some((places, axes)), _) => {
+            (log.axes, log.in_format) = (axes, Some("a table of north, east and down"));
+            if axes == Axes::ZUp {
+                log.in_format = Some("a table of east, north and up");
+            }
+            let titles =
+                PLACE.map(|name| Title { name: name.into(), is_known: true, ..Title::default() });
+            places.into_iter().zip(titles).collect()
+        }
+        (None, [subject]) => subjects.get(*subject).cloned().unwrap_or_default(),
+        (None, _) if subjects.is_empty() => return Ok(()),
+        (None, _) => {
+            let names = subjects.values().flatten().map(|(place, _)| &*columns[*place].name);
+            let names = names.collect::<Vec<_>>().join(", ");
+            let hint = "name the columns of the drone's position x, y and z";
+            let wanted = "the position of one drone, under a name that is known";
+            return Err(Error::input("columns", format!("the columns {names}"), wanted, hint)
+                .in_file(&log.file, None));
+        }
+    };
+    let mut said = Vec::new();
+    for (place, title) in renamed {
+        if has(columns, &title.name) {
+            continue;
+        }
+        let Column { name, values, .. } = &mut columns[place];
+        unknown.retain(|unknown| !unknown.starts_with(&format!("{name} (")));
+        said.push(format!("{name} as {}", title.name));
+        columns[place] = in_si_units(title.name, title.unit, std::mem::take(values));
+    }
+    log.warnings.push(format!("columns are taken by their last part: {}", said.join(", ")));
+    Ok(())
+}
+
+/// Whether a column is part of a position of the firmware or of the course.
+fn has_other_position(columns: &[Column]) -> bool {
+    let known = "stateEstimate.x stateEstimateZ.x kalman.stateX locSrv.x locSrvZ.x lighthouse.x \
+                 estPosition.x ae483log.o_x ae483log.p_x ae483log.lh_x mocap.x x_estimate_m";
+    columns.iter().any(|column| known.split(' ').any(|name| name == column.name))
+}
+
+/// A title in what it is of, and the title of what it is; `None` if that is not known, or of what
+/// is no position.
+fn parted(title: &str) -> Option<(String, Title)> {
+    let signs = title.char_indices().skip(1);
+    let mut breaks = signs.filter_map(|(place, sign)| {
+        let is_camel = sign.is_uppercase() && title[..place].ends_with(char::is_lowercase);
+        let is_sign = "_./ :-".contains(sign);
+        (is_camel || is_sign).then_some((place, place + usize::from(is_sign)))
+    });
+    breaks.find_map(|(end, start)| {
+        let rest = Title::parse(&title[start..]);
+        let subject = &title[..end];
+        let plain = simplified(subject);
+        let is_other = plain.split(['_', '.']).any(|part| {
+            OTHERS
+                .split(' ')
+                .any(|other| other == part.trim_end_matches(|c: char| c.is_ascii_digit()))
+        });
+        (rest.is_known && rest.name != "t" && rest.name != "index" && !is_other)
+            .then(|| (subject.to_owned(), rest))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_title_is_parted_before_what_is_known() {
+        let parts = |title: &str| parted(title).map(|(subject, title)| (subject, title.name));
+        let wanted = |subject: &str, name: &str| Some((subject.to_owned(), name.to_owned()));
+        assert_eq!(parts("drone_x"), wanted("drone", "x_m"));
+        assert_eq!(parts("droneX"), wanted("drone", "x_m"));
+        assert_eq!(parts("Tracker.Z (mm)"), wanted("Tracker", "z_m"));
+        assert_eq!(parts("cf1_yaw"), wanted("cf1", "yaw_rad"));
+        for other in ["accel_x", "IMU.x", "distance_error", "battery", "x"] {
+            assert_eq!(parts(other), None, "{other}");
+        }
+    }
+}
