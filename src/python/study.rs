@@ -103,14 +103,17 @@ fn study(scenes: Vec<(String, PyRef<'_, PyScene>)>, words: Vec<(String, u32)>, s
     Study { contenders, words, conditions: Conditions::still(), seed }
 }
 
-/// The flights of a ranking, in their order: contender, word and seed.
+/// Flights of a ranking: contender, word and seed.
+type Flights = Vec<(usize, usize, u64)>;
+
+/// The flights of a ranking, in their order.
 #[pyfunction]
 pub(super) fn trials(
     py: Python<'_>,
     scenes: Vec<(String, PyRef<'_, PyScene>)>,
     words: Vec<(String, u32)>,
     seed: u64,
-) -> PyResult<Vec<(usize, usize, u64)>> {
+) -> PyResult<Flights> {
     let study = study(scenes, words, seed);
     study.check().map_err(|error| raised(py, &error))?;
     Ok(study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect())
@@ -124,7 +127,7 @@ pub(super) fn ladder(
     words: Vec<(String, u32)>,
     seed: u64,
     n: u32,
-) -> PyResult<Vec<(Vec<PyScene>, Vec<(usize, usize, u64)>)>> {
+) -> PyResult<Vec<(Vec<PyScene>, Flights)>> {
     let ladder = rungs(&study(scenes, words, seed), n).map_err(|error| raised(py, &error))?;
     let rung = |rung: Study| {
         let trials = rung.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect();

@@ -215,7 +215,7 @@ pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let bound = 2.0 * libm::log(2.0 / (1.0 - level));
     let reach = standard_error(differences) * (bound * (n - 1.0) / (n - bound)).sqrt();
     let is_drawn = differences.len() > ALL_SUBSETS_OF && n > bound;
-    is_drawn.then(|| Estimate { value, low: value - reach, high: value + reach })
+    is_drawn.then_some(Estimate { value, low: value - reach, high: value + reach })
 }
 
 /// Least number of differences that [`center`] needs at `level`.

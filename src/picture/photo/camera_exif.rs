@@ -167,7 +167,7 @@ fn empty_tags(exif: &Exif) -> Vec<(String, &'static str)> {
         (Tag::PhotographicSensitivity, "camera.iso"),
         (Tag::FocalLengthIn35mmFilm, "camera.body.sensor_width_m"),
     ];
-    let is_empty = |tag: &Tag| signed(exif, *tag).map_or(true, |value| value <= 0.0);
+    let is_empty = |tag: &Tag| signed(exif, *tag).is_none_or(|value| value <= 0.0);
     let zeros = KEYS.iter().filter(|(tag, _)| value(exif, *tag).is_some() && is_empty(tag));
     let mut empty: Vec<_> = zeros.map(|(tag, key)| (format!("{tag} = 0"), *key)).collect();
     let of_film = number(exif, Tag::FocalLengthIn35mmFilm);

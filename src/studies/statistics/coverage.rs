@@ -84,6 +84,7 @@ const NUMBERS: [u32; 7] = [6, 10, 20, 50, 100, 200, 500];
 /// Row of a table: how often an interval of n of these values holds the truth, in percent.
 fn row(name: &str, values: &[f64], truth: f64, interval: (u32, Interval)) {
     let sigma = standard_error(values) * (values.len() as f64).sqrt();
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let law = |u: f64| values[(u * values.len() as f64) as usize];
     let cells = NUMBERS.map(|n| {
         let [share, below, above] = held(&law, truth, n, interval).map(|share| 100.0 * share);
@@ -105,6 +106,7 @@ fn tail(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     let n_lowest = 0.1 * sorted.len() as f64;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let whole = n_lowest as usize;
     let rest = (n_lowest - whole as f64) * sorted.get(whole).copied().unwrap_or(0.0);
     (sorted[..whole].iter().sum::<f64>() + rest) / n_lowest
