@@ -63,14 +63,21 @@ pub(super) fn resolve(
             subjects.entry(subject).or_default().push((place, title));
         }
     }
-    subjects
-        .retain(|_, parts| PLACE.iter().all(|name| parts.iter().any(|(_, it)| it.name == *name)));
     let known = |subject: &str| {
         let plain = simplified(subject);
         SUBJECTS
             .split(' ')
             .any(|known| known == plain.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_'))
     };
+    let n_places = |parts: &[(usize, Title)]| {
+        PLACE.iter().filter(|name| parts.iter().any(|(_, it)| it.name == **name)).count()
+    };
+    // A part of the position of another that is known is a second body.
+    subjects.retain(|subject, parts| {
+        let n = n_places(parts);
+        n == PLACE.len() || n > 0 && known(subject)
+    });
+    let has_whole = subjects.values().any(|parts| n_places(parts) == PLACE.len());
     let chosen: Vec<&String> = subjects.keys().filter(|subject| known(subject)).collect();
     let renamed: Vec<(usize, Title)> = match (of_compass, &chosen[..]) {
         (Some((places, axes)), _) => {
@@ -82,10 +89,14 @@ pub(super) fn resolve(
                 PLACE.map(|name| Title { name: name.into(), is_known: true, ..Title::default() });
             places.into_iter().zip(titles).collect()
         }
-        (None, [subject]) => subjects.get(*subject).cloned().unwrap_or_default(),
-        (None, _) if subjects.is_empty() => return Ok(()),
+        (None, _) if !has_whole => return Ok(()),
+        (None, [subject]) if n_places(&subjects[*subject]) == PLACE.len() => {
+            subjects[*subject].clone()
+        }
         (None, _) => {
-            let names = subjects.values().flatten().map(|(place, _)| &*columns[*place].name);
+            let parts = subjects.values().flatten();
+            let parts = parts.filter(|(_, title)| PLACE.contains(&&*title.name));
+            let names = parts.map(|(place, _)| &*columns[*place].name);
             let names = names.collect::<Vec<_>>().join(", ");
             let hint = "name the columns of the drone's position x, y and z";
             let wanted = "the position of one drone, under a name that is known";

@@ -425,6 +425,9 @@ impl Thousands {
         [has_commas, _]: [bool; 2],
     ) -> std::result::Result<Option<u8>, String> {
         let is_free = head.separator != Separator::Byte(b',');
+        // A cell with commas and a point is no number until its commas are left out.
+        let has_commas =
+            has_commas || is_free && lines(text).skip(head.row).any(|line| line.contains(&b','));
         let sign = match has_commas || head.separator == Separator::Byte(b',') {
             true => b',',
             false if is_free && head.separator != Separator::Blanks => b'.',

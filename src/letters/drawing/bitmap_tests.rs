@@ -321,8 +321,9 @@ fn dust_and_a_checkerboard_are_left_out_and_a_pen_on_a_ruling_is_kept() {
     }
     let checkered = |side: u32, tones: [u8; 2]| {
         let mut picture = clean.clone();
-        for (x, y, pixel) in picture.enumerate_pixels_mut().filter(|it| it.2.0 == [255; 3]) {
-            pixel.0 = [tones[usize::from((x / side + y / side).is_multiple_of(2))]; 3];
+        for (x, y, pixel) in picture.enumerate_pixels_mut() {
+            let tone = u16::from(tones[usize::from((x / side + y / side).is_multiple_of(2))]);
+            pixel.0 = pixel.0.map(|value| (u16::from(value) * tone / 255) as u8);
         }
         picture
     };

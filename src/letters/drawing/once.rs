@@ -190,32 +190,27 @@ impl<'a> Front<'a> {
 
 /// The stretches of a line that are seen. Short ones take the state of what is around them: a
 /// stroke that crosses covers nothing, and what looks out between two covered ones is no line.
-fn shown(mut stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
+fn shown(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
-    let is_same = |a: &Stretch, b: &Stretch| a.1.is_some() == b.1.is_some();
-    // A closed line that goes on over its beginning.
-    if is_closed && stretches.len() > 1 && is_same(&stretches[0], &stretches[stretches.len() - 1]) {
-        let (mut points, cover) = stretches.pop().expect("two are left");
-        points.extend(&stretches[0].0[1..]);
-        stretches[0] = (points, cover.zip(stretches[0].1).map(|(a, b)| a.max(b)));
-    }
-    let n = stretches.len();
+    let mut stretches = joined(stretches, is_closed);
+    let beside = |place: usize, n: usize| match is_closed && n > 1 {
+        true => [Some((place + n - 1) % n), Some((place + 1) % n)],
+        false => [place.checked_sub(1), Some(place + 1).filter(|next| *next < n)],
+    };
+    // What looks out first: what is left then crosses, or lies along.
     let covers: Vec<Option<f64>> = stretches.iter().map(|stretch| stretch.1).collect();
     for (place, (points, cover)) in stretches.iter_mut().enumerate() {
-        let beside = match is_closed && n > 1 {
-            true => [Some((place + n - 1) % n), Some((place + 1) % n)],
-            false => [place.checked_sub(1), Some(place + 1).filter(|next| *next < n)],
-        };
-        let length = polyline_length_m(points);
-        match cover {
-            Some(reach) if beside != [None; 2] && length <= CROSSING * *reach => *cover = None,
-            None if beside.iter().all(Option::is_some) => {
-                let around = beside.iter().flatten().filter_map(|beside| covers[*beside]);
-                let widest = around.fold(2.0 * near, f64::max);
-                *cover = (length < 2.0 * widest).then_some(widest);
-            }
-            _ => {}
+        let around = beside(place, covers.len()).map(|beside| covers[beside?]);
+        if let (None, [Some(before), Some(after)]) = (*cover, around) {
+            let widest = before.max(after).max(2.0 * near);
+            *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
+    }
+    stretches = joined(stretches, is_closed);
+    let n = stretches.len();
+    for (place, (points, cover)) in stretches.iter_mut().enumerate() {
+        let is_alone = beside(place, n) == [None; 2];
+        *cover = cover.filter(|reach| is_alone || polyline_length_m(points) > CROSSING * *reach);
     }
     if stretches.iter().all(|stretch| stretch.1.is_none()) {
         return vec![line.to_vec()];
@@ -236,6 +231,30 @@ fn shown(mut stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[
         seen.last_mut().expect("one is left").extend(&first[1..]);
     }
     seen
+}
+
+/// Stretches of which no two neighbors are alike; a closed line goes on over its beginning.
+fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
+    let widest = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
+    let mut kept: Vec<Stretch> = Vec::new();
+    for (points, cover) in stretches {
+        match kept.last_mut().filter(|last| last.1.is_some() == cover.is_some()) {
+            Some((before, last)) => {
+                before.extend(&points[1..]);
+                *last = widest(*last, cover);
+            }
+            None => kept.push((points, cover)),
+        }
+    }
+    if is_closed
+        && kept.len() > 1
+        && kept[0].1.is_some() == kept[kept.len() - 1].1.is_some()
+        && let Some((mut points, cover)) = kept.pop()
+    {
+        points.extend(&kept[0].0[1..]);
+        kept[0] = (points, widest(cover, kept[0].1));
+    }
+    kept
 }
 
 /// The place between two where a test fails first.

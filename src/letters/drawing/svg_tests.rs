@@ -483,8 +483,11 @@ fn of_two_elements_with_one_id_the_first_counts() {
     let lines = "<path d='M0 20H200M0 50H200M0 80H200' stroke='#000' fill='none'";
     let [upper, lower] = ["width='200' height='60'", "y='60' width='200' height='40'"];
     for (tag, property, fill) in [("clipPath", "clip-path", ""), ("mask", "mask", "fill='#fff'")] {
-        let units =
-            if tag == "mask" { "maskUnits='userSpaceOnUse' width='200' height='100'" } else { "" };
+        let units = if tag == "mask" {
+            "maskUnits='userSpaceOnUse' x='0' y='0' width='200' height='100'"
+        } else {
+            ""
+        };
         let body = format!(
             "<{tag} id='c' {units}><rect {upper} {fill}/></{tag}>\
              <{tag} id='c' {units}><rect {lower} {fill}/></{tag}>{lines} {property}='url(#c)'/>"
