@@ -12,7 +12,7 @@ use syn::{
 
 /// Files with declarations.
 const FILES: [&str; 13] = [
-    "pipeline/scene/advice.rs",
+    "core/diagnostic.rs",
     "score/calibration.rs",
     "score/causes.rs",
     "score/verdict.rs",
