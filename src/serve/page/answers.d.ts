@@ -97,7 +97,7 @@ type CauseKind = "missing_run" | "log_gap" | "lit_transit" | "streak" | "dwell_b
 interface Change {
   /** Dotted key. */
   key: string;
-  /** The value, as `parse_with` takes it; null: the sentence about it says which way it goes. */
+  /** The value, as a scene takes it; null: the sentence about it says which way it goes. */
   value: string | null;
 }
 
