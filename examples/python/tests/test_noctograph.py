@@ -206,10 +206,10 @@ def test_a_drone_that_stands_is_asked_about():
     def shares(state, reference):
         return [0.6, 0.6, 0.6, 0.6]
 
-    with pytest.warns(UserWarning, match="never left the floor.*up to 0.6.*0 to 65535"):
+    with pytest.warns(UserWarning, match="never left the floor.*reach 0.6 of 65535"):
         (flight,) = nc.fly(scene, controller=shares)
     assert "never left the floor" in flight.warnings[0]
-    with pytest.warns(UserWarning, match="2 of 2 flights never left the floor.*up to 0.6"):
+    with pytest.warns(UserWarning, match="2 of 2 drones never left the floor.*reach 0.6 of 65535"):
         nc.fly_many(scene, 2, controller=shares, progress=False)
 
 

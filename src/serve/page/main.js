@@ -136,11 +136,13 @@ let seenLog;
 /** Loaded when something is amiss first. @type {typeof import("./amiss.js") | null} */
 let amiss = null;
 const loadAmiss = async () => (amiss ??= await import("./amiss.js"));
+/** Whether it cannot be had. */
+let lacksAmiss = false;
 
-/** Says why a word is not read. */
+/** Says why a word is not read: until the reason is there, nothing says that it is not. */
 async function putReason() {
   if (amiss || judged()?.legible !== false) return;
-  await loadAmiss();
+  await loadAmiss().catch(() => (lacksAmiss = true));
   putMarks();
   putDesk();
 }
@@ -322,9 +324,11 @@ function spoken() {
   if (isEmpty()) return { first: t(state.opened ? "all-out" : "empty") };
   const stop = known.stops[0];
   if (known.shot) {
+    const verdict = judged();
+    const isReasoned = verdict?.legible !== false || amiss || lacksAmiss;
     const said = stop
       ? { first: sentence("stops", stop), then: t("way-flight-impossible") }
-      : ofShot(known.shot, judged(), amiss?.reason);
+      : ofShot(known.shot, isReasoned ? verdict : null, amiss?.reason);
     return origin.left ? { first: said.first, then: t(origin.left) } : said;
   }
   return { first: t(known.busy ? "busy" : about.slow ? "looking-slow" : "looking") };
