@@ -211,9 +211,6 @@ def outcomes(
     scenes: list[Scene], seeds: list[int], conditions: str, progress: Callable[[int, int], object] | None
 ) -> _Keys: ...
 def trials(scenes: list[tuple[str, Scene]], words: list[tuple[str, int]], seed: int) -> list[tuple[int, int, int]]: ...
-def ladder(
-    scenes: list[tuple[str, Scene]], words: list[tuple[str, int]], seed: int, n: int
-) -> list[tuple[list[Scene], list[tuple[int, int, int]]]]: ...
 def ranking(
     scenes: list[tuple[str, Scene]],
     words: list[tuple[str, int]],
