@@ -323,7 +323,7 @@ fn dust_and_a_checkerboard_are_left_out_and_a_pen_on_a_ruling_is_kept() {
         let mut picture = clean.clone();
         for (x, y, pixel) in picture.enumerate_pixels_mut() {
             let tone = u16::from(tones[usize::from((x / side + y / side).is_multiple_of(2))]);
-            pixel.0 = pixel.0.map(|value| (u16::from(value) * tone / 255) as u8);
+            pixel.0 = pixel.0.map(|value| u8::try_from(u16::from(value) * tone / 255).unwrap());
         }
         picture
     };
