@@ -23,7 +23,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -226,7 +226,7 @@ class _Running(set[_Process]):
 
 
 @contextlib.contextmanager
-def _workers(n: int | None) -> Iterator[tuple[ThreadPoolExecutor, _Running]]:
+def _workers(n: int | None) -> Generator[tuple[ThreadPoolExecutor, _Running]]:
     """Threads that fly controllers; an interrupt, as by Ctrl-C, ends all processes and waits for no flight."""
     pool, running = ThreadPoolExecutor(n or os.cpu_count()), _Running()
     try:

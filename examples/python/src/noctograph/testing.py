@@ -9,7 +9,7 @@ import os
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from ._noctograph import Flight, Shot, flip
 from .commands import PathLike
@@ -100,11 +100,13 @@ def _is_blessed(golden: Path) -> bool:
 def _moved(key: str, found: Any, wanted: Any) -> list[str]:
     """A line for each value that differs, named by its path."""
     if isinstance(found, dict) and isinstance(wanted, dict):
-        names = {**wanted, **found}
-        return [line for name in names for line in _moved(f"{key}.{name}", found.get(name), wanted.get(name))]
-    if isinstance(found, list) and isinstance(wanted, list) and len(found) == len(wanted):
-        pairs = enumerate(zip(found, wanted))
-        return [line for index, (one, other) in pairs for line in _moved(f"{key}[{index}]", one, other)]
+        new, old = cast("dict[str, Any]", found), cast("dict[str, Any]", wanted)
+        return [line for name in {**old, **new} for line in _moved(f"{key}.{name}", new.get(name), old.get(name))]
+    if isinstance(found, list) and isinstance(wanted, list):
+        ones, others = cast("list[Any]", found), cast("list[Any]", wanted)
+        if len(ones) == len(others):
+            pairs = enumerate(zip(ones, others))
+            return [line for index, (one, other) in pairs for line in _moved(f"{key}[{index}]", one, other)]
     return [] if found == wanted else [f"{key}: found {found}, wanted {wanted}"]
 
 
