@@ -251,6 +251,10 @@ class Drone:
         """Whether a drone that heard the landing is down; one that reports no height anymore is."""
         return self.latest.get("stateEstimate.z", math.inf) < DOWN_M or "where" in self.silent()
 
+    def was_up(self):
+        """Whether it was last heard above the floor."""
+        return self.latest.get("stateEstimate.z", 0.0) > DOWN_M
+
     def stop(self):
         self.cf.high_level_commander.stop()
         self.cf.commander.send_stop_setpoint()
@@ -942,7 +946,7 @@ def send_landing(drone, mode):
 def regain(drone, mode):
     """Seeks a new link to a drone that may be in the air, and lands it. Returns what it says of itself,
     or what is known without."""
-    was_up = drone.latest.get("stateEstimate.z", 0.0) > DOWN_M
+    was_up = drone.was_up()
     say(f"nothing is heard of the drone. {STAY}")
     if not drone.connect or not attempt("seeking a new link", drone.reconnect):
         return without_link(drone, mode)

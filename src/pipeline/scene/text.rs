@@ -468,7 +468,8 @@ pub(super) fn scene_of(values: Table) -> Result<Scene> {
     if cfg!(target_family = "wasm") {
         return values.try_into().map_err(|error: toml::de::Error| {
             let actual = error.to_string().trim().replace('\n', " ");
-            Error::input("", actual, "values of the keys' types", HINT)
+            let key = actual.rsplit_once(" in `").map_or("", |(_, key)| key.trim_end_matches('`'));
+            Error::input(key.to_owned(), &actual, "values of the keys' types", HINT)
         });
     }
     serde_path_to_error::deserialize(Value::Table(values)).map_err(|error| {
