@@ -10,7 +10,6 @@ use std::fmt;
 
 use serde::{Serialize, Serializer, ser::SerializeMap};
 
-use crate::error::Error;
 use crate::place::{DroneIndex, Place, Segment};
 
 /// How bad it is.
@@ -272,13 +271,6 @@ impl Serialize for Diagnostic {
         map.serialize_entry("found", &self.message)?;
         map.serialize_entry("wanted", &self.wanted)?;
         map.end()
-    }
-}
-
-impl From<&Error> for Diagnostic {
-    /// An error as a diagnostic that stops, for a list of several.
-    fn from(error: &Error) -> Self {
-        Self::new(error.code(), Severity::Stop, error.to_string()).helped(error.hint().to_owned())
     }
 }
 

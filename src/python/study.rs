@@ -116,7 +116,11 @@ pub(super) fn trials(
 ) -> PyResult<Flights> {
     let study = study(scenes, words, seed);
     study.check().map_err(|error| raised(py, &error))?;
-    Ok(study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect())
+    Ok(flights(&study))
+}
+
+fn flights(study: &Study) -> Flights {
+    study.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect()
 }
 
 /// The rungs on which scenes write faster and faster, with n seeds of each word: scenes and trials.
@@ -130,7 +134,7 @@ pub(super) fn ladder(
 ) -> PyResult<Vec<(Vec<PyScene>, Flights)>> {
     let ladder = rungs(&study(scenes, words, seed), n).map_err(|error| raised(py, &error))?;
     let rung = |rung: Study| {
-        let trials = rung.trials().map(|trial| (trial.contender, trial.word, trial.seed)).collect();
+        let trials = flights(&rung);
         (rung.contenders.into_iter().map(|it| PyScene(it.scene)).collect(), trials)
     };
     Ok(ladder.into_iter().map(rung).collect())
