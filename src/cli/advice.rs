@@ -1,5 +1,5 @@
 //! Advice as flags: the flags that set keys of a scene, and those that mend errors. The library
-//! names keys and facts; only here are these joined with flags.
+//! names keys and facts, and only this file joins them with flags.
 
 use clap::Command;
 
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use noctograph_core::diagnostic::Change;
 use noctograph_core::settings::{Described, paths};
 
-/// Keys that have a flag, and what it takes.
+/// Keys that have a flag of their own: key, flag, value.
 const OF_KEYS: [(&str, &str, &str); 8] = [
     ("expose.room_m", "--room", "WxDxH"),
     ("letters.font", "--font", "NAME"),
@@ -22,7 +22,7 @@ const OF_KEYS: [(&str, &str, &str); 8] = [
     ("word", "--word", "WORD"),
 ];
 
-/// A change of a scene within a sentence: its flag, or the key and its value.
+/// A change of a scene within a sentence: as a flag, or as `key = value`.
 pub(super) fn mentioned(change: &Change) -> String {
     match OF_KEYS.iter().find(|(key, ..)| *key == change.key) {
         Some((_, flag, takes)) => format!("{flag} {}", change.value.as_deref().unwrap_or(takes)),
@@ -30,8 +30,9 @@ pub(super) fn mentioned(change: &Change) -> String {
     }
 }
 
-/// Changes of a scene as they are typed.
+/// Changes of a scene as command-line arguments.
 pub(super) fn typed(changes: &[Change]) -> String {
+    // A size is two keys and one flag. Any other key is a flag of its own or a setting.
     if let [Change { key, value: Some(width) }, height] = changes
         && key == "camera.width_px"
     {
@@ -39,7 +40,7 @@ pub(super) fn typed(changes: &[Change]) -> String {
     }
     fn flag_or_setting(change: &Change) -> String {
         let (key, value) = (&*change.key, change.value.as_deref().unwrap_or_default());
-        match (OF_KEYS.iter().find(|(own, ..)| *own == key), value) {
+        match (OF_KEYS.iter().find(|(known, ..)| *known == key), value) {
             (Some((_, flag, _)), value) => format!("{flag} {value}"),
             (None, "word") if key == "camera.framing" => "--camera auto".to_owned(),
             (None, value) if value.contains('[') => format!("--set {key}='{value}'"),
@@ -49,8 +50,8 @@ pub(super) fn typed(changes: &[Change]) -> String {
     changes.iter().map(flag_or_setting).collect::<Vec<_>>().join(" ")
 }
 
-/// Flags that mend an error with a code or at a key, and their effect; given if the verb has the
-/// flag.
+/// Flags that mend an error: code or key of the error, flag, effect. A verb without the flag does
+/// not name it.
 const FLAGS: [(&str, &str, &str); 19] = [
     ("letter-missing", "font", "names another font: simplex, or a file *.ttf, *.otf or *.strokes"),
     ("word-unseen", "corners", "names the corners of the line instead of a camera"),
@@ -79,6 +80,7 @@ const FLAGS: [(&str, &str, &str); 19] = [
 
 /// Flags and keys that mend an error of a verb.
 pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
+    // An error hangs on its code, or on the key where it was found.
     let (code, path) = match error {
         Error::Input { place, .. } => (error.code(), place.key()),
         _ => (error.code(), ""),
@@ -87,11 +89,11 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
         let name = typed.split(' ').next();
         verb.get_arguments().any(|flag| flag.get_long() == name)
     };
-    // A flag already given is not advised.
     fn is_typed(flag: &str) -> bool {
         let flag = format!("--{}", flag.split(' ').next().unwrap_or_default());
         typed_words().any(|word| word == flag || word.starts_with(&format!("{flag}=")))
     }
+    // First what mends this error, then what sets its key. A flag that was typed did not help.
     let special = FLAGS
         .iter()
         .filter(|(name, flag, _)| [code, path].contains(name) && has(flag) && !is_typed(flag));
@@ -103,6 +105,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     {
         advice.push(format!("`--fallback {}` has {letter}", file.display()));
     }
+    // A key of the scene is set by --set, an option of the verb by the flag of its name.
     if paths(Scene::SHAPE.settings()).contains(path) && has("set") {
         advice.push(format!(
             "`--set {path}=VALUE` sets the key for one run; `noctograph scene` prints all keys"
@@ -113,7 +116,7 @@ pub(super) fn advice(error: &Error, verb: &Command) -> Vec<String> {
     advice
 }
 
-/// The flag of an option such as `import.max_gap_s`: its name without the unit.
+/// The flag of an option such as `import.max_gap_s`: its name, perhaps without the unit.
 fn flag(path: &str, verb: &Command) -> Option<String> {
     let name = path.rsplit('.').next()?.replace('_', "-");
     let flags = || verb.get_arguments().filter_map(clap::Arg::get_long);

@@ -1,5 +1,5 @@
-//! The commit that the program is built from, in `NOCTOGRAPH_COMMIT`: that of the environment, else
-//! of the clone, else nothing.
+//! The commit that the program is built from, in `NOCTOGRAPH_COMMIT`: from the environment, else
+//! from the clone, else empty.
 
 use std::path::Path;
 use std::process::Command;
@@ -24,7 +24,7 @@ fn main() {
     println!("cargo::rustc-env=NOCTOGRAPH_COMMIT={digits}");
 }
 
-/// What git prints, where it is there and answers.
+/// The output of git, if it is installed and succeeds.
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;

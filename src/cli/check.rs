@@ -1,4 +1,4 @@
-//! `noctograph check`: whether a word or a plan is safe to fly; exit code 1 if not.
+//! `noctograph check`: is a word or a plan safe to fly? Exit code 1 if not.
 
 use super::flags::{ProfileFlags, SubjectFlags};
 use super::outcome::Report;
@@ -29,6 +29,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         },
         &|_| Ok(()),
     )?;
+    // The room may be the scene's, and bounds the profile.
     let profile = args.profile.profile(&shoot.scene);
     let Preflight { findings, placement } = preflight(&shoot, &profile)?;
     let stops = findings.iter().any(Diagnostic::is_stop);
@@ -45,21 +46,26 @@ pub(super) fn run(args: &CheckArgs) -> Result<Report> {
         report.text.push('\n');
         report.value("placement", placement);
     }
-    let counted = |severity, one: &str, several: &str| match findings
-        .iter()
-        .filter(|finding| finding.severity == severity)
-        .count()
-    {
-        0 => None,
-        1 => Some(format!("1 {one}")),
-        n => Some(format!("{n} {several}")),
-    };
     let words = json!({
-        "room": profile.room_m, "warnings": counted(Severity::Warning, "warning", "warnings"),
-        "unchecked": counted(Severity::Unknown, "property", "properties"),
+        "room": profile.room_m,
+        "warnings": counted(&findings, Severity::Warning, ["warning", "warnings"]),
+        "unchecked": counted(&findings, Severity::Unknown, ["property", "properties"]),
     });
     report.text += &print(CONCLUSION, &[&report.json, &words]);
     Ok(report.passes(!stops))
+}
+
+/// The number of findings of a severity in words, unless it is zero.
+fn counted(
+    findings: &[Diagnostic],
+    severity: Severity,
+    [one, several]: [&str; 2],
+) -> Option<String> {
+    match findings.iter().filter(|finding| finding.severity == severity).count() {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        n => Some(format!("{n} {several}")),
+    }
 }
 
 const CONCLUSION: &str = "\

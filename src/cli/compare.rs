@@ -44,7 +44,7 @@ pub(super) struct CompareArgs {
     output: Option<PathBuf>,
 }
 
-/// Root mean square distance below which two flights are alike, a third of a lamp.
+/// RMS distance below which two flights are alike: a third of a lamp's width.
 const ALIKE_M: f64 = 0.001;
 
 const FILES: [&str; 3] = ["flight-xy.svg", "flight-xz.svg", "error.svg"];
@@ -60,6 +60,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         },
         max_gap_s: args.flights.max_gap,
     };
+    // Both flights on one clock, and the distance between them.
     let [a, b] = read(args, &options)?;
     let comparison = compare(&a, &b, &options)?;
     // A flight without a design can still be compared with another one.
@@ -73,16 +74,19 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
         let (file, sha256) = (path.display().to_string(), flight.sha256());
         json!({ "file": file, "sha256": sha256, "tracking": tracking })
     }
-    let first = comparison.first.map(|(cause, share)| {
+    let first = comparison.first.map(|(cause, fraction)| {
         let (cause, change) = in_words(cause);
-        json!({ "cause": cause, "change": change, "share": share })
+        json!({ "cause": cause, "change": change, "share": fraction })
     });
+    // The product: the comparison, with each flight's own tracking of its design.
     let mut product = json!(comparison);
     product["a"] = side(&args.a, &a, &tracking[0]);
     product["b"] = side(&args.b, &b, &tracking[1]);
     let sides = [("A", &product["a"]["tracking"]), ("B", &product["b"]["tracking"])];
     let sides = sides.into_iter().filter(|(_, tracking)| !tracking.is_null());
-    let sides: Vec<_> = sides.map(|(name, it)| json!({ "name": name, "tracking": it })).collect();
+    let side = |(name, tracking)| json!({ "name": name, "tracking": tracking });
+    let sides: Vec<_> = sides.map(side).collect();
+    // The table of errors, whose rows have three axes in the product, and a fourth column here.
     let mut errors = vec![json!({ "name": "A against B", "m": product["rmse_m"] })];
     for (key, what) in [
         ("rmse_m", "against its design"),
@@ -94,6 +98,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Report> {
             errors.push(json!({ "name": name, "m": side["tracking"][key] }));
         }
     }
+    // The plane of writing is x and z.
     for error in &mut errors {
         let [x, z] = [0, 2].map(|axis| error["m"][axis].as_f64().unwrap_or_default());
         error["in_plane_m"] = libm::hypot(x, z).into();
@@ -138,7 +143,8 @@ change    {cause.change}
 
 ";
 
-/// Reads both flights. A clock ratio is that of the drone's clock: the other log keeps its own.
+/// Reads both flights. A clock ratio belongs to the drone's clock, so only one of two logs is
+/// stretched.
 fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> {
     let position = args.position_b.unwrap_or(args.flights.position);
     let flags = [args.flights.clone(), FlightFlags { position, ..args.flights.clone() }];
@@ -149,9 +155,11 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     fn as_stamped(flags: &FlightFlags, path: &Path) -> Result<Flight> {
         import(path, &FlightFlags { clock_ratio: Some(1.0), ..flags.clone() }.options(None))
     }
+    // Each is read twice, with the ratio and as it is timestamped. A file that is the same both
+    // times has no drone's clock.
     let [a_stamped, b_stamped] = [as_stamped(&flags[0], &args.a)?, as_stamped(&flags[1], &args.b)?];
     let [a, b] = both;
-    // A flight file is not stretched, and only a drone logs what is in it.
+    // Only a drone logs its motors, rates, estimate and setpoints.
     fn of_drone(flight: &Flight) -> bool {
         let inside = [Quantity::Motors, Quantity::Rate, Quantity::Estimate, Quantity::Design];
         inside.iter().any(|quantity| flight.has(*quantity))
@@ -160,6 +168,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     if a == a_stamped || b == b_stamped || is_a && is_b {
         return Ok([a, b]);
     }
+    // Neither shows it: the ratio belongs to the one that fits clearly better stretched.
     let is_a = if is_a || is_b {
         is_a
     } else {
@@ -183,7 +192,7 @@ fn read(args: &CompareArgs, options: &ComparisonOptions) -> Result<[Flight; 2]> 
     Ok(flights)
 }
 
-/// By this much a log fits better with its own clock stretched than with the other's.
+/// Least ratio of the two RMS distances that shows whose clock the ratio is.
 const CLEARLY: f64 = 1.5;
 
 fn plots(
@@ -192,8 +201,10 @@ fn plots(
     flights: [&Flight; 2],
     comparison: &Comparison,
 ) -> Result<Vec<PathBuf>> {
+    // B is drawn on A's clock and in A's frame.
     let clocks = [(&args.a, 'A', 0.0), (&args.b, 'B', comparison.offset_s)];
     let mut traces = Vec::new();
+    // Plots name a flight by its letter and its file.
     for (flight, (path, letter, offset_s)) in flights.into_iter().zip(clocks) {
         let mut samples = comparison.part.samples(flight)?;
         samples.iter_mut().for_each(|sample| sample.time_s += offset_s);
@@ -210,8 +221,9 @@ fn plots(
     folder.keep()
 }
 
-/// The largest cause of the difference, and what to change for it.
+/// A cause of the difference in words, and what to change.
 fn in_words(cause: Discrepancy) -> (String, &'static str) {
+    // B is judged by A: a lag is B's, and so are an offset and a scale.
     match cause {
         Discrepancy::Lag(s) if s > 0.0 => (
             format!("B is {s:.2} s behind A"),

@@ -1,4 +1,4 @@
-//! `noctograph compare-photo`: a render is laid over a real photograph, letter on letter.
+//! `noctograph compare-photo`: lays a render over a real photograph, letter on letter.
 
 use std::path::PathBuf;
 
@@ -25,13 +25,14 @@ pub(super) struct ComparePhotoArgs {
     output: PathBuf,
 }
 
-/// Longer side of the pictures that are compared, at most: a photograph is shrunk to it.
+/// Most pixels of a photograph's longer side, to which it is shrunk before it is compared.
 const LONGEST_PX: u32 = 2048;
 
 pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let (render, photo) = (photo::read(&args.render)?, photo::read(&args.photo)?);
     let photo = shrink(photo, LONGEST_PX);
     let mut folder = OutputFolder::create(&args.output)?;
+    // Both are read blindly. Corners of equal letters give the similarity transform.
     let [of_render, of_photo] = [read(&render), read(&photo)];
     let pairs = corners(&of_render.letters, &of_photo.letters)?;
     if of_render.text != of_photo.text {
@@ -41,6 +42,7 @@ pub(super) fn run(args: &ComparePhotoArgs) -> Result<Report> {
     let transform = Similarity::between(&pairs);
     let off_px2 = pairs.iter().map(|[a, b]| libm::pow(distance(transform.apply(*a), *b), 2.0));
     let residual_px = (off_px2.sum::<f64>() / pairs.len() as f64).sqrt();
+    // FLIP is averaged over the pixels that the render covers.
     let (laid, covered) = placed(&render, &transform, [photo.width_px, photo.height_px]);
     let mut difference = difference(&photo, &laid);
     let mean = difference.mean(|index| covered[index]);
@@ -69,8 +71,9 @@ fit       corners of the letters off by {residual_px:.1} px (RMS)
 FLIP      {mean_flip:.3}, mean difference over the render
 ";
 
-/// Corners of the letters in both pictures, pair by pair.
+/// Upper left and lower right corners of the letters, each pair from the render to the photo.
 fn corners(render: &[ReadLetter], photo: &[ReadLetter]) -> Result<Vec<[[f64; 2]; 2]>> {
+    // Letters are paired by their order: both pictures show as many.
     if render.is_empty() || render.len() != photo.len() {
         return Err(Error::infeasible(
             format!(

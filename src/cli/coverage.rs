@@ -1,5 +1,5 @@
-//! `noctograph coverage`: where Lighthouse base stations see the drone, and how accurately; for
-//! ultra-wideband ranges, how well the drones of a word can be placed at best.
+//! `noctograph coverage`: a map of where Lighthouse base stations see the drone, and how
+//! accurately. For ultra-wideband ranges, the least error of the drones that write a word.
 
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ use crate::sim::{bounds, one_more_anchor, writing_sigma_m};
 use clap::Args;
 use serde_json::json;
 
-/// Margin around the word, and the region where there is no word.
+/// Margin around the word, and the region of a scene without a word.
 const MARGIN_M: f64 = 0.5;
 const ROOM_M: [f64; 4] = [-1.5, 0.0, 1.5, 2.0];
 
@@ -37,7 +37,7 @@ pub(super) struct CoverageArgs {
     /// Left, bottom, right and top of the map, in meters [default: half a meter around the word]
     #[arg(long, value_name = "L,B,R,T", value_parser = rectangle, allow_hyphen_values = true)]
     bounds: Option<[f64; 4]>,
-    /// Depth of the plane of the map, in meters; the word is written at 0
+    /// Depth of the plane of the map, in meters: the word is written at 0
     #[arg(long, value_name = "Y", default_value = "0", allow_hyphen_values = true)]
     depth: f64,
     /// Distance between two points of the map, in meters
@@ -53,6 +53,7 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     if let Some(word) = typed_word(args.word.as_ref(), args.as_word.as_ref())? {
         set_word(&mut scene, word);
     }
+    // Ranges have a bound along a word, sweeps a map of the plane of writing.
     if scene.sensors.positioning.is_by_ranges() {
         return along_the_word(args, scene);
     }
@@ -69,8 +70,8 @@ pub(super) fn run(args: &CoverageArgs) -> Result<Report> {
     Ok(described(&grid, scene.sensors.lighthouse.stations.len(), bounds_m).with_files(&[path]))
 }
 
-/// The bound of the estimates along the flights that write a word, and the best place of one more
-/// anchor.
+/// The Cramér–Rao bound of the estimates along the flights that write a word, and the best place
+/// of one more anchor.
 fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = Shoot::new(scene)?;
@@ -81,8 +82,8 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
     let picture = bound_map(&plans, &bounds, &options.sensors.uwb, place_m);
     let path = output.keep(picture)?;
 
+    // Letters are numbered as in the plan, which counts glyphs and no spaces.
     let mut letters = Vec::new();
-    // Spaces are no letters: the plan counts glyphs.
     let strokes = shoot.strokes.iter();
     for (letter, glyph) in strokes.clone().flat_map(|strokes| &strokes.glyphs).enumerate() {
         // A drawing has strokes of one color in place of letters.
@@ -106,7 +107,7 @@ fn along_the_word(args: &CoverageArgs, scene: Scene) -> Result<Report> {
 const BOUNDS: &str = "\
 bound     {bound_m*100:.1~-} cm over three axes, 1 σ: the least error that the ranges allow along the strokes
 wanted    an error of at most 5 % of the letters' height on each axis; a slow error may be twice as large
-excluded  biased ranges, stray ranges and lost messages: with them it is more
+excluded  biased ranges, outliers and lost messages: with them it is more
 
 |letters|letter<8|drone<8|bound, cm>9
 {letter}|{drone}|{bound_m*100:.1}
@@ -116,6 +117,7 @@ advice    one more anchor that all drones hear helps most at ({one_more_anchor.p
 ";
 
 fn described(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
+    // Errors are those of points that two stations see. There may be none.
     let errors_m = grid.errors_m();
     let quantile_m =
         |percent: usize| Some(errors_m[errors_m.len().checked_sub(1)? * percent / 100]);
@@ -128,8 +130,8 @@ fn described(grid: &Coverage, n_stations: usize, bounds_m: [f64; 4]) -> Report {
     let n_points = grid.places.len();
     let seen = (0..=n_stations).filter_map(|n| {
         let places = grid.places.iter().filter(|place| place.n_stations == n).count();
-        let share = places as f64 / n_points as f64;
-        (places > 0).then(|| json!({ "stations": n, "points": places, "share": share }))
+        let fraction = places as f64 / n_points as f64;
+        (places > 0).then(|| json!({ "stations": n, "points": places, "share": fraction }))
     });
     let words = json!({
         "map": bounds_m, "points": n_points, "seen": seen.collect::<Vec<_>>(),

@@ -1,5 +1,5 @@
-//! The graphics driver, tried once in a process of its own: one that hangs or crashes must not take
-//! the program with it. The result is remembered for this driver.
+//! The trial of the graphics driver in a process of its own, so that a driver that hangs or crashes
+//! does not take the program with it. The result is kept for these drivers.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -11,11 +11,11 @@ use crate::error::{Error, Result};
 use crate::expose::BackendChoice;
 use noctograph_core::digest::sha256;
 
-/// Time after which a driver counts as hanging. A software driver on a busy machine compiles the
-/// shader in a few seconds.
+/// Time after which a driver hangs. A software driver on a busy machine compiles the shader in a
+/// few seconds.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// The fault where no process can be started; it is not cached.
+/// The fault if no process can be started. It is not cached.
 const UNTRIED: &str = "cannot be tried in a process of its own";
 
 /// Arguments of the process that tries the driver.
@@ -29,8 +29,8 @@ const VARIABLES: [&str; 5] = [
     "LD_LIBRARY_PATH",
 ];
 
-/// Places that change with the drivers: folders of their lists, and the version of macOS, which has
-/// its drivers within it.
+/// Files that change with the drivers: the folders of their lists, and the version of macOS, which
+/// comes with its drivers.
 const LISTS: [&str; 4] = [
     "/etc/vulkan/icd.d",
     "/usr/share/vulkan/icd.d",
@@ -38,7 +38,7 @@ const LISTS: [&str; 4] = [
     "/System/Library/CoreServices/SystemVersion.plist",
 ];
 
-/// Where Windows keeps each driver that was installed, below its own folder.
+/// Folder of Windows' installed drivers, below that of the system.
 const DRIVER_STORE: &str = r"System32\DriverStore\FileRepository";
 
 /// The backend to expose on: with [`BackendChoice::Auto`], the processor in place of a driver that
@@ -46,7 +46,7 @@ const DRIVER_STORE: &str = r"System32\DriverStore\FileRepository";
 ///
 /// # Errors
 ///
-/// [`Error::Gpu`] where such a driver was chosen by name.
+/// [`Error::Gpu`] if such a driver was chosen by name.
 #[expect(clippy::disallowed_methods, reason = "what this program remembers in its own folder")]
 pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     if choice == BackendChoice::Cpu {
@@ -65,6 +65,7 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
         }
         fault.to_owned()
     });
+    // The processor replaces a driver that nobody named. A named one is an error.
     let is_chosen = choice == BackendChoice::Wgpu;
     if fault.is_empty() || is_chosen && fault == UNTRIED {
         return Ok(choice);
@@ -81,9 +82,10 @@ pub(super) fn tried(choice: BackendChoice) -> Result<BackendChoice> {
     Ok(BackendChoice::Cpu)
 }
 
-/// The fault of a driver, seen from another process; a missing driver, or one with its own error
-/// message, is none.
+/// The fault of a driver as another process sees it. A missing driver, or an error message of its
+/// own, is none.
 fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
+    // It is waited for by polling: std has no wait with a time limit.
     let quiet = trial.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let Ok(mut child) = quiet.spawn() else { return Some(UNTRIED) };
     let begun = Instant::now();
@@ -95,18 +97,18 @@ fn fault(trial: &mut Command, patience: Duration) -> Option<&'static str> {
         }
     }
     let _ = child.kill();
-    // A process that hangs within the kernel may not end; it is left behind.
+    // A process that hangs within the kernel may not end: it is left behind.
     let _ = child.try_wait();
     Some("hangs")
 }
 
-/// Whether a trial ended with its report or its error message. A crash has no exit code on Unix,
-/// one like -1073741819 on Windows, and a panic has 101.
+/// True if a trial ended with its report or its error message. A crash has no exit code on Unix and
+/// one like -1073741819 on Windows. A panic has 101.
 fn ended_by_itself(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 2))
 }
 
-/// The folder of the system named for what programs remember.
+/// The cache folder of a system, as its environment names it.
 fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
     if let Some(folder) = variable("XDG_CACHE_HOME") {
         return Some(folder.into());
@@ -123,6 +125,7 @@ fn cache(system: &str, variable: impl Fn(&str) -> Option<OsString>) -> Option<Pa
 fn memory() -> Option<PathBuf> {
     let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let folder = cache(std::env::consts::OS, variable)?;
+    // The key of the file is a digest of all that changes with the drivers.
     let mut drivers = env!("CARGO_PKG_VERSION").to_owned();
     for name in VARIABLES {
         drivers += &format!("\n{name}={:?}", variable(name));

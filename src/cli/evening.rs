@@ -1,4 +1,4 @@
-//! `noctograph import` of a folder: the logs of an evening become a page and a conditions file.
+//! `noctograph import` of a folder: a page and a conditions file from the logs of an evening.
 
 use std::path::Path;
 
@@ -31,6 +31,7 @@ pub(super) fn run(
     for log in &evening.logs {
         warn_of(Path::new(&log.log), &log.warnings);
     }
+    // Conditions that a study would refuse are not written.
     let mut written = OutputFolder::create(output)?;
     let (rows, mean) = (evening.conditions(), evening.mean_drone(scene));
     let toml = evening.conditions_toml(&rows);
@@ -42,6 +43,7 @@ pub(super) fn run(
             "fly as on this evening: `noctograph preview WORD --spread 20 --conditions {file}`"
         ));
     }
+    // A flawed log is in the table, and not in the conditions.
     let flawed = evening.logs.iter().filter(|log| !log.flaws.is_empty()).map(|log| {
         let flaws: Vec<String> = log.flaws.iter().map(ToString::to_string).collect();
         json!({ "log": log.log, "flaws": flaws.join("; ") })
@@ -81,7 +83,7 @@ conditions  none: {none}
 *advice advice    {}
 ";
 
-/// Settings of a scene with the evening's drones, where they stand out from it.
+/// Settings of a scene with the mean drone of the evening, of values that differ.
 fn advice_of(mean: &MeanDrone, vehicle: &VehicleOptions) -> Vec<String> {
     let MeanDrone { k_f_n, center_of_mass_m: [x, y], .. } = *mean;
     let (percent, x_mm, y_mm) = (100.0 * (k_f_n / vehicle.k_f_n - 1.0), 1e3 * x, 1e3 * y);

@@ -1,7 +1,7 @@
 //! `noctograph export`: plans for drones and other programs.
 
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::advice::mentioned;
 use super::findings;
@@ -12,7 +12,7 @@ use super::output::{Output, OutputFolder};
 use super::terminal::warn;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::error::{Error, Result};
-use crate::export::{Form, Format, Length, Mode, check_memory, end_heights_m, stem};
+use crate::export::{File, Form, Format, Length, Mode, check_memory, end_heights_m, stem};
 use crate::plan::Plan;
 use crate::preflight::{
     CheckedExport, ExportOptions, ExportedFiles, LED_MEMORY, PICTURE, Profile, make_exportable,
@@ -39,7 +39,7 @@ pub(super) struct ExportArgs {
     mode: Option<Mode>,
     #[command(flatten)]
     profile: ProfileFlags,
-    /// Write files even if `check` stops the flight; scripts then say so
+    /// Write files even if `check` stops the flight: scripts then say so
     #[arg(long)]
     unchecked: bool,
     /// File to write, or a folder for several
@@ -48,6 +48,7 @@ pub(super) struct ExportArgs {
 }
 
 pub(super) fn run(args: &ExportArgs) -> Result<Report> {
+    // Each form of a trajectory has its own default tolerance.
     let trajectory = args.to.trajectory(args.mode.unwrap_or_default());
     let form = trajectory.map_or(Form::Compressed, |(form, _)| form);
     let tolerance_mm = args.tolerance.unwrap_or(1e3 * form.tolerance_m());
@@ -66,6 +67,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
             _ => Ok(()),
         },
     )?;
+    // `check` judges what the files fly. Nothing is written if it stops the flight.
     let profile = args.profile.profile(&shoot.scene);
     if args.to.flies() && !args.unchecked {
         check_room(args, &profile)?;
@@ -87,26 +89,7 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
         return Ok(Report::with_layout(product, REFUSED).with_files(&[]).passes(false));
     }
     let ExportedFiles { files, deviation_m } = checked.files(stops.as_deref())?;
-    let paths = match files.as_slice() {
-        [file] => {
-            let path = args.output.clone().unwrap_or_else(|| file.name.clone().into());
-            let path = if path.is_dir() { path.join(&file.name) } else { path };
-            vec![Output::create(&path)?.keep(&file.bytes)?]
-        }
-        files => {
-            let folder =
-                args.output.clone().unwrap_or_else(|| format!("{}-export", stem(word)).into());
-            if folder.is_file() {
-                let (actual, hint) = ("a file", "name a folder: there are several files");
-                return Err(Error::input(folder.display(), actual, "a folder", hint));
-            }
-            let mut folder = OutputFolder::create(&folder)?;
-            for file in files {
-                folder.write(&file.name, &file.bytes)?;
-            }
-            folder.keep()?
-        }
-    };
+    let paths = written(&files, args.output.as_deref(), word)?;
     product["bytes"] = files.iter().map(|file| file.bytes.len()).sum::<usize>().into();
     product["note"] = args.to.note().into();
     product["deviation_mm"] = deviation_m.map(|m| 1e3 * m).into();
@@ -126,6 +109,25 @@ pub(super) fn run(args: &ExportArgs) -> Result<Report> {
     Ok(Report::with_layout(product, EXPORTED).with_files(&paths))
 }
 
+/// Writes one file, or a folder with several.
+fn written(files: &[File], output: Option<&Path>, word: &str) -> Result<Vec<PathBuf>> {
+    if let [file] = files {
+        let path = output.unwrap_or(file.name.as_ref());
+        let path = if path.is_dir() { path.join(&file.name) } else { path.to_owned() };
+        return Ok(vec![Output::create(&path)?.keep(&file.bytes)?]);
+    }
+    let folder = output.map_or_else(|| format!("{}-export", stem(word)).into(), Path::to_owned);
+    if folder.is_file() {
+        let (actual, hint) = ("a file", "name a folder: there are several files");
+        return Err(Error::input(folder.display(), actual, "a folder", hint));
+    }
+    let mut folder = OutputFolder::create(&folder)?;
+    for file in files {
+        folder.write(&file.name, &file.bytes)?;
+    }
+    folder.keep()
+}
+
 const REFUSED: &str = "\
 refused   {stops}
           nothing was written; --unchecked writes it all the same, `check` says what to change
@@ -138,7 +140,7 @@ note      {note}
 deviation\tup to {deviation_mm:.1} mm from the design
 ";
 
-/// Refuses plans whose room is not known: their fence would be a guess.
+/// Refuses plans of an unknown room: their fence would be a guess.
 fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     let has_walls = profile.name != Profile::outdoor().name;
     let plans = args.subject.plans()?.filter(|_| has_walls && profile.room_m.is_none());
@@ -149,11 +151,12 @@ fn check_room(args: &ExportArgs, profile: &Profile) -> Result<()> {
     Err(Error::input(plan.display(), actual, wanted, hint))
 }
 
-/// The findings that stop an exported flight; prints its warnings.
+/// Prints the warnings of an exported flight, and returns the findings that stop it.
 fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<String> {
     if !shoot.designs.is_empty() {
         warn_of_trailing(shoot);
     }
+    // Of other warnings `check` tells more. These two change what the files do.
     let plays = args.to == Format::Cflib && args.mode == Some(Mode::Trajectory);
     for check in checks.iter().filter(|check| check.severity == Severity::Warning) {
         match check.code {

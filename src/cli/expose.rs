@@ -1,4 +1,4 @@
-//! `noctograph expose`: flights become their photograph.
+//! `noctograph expose`: the photograph of flights.
 
 use std::path::PathBuf;
 
@@ -19,8 +19,8 @@ use clap::Args;
 
 #[derive(Debug, Args)]
 pub(super) struct ExposeArgs {
-    /// Flights or logs, one for each drone, or light traces (t,x,y,z,r,g,b; the colors of other
-    /// programs' light logs also as 0 to 255)
+    /// Flights or logs, one for each drone, or light traces (t,x,y,z,r,g,b, in other programs'
+    /// light logs also with colors of 0 to 255)
     #[arg(required = true, value_name = "FLIGHT")]
     flights: Vec<PathBuf>,
     #[command(flatten)]
@@ -53,13 +53,14 @@ pub(super) fn run(args: &ExposeArgs) -> Result<Report> {
     let output = Output::create(&args.output)?;
     let shoot = args.flight.shoot(scene, args.word.as_deref(), &args.flights, args.lit)?;
     let backend = tried(args.picture.backend)?;
+    // Flights are exposed without a verdict: `score` judges the file.
     let (format, judging) = (Some(format), Judging::Skipped);
     let shoot = Shoot { format, judging, backend, keeps_film: false, ..shoot };
     let shot = shoot.take(&watch())?;
     warn(shot.problems.iter().map(|problem| problem.sentence(mentioned)));
     let bytes = shot.file.as_deref().expect("a format was asked for");
     let path = output.keep(bytes)?;
-    // A light trace alone needs no word: its colors are its own.
+    // A light trace needs no word: its colors are its own.
     if !shot.shoot.scene.has_strokes() && !shot.flights.is_empty() && !args.lit {
         let note = "the photo names no word: name one with --word, or after the photo in `score`";
         message("note: ", note);

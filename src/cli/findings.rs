@@ -7,7 +7,8 @@ use crate::diagnostic::Diagnostic;
 /// The table of findings with advice.
 pub(super) fn table(findings: &[Diagnostic]) -> String {
     let mut text = String::new();
-    for [mark, check, finding, wanted, change] in findings.iter().map(|it| it.cells(mentioned)) {
+    let rows = findings.iter().map(|finding| finding.cells(mentioned));
+    for [mark, check, finding, wanted, change] in rows {
         text += &wrapped(&format!("{mark:5} {check:16} "), &finding);
         for (name, words) in [("wanted", wanted), ("change", change)] {
             if !words.is_empty() {
@@ -25,7 +26,7 @@ pub(super) fn json(finding: &Diagnostic) -> serde_json::Value {
     json
 }
 
-/// The stops in one line; `None` where there are none.
+/// The stops in one line, if there are any.
 pub(super) fn stops<'a>(findings: impl IntoIterator<Item = &'a Diagnostic>) -> Option<String> {
     let stops = findings.into_iter().filter(|finding| finding.is_stop());
     let stops: Vec<String> = stops.map(|stop| format!("{} ({stop})", stop.code)).collect();

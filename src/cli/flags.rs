@@ -1,4 +1,4 @@
-//! Flags that several verbs share, and the scene and the plans that they lead to.
+//! Flags of several verbs, and the scene and the plans that they lead to.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use crate::shoot::{DesignCheck, Shoot};
 use clap::Args;
 use noctograph_core::files::{Limit, file_name, files_in, is_file_name};
 
-/// Plans that fly together: one has some 6 MB an hour.
+/// Limit of plans that fly together. One has some 6 MB an hour.
 const PLANS: Limit = Limit {
     bytes: 64 << 20,
     what: "plans",
@@ -31,7 +31,7 @@ fn setting(text: &str) -> std::result::Result<Setting, String> {
 /// Keys of a scene that are set on the command line.
 #[derive(Debug, Args)]
 pub(super) struct SetFlag {
-    /// Set a key of the scene, such as camera.iso=200; may be repeated
+    /// Set a key of the scene, such as camera.iso=200 (may be repeated)
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
     pub(super) set: Vec<Setting>,
 }
@@ -52,13 +52,13 @@ pub(super) struct SceneFlags {
 }
 
 impl SceneFlags {
-    /// The scene with the settings of these and of other flags; of plans, flights and logs the
-    /// scene that came with them, where none is named.
+    /// The scene with the settings of these and of other flags. If none is named, the one that
+    /// came with the files, which are plans, flights or logs.
     pub(super) fn load(&self, files: &[PathBuf], more: &[Setting]) -> Result<Scene> {
         self.load_from(self.carried(files)?.as_ref(), more, &[])
     }
 
-    /// The same, for a verb that uses some keys which are without effect in a flight.
+    /// The same, for a verb that uses keys without effect in a flight.
     pub(super) fn load_from(
         &self,
         carried: Option<&CarriedScene>,
@@ -66,6 +66,7 @@ impl SceneFlags {
         used: &[&str],
     ) -> Result<Scene> {
         let settings = [more, &self.set.set].concat();
+        // A scene that was named counts, then the one that came with the files, then the default.
         let mut scene = match (&self.scene, carried) {
             (Some(named), _) => find_scene(named, &settings)?.scene,
             (None, Some(carried)) => {
@@ -79,8 +80,8 @@ impl SceneFlags {
         Ok(scene)
     }
 
-    /// The one scene that came with files; `None`, with a warning of files that are not its own,
-    /// where another is named.
+    /// The one scene that came with files. If another is named, files of several scenes are a
+    /// warning, and there is none.
     pub(super) fn carried(&self, files: &[PathBuf]) -> Result<Option<CarriedScene>> {
         match CarriedScene::of_all(files) {
             Err(_) if self.scene.is_some() => {
@@ -99,8 +100,8 @@ impl SceneFlags {
         self.set.set.iter().any(|(typed, _)| typed == key)
     }
 
-    /// The scene that was named, or else that of a text, which is checked before any file that it
-    /// names is looked at.
+    /// The scene that was named, or else that of a text, which `check` may refuse before any file
+    /// that it names is opened.
     pub(super) fn load_or(
         &self,
         toml: &str,
@@ -118,7 +119,7 @@ impl SceneFlags {
     }
 
     /// Takes base stations from `--lighthouse`, checks the scene, resolves its files, and warns of
-    /// set keys without effect, `used` ones excepted.
+    /// keys without effect except `used`.
     fn finish(&self, scene: &mut Scene, used: &[&str]) -> Result<()> {
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
@@ -167,7 +168,7 @@ pub(super) struct DesignFlags {
     /// Way of flying
     #[arg(long, value_name = "NAME", value_parser = names::<Style>())]
     style: Option<String>,
-    /// Drones that share the word
+    /// Drones that write the word together
     #[arg(long, value_name = "N")]
     drones: Option<u32>,
 }
@@ -195,6 +196,7 @@ impl DesignFlags {
         is_planned: bool,
         more: &[Setting],
     ) -> Result<Scene> {
+        // Typed flags go first: --set may say otherwise.
         let is_height_typed = self.scene.sets("letters.cap_height_m");
         let mut settings = self.letters.settings(is_planned, is_height_typed);
         settings.extend(self.style.iter().map(|style| ("plan.style".to_owned(), style.clone())));
@@ -254,8 +256,9 @@ impl SubjectFlags {
         typed_word(self.inputs.first(), self.word.as_ref())
     }
 
-    /// The scene of a word or drawing, ready to be planned; `change` has the last word on it.
+    /// The scene of a word or drawing, ready to be planned. `change` edits it last.
     pub(super) fn ready(&self, change: impl FnOnce(&mut Scene) -> Result<()>) -> Result<Scene> {
+        // The word comes last, as it decides how large the letters fit into the room.
         let mut scene = self.unfitted(None, false)?;
         change(&mut scene)?;
         match self.inputs.as_slice() {
@@ -280,7 +283,7 @@ impl SubjectFlags {
         Ok(scene)
     }
 
-    /// The plans that are named; `None` of a word.
+    /// The plans that are named, unless a word is.
     pub(super) fn plans(&self) -> Result<Option<Vec<PathBuf>>> {
         let plans = self.inputs.iter().map(|input| plans_in(input)).collect::<Result<Vec<_>>>()?;
         let plans = plans.concat();
@@ -295,6 +298,7 @@ impl SubjectFlags {
         change: impl FnOnce(&mut Scene) -> Result<()>,
         check: &DesignCheck<'_>,
     ) -> Result<Shoot> {
+        // Plans are flown in the scene that came with them, whose room is not changed.
         if let Some(plans) = self.plans()? {
             let carried = self.design.scene.carried(&plans)?;
             if let Some(carried) = &carried {
@@ -336,7 +340,7 @@ pub(super) fn read_plans(paths: &[PathBuf], carried: Option<&CarriedScene>) -> R
     Ok(plans)
 }
 
-/// Warns of a scene of which nothing shows whose it is.
+/// Warns of a scene that is not bound to the file beside it.
 fn warn_of_unbound(carried: &CarriedScene) {
     if !carried.is_bound {
         warn([format!(
@@ -364,7 +368,7 @@ impl ProfileFlags {
         }
     }
 
-    /// The profile that a plan is as slow as; `None` if a speed was typed.
+    /// The profile that limits the speed of a plan, unless a speed was typed.
     pub(super) fn limits(&self, subject: &SubjectFlags) -> Option<Profile> {
         let keys = ["plan.style.dark_speed_m_s", "plan.style.acceleration_m_s2"];
         (!keys.iter().any(|key| subject.design.scene.sets(key))).then(|| self.named())
@@ -385,17 +389,18 @@ impl ProfileFlags {
     }
 }
 
-/// The files `plan-N.csv` in a folder in order of their numbers; anything else as it is.
+/// The files `plan-N.csv` in a folder in order of their numbers, or the input itself.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where a number is missing or there twice: the others alone are another flight.
+/// [`Error::Input`] if a number is missing or repeated: the others would be another flight.
 fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     let folder = Path::new(input);
     let files = if folder.is_dir() { files_in(folder)? } else { Vec::new() };
-    let numbered = |path: PathBuf| Some((drone_number(&path, "plan")?, path));
-    let mut plans: Vec<_> = files.into_iter().filter_map(numbered).collect();
+    let mut plans: Vec<_> =
+        files.into_iter().filter_map(|path| Some((drone_number(&path, "plan")?, path))).collect();
     plans.sort();
+    // Sorted by number, the files are plan-1, plan-2 and so on, each once.
     if let Some((wanted, (_, other))) = (1..).zip(&plans).find(|(n, plan)| *n != plan.0) {
         let (actual, wanted) = (file_name(other), format!("plan-{wanted}.csv first"));
         return Err(Error::input(input, actual, wanted, "name the plans that fly together"));
@@ -406,7 +411,7 @@ fn plans_in(input: &str) -> Result<Vec<PathBuf>> {
     }
 }
 
-/// Warns where a drawing has no strokes for some of the drones.
+/// Warns if a drawing has no strokes for some of the drones.
 pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     let (wanted, planned) = (shoot.scene.plan.drones as usize, shoot.plans.len());
     if planned < wanted {
@@ -414,7 +419,7 @@ pub(super) fn warn_of_fewer_drones(shoot: &Shoot) {
     }
 }
 
-/// Warns of letters that a canvas makes smaller than they were asked for.
+/// Warns of letters that the canvas makes smaller than asked for.
 fn warn_of_smaller_letters(shoot: &Shoot) {
     let Some(strokes) = shoot.strokes.as_ref().filter(|strokes| strokes.font.is_some()) else {
         return;
@@ -429,7 +434,7 @@ fn warn_of_smaller_letters(shoot: &Shoot) {
     }
 }
 
-/// Warns of keys that were set and have no effect, but for those that the verb uses.
+/// Warns of keys that were set and have no effect, except those that the verb uses.
 pub(super) fn warn_of_unused_keys(scene: &Scene, used: &[&str]) {
     let unused = scene.unused_keys().into_iter().filter(|(key, _)| !used.contains(&key.as_str()));
     warn(unused.map(|(key, why)| format!("{key} has no effect: {why}")));
@@ -445,12 +450,12 @@ pub(super) fn set_word(scene: &mut Scene, word: &str) {
     scene.set_word(&word.replace("\\n", "\n"));
 }
 
-/// The word of an argument or of `--word`, which alone may be called as a file is.
+/// The word of an argument or of `--word`. Only the latter may look like the name of a file.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an argument that is, or looks like, the name of a file: whoever typed it
-/// may have meant what the file holds.
+/// [`Error::Input`] for an argument that is, or looks like, the name of a file: its content may
+/// have been meant.
 pub(super) fn typed_word<'a>(
     argument: Option<&'a String>,
     flag: Option<&'a String>,
@@ -465,13 +470,13 @@ pub(super) fn typed_word<'a>(
     Ok(flag.or(argument).map(String::as_str))
 }
 
-/// Refuses a folder of a verb's in the place of a word.
+/// Refuses the output folder of a verb in place of a word.
 fn check_folder(word: &str) -> Result<()> {
     let files = if Path::new(word).is_dir() { files_in(word.as_ref())? } else { Vec::new() };
     let ours =
         ["plan", "flight", "scene"].map(|stem| [format!("{stem}.csv"), format!("{stem}.toml")]);
-    let is_ours = |name: &String| ours.as_flattened().contains(&name.to_lowercase());
-    match files.iter().map(file_name).find(is_ours) {
+    let mut names = files.iter().map(file_name);
+    match names.find(|name| ours.as_flattened().contains(&name.to_lowercase())) {
         Some(name) => Err(no_word(word, format!("the folder {word} with {name}"))),
         None => Ok(()),
     }

@@ -1,4 +1,4 @@
-//! Flags of flights and logs that are read, and the shoot of what was flown.
+//! Flags for reading flights and logs, and the shoot of what was flown.
 
 use std::path::{Path, PathBuf};
 
@@ -37,8 +37,8 @@ pub(super) struct FlightFlags {
     #[arg(long, value_name = "HZ", default_value_t = ImportOptions::default().sample_rate_hz)]
     pub(super) rate: f64,
     /// Rate of the drone's clock, in its seconds per true second: a number or a fraction [default:
-    /// 1; of µSD logs the rate that their stamps show, or else the firmware's, 84/85 up to release
-    /// 2026.08]
+    /// 1, or of µSD logs the rate that their timestamps show, or else the firmware's, 84/85 up to
+    /// release 2026.08]
     #[arg(long, value_name = "RATIO", value_parser = ratio)]
     pub(super) clock_ratio: Option<f64>,
     /// Recover the undamaged part of a broken µSD log, instead of refusing it
@@ -47,7 +47,7 @@ pub(super) struct FlightFlags {
     /// Seconds between two rows of a table without times
     #[arg(long, value_name = "S")]
     pub(super) period: Option<f64>,
-    /// Unit of a log's stamps
+    /// Unit of a log's timestamps
     #[arg(long, value_name = "UNIT", default_value = "auto", value_parser = named::<TimeUnit>())]
     pub(super) time_unit: TimeUnit,
     /// Unit of a table's angles whose titles name none
@@ -72,7 +72,7 @@ fn ratio(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl FlightFlags {
-    /// Options of an import; `scene` gives the firmware if the log does not.
+    /// Options of an import. The scene gives the firmware if the log does not.
     pub(super) fn options(&self, scene: Option<&Scene>) -> ImportOptions {
         ImportOptions {
             firmware: scene.map(|scene| scene.vehicle.firmware),
@@ -113,6 +113,7 @@ impl FlightFlags {
         if let Some(word) = word {
             set_word(&mut scene, word);
         }
+        // Each file is counted before the next one is read, so that memory stays bounded.
         FLIGHTS.check_all(paths)?;
         let mut recordings = Vec::new();
         for path in paths {
@@ -139,6 +140,7 @@ pub(super) fn infer_lights_if_dark(
     scene: &mut Scene,
     path: &Path,
 ) -> Result<()> {
+    // The letters are known from the scene, or from the preset whose letters fit the setpoints.
     let preset = crate::shoot::infer_lights_if_dark(flight, scene).map_err(|error| {
         let hint = format!(
             "name the scene whose letters were flown: `noctograph import {} --word {} --scene \
@@ -151,8 +153,8 @@ pub(super) fn infer_lights_if_dark(
     if let Some(preset) = preset {
         let (path, name) = (path.display(), preset.name());
         let note = "its setpoints are on the letters of";
-        let way = format!("which are used; `--scene {name}` has that drone and its lamps, too");
-        message("note: ", &format!("{path}: {note} {name}, {way}"));
+        let more = format!("which are used; `--scene {name}` has that drone and its lamps, too");
+        message("note: ", &format!("{path}: {note} {name}, {more}"));
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `noctograph fly`: plans, or the setpoints of real flights, are flown in the simulator.
+//! `noctograph fly`: simulates plans, or the setpoints of real flights.
 
 use std::path::PathBuf;
 
@@ -41,6 +41,7 @@ pub(super) struct FlyArgs {
 
 pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     let files = [&args.plans[..], &args.setpoints].concat();
+    // The scene comes with the files unless one is named. Setpoints of a log belong to no scene.
     let carried = args.scene.carried(&files)?;
     let scene = args.scene.load_from(carried.as_ref(), &args.seed.settings(), &[])?;
     let carried = carried.filter(|_| !args.plans.is_empty());
@@ -48,7 +49,7 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     FLIGHTS.check_all(&args.setpoints)?;
     for path in &args.setpoints {
         let log = args.flight.read_log(path, Some(&scene))?;
-        // Simulated flights have no firmware; logged ones run on the drone's clock.
+        // A simulated flight, on its own clock, has no firmware to name.
         if log.firmware.is_none() && log.zero_stamp_s.is_none() {
             let release = scene.vehicle.firmware.name();
             let text = format!(
@@ -64,13 +65,15 @@ pub(super) fn run(args: &FlyArgs) -> Result<Report> {
     flights.iter().for_each(|flight| warn(&flight.warnings));
     let scene = Some(&shoot.scene);
     let files = outputs.keep(&flights, scene, |flight, mut out| flight.write_csv(&mut out))?;
-    let told = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
-    let told: Vec<Report> = told.collect();
-    let json = match told.as_slice() {
+    // One flight is an object, a fleet's flights are a list.
+    let reports = flights.iter().map(|flight| show::flight_report(flight, &flight.sha256(), None));
+    let reports: Vec<Report> = reports.collect();
+    let json = match reports.as_slice() {
         [flight] => json!({ "flight": flight.json }),
-        flights => json!({ "flights": flights.iter().map(|it| &it.json).collect::<Vec<_>>() }),
+        flights => json!({ "flights": flights.iter().map(|one| &one.json).collect::<Vec<_>>() }),
     };
-    Ok(Report::new(told.into_iter().map(|flight| flight.text).collect(), json).with_files(&files))
+    let text = reports.into_iter().map(|flight| flight.text).collect();
+    Ok(Report::new(text, json).with_files(&files))
 }
 
 /// The setpoints of a log, as a plan.

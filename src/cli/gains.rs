@@ -27,28 +27,31 @@ pub(super) struct GainsArgs {
 
 pub(super) fn run(args: &GainsArgs) -> Result<Report> {
     let scene = args.scene.load(&[], &[])?;
-    let own_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
-    let default_s = if own_s > 0.0 { own_s } else { MOTOR_LAG_S };
+    let vehicle_s = 0.5 * (scene.vehicle.motor_rise_s + scene.vehicle.motor_fall_s);
+    let default_s = if vehicle_s > 0.0 { vehicle_s } else { MOTOR_LAG_S };
+    // The design of the LQR and the observer, and the loop of any controller with a lag.
     let design = design(&scene.sim(), args.motor_lag.unwrap_or(default_s))?;
     warn(&design.warnings);
     let gains = gains(&scene.sim());
     let mut product = with_names(&design);
     product["controller"] = scene.controller.kind.name().into();
-    let named = |(name, [p, i, d], unit): &(&'static str, [f64; 3], &str)| {
-        (*name, json!({ "p": p, "i": i, "d": d, "unit": unit }))
-    };
-    product["gains"] = gains.iter().map(named).collect();
+    product["gains"] = gains
+        .iter()
+        .map(|(name, [p, i, d], unit)| (*name, json!({ "p": p, "i": i, "d": d, "unit": unit })))
+        .collect();
+    // Luenberger's observer has nine states, of which the position shows no yaw.
     let is_luenberger = scene.observer.kind == EstimatorKind::Luenberger;
     let observed: Vec<&str> = STATES.into_iter().take(9).filter(|s| *s != "psi").collect();
     let l = is_luenberger.then(|| matrix(&design.l, &observed));
     let is_designed = design.k.is_some() && scene.controller.lqr.k.is_none();
+    // Only matrices that were computed here are called designed.
     let designs = match (is_designed, is_luenberger) {
         (true, true) => Some("K and L are"),
         (true, false) => Some("K is"),
         (false, true) => Some("L is"),
         (false, false) => None,
     };
-    let own = design.k.is_none() && gains.is_empty();
+    let has_other_law = design.k.is_none() && gains.is_empty();
     let ratios = [0, 1, 2, 3].map(|i| scene.controller.lqr.r[i] / design.bryson_r[i]);
     let [x, y, z, f] = design.bryson_r;
     let words = json!({
@@ -56,7 +59,7 @@ pub(super) fn run(args: &GainsArgs) -> Result<Report> {
            "k": design.k.as_ref().map(|k| matrix(&k.transpose(), &design.states)), "l": l,
            "regulates": design.k.as_ref().map(|_| "u = u_hover - K (x - x_des), transposed"),
            "observes": is_luenberger.then_some("dx/dt = A x + B u - L (C x - y), without psi"),
-           "own": own.then(|| scene.controller.kind.keys()), "loops": gains,
+           "own": has_other_law.then(|| scene.controller.kind.keys()), "loops": gains,
            "poles": poles(design.regulator_poles.as_ref()),
            "lagging": poles(design.lagging_poles.as_ref()),
            "observer": is_luenberger.then(|| poles(design.observer_poles.as_ref())),
@@ -109,7 +112,7 @@ bryson    {rule}
 /// derivative gain, and the unit of the first.
 type LoopGains = Vec<(&'static str, [f64; 3], &'static str)>;
 
-/// The gains of the scene's cascade or geometric controller; nothing of another.
+/// The gains of the scene's cascade or geometric controller. Others have none.
 fn gains(sim: &SimOptions) -> LoopGains {
     match sim.controller.kind.law() {
         Law::Cascade => {
@@ -121,11 +124,14 @@ fn gains(sim: &SimOptions) -> LoopGains {
             ];
             let units = ["m/s per m", "deg per m/s", "deg/s per deg", "1/65535 per deg/s"];
             let loops = names.into_iter().flatten().zip(sim.controller.pid.gains().concat());
-            let named = loops.enumerate().map(|(index, (name, gains))| {
-                // The height's velocity loop gives thrust, in 1000/65535 of a motor's range.
-                (name, gains, if index == 5 { "1000/65535 per m/s" } else { units[index / 3] })
-            });
-            named.collect()
+            loops
+                .enumerate()
+                .map(|(index, (name, gains))| {
+                    // The height's velocity loop gives thrust, in 1000/65535 of a motor's range.
+                    let unit = if index == 5 { "1000/65535 per m/s" } else { units[index / 3] };
+                    (name, gains, unit)
+                })
+                .collect()
         }
         Law::Geometric => {
             let k = &sim.controller.geometric;
@@ -141,7 +147,7 @@ fn gains(sim: &SimOptions) -> LoopGains {
     }
 }
 
-/// A row for each state with its name; six decimals, three of large numbers, and zeros as a dash.
+/// A row for each state with its name: six decimals, three of large numbers, a dash for zero.
 fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     let tiny = m.column_iter().map(|column| 1e-9 * column.amax()).collect::<Vec<_>>();
     let rows = rows.iter().zip(m.row_iter()).map(|(name, row)| {
@@ -155,7 +161,7 @@ fn matrix(m: &DMatrix<f64>, rows: &[&str]) -> Vec<Value> {
     rows.collect()
 }
 
-/// Poles in words; a conjugate pair as one.
+/// Poles in words, a conjugate pair as one.
 fn poles(poles: Option<&Vec<Complex<f64>>>) -> String {
     let Some(poles) = poles else { return "not found: the iteration did not converge".to_owned() };
     let upper = poles.iter().filter(|pole| pole.im >= 0.0);

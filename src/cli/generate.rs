@@ -38,6 +38,7 @@ enum Kind {
 }
 
 pub(super) fn run(args: &GenerateArgs) -> Result<Report> {
+    // The driver's trial is hidden: `device.rs` runs it in a process of its own.
     let mut command = super::command();
     match &args.kind {
         Kind::Completions { shell, output } => {

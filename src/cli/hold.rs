@@ -50,6 +50,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
     let models = args.model.map_or(HoldModel::ALL.to_vec(), |model| vec![model]);
     let mut folder = OutputFolder::create(&args.output)?;
     let (mut outcomes, mut figures) = (Vec::new(), Vec::new());
+    // The figures of all runs, and the first run once more for its table and plot.
     let mut progress = Progress::new("holding");
     let n = (scenarios.len() * models.len()) as f64;
     for scenario in scenarios {
@@ -67,6 +68,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
         }
     }
     drop(progress);
+    // The JSON, the text and the page have the same figures.
     let product = json!({
         "filter": options.observer.altitude,
         "hover_throttle": options.believed_hover_throttle(),
@@ -82,7 +84,7 @@ pub(super) fn run(args: &HoldArgs) -> Result<Report> {
 }
 
 const LAYOUT: &str = "\
-RMS error of the estimate and of the hold, share of z inside its 95 % band, RMS error of the hover throttle, NIS of satellites, ranger and barometer, steps of the floor that were found of those seen, on average over the flights
+RMS error of the estimate and of the hold, fraction of z inside its 95 % band, RMS error of the hover throttle, NIS of satellites, ranger and barometer, steps of the floor that were found of those seen, on average over the flights
 
 |scenarios|scenario<12|model<8|estimate/cm>8|hold/cm>6|inside>7|throttle>9|NIS>15|  steps<0
 {scenario}|{model}|{estimate_m.value*100:.2}|{hold_m.value*100:.2}|{inside:.3}|{hover_throttle:.4}|{nis.0:.2~-} {nis.1:.2~-} {nis.2:.2~-}|  {steps.0:.2} of {steps.1:.2}
@@ -95,11 +97,11 @@ mean squared error over variance of each state: 1 where the covariance holds, co
 
 ";
 
-/// Rows of the states: squared error over variance with its 95 % interval below it; missed limits,
-/// and states out of bounds.
+/// Rows of the states, limits that were missed, and states out of bounds.
 fn words(figures: &[HoldFigures]) -> Value {
     let (mut states, mut missed, mut inconsistent) = (Vec::new(), Vec::new(), Vec::new());
     for f in figures {
+        // A row of squared errors over variances, and a row of their 95 % intervals below it.
         let name = format!("{}, {}", f.scenario, f.model);
         missed.extend(f.missed.iter().map(|missed| format!("{name}: {missed}")));
         let errors: Vec<String> =
@@ -128,6 +130,7 @@ fn words(figures: &[HoldFigures]) -> Value {
 fn scenarios(typed: &[String]) -> Result<Vec<HoldScenario>> {
     let named = typed.iter().filter(|name| *name != "all").map(|name| name.parse());
     let named: Vec<HoldScenario> = named.collect::<Result<_>>()?;
-    let all = named.len() < typed.len();
-    Ok(HoldScenario::ALL.iter().filter(|one| all || named.contains(one)).copied().collect())
+    let takes_all = named.len() < typed.len();
+    let scenarios = HoldScenario::ALL.iter().copied();
+    Ok(scenarios.filter(|scenario| takes_all || named.contains(scenario)).collect())
 }

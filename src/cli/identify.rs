@@ -1,4 +1,4 @@
-//! `noctograph identify`: parameters of a drone and weights of its observer, from a flight log.
+//! `noctograph identify`: parameters of a drone and weights of its observer from a flight log.
 
 use std::path::{Path, PathBuf};
 
@@ -32,6 +32,7 @@ pub(super) struct IdentifyArgs {
 pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
     let scene = args.scene.load(args.log.as_slice(), &[])?;
     let vehicle = &scene.vehicle;
+    // A pendulum test needs no log, and a log no pendulum test.
     let swing = args.pendulum_pivot.zip(args.pendulum_period);
     let inertia_kg_m2 = swing
         .map(|(pivot_m, s)| pendulum_inertia_kg_m2(vehicle.mass_kg, pivot_m, s))
@@ -65,6 +66,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "left_out": identified.map(|it| &it.left_out),
         "inertia_kg_m2": inertia_kg_m2,
     });
+    // The observer's weights: the yaw, fourth of the states, has none.
     let weights = r.map(|[x, y, z, rest @ ..]| {
         [x, y, z].map(Some).into_iter().chain([None]).chain(rest.map(Some)).collect::<Vec<_>>()
     });

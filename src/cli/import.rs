@@ -1,5 +1,5 @@
-//! `noctograph import`: the log of a real flight becomes a flight file, the logs of an evening a
-//! page.
+//! `noctograph import`: a flight file from the log of a real flight, or a page from the logs of an
+//! evening.
 
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ pub(super) struct ImportArgs {
     /// Log: AE483 JSON, cfclient CSV (a file, or the folder of its blocks), µSD, plain or range
     /// CSV, tables of motion captures and other programs (docs/reference/files.md). Any other
     /// folder holds an evening's logs and gives one page and a conditions file. Logs of exported
-    /// scripts name their drones; others are in a folder named after the drone, or have its name
+    /// scripts name their drones. Others are in a folder named after the drone, or have its name
     /// before the first - or _
     log: PathBuf,
     /// Word that was flown: of a log without lights, its letters and the schedule of the headlights
@@ -51,6 +51,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         let options = args.flight.options(Some(&scene));
         return evening::run(&args.log, &scene, &options, output);
     }
+    // Without a scene of its own the flight is written without one beside it.
     let mut scene = args.scene.load(std::slice::from_ref(&args.log), &[])?;
     let is_known = args.scene.is_given() || CarriedScene::read(&args.log)?.is_some();
     let outputs = Outputs::create(args.output.as_deref(), "flight", 1)?;
@@ -60,8 +61,8 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         infer_lights_if_dark(&mut flight, &mut scene, &args.log)?;
         if flight.lights.is_empty() {
             warn([
-                "--word has no effect: the log has no setpoints, from which its letters and lights \
-                   are inferred",
+                "--word has no effect: letters and lights are inferred from setpoints, which the log \
+                 lacks",
             ]);
         }
     }
@@ -78,6 +79,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<Report> {
         "warnings": flight.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "flight": figures.json, "gaps_s": &flight.gaps,
     });
+    // Without any of these, nobody knows whether the drone flew.
     let has_height = [Quantity::Position, Quantity::Design, Quantity::Motors];
     let air = match air_s {
         Some([from_s, to_s]) => format!("in the air {from_s:.2} s to {to_s:.2} s"),

@@ -18,7 +18,7 @@ pub(super) struct LetterFlags {
     #[arg(long, value_name = "NAME|FILE,...", value_delimiter = ',')]
     fallback: Vec<String>,
     /// Drawing instead of a word: *.svg, a picture *.png, *.jpg, *.webp, *.gif or *.bmp (lines on
-    /// paper, a logo), or handwriting as *.json; the color LED deck and the ring write in its
+    /// paper, a logo), or handwriting as *.json. The color LED deck and the ring write in its
     /// colors
     #[arg(long, value_name = "FILE")]
     drawing: Option<String>,
@@ -26,16 +26,16 @@ pub(super) struct LetterFlags {
     /// 1]
     #[arg(long, value_name = "0..1")]
     detail: Option<f64>,
-    /// Strokes to draw, by their colors or numbers, such as red or 2,5-7; `plan -o x.svg` shows the
-    /// numbers [default: all]
+    /// Strokes to draw, by their colors or numbers, such as red or 2,5-7 (`plan -o x.svg` shows the
+    /// numbers) [default: all]
     #[arg(long, value_name = "COLOR|N,...")]
     ink: Option<String>,
     /// Strokes to leave out, by their colors or numbers [default: none]
     #[arg(long, value_name = "COLOR|N,...")]
     without: Option<String>,
     /// Corners of the sheet of paper in a picture, in its pixels: "X,Y X,Y X,Y X,Y", clockwise from
-    /// the upper left; it is cropped and rectified [default: detected, if the picture shows the
-    /// whole sheet]
+    /// the upper left. The picture is cropped to it and rectified [default: detected, if the
+    /// picture shows the whole sheet]
     #[arg(long, value_name = "CORNERS", requires = "drawing")]
     corners: Option<Corners>,
     /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the
@@ -45,14 +45,14 @@ pub(super) struct LetterFlags {
     /// Width, depth and height of the room in meters, such as 4x3x2.5, its middle at x = y = 0: a
     /// word is as large as it allows, half a meter from the walls, 0.7 m below the ceiling, within
     /// the 4 m that two Lighthouse stations serve, and shown whole by a camera that stands in the
-    /// room; stations hang in its corners unless a scene places them; safety checks keep any plan
-    /// 0.2 m from its walls. A unit may follow, as in 13x20x8ft; a ceiling of 7.5 and more without
+    /// room. Stations hang in its corners unless a scene places them. Safety checks keep any plan
+    /// 0.2 m from its walls. A unit may follow, as in 13x20x8ft: a ceiling of 7.5 and more without
     /// one is asked about
     #[arg(long, value_name = "WxDxH", value_parser = parse_room)]
     pub(super) room: Option<[f64; 3]>,
 }
 
-/// Without the firmware's correction of brightness, dim colors have twice as many steps.
+/// Dim colors have twice as many steps without the firmware's correction of brightness.
 const LEVELS: ColorLedLevels = ColorLedLevels::Plain;
 
 /// A color as CSS writes it, as the bytes of the color LED deck that show it.
@@ -67,9 +67,10 @@ fn color(text: &str) -> Result<[u8; 4], String> {
 }
 
 impl LetterFlags {
-    /// The keys of the scene that were typed. A room does not change letters that are planned.
+    /// The keys of the scene that were typed. Letters that are planned already keep their size.
     #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
     pub(super) fn settings(&self, is_planned: bool, is_height_typed: bool) -> Vec<Setting> {
+        // A drawing replaces the word and the digest of an earlier drawing.
         let mut settings = Vec::new();
         let mut set = |key: &str, value: &dyn Display| {
             settings.push((key.to_owned(), value.to_string()));

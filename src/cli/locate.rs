@@ -1,4 +1,4 @@
-//! `noctograph locate`: positions from range logs, beside a reference.
+//! `noctograph locate`: positions from range logs, compared with a reference.
 
 use std::path::PathBuf;
 
@@ -35,10 +35,10 @@ const LOGS: Limit = Limit {
     what: "logs",
     hint: "cut the logs to one flight, log fewer variables, or locate fewer drones at a time",
 };
-/// Columns of a range log: to the anchor of an index, and to the drone of a number.
+/// Heads of a range log's columns: to anchors, numbered from 0, and to drones, from 1.
 const TO_ANCHOR: &str = "ranging.distance";
 const TO_DRONE: &str = "ranging.drone";
-/// Keys of the scene that are used, which have no effect in a flight without ranges.
+/// Keys of the scene that this verb uses, although a flight without ranges does not.
 const USED: [&str; 2] = ["observer.ekf.two_way_sigma_m", "sensors.uwb.anchors_m"];
 const VIEWS: [&str; 2] = ["flight-xy.svg", "flight-xz.svg"];
 
@@ -49,18 +49,17 @@ enum Observer {
     Smooth,
     /// Extended Kalman filter as in flight, without later ranges
     Filter,
-    /// Enlarged linear filter, from any start, handed over to an extended Kalman filter; the logs
-    /// must hold velocities
+    /// Augmented linear filter, from any start, handed over to an extended Kalman filter (the logs
+    /// must hold velocities)
     Enlarged,
-    /// Observer of two drones that share an anchor; the logs must hold positions and velocities
+    /// Observer of two drones with a common anchor (the logs must hold positions and velocities)
     Shared,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct LocateArgs {
     /// Range logs, one for each drone: columns ranging.distance0 ... to the anchors and
-    /// ranging.drone1 ... to the other drones, in meters; a repeated value is held, not measured
-    /// again
+    /// ranging.drone1 ... to the other drones, in meters. A repeated value is not a new measurement
     #[arg(required_unless_present = "region", conflicts_with = "region", value_name = "RANGES")]
     ranges: Vec<PathBuf>,
     /// Flight or log with the true positions, one for each drone
@@ -109,6 +108,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     one_for_each("offset", args.offset.len(), "reference", args.reference.len())?;
     crate::error::within("acceleration", args.acceleration, 1e-3, 1e3)?;
     let folder = OutputFolder::create(&args.output)?;
+    // The ranges of all logs on one clock, and the positions that they give.
     let anchors_m = scene.sensors.uwb.anchors();
     let options = LocateOptions {
         range_sigma_m: scene.observer.ekf.two_way_sigma_m,
@@ -116,18 +116,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         smooth: args.observer == Observer::Smooth,
         room: args.within,
     };
-    LOGS.check_all(&args.ranges)?;
-    let (mut logs, mut samples) = (Vec::new(), Vec::new());
-    for path in &args.ranges {
-        let log = read(args, &scene, path)?;
-        let measured = ranges(&log.flight, logs.len());
-        samples.push(measured.map_err(|error| error.in_file(path.display(), None))?);
-        logs.push(log);
-        // Before the next one is read.
-        check_count(samples.iter().map(Vec::len).sum())?;
-    }
-    align_logs(&mut logs, &mut samples)?;
-    let samples: Vec<RangeSample> = samples.into_iter().flatten().collect();
+    let (logs, samples) = aligned_logs(args, &scene)?;
     let located = by_observer(args, &anchors_m, &logs, &samples, &options)?;
     warn(&located.warnings);
     let places_m = || located.position_m.iter().flatten();
@@ -136,6 +125,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
         warn(["the drones are located outside the box of --within: the ranges fit no place in it"]);
     }
 
+    // The errors against references on the same clock, and those of each link's ranges.
     LOGS.check_all(&args.reference)?;
     let references = args.reference.iter().map(|path| read(args, &scene, path));
     let mut references = references.collect::<Result<Vec<_>>>()?;
@@ -154,7 +144,7 @@ pub(super) fn run(args: &LocateArgs) -> Result<Report> {
     let clocks = if clocks.len() > 1 { clocks } else { Vec::new() };
     let clocks = clocks
         .iter()
-        .map(|it| json!({ "file": it.path.display().to_string(), "offset_s": it.offset_s }));
+        .map(|log| json!({ "file": log.path.display().to_string(), "offset_s": log.offset_s }));
     let ends = located.time_s.first().zip(located.time_s.last());
     let [median_m, worst_m] = sigmas_m(&located).map_or([None; 2], |sigmas_m| sigmas_m.map(Some));
     let product = json!({
@@ -196,40 +186,61 @@ drone {drone.#}|{rmse_m.0*100:.1}|{rmse_m.1*100:.1}|{rmse_m.2*100:.1}|{rmse_3d_m
 struct Dated<'a> {
     path: &'a PathBuf,
     flight: Flight,
-    /// Stamp of its time zero, on a clock that other files may share.
+    /// Timestamp of its time zero. Other files may have the same clock.
     zero_stamp_s: Option<f64>,
     /// Seconds to add to its times.
     offset_s: f64,
 }
 
 impl Dated<'_> {
-    /// First and last stamp.
-    fn stamps_s(&self) -> Option<[f64; 2]> {
+    /// First and last timestamp.
+    fn timestamps_s(&self) -> Option<[f64; 2]> {
         let zero_s = self.zero_stamp_s?;
         let (first, last) = self.flight.samples.first().zip(self.flight.samples.last())?;
         Some([zero_s + first.time_s, zero_s + last.time_s])
     }
 
-    /// Seconds from the zero of another file to the zero of this one, where both are stamped by one
-    /// clock: their stamps have time in common.
+    /// Seconds from the zero of another file to the zero of this one, if their timestamps overlap:
+    /// then they are of one clock.
     fn after_s(&self, other: &Self) -> Option<f64> {
-        let ([from_s, to_s], [other_from_s, other_to_s]) = (self.stamps_s()?, other.stamps_s()?);
+        let ([from_s, to_s], [other_from_s, other_to_s]) =
+            (self.timestamps_s()?, other.timestamps_s()?);
         let overlap = from_s.max(other_from_s) < to_s.min(other_to_s);
         Some(self.zero_stamp_s? - other.zero_stamp_s?).filter(|_| overlap)
     }
 }
 
+/// The logs and their ranges, on one clock.
+fn aligned_logs<'a>(
+    args: &'a LocateArgs,
+    scene: &Scene,
+) -> Result<(Vec<Dated<'a>>, Vec<RangeSample>)> {
+    LOGS.check_all(&args.ranges)?;
+    let (mut logs, mut samples) = (Vec::new(), Vec::new());
+    for path in &args.ranges {
+        let log = read(args, scene, path)?;
+        let measured = ranges(&log.flight, logs.len());
+        samples.push(measured.map_err(|error| error.in_file(path.display(), None))?);
+        logs.push(log);
+        // The number of ranges bounds memory: it is checked before the next log is read.
+        check_count(samples.iter().map(Vec::len).sum())?;
+    }
+    align_logs(&mut logs, &mut samples)?;
+    Ok((logs, samples.into_iter().flatten().collect()))
+}
+
 /// Puts the logs and their ranges on the clock of the first, its zero at the first sample of all.
 fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Result<()> {
+    // Every log needs a clock in common with the first one.
     let Some((first, others)) = logs.split_first_mut() else { return Ok(()) };
     for log in others {
-        let wanted = format!("stamps in common with those of {}", first.path.display());
-        let hint =
-            "stamp the logs with one clock, or locate drones without ranges between them alone";
+        let wanted = format!("timestamps in common with those of {}", first.path.display());
+        let hint = "log with one clock, or locate drones without ranges between them one by one";
         log.offset_s = log
             .after_s(first)
             .ok_or_else(|| Error::input(log.path.display(), "another clock", wanted, hint))?;
     }
+    // Time zero is the first sample of all logs.
     let begin_s = |log: &Dated<'_>| log.flight.samples.first().map_or(0.0, |s| s.time_s);
     let earliest_s = logs.iter().map(|log| begin_s(log) + log.offset_s).fold(0.0, f64::min);
     for (log, samples) in logs.iter_mut().zip(samples) {
@@ -243,21 +254,21 @@ fn align_logs(logs: &mut [Dated<'_>], samples: &mut [Vec<RangeSample>]) -> Resul
 fn align_references(
     references: &mut [Dated<'_>],
     logs: &[Dated<'_>],
-    told_s: &[f64],
+    typed_s: &[f64],
 ) -> Result<()> {
     for (drone, (reference, log)) in references.iter_mut().zip(logs).enumerate() {
-        let (after_s, told_s) = (reference.after_s(log), told_s.get(drone));
-        if after_s.is_none() && told_s.is_none() {
+        let (after_s, typed_s) = (reference.after_s(log), typed_s.get(drone));
+        if after_s.is_none() && typed_s.is_none() {
             let hint = "give the seconds between the two clocks with --offset";
-            let wanted = "stamps in common with those of the log";
+            let wanted = "timestamps in common with those of the log";
             return Err(Error::input(reference.path.display(), "another clock", wanted, hint));
         }
-        reference.offset_s = log.offset_s + after_s.unwrap_or(0.0) + told_s.unwrap_or(&0.0);
+        reference.offset_s = log.offset_s + after_s.unwrap_or(0.0) + typed_s.unwrap_or(&0.0);
     }
     Ok(())
 }
 
-/// Refuses a flag that is repeated for some of the files only.
+/// Refuses a flag that is given for some of the files only.
 fn one_for_each(flag: &str, n: usize, file: &str, n_files: usize) -> Result<()> {
     if n == 0 || n == n_files {
         return Ok(());
@@ -285,6 +296,7 @@ fn write(
     located: &Located,
     references: &[Reference<'_>],
 ) -> Result<Vec<PathBuf>> {
+    // A flight file for each drone. In the plots it is beside its reference.
     let mut traces = Vec::new();
     for drone in 0..located.position_m.len() {
         let flight = flight(located, drone)?;
@@ -303,7 +315,7 @@ fn write(
     folder.keep()
 }
 
-/// Locates the drones by the chosen observer; the shared-anchor one takes two drones.
+/// Locates the drones by the chosen observer.
 fn by_observer(
     args: &LocateArgs,
     anchors_m: &[Vector3<f64>],
@@ -316,6 +328,7 @@ fn by_observer(
             |log: &Dated<'_>| track(log).map_err(|error| error.in_file(log.path.display(), None));
         logs.iter().map(track).collect::<Result<Vec<_>>>()
     };
+    // Ranges are enough for the first two. The others carry the measured velocities along.
     match args.observer {
         Observer::Smooth | Observer::Filter => locate(anchors_m, logs.len(), samples, options),
         Observer::Enlarged => locate_enlarged(anchors_m, &tracks()?, samples, options),
@@ -324,20 +337,20 @@ fn by_observer(
                 let hint = "give a log of each drone";
                 return Err(Error::input("ranges", logs.len(), "the logs of two drones", hint));
             };
-            let start = |k: usize| {
-                let flight = &logs[k].flight;
-                let first = flight.samples.first();
-                let first = first.filter(|_| flight.has(Quantity::Position));
-                first.map(|sample| sample.position_m)
-            };
-            let Some(starts_m) = start(0).zip(start(1)) else {
-                let wanted = "positions, where the observer starts";
-                let hint = "log stateEstimate.x, y and z too, or take --observer smooth";
-                return Err(Error::input("columns", "no position", wanted, hint));
-            };
-            locate_shared(anchors_m, &tracks, starts_m.into(), samples)
+            let starts_m = [start_m(&logs[0].flight)?, start_m(&logs[1].flight)?];
+            locate_shared(anchors_m, &tracks, starts_m, samples)
         }
     }
+}
+
+/// The first position of a log.
+fn start_m(flight: &Flight) -> Result<Vector3<f64>> {
+    let first = flight.samples.first().filter(|_| flight.has(Quantity::Position));
+    first.map(|sample| sample.position_m).ok_or_else(|| {
+        let wanted = "positions, where the observer starts";
+        let hint = "log stateEstimate.x, y and z too, or take --observer smooth";
+        Error::input("columns", "no position", wanted, hint)
+    })
 }
 
 /// The motion of a log.
@@ -350,19 +363,21 @@ fn track(log: &Dated<'_>) -> Result<Track> {
     Ok(Track::new(log.flight.samples.iter().map(|s| (s.time_s + log.offset_s, world(s)))))
 }
 
-/// The ranges of a log: a value that changes is a measurement, one that stays is held.
+/// The ranges of a log. A measurement is a value that differs from the one before.
 fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
     let mut samples = Vec::new();
-    let mut known = false;
+    let mut has_ranges = false;
     for (name, column) in &log.extra {
-        let number = |head: &str| name.strip_prefix(head).and_then(|n| n.parse::<usize>().ok());
-        let link = match (number(TO_ANCHOR), number(TO_DRONE)) {
+        let [anchor, other] = [TO_ANCHOR, TO_DRONE]
+            .map(|head| name.strip_prefix(head).and_then(|n| n.parse::<usize>().ok()));
+        let link = match (anchor, other) {
             (Some(anchor), _) => Link::Anchor { drone, anchor },
             (_, Some(other)) if other > 0 => Link::Drones(drone, other - 1),
             _ => continue,
         };
-        known = true;
+        has_ranges = true;
         let mut before = 0.0;
+        // The log repeats a range until there is a new one.
         for (sample, &distance_m) in log.samples.iter().zip(column) {
             // The firmware logs 0 until the first measurement.
             if distance_m.is_nan() || distance_m == before {
@@ -373,7 +388,7 @@ fn ranges(log: &Flight, drone: usize) -> Result<Vec<RangeSample>> {
         }
         check_count(samples.len())?;
     }
-    if known {
+    if has_ranges {
         return Ok(samples);
     }
     let wanted = format!("{TO_ANCHOR}0 and so on, {TO_DRONE}1 and so on");

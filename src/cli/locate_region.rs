@@ -33,6 +33,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
         let hint = "set plan.drones = 2 and plan.style = \"even\"";
         return Err(Error::input("plan.drones", plans.len(), "two drones", hint));
     };
+    // The drones repeat the word until the time of the map is over.
     let path = |time_s: f64| {
         [first, second]
             .map(|planned| planned.plan.design_m(time_s % planned.plan.duration_s().max(1e-3)))
@@ -57,7 +58,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
 }
 
 const LAYOUT: &str = "\
-Share of the start error that the shared-anchor observer leaves after {map_s} s of
+Fraction of the start error that the shared-anchor observer leaves after {map_s} s of
 writing, without noise: median of {starts} starts (best to worst; diverged)
 
 |errors|error, m<8|gain 0.003>23|gain 0.03>23|gain 0.3>23

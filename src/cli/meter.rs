@@ -1,4 +1,4 @@
-//! `noctograph meter`: the exposure of each lamp, and the settings that mend it.
+//! `noctograph meter`: the exposure of each lamp, and the settings that correct it.
 
 use std::path::PathBuf;
 
@@ -48,40 +48,46 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     let lighting = shoot.lighting(&watch())?;
     let warnings = lighting.problems.iter().filter(|problem| !problem.is_stop());
     warn(warnings.map(|problem| problem.sentence(mentioned)));
+    // For programs: the readings of every lamp with its own advice.
     let readings = meter(&lighting.trace, &lighting.camera)?;
     let recommended = lighting.recommended(&scene);
     let camera = &lighting.camera;
-    let target_stops = args.target_stops.or(recommended.map(|it| it.trail_stops)).unwrap_or(0.0);
+    let trail_stops = recommended.map(|settings| settings.trail_stops);
+    let target_stops = args.target_stops.or(trail_stops).unwrap_or(0.0);
     let recommended = recommended.filter(|_| args.target_stops.is_none());
     let has_fixed_aperture = scene.camera.body.fixed_lens().is_some();
-    let lamp = |reading: &LampReading| {
-        let mut lamp = json!(reading);
-        lamp["evenness_stops"] = reading.evenness_stops().into();
-        lamp["advice"] = json!(reading.advice(camera, target_stops));
-        if has_fixed_aperture {
-            lamp["advice"]["f_number"] = Value::Null;
-        }
-        lamp
+    let described = |readings: &[LampReading]| -> Vec<Value> {
+        let lamps = readings.iter().map(|reading| {
+            let mut lamp = json!(reading);
+            lamp["evenness_stops"] = reading.evenness_stops().into();
+            lamp["advice"] = json!(reading.advice(camera, target_stops));
+            if has_fixed_aperture {
+                lamp["advice"]["f_number"] = Value::Null;
+            }
+            lamp
+        });
+        lamps.collect()
     };
     let product = json!({
         "saturation_lx_s": camera.saturation_lx_s(), "f_number": camera.f_number,
         "iso": camera.iso, "target_stops": target_stops, "recommended": recommended,
         "ambient_stops": scene.photo.ambient_stops(camera),
         "floor_stops": floor_stops(&lighting.trace, camera, &scene.expose),
-        "lamps": readings.iter().map(lamp).collect::<Vec<_>>(),
+        "lamps": described(&readings),
     });
+    // For people: a ring as one row, and one advice, that of the brightest lamp.
     let rows = grouped(&readings);
     let brightest = rows.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops));
     let advice = brightest.map(|it| it.advice(camera, target_stops));
     let advice = advice.filter(|_| recommended.is_none());
     let aperture = advice.filter(|_| !has_fixed_aperture).map(|it| format!("f/{:.1}", it.f_number));
     let iso = advice.and_then(|it| it.iso).map(|iso| format!("ISO {iso:.0}"));
-    let ways: Vec<String> = aperture.into_iter().chain(iso).collect();
+    let settings: Vec<String> = aperture.into_iter().chain(iso).collect();
     let filter = "a neutral filter".to_owned();
-    let ways = advice.map(|_| if ways.is_empty() { filter } else { ways.join(" or ") });
+    let settings = advice.map(|_| if settings.is_empty() { filter } else { settings.join(" or ") });
     let spots = hot_spots(&rows);
-    let rows: Vec<Value> = rows.iter().map(lamp).collect();
-    // In the middle of the picture, and at most.
+    let rows = described(&rows);
+    // Surfaces are rows of the table, too, with a median and no trail.
     let surfaces = [("ambient", &product["ambient_stops"]), ("floor", &product["floor_stops"])];
     let surfaces = surfaces.map(|(name, stops)| {
         json!({
@@ -91,7 +97,7 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     });
     let trails: Vec<&Value> = rows.iter().chain(&surfaces).collect();
     let words = json!({
-        "brightest": brightest, "ways": ways, "focal_length_m": camera.focal_length_m,
+        "brightest": brightest, "settings": settings, "focal_length_m": camera.focal_length_m,
         "is_set": recommended.is_some_and(|it| [it.f_number, it.iso] == [camera.f_number, camera.iso]),
         "help": recommended.and_then(|it| it.help()),
         "why": recommended.filter(|it| it.gave_way).map(|_| "so that the room stays dark"),
@@ -103,13 +109,13 @@ pub(super) fn run(args: &MeterArgs) -> Result<Report> {
     Ok(Report::with_words(product, &words, LAYOUT))
 }
 
-/// Hot spots that a table lists. Names of lamps are cut where they fill their column.
+/// Most hot spots of a table.
 const MOST_SPOTS: usize = 20;
 
 const LAYOUT: &str = "\
 brightest\t{brightest.name}: {brightest.median_stops:+.1} stops over saturation
 set       f/{recommended.f_number} and ISO {recommended.iso}{is_set?, as they are:}: trail {recommended.trail_stops:+.1}, ambient light {recommended.room_stops:+.1~dark} stops[: darker than wanted, {why}][; {help}]
-set       {ways} for {target_stops:+.1} stops
+set       {settings} for {target_stops:+.1} stops
 
 {focal_length_m*1000} mm, f/{f_number}, ISO {iso}: saturation at {saturation_lx_s:.3} lx s
 
@@ -127,8 +133,8 @@ to put the middle of a lamp's trail at {target_stops:+.1} stops, one of
 and {more} more (--json has them all)
 ";
 
-/// Hot spots with their lamps, the brightest first. Exposure below saturation leaves no blob,
-/// however long the lamp lingers.
+/// Hot spots with their lamps, the brightest first. Below saturation a lamp leaves no blob, however
+/// long it lingers.
 fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     let spots = readings.iter().flat_map(|r| r.hot_spots.iter().map(move |spot| (&r.name, spot)));
     let mut spots: Vec<_> = spots.filter(|(_, spot)| spot.stops > 0.0).collect();
@@ -141,13 +147,14 @@ fn hot_spots(readings: &[LampReading]) -> Vec<Value> {
     spots.into_iter().map(spot).collect()
 }
 
-/// The readings with the LEDs of a ring as one row, that of the brightest.
+/// The readings with the brightest LED of a ring for all of them.
 fn grouped(readings: &[LampReading]) -> Vec<LampReading> {
     fn group(reading: &LampReading) -> Option<String> {
         let (group, led) = reading.name.rsplit_once(' ')?;
         led.parse::<u8>().ok()?;
         group.ends_with("ring").then(|| format!("{group}, brightest"))
     }
+    // LEDs of one ring have the same name but for their number.
     let mut rows: Vec<LampReading> = Vec::new();
     for reading in readings {
         let ring = group(reading);

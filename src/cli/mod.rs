@@ -1,8 +1,8 @@
 //! The command line: arguments, progress, tables and exit codes. One file per verb.
 //!
-//! Results go to stdout; progress, warnings and errors go to stderr. Exit codes: 0 success (and
-//! legible), 1 not legible, not safe to fly or refused, 2 error. Only this room knows the names of
-//! flags.
+//! Results go to stdout. Progress, warnings and errors go to stderr. Exit codes: 0 success (and
+//! legible), 1 not legible, not safe to fly or refused, 2 error. Names of flags are known only
+//! here.
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -91,14 +91,13 @@ struct CommandLine {
     /// Print one JSON object instead of a table
     #[arg(long, global = true)]
     json: bool,
-    /// Worker threads; 0: one for each processor core
+    /// Worker threads, or 0 for one for each processor core
     #[arg(long, global = true, value_name = "N", default_value_t = 0)]
     threads: usize,
 }
 
-/// Declares the verbs by their use, in the order of the help, each with commands that show it at
-/// work; a test runs them, in this order, in one folder (`tests/it/examples.rs`). A verb is a
-/// module with its arguments and a function `run`.
+/// Declares the verbs in the order of the help, each with examples, which a test runs in this order
+/// in one folder (`tests/it/examples.rs`). A verb is a module with its arguments and `run`.
 macro_rules! verbs {
     ($($group:literal {
         $($(#[$meta:meta])* $verb:ident($module:ident::$args:ident) $examples:literal,)+
@@ -190,30 +189,31 @@ verbs! {
     }
 }
 
-/// The command, whose help names the verbs by their use: the first with what they do, so that all
-/// of it fits a screen. clap has no groups of verbs.
+/// The command with the verbs by groups, which clap does not have. Only the first group says what
+/// its verbs do, so that the help fits a screen.
 fn command() -> Command {
     let mut command = CommandLine::command();
     let mut verbs = String::new();
-    for (k, (title, members)) in GROUPS.iter().enumerate() {
+    for (index, (title, members)) in GROUPS.iter().enumerate() {
+        // Each verb's own help ends with its examples.
         let names: Vec<String> =
             members.iter().map(|(module, _)| module.replace('_', "-")).collect();
-        if k == 0 {
+        if index == 0 {
             verbs += &format!("\n{title}:\n");
         } else {
             verbs += &format!("  {title:17}{}\n", names.join(", "));
         }
         for (name, (_, examples)) in names.iter().zip(*members) {
             let verb = command.find_subcommand(name).expect("verbs are named as their modules");
-            if k == 0 {
+            if index == 0 {
                 verbs += &format!("  {name:9}{}\n", verb.get_about().unwrap_or_default());
             }
-            let said = verb.get_after_help().map_or(String::new(), |said| format!("\n\n{said}"));
+            let more = verb.get_after_help().map_or(String::new(), |more| format!("\n\n{more}"));
             let examples = examples.replace('\n', "\n  ");
-            let help = format!("Example:\n  {examples}{said}");
+            let help = format!("Example:\n  {examples}{more}");
             command = command.mut_subcommand(name, |verb| verb.after_help(help));
         }
-        if k == 0 {
+        if index == 0 {
             verbs += "\nFurther verbs, which `noctograph VERB --help` explains:\n";
         }
     }
@@ -232,7 +232,7 @@ pub fn main() -> u8 {
     }
 }
 
-/// On a thread with a stack of [`STACK`] bytes; on the main thread only where none can be started.
+/// Parses and runs the command, on the main thread only if no other can be started.
 fn run_typed() -> u8 {
     if std::thread::current().name() == Some("main")
         && let Some(bytes) = main_stack().filter(|bytes| *bytes < STACK)
@@ -242,6 +242,7 @@ fn run_typed() -> u8 {
         message("hint: ", "allow more processes (ulimit -u) or a larger stack (ulimit -s 8192)");
         return 2;
     }
+    // Matches are kept beside the arguments: advice on an error asks which flags its verb has.
     let command = command();
     let typed = command
         .clone()
@@ -281,6 +282,7 @@ fn run_typed() -> u8 {
 ///
 /// [`Error::Input`] for arguments that are refused, and those of the verb.
 pub fn report_of(words: &[String]) -> Result<Report> {
+    // Help and version are results here, and refused arguments are an error like any other.
     let words = std::iter::once("noctograph").chain(words.iter().map(String::as_str));
     let args = command().try_get_matches_from(words);
     match args.and_then(|matches| CommandLine::from_arg_matches(&matches)) {
@@ -340,10 +342,10 @@ fn usage(error: &clap::Error) -> u8 {
 /// Most worker threads: those of the largest machines.
 const MAX_THREADS: usize = 1024;
 
-/// Stack of a thread in bytes: the main thread's may be a few pages (`ulimit -s`).
+/// Bytes of a thread's stack. The main thread's may be a few pages (`ulimit -s`).
 pub const STACK: usize = 8 << 20;
 
-/// The limit of the main thread's stack in bytes, where the system tells it.
+/// The limit of the main thread's stack in bytes, on Linux.
 #[expect(clippy::disallowed_methods, reason = "a file of the kernel")]
 fn main_stack() -> Option<usize> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
@@ -351,13 +353,14 @@ fn main_stack() -> Option<usize> {
     line.split_whitespace().next()?.parse().ok()
 }
 
-/// Runs work on a number of threads; 0: one for each processor core, or as many as the system
-/// starts. Where it starts none, the present thread does the work.
+/// Runs work on a number of threads, of which 0 means one for each processor core, or as many as
+/// the system starts. If it starts none, the present thread does the work.
 fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     if threads > MAX_THREADS {
         let wanted = format!("at most {MAX_THREADS}");
         return Err(Error::input("threads", threads, wanted, "0 takes one for each core"));
     }
+    // A number that was typed is wanted as it is. Else half as many are tried, again and again.
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).stack_size(STACK).build();
     if threads > 0 {
         let pool = pool(threads).map_err(|error| {
@@ -378,24 +381,22 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) 
         return pool.install(work);
     }
     message("note: ", "the system starts no thread: one does all the work");
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
-    alone.build_global().map_err(no_thread)?;
+    let present = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread();
+    present.build_global().map_err(|error| {
+        let hint = "allow more processes (ulimit -u)";
+        Error::infeasible(format!("no thread can be started: {error}"), hint)
+    })?;
     work()
 }
 
-fn no_thread(error: impl std::fmt::Display) -> Error {
-    let hint = "allow more processes (ulimit -u)";
-    Error::infeasible(format!("no thread can be started: {error}"), hint)
-}
-
-/// Runs a verb for a caller that shows its warnings and notes. Of one that fails they are printed.
+/// Runs a verb for a caller that shows its warnings and notes. If it fails they are printed.
 fn run_quietly(verb: &Verb) -> Result<Report> {
     let report = quietly(|| run_warned(verb, true));
     warn(take_warnings());
     report
 }
 
-/// Runs a verb. The warnings that it prints are in its object, too, for programs.
+/// Runs a verb, and adds the warnings that it prints to its object.
 fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     take_warnings();
     let mut report = run(verb)?;
@@ -404,11 +405,11 @@ fn run_warned(verb: &Verb, for_programs: bool) -> Result<Report> {
     }
     let mut warned = take_warnings();
     if let Some(object) = report.json.as_object_mut().filter(|_| !warned.is_empty())
-        && let Some(said) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()
+        && let Some(known) = object.entry("warnings").or_insert_with(|| json!([])).as_array_mut()
     {
-        // Those of a file are there without its name.
-        warned.retain(|text| !said.iter().filter_map(Value::as_str).any(|s| text.ends_with(s)));
-        said.extend(warned.into_iter().map(Value::from));
+        // The object has the warnings of a file without the file's name.
+        warned.retain(|text| !known.iter().filter_map(Value::as_str).any(|s| text.ends_with(s)));
+        known.extend(warned.into_iter().map(Value::from));
     }
     Ok(report)
 }

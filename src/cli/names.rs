@@ -1,4 +1,4 @@
-//! Values on the command line: choices, by the names that they have in scene files, and numbers.
+//! Values on the command line: choices by their names in scene files, and numbers.
 
 use std::str::FromStr;
 
@@ -10,7 +10,7 @@ use noctograph_core::settings::{Described, Shape};
 /// A key of the scene with its new value.
 pub(super) type Setting = (String, String);
 
-/// A parser of a choice: lists its names in the help and suggests the nearest for a wrong one.
+/// A parser of a choice, which lists its names in the help and suggests the nearest one.
 pub(super) fn named<T>() -> impl TypedValueParser<Value = T>
 where
     T: Described + FromStr<Err = Error> + Clone + Send + Sync + 'static,
@@ -18,21 +18,22 @@ where
     names::<T>().try_map(|name| name.parse::<T>())
 }
 
-/// A parser of the names of a choice, which are handed on as they are.
+/// A parser of the names of a choice, which returns the name.
 pub(super) fn names<T: Described>() -> PossibleValuesParser {
     let variants = match T::SHAPE {
         Shape::Names(variants) | Shape::Tagged(variants) => variants,
         Shape::Plain | Shape::Group(_) => &[],
     };
-    let name = |variant: &noctograph_core::settings::Variant| {
+    // The help of a name is the first paragraph of its documentation.
+    let names = variants.iter().map(|variant| {
         let doc = variant.doc.iter().map(|line| line.trim()).take_while(|line| !line.is_empty());
         let doc = doc.collect::<Vec<_>>().join(" ");
         PossibleValue::new(variant.name).help(doc.trim_end_matches('.').to_owned())
-    };
-    variants.iter().map(name).collect::<Vec<_>>().into()
+    });
+    names.collect::<Vec<_>>().into()
 }
 
-/// As many numbers as are wanted, apart by one of some signs.
+/// `N` numbers, separated by any of the signs.
 pub(super) fn numbers<const N: usize>(text: &str, signs: &[char]) -> Option<[f64; N]> {
     let numbers = text.split(signs).map(|number| number.trim().parse().ok());
     numbers.collect::<Option<Vec<f64>>>()?.try_into().ok()

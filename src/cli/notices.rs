@@ -1,4 +1,4 @@
-//! `noctograph notices`: licenses of what is built in.
+//! `noctograph notices`: licenses of the packages that are built in.
 
 use clap::Args;
 

@@ -1,4 +1,4 @@
-//! Report of a verb: a table for people, the same as JSON for programs, and its outcome.
+//! The report of a verb: a table for people, the same as JSON for programs, and its outcome.
 
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
@@ -16,11 +16,11 @@ pub struct Report {
     pub text: String,
     /// An object.
     pub json: Value,
-    /// Whether the word is legible, or safe to fly: the exit code.
+    /// The word is legible, or safe to fly: the exit code.
     pub(super) passed: bool,
-    /// Whether a file was written on standard output, so that this belongs on stderr.
+    /// A file was written on standard output, so that the report goes to stderr.
     pub(super) aside: bool,
-    /// The photo's file, whose digest is for programs alone.
+    /// The photo's file, whose digest only programs are given.
     pub(super) photo: Option<Vec<u8>>,
 }
 
@@ -36,7 +36,7 @@ impl Report {
         Self::with_words(product, &Value::Null, layout)
     }
 
-    /// The same with words that are for people alone.
+    /// The same with words that only people are given.
     pub(super) fn with_words(product: impl Serialize, words: &Value, layout: &str) -> Self {
         let report = Self::new(String::new(), product);
         Self { text: print(layout, &[&report.json, words]), ..report }
@@ -50,17 +50,18 @@ impl Report {
         }
     }
 
-    /// Adds a value for programs alone.
+    /// Adds a value for programs.
     pub(super) fn value(&mut self, key: &str, value: impl Serialize) {
         self.json[key] = serde_json::to_value(value).expect("a figure is plain data");
     }
 
-    /// Adds a line for people alone.
+    /// Adds a line for people.
     pub(super) fn line(&mut self, name: &str, text: &str) {
         self.text += &line(name, text);
     }
 
     pub(super) fn with_files(mut self, files: &[PathBuf]) -> Self {
+        // Paths are not wrapped, so that they can be copied.
         for (index, file) in files.iter().enumerate() {
             let head = if index == 0 { "files" } else { "" };
             self.text += &format!("{head:10}{}\n", file.display());
@@ -77,7 +78,7 @@ impl Report {
     }
 }
 
-/// A path as one types it into a shell: quoted where it has to be.
+/// A path for a shell, quoted if it has to be.
 pub(super) fn shell_word(path: &Path) -> String {
     let text = path.display().to_string();
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+,:@=".contains(c) || MAIN_SEPARATOR == c;
@@ -90,19 +91,19 @@ pub(super) fn shell_word(path: &Path) -> String {
     }
 }
 
-/// The words of the command that is running; bytes that are not Unicode are replaced.
+/// The arguments of this process. Bytes that are not Unicode are replaced.
 pub(super) fn typed_words() -> impl Iterator<Item = String> {
     words().into_iter().map(|word| word.to_string_lossy().into_owned())
 }
 
-/// The command that is running, as one types it. A page is handed on: an absolute path, which names
-/// the folders of this machine, becomes the name of its file.
+/// The command that is running, for a page. Pages are handed on, so an absolute path, which names
+/// folders of this machine, becomes the name of its file.
 pub(super) fn typed_command() -> String {
     let words = typed_words().map(|word| shell_word(Path::new(&without_folders(&word))));
     std::iter::once("noctograph".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
-/// A word, or the value of a flag or key, without the folders of an absolute path.
+/// An argument, or the value in it, without the folders of an absolute path.
 pub(super) fn without_folders(word: &str) -> String {
     let value = word.rsplit_once('=').map_or(word, |(_, value)| value);
     match value.trim_matches(['"', '\'', ' ']) {
@@ -120,14 +121,14 @@ mod tests {
     #[cfg(not(windows))]
     #[test]
     fn a_typed_path_loses_its_folders_if_they_are_of_this_machine() {
-        for (typed, told) in [
+        for (typed, shown) in [
             ("/home/jane/logo.svg", "logo.svg"),
             ("--drawing=/home/jane/logo.svg", "--drawing=logo.svg"),
             ("letters.font=\"/home/jane/a.ttf\"", "letters.font=a.ttf"),
             ("art/logo.svg", "art/logo.svg"),
             ("NOOR", "NOOR"),
         ] {
-            assert_eq!(without_folders(typed), told);
+            assert_eq!(without_folders(typed), shown);
         }
     }
 

@@ -8,7 +8,7 @@ use crate::scene::{CarriedScene, Scene, SceneFiles};
 pub(super) use noctograph_core::files::{Output, OutputFolder};
 use noctograph_core::files::{WholeFile, ending, file_name, files_in};
 
-/// Whether a path names an SVG drawing.
+/// True if a path names an SVG drawing.
 pub(super) fn is_svg(path: &Path) -> bool {
     ending(path) == "svg"
 }
@@ -16,13 +16,13 @@ pub(super) fn is_svg(path: &Path) -> bool {
 /// Name of the scene file in a folder.
 pub(super) const SCENE: &str = "scene.toml";
 
-/// Whether a path names a plan or a flight.
+/// True if a path names a plan or a flight.
 pub(super) fn is_csv(path: &Path) -> bool {
     ending(path) == "csv"
 }
 
-/// Files of one kind, one for each drone, with their scene: a file and its scene's, or numbered
-/// files in a folder.
+/// Files of one kind with their scene: one file with its scene beside it, or a folder with a
+/// numbered file for each drone.
 #[derive(Debug)]
 pub(super) enum Outputs {
     One(Output, Option<Output>),
@@ -32,18 +32,18 @@ pub(super) enum Outputs {
 impl Outputs {
     /// Opens `path`, or by default `kind.csv` or the folder `kinds`.
     pub(super) fn create(path: Option<&Path>, kind: &'static str, n: usize) -> Result<Self> {
-        let named = path.filter(|path| n > 1 && is_csv(path));
-        if let Some(path) = named.filter(|path| !path.is_dir()) {
+        if let Some(path) = path.filter(|path| n > 1 && is_csv(path) && !path.is_dir()) {
             let (actual, hint) = (format!("a file for {n} drones"), "leave out .csv");
             let place = path.display().to_string();
             return Err(Error::input(place, actual, "a folder for a file of each", hint));
         }
         let path = |default: String| path.map_or_else(|| default.into(), Path::to_owned);
+        // All are opened before the long work: a path that cannot be written is refused at once.
         Ok(match n {
             1 => {
                 let path = path(format!("{kind}.csv"));
                 let file = Output::create(&path)?;
-                // Nothing stands beside a device or a pipe.
+                // A device or a pipe has no file beside it.
                 let scene = file.is_staged().then(|| Output::create(&CarriedScene::place(&path)));
                 Self::One(file, scene.transpose()?)
             }
@@ -55,13 +55,14 @@ impl Outputs {
         })
     }
 
-    /// Writes one table a drone into the file or the folder, and keeps them.
+    /// Writes the table of each drone, and keeps them with their scene.
     pub(super) fn keep<T>(
         self,
         items: &[T],
         scene: Option<&Scene>,
         write: impl Fn(&T, &mut dyn Write) -> std::io::Result<()>,
     ) -> Result<Vec<PathBuf>> {
+        // A file and its scene are renamed together, so that they cannot part.
         match self {
             Self::One(file, beside) => {
                 let file = file.write_with(|out| write(&items[0], out))?;
@@ -98,15 +99,15 @@ pub(super) fn drone_number(path: &Path, kind: &str) -> Option<usize> {
     name.strip_prefix(kind)?.strip_prefix('-')?.strip_suffix(".csv")?.parse().ok()
 }
 
-/// The files of drones that a folder's earlier set has more than the new one. They go with it:
-/// whoever flies the folder would fly them with the others.
+/// The files of an earlier, larger set in a folder, which go with it: they would be flown with the
+/// new ones.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with those that the folder's scene was not written with.
+/// [`Error::Input`] with the files that do not belong to the folder's scene.
 pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Vec<PathBuf>> {
-    let is_left = |path: &PathBuf| drone_number(path, kind).is_some_and(|it| it > n_drones);
-    let left = files_in(folder)?.into_iter().filter(is_left);
+    let files = files_in(folder)?.into_iter();
+    let left = files.filter(|path| drone_number(path, kind).is_some_and(|n| n > n_drones));
     let (former, others): (Vec<_>, Vec<_>) = left.partition(|path| CarriedScene::binds(path));
     if others.is_empty() {
         return Ok(former);
@@ -117,8 +118,8 @@ pub(super) fn leftovers(folder: &Path, kind: &str, n_drones: usize) -> Result<Ve
     Err(Error::input(folder.display(), names.join(", "), wanted, hint))
 }
 
-/// Writes a scene into a folder, with the files that it names and the digests of those that it was
-/// written with.
+/// Writes a scene into a folder, with the files that it names and the digests of its plans or
+/// flights.
 pub(super) fn write_scene(
     scene: &Scene,
     path: &Path,
@@ -137,7 +138,7 @@ pub(super) fn keep_copies(path: &Path, scene: &SceneFiles) -> Result<Vec<PathBuf
     WholeFile::keep_all(scene.write_copies(path)?)
 }
 
-/// Removes the scene of a flight or plan that is written anew in another one.
+/// Removes the scene beside a flight or plan whose new scene is elsewhere.
 pub(super) fn forget_scene(path: &Path) {
     let _ = std::fs::remove_file(CarriedScene::place(path));
 }

@@ -1,4 +1,4 @@
-//! Flags of the picture: its camera, where that stands, its size or paper, the device.
+//! Flags of the picture: camera, its place, size or paper, and the device.
 
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ impl CameraFlags {
 #[derive(Debug, Args)]
 pub(super) struct StandFlag {
     /// Place of the camera, in m from the take-off mark: to the right, back (minus: in front) and
-    /// up, such as 1.2,-3.5,1.4; it is aimed at the word
+    /// up, such as 1.2,-3.5,1.4. It is aimed at the word
     #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
     camera_at: Option<[f64; 3]>,
 }
@@ -90,7 +90,7 @@ pub(super) struct PictureFlags {
     /// camera's sensor, resampled to its dots
     #[arg(long, value_name = "WxH|PAPER@DPI", value_parser = size)]
     size: Option<Size>,
-    /// Device that computes the exposure; the result is the same, bit for bit
+    /// Device that computes the exposure, with the same bits on each
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = named::<BackendChoice>())]
     pub(super) backend: BackendChoice,
 }
@@ -100,6 +100,7 @@ impl PictureFlags {
     pub(super) fn apply(&self, scene: &mut Scene) -> Result<()> {
         self.camera.apply(scene)?;
         self.stand.apply(scene)?;
+        // Dots of a print are larger than photosites: each collects the charge of several.
         if let Some(Size { px: [width_px, height_px], dots_per_inch }) = self.size {
             let Scene { camera, photo, .. } = scene;
             if let Noise::Emva1288(noise) = &mut photo.noise
@@ -129,26 +130,15 @@ struct Size {
     dots_per_inch: Option<f64>,
 }
 
-/// Longer side of paper A0 to A5 (ISO 216); each one's shorter side is the next one's longer.
+/// Longer side of paper A0 to A6 (ISO 216), which is the shorter side of the paper before it.
 const PAPER_MM: [f64; 7] = [1189.0, 841.0, 594.0, 420.0, 297.0, 210.0, 148.0];
 
 /// Parses a size: pixels such as `1920x1080`, or paper and dots per inch such as `A2@150`.
 fn size(text: &str) -> std::result::Result<Size, String> {
     let wanted = "wanted WIDTHxHEIGHT in pixels, such as 1920x1080, or a print: A0 to A5, or \
                   WIDTHxHEIGHTmm, with @ and its dots per inch (10 to 2400), such as A2@150";
-    let print = |paper: &str, dots: &str| -> Option<Size> {
-        let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
-        let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
-        let mm = match number.filter(|n: &usize| *n < 6) {
-            Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
-            None => numbers(paper.strip_suffix("mm")?, &['x', 'X', '×'])?,
-        };
-        #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);
-        Some(Size { px, dots_per_inch: Some(dots) })
-    };
     let size = match text.split_once('@') {
-        Some((paper, dots)) => print(paper, dots),
+        Some((paper, dots)) => print_size(paper, dots),
         None => {
             let sides = text.split_once(['x', 'X', '×']);
             let px = sides.and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
@@ -156,6 +146,19 @@ fn size(text: &str) -> std::result::Result<Size, String> {
         }
     };
     size.ok_or_else(|| wanted.to_owned())
+}
+
+/// Size of a print on a paper, at a number of dots per inch.
+fn print_size(paper: &str, dots: &str) -> Option<Size> {
+    let dots: f64 = dots.parse().ok().filter(|dots| (10.0..=2400.0).contains(dots))?;
+    let number = paper.strip_prefix(['A', 'a']).and_then(|n| n.parse().ok());
+    let mm = match number.filter(|n: &usize| *n < 6) {
+        Some(n) => [PAPER_MM[n], PAPER_MM[n + 1]],
+        None => numbers(paper.strip_suffix("mm")?, &['x', 'X', '×'])?,
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+    let px = mm.map(|mm: f64| (mm / 25.4 * dots).round() as u32);
+    Some(Size { px, dots_per_inch: Some(dots) })
 }
 
 #[cfg(test)]

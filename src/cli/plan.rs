@@ -1,4 +1,4 @@
-//! `noctograph plan`: a word becomes setpoints and light commands, or a drawing of them.
+//! `noctograph plan`: setpoints and light commands of a word, or a drawing of them.
 
 use std::path::PathBuf;
 
@@ -51,6 +51,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
         set_word(&mut scene, word);
     }
     frame(&mut scene)?;
+    // The output is opened before the long work, so that a wrong path is refused at once.
     let strokes = scene.strokes()?;
     let svg = args.output.as_deref().filter(|path| is_svg(path));
     let outputs = match svg {
@@ -75,7 +76,7 @@ pub(super) fn run(args: &PlanArgs) -> Result<Report> {
     Ok(report.with_files(&files))
 }
 
-/// A log knows its lights and no letters: it writes where it is lit.
+/// Marks the lit samples of a log as its one letter: a log has no letters of its own.
 fn written_where_lit(mut flight: Flight) -> Flight {
     if flight.samples.iter().all(|sample| sample.letter.is_none()) {
         flight.edit(|flight| {
@@ -96,6 +97,7 @@ fn light_s(plan: &Plan) -> f64 {
 
 /// The plan of each drone, and of all.
 fn described(word: &str, planned: &[Planned]) -> Report {
+    // Streaks are lights beyond the end of a stroke: those of all ends, and the worst.
     fn drone(Planned { plan, ends }: &Planned) -> Value {
         let ends = ends.iter().map(|end| {
             json!({
@@ -111,6 +113,7 @@ fn described(word: &str, planned: &[Planned]) -> Report {
             "worst_streak_mm": streaks_mm.max_by(f64::total_cmp), "stroke_ends": ends,
         })
     }
+    // Drones fly at the same time: the longest plan is the duration of the word.
     let durations_s = planned.iter().map(|planned| planned.plan.duration_s());
     let product = json!({
         "word": word, "duration_s": durations_s.fold(0.0, f64::max),

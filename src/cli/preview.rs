@@ -1,4 +1,4 @@
-//! `noctograph preview`: from a word to its photograph and verdict.
+//! `noctograph preview`: the photograph of a word and its verdict.
 
 use std::path::{Path, PathBuf};
 
@@ -52,21 +52,8 @@ pub(super) struct PreviewArgs {
 }
 
 pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
-    let mut shoot = args.subject.shoot(
-        |scene| {
-            args.profile.slow(&args.subject, scene);
-            args.picture.apply(scene)
-        },
-        &|_| Ok(()),
-    )?;
-    if let Some(form) = args.as_exported {
-        warn_of_trailing(&shoot);
-        shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
-        // The script of Crazyswarm2, which flies the other form, speeds the trajectory up.
-        if form == Form::Compressed {
-            shoot = shoot.by_its_clock();
-        }
-    }
+    let shoot = planned(args)?;
+    // All that can be refused is looked at before the long work: conditions and the folder.
     let conditions = args.spread.conditions()?;
     let mut folder = OutputFolder::create(&args.output)?;
     let n_numbered = Some(shoot.plans.len()).filter(|n| *n > 1).unwrap_or(0);
@@ -81,6 +68,7 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     let obstacles: Vec<String> = problems(true).map(sentence).collect();
     warn(problems(false).map(sentence));
 
+    // The photograph is taken: its files, the spread, changes that help, and what `check` finds.
     let verdict = shot.verdict.as_ref();
     let json = show::verdict_json(verdict, shot.flight_sha256());
     write(&shot, &json, &args.output, &mut folder)?;
@@ -93,16 +81,17 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     };
     let placement = shot.placement(&profile)?;
     warn_of_no_place(placement.as_ref());
-    // A photo is taken from a place behind the wall, too; it is warned of.
+    // A camera behind the wall was warned of: it takes its photo all the same.
     let stops = findings::stops(findings.iter().filter(|it| it.code != CAMERA_PLACE));
 
+    // The report, in the order in which it is read.
     let flights = shot.flights.iter().zip(shot.digests()).zip(shot.tracking());
     let flights =
         flights.map(|((flight, sha256), known)| show::flight_report(flight, sha256, *known));
     let flights: Vec<Report> = flights.collect();
     let changes = remedies
         .iter()
-        .map(|it| json!({ "change": typed(&it.changes), "gain": it.gain, "set": it.changes }));
+        .map(|one| json!({ "change": typed(&one.changes), "gain": one.gain, "set": one.changes }));
     let mut report = Report::new(String::new(), json);
     report.value("flights", flights.iter().map(|flight| &flight.json).collect::<Vec<_>>());
     report.value("remedies", changes.collect::<Vec<_>>());
@@ -144,11 +133,27 @@ pub(super) fn run(args: &PreviewArgs) -> Result<Report> {
     Ok(report.with_files(&files).passes(is_read && stops.is_none()))
 }
 
+/// The shoot of the word or the plans, with the exported trajectories if they are asked for.
+fn planned(args: &PreviewArgs) -> Result<Shoot> {
+    let shoot = args.subject.shoot(
+        |scene| {
+            args.profile.slow(&args.subject, scene);
+            args.picture.apply(scene)
+        },
+        &|_| Ok(()),
+    )?;
+    let Some(form) = args.as_exported else { return Ok(shoot) };
+    warn_of_trailing(&shoot);
+    let shoot = shoot.as_exported(form, form.tolerance_m(), Length::OnBoard)?;
+    // The script of Crazyswarm2, which flies the other form, speeds the trajectory up.
+    Ok(if form == Form::Compressed { shoot.by_its_clock() } else { shoot })
+}
+
 /// Warns of a camera that has no place in the room.
 fn warn_of_no_place(placement: Option<&ShotPlan>) {
-    let own = placement.and_then(|it| it.cameras.first()).filter(|own| own.tripod_m.is_none());
-    warn(own.map(|own| {
-        let why = own.sentence();
+    let camera = placement.and_then(|plan| plan.cameras.first());
+    warn(camera.filter(|camera| camera.tripod_m.is_none()).map(|camera| {
+        let why = camera.sentence();
         let why = why.strip_prefix("nowhere: ").unwrap_or(&why);
         format!("the camera does not fit in the room: {why} (see `check --room`)")
     }));
@@ -164,9 +169,10 @@ fn write(shot: &Shot, verdict: &Value, path: &Path, folder: &mut OutputFolder) -
     Ok(())
 }
 
-/// The verdict, with the flown changes of settings if there are any: these are more reliable than
-/// retouched strokes.
+/// The verdict, with the changes of settings that were flown. These are more reliable than advice
+/// on strokes, and replace it.
 fn verdict_text(shot: &Shot, remedies: &[Remedy]) -> String {
+    // A drawing, and a word of other letters than the reader's, have no verdict.
     match &shot.verdict {
         Some(verdict) if !remedies.is_empty() => {
             let verdict = Verdict { advice: Vec::new(), ..verdict.clone() };

@@ -1,34 +1,34 @@
-//! The printer: the text for people of a product, which it reads from the product's JSON by a
-//! layout.
+//! The printer: the text of a product for people, from the product's JSON and a layout.
 //!
-//! A layout has the lines of the text. Words are wrapped beside the name of their line, which two
-//! spaces end, or a tab, which stands for the usual column. In a line stand
+//! A layout has the lines of the text. A line begins with its name, which ends at two spaces, or at
+//! a tab for the usual column. The words after it are wrapped. A line may have
 //!
-//! - `{path}`: a value, such as `{rmse_m.0}`; `{path*100:+.1}`: times a factor, with a sign and so
-//!   many digits (`.1e`: times a power of ten); `{path~none}`: what stands for null;
-//! - `{path?yes:no}`: words, by whether a flag is set or anything stands there;
-//! - `[words {path}]`: left out where a value within is null. A line with such a value outside of
-//!   brackets is left out.
+//! - `{path}`: a value, such as `{rmse_m.0}`,
+//! - `{path*100:+.1}`: times a factor, with a sign and one digit (`.1e`: with an exponent),
+//! - `{path~none}`: the value, or `none` for null,
+//! - `{path?yes:no}`: `yes` for true, a text, a number or a list with items, else `no`,
+//! - `[words {path}]`: words that are left out if a value in them is null.
 //!
-//! A path that leads nowhere, such as a misspelled one, stands in the text as it does in the
-//! layout: tests/house and tests/it/examples.rs look for it.
+//! A null outside of brackets leaves out its line. A path that leads nowhere, such as a misspelled
+//! one, is printed as it is in the layout: tests/house and tests/it/examples.rs find it.
 //!
-//! `*path line` prints a line for each item of a list, whose keys come before those of the product;
-//! in it `#` is the index of the item. `|path|head` prints a [`table`] of a list; the next line has
-//! the cells of a row. Before a part without a line the empty line is left out, too.
+//! `*path line` prints a line for each item of a list. Paths are looked up in the item first, and
+//! `#` is its index. `|path|head` prints a [`table`] of a list, with the cells of a row in the next
+//! line. An empty line is printed only between two parts that have lines.
 
 use serde_json::{Value, json};
 
-/// Columns that tables and messages keep to.
+/// Most columns of tables and messages.
 const WIDTH: usize = 80;
 
-/// Columns of the names of lines.
+/// Columns of a line's name.
 const NAME_WIDTH: usize = 10;
 
 static NULL: Value = Value::Null;
 
 /// The text of a layout: a value is looked up in the last scope that has it.
 pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
+    // Each line of the layout gives a part, which may be empty.
     let (mut text, mut is_apart) = (String::new(), false);
     let mut lines = layout.lines();
     while let Some(line) = lines.next() {
@@ -58,12 +58,12 @@ pub(super) fn print(layout: &str, scopes: &[&Value]) -> String {
     if layout.ends_with("\n\n") { text + "\n" } else { text }
 }
 
-/// A line that begins with a sign, in two: up to another sign, and the rest.
+/// Splits a line that begins with a sign at another sign.
 fn strip(line: &str, first: char, second: char) -> Option<(&str, &str)> {
     line.strip_prefix(first)?.split_once(second)
 }
 
-/// Template for each item of a list; `None` where no scope knows the list.
+/// A function's values for the items of a list, unless no scope has the list.
 fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Option<Vec<T>> {
     let items = value(path, scopes)?.as_array().into_iter().flatten().enumerate();
     let items = items.map(|(index, value)| {
@@ -73,8 +73,9 @@ fn each<T>(path: &str, scopes: &[&Value], item: impl Fn(&[&Value]) -> T) -> Opti
     Some(items.collect())
 }
 
-/// A line of a layout with its values; empty where it is left out.
+/// A line of a layout with its values, or an empty text if it is left out.
 fn filled(line: &str, scopes: &[&Value]) -> String {
+    // The name ends at the first two spaces, the words begin behind them.
     let begin = line.find(|c| c != ' ').unwrap_or(0);
     let end = line[begin..].find("  ").map_or(begin, |end| begin + end);
     let (head, words) = line.split_at(end + line[end..].find(|c| c != ' ').unwrap_or(0));
@@ -88,8 +89,7 @@ fn filled(line: &str, scopes: &[&Value]) -> String {
     }
 }
 
-/// A name, and text that is wrapped beside it. A name that fills its column, such as that of a
-/// file, has the text below it.
+/// A name, and text that is wrapped beside it, or below a name that fills its column.
 fn beside(name: &str, width: usize, text: &str) -> String {
     match name.chars().count() < width.max(1) {
         true => wrapped(&format!("{name:width$}"), text),
@@ -102,7 +102,7 @@ pub(super) fn line(name: &str, text: &str) -> String {
     beside(name, NAME_WIDTH, text)
 }
 
-/// A line with its values; `None` where one is missing.
+/// A line with its values, unless one is null.
 fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     let (mut text, mut rest) = (String::new(), line);
     while let Some(begin) = rest.find(['{', '[']) {
@@ -118,8 +118,9 @@ fn fill(line: &str, scopes: &[&Value]) -> Option<String> {
     Some(text + rest)
 }
 
-/// A value in words.
+/// The text of what is between braces, unless the value is null.
 fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
+    // `path?yes:no`
     if let Some((path, words)) = figure.split_once('?') {
         let (yes, no) = words.split_once(':').unwrap_or((words, ""));
         let is_set = match value(path, scopes) {
@@ -131,6 +132,7 @@ fn figure(figure: &str, scopes: &[&Value]) -> Option<String> {
         };
         return Some(if is_set { yes } else { no }.to_owned());
     }
+    // `path*factor:digits~missing`, of which all but the path may be missing.
     let (figure, missing) =
         figure.split_once('~').map_or((figure, None), |(figure, words)| (figure, Some(words)));
     let (path, digits) = figure.split_once(':').unwrap_or((figure, ""));
@@ -171,8 +173,8 @@ fn in_digits(number: f64, digits: &str) -> String {
     }
 }
 
-/// The value at a path of keys and indices, in the last scope that knows it; `None`: no scope does.
-/// Below null, and beyond the end of a list, everything is null.
+/// The value at a path of keys and indices, in the last scope that has it. Below null, and beyond
+/// the end of a list, everything is null.
 fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
     let index = scopes.iter().rev().find_map(|scope| scope.get("#")?.as_str());
     let step = |value: &'a Value, key: &str| {
@@ -188,14 +190,15 @@ fn value<'a>(path: &str, scopes: &[&'a Value]) -> Option<&'a Value> {
     scopes.rev().find_map(|scope| keys().try_fold(*scope, step))
 }
 
-/// What stands for a path that no scope knows: its own line would be left out in silence.
+/// A path that no scope has is printed: its line would be left out in silence.
 fn unknown(path: &str) -> String {
     format!("{{{path}}}")
 }
 
-/// A table; without rows it is empty. `head` names the columns, each with the side that its cells
-/// keep to and its width, and with its unit where there is one: `scene<16|time/s>7`.
+/// A table, or nothing without rows. `head` names the columns with their units, the side that cells
+/// are aligned to, and the width: `scene<16|time/s>7`.
 pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
+    // `name/unit<width`, with the last < or > of the column.
     let columns = head.split('|').map(|column| {
         let side = str::rfind(column, ['<', '>']).expect("a side for each column");
         let width: usize = column[side + 1..].parse().expect("a width for each column");
@@ -205,6 +208,7 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
     let columns: Vec<(&str, &str, bool, usize)> = columns.collect();
     let names = columns.iter().map(|(name, ..)| (*name).to_owned()).collect();
     let units: Vec<String> = columns.iter().map(|(_, unit, ..)| (*unit).to_owned()).collect();
+    // Units have a line of their own, if there are any.
     let has_units = units.iter().any(|unit| !unit.is_empty());
     let heads = [names, units].into_iter().take(if has_units { 2 } else { 1 });
     let heads: Vec<Vec<String>> = heads.filter(|_| !rows.is_empty()).collect();
@@ -223,6 +227,7 @@ pub(super) fn table(head: &str, rows: &[Vec<String>]) -> String {
 pub(super) fn wrapped(head: &str, text: &str) -> String {
     let indent = head.chars().count();
     let mut lines = head.to_owned();
+    // Greedy: a word goes on the next line if it does not fit on this one.
     for (index, paragraph) in text.lines().enumerate() {
         if index > 0 {
             lines += &format!("\n{:indent$}", "");

@@ -1,4 +1,4 @@
-//! Progress of long work, where stderr is a terminal.
+//! Progress bars of long work, if stderr is a terminal.
 
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressFinish, ProgressStyle};
 
 use crate::shoot::Stage;
 
-/// A bar for work that reports its progress; nothing for work of up to [`PATIENCE`].
+/// A bar for work that takes longer than [`PATIENCE`].
 #[derive(Debug)]
 pub(super) struct Progress {
     what: &'static str,
@@ -32,6 +32,7 @@ impl Progress {
 
     /// Shows the fraction of the work that is done, 0 to 1.
     pub(super) fn update(&mut self, done_frac: f64) {
+        // The bar appears late, so that short work does not flash.
         if self.bar.is_none() && self.start.elapsed() > PATIENCE {
             let style = ProgressStyle::with_template("{msg:10} {bar:50} {percent:>3} % {eta:>5}");
             let bar = ProgressBar::new(STEPS).with_message(self.what);
@@ -54,7 +55,7 @@ pub(super) fn watch() -> impl Fn(Stage, f64) + Sync {
             Stage::Flying => shown.0.get_or_insert_with(|| Progress::new("flying")).update(done),
             Stage::Exposing if done < 1.0 => {
                 let spinner = ProgressBar::new_spinner().with_message("exposing");
-                // Drawn once: a thread that turns it may not start.
+                // Drawn once: the system may refuse a thread that turns it.
                 spinner.tick();
                 *shown = (None, Some(spinner.with_finish(ProgressFinish::AndClear)));
             }

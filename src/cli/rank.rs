@@ -1,4 +1,4 @@
-//! `noctograph rank`: scenes in the order of the probability that their words are read.
+//! `noctograph rank`: scenes by the probability that their words are read.
 
 use std::path::PathBuf;
 
@@ -30,16 +30,16 @@ use serde_json::json;
                         --wrap 'noctograph ... --shard $SLURM_ARRAY_TASK_ID/40'\nWith Dask: \
                         examples/dask_rank.py")]
 pub(super) struct RankArgs {
-    /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned); with --task,
+    /// Scenes: files, presets, team, pid, geometric, tuned, or folders (./tuned). With --task,
     /// submissions: files or folders of them
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     /// Grade: each submission, a scene or a few of its keys, flies this scene with the keys that
-    /// --may allows; one that changes others is refused
+    /// --may allows. One that changes others is refused
     #[arg(long, value_name = "SCENE")]
     task: Option<String>,
-    /// A key that a submission may change, or all of a table; never one that names a file, never
-    /// the true state; may be repeated [default: controller.*, observer.luenberger.*,
+    /// A key that a submission may change, or all of a table (may be repeated). Never one that
+    /// names a file, never the true state [default: controller.*, observer.luenberger.*,
     /// observer.ekf.*]
     #[arg(long, value_name = "KEY", requires = "task")]
     may: Vec<String>,
@@ -56,20 +56,21 @@ pub(super) struct RankArgs {
     /// 4 to 13 times the scene's. Above a P(read) of 0.96 this ranks, and P(read) does not
     #[arg(long, value_name = "N", conflicts_with = "shard")]
     acuity: Option<u32>,
-    /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png; with --task
-    /// also marks.csv, with --acuity acuity.png
+    /// Folder for flights.jsonl, flights.csv, ranking.csv, ranking.json and photos.png (with --task
+    /// also marks.csv, with --acuity acuity.png)
     #[arg(short, long, value_name = "DIR", default_value = "noctograph-rank")]
     output: PathBuf,
 }
 
-/// Seeds of a word where submissions are graded and none are named: thirty LQRs whose mean P(read)
-/// of TEA runs from 0.68 to 0.96 take eight places with 100, two with 20.
+/// Default seeds of a word of a task. Thirty LQRs whose mean P(read) of TEA runs from 0.68 to 0.96
+/// take eight places with 100 seeds, two with 20.
 const GRADED_SEEDS: u32 = 100;
 
 pub(super) fn run(args: &RankArgs) -> Result<Report> {
     let shard = args.shard.as_deref().map(str::parse::<Shard>).transpose()?;
     let conditions = args.study.conditions()?;
     let (contenders, unranked) = args.contenders(&conditions)?;
+    // A study may have no contender: then all submissions were refused, which the ranking says.
     let least = least_flights(contenders.len());
     let usual = if args.task.is_some() { GRADED_SEEDS } else { 50 };
     let (words, seed) = (args.study.words(usual)?, args.study.seed);
@@ -90,12 +91,14 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
             ),
         );
     }
+    // A shard flies its part and ends here.
     if let (Some(shard), Some(parts)) = (shard, &args.parts) {
         let bar = counter("flying", study.n_trials().div_ceil(shard.count));
         let (path, flights) = shard.fly(&study, parts, &bar)?;
         let report = Report::with_layout(json!({ "flights": flights }), "flights   {flights}");
         return Ok(report.with_files(&[path]));
     }
+    // Else all flights that no shard and no earlier run has flown are flown, and ranked.
     let ready = study.prepare()?;
     let parts = args.parts.as_deref().map(|folder| shards(&study, &ready, folder)).transpose()?;
     let mut store = open_store(&args.output)?;
@@ -128,7 +131,7 @@ pub(super) fn run(args: &RankArgs) -> Result<Report> {
     Ok(report.passes(ranking.unranked.is_empty()))
 }
 
-/// Photographs at rising speeds.
+/// The chart of photographs at rising speeds.
 const ACUITY: &str = "acuity.png";
 
 impl RankArgs {
@@ -137,6 +140,7 @@ impl RankArgs {
         let Some(n) = self.acuity.filter(|_| !study.contenders.is_empty()) else {
             return Ok(Vec::new());
         };
+        // Every rung has the same words and seeds at another speed.
         let words = study.words.iter().map(|(word, _)| (word.clone(), n)).collect();
         let ladder = Study { words, ..study.clone() }.ladder();
         ladder.iter().try_for_each(Study::check).map(|()| ladder)
@@ -150,6 +154,7 @@ impl RankArgs {
         };
         let mut task = scene(task)?.scene;
         task.settle_files()?;
+        // The task is read whole before any submission is looked at.
         let read = submissions(&SceneTask::new(task, &self.may)?, &self.scenes)?;
         warn(read.passed_over);
         Ok((read.scenes, read.refused))

@@ -1,4 +1,4 @@
-//! `noctograph read`: the word in a photograph, recognized blindly.
+//! `noctograph read`: recognizes the word in a photograph without knowing it.
 
 use std::path::PathBuf;
 
@@ -43,12 +43,13 @@ const LAYOUT: &str = "\
 {letter}|{p:.2}
 ";
 
-/// A photo and its reading, turned until its writing, or the word that it should show, is the right
-/// way up. Mirrored writing is named, and flipped where no word is given.
+/// A photo and its reading, turned until its writing, or the word that it should show, is upright.
+/// Mirrored writing is named, and flipped if no word is given.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
     if has_bright_rim(&photo) {
-        message("note: ", "the photo's rim is bright: cut its border off, or invert dark writing");
+        message("note: ", "the photo's border is bright: cut it off, or invert dark writing");
     }
+    // Smaller writing beside the word, such as a credit, is not read.
     let (reading, quarters) = read_any_way_up(&photo, word);
     if !reading.smaller.is_empty() {
         let text = reading.smaller.replace('\n', " ");
@@ -82,6 +83,7 @@ fn square_on(photo: Photo, corners: Option<&Corners>, flags: &CameraFlags) -> Re
     if !flags.is_given() {
         return Ok(photo);
     }
+    // A fixed camera without a word sees all of the plane of writing.
     let mut scene = flags.scene()?;
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
     let fixed = matches!(scene.camera.framing, Framing::Fixed(_)) && !scene.has_strokes();

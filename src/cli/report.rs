@@ -33,7 +33,7 @@ const MAX_FILES: usize = 40;
 const MAX_ROWS: usize = 60;
 /// Columns beyond which a table of few rows is turned.
 const MAX_COLUMNS: usize = 8;
-/// Largest table that is shown; a flight's is not for people.
+/// Largest table that a page shows. A flight's table is larger.
 const MAX_TABLE_BYTES: u64 = 200_000;
 /// Longest side of a photo, and its quality.
 const MAX_PX: u32 = 1920;
@@ -43,6 +43,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let files = files_in(&args.folder)?;
     let output = Output::create(&args.output)?;
     let title = name(std::path::absolute(&args.folder).unwrap_or_else(|_| args.folder.clone()));
+    // What a page cannot show is named, and so is what it has no room for.
     let (mut shown, mut page) = (Vec::new(), Page::new(&title, &lead(&files)?));
     // Photos first, then drawings, settings and tables.
     fn rank(path: &&PathBuf) -> Option<usize> {
@@ -52,6 +53,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<Report> {
     let others = entries_in(&args.folder)?;
     let others = others.iter().filter(|path| !files.contains(path) || !shows(path)).map(name);
     let others: Vec<String> = others.collect();
+    // The most telling files come first, as a page has room for some only.
     let mut files: Vec<&PathBuf> = files.iter().filter(|path| shows(path)).collect();
     files.sort_by_key(rank);
     let n_more = files.len().saturating_sub(MAX_FILES);
@@ -86,7 +88,7 @@ left out  {more} files more than the {most} of a page
 not shown\t{others}
 ";
 
-/// Whether a page shows a file.
+/// True if a page shows a file.
 fn shows(path: &Path) -> bool {
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_TABLE_BYTES);
     match &*ending(path) {
@@ -139,6 +141,7 @@ fn table(page: Page, path: &Path) -> Result<Page> {
     fn cells(row: &csv::ByteRecord) -> Vec<String> {
         row.iter().map(|cell| shortened(&String::from_utf8_lossy(cell))).collect()
     }
+    // Only the first rows are kept, and the others counted.
     let head = cells(reader.byte_headers().map_err(broken)?);
     let (mut rows, mut left_out) = (Vec::new(), 0);
     for row in reader.byte_records() {
@@ -146,12 +149,13 @@ fn table(page: Page, path: &Path) -> Result<Page> {
         if rows.len() < MAX_ROWS { rows.push(cells(&row)) } else { left_out += 1 }
     }
     if head.len() > MAX_COLUMNS && rows.len() < MAX_COLUMNS {
-        // A column for each row, as there are fewer of them.
-        let all = || std::iter::once(&head).chain(&rows);
-        let turned = (0..head.len())
-            .map(|i| all().map(|row| row.get(i).cloned().unwrap_or_default()).collect());
-        let turned: Vec<Vec<String>> = turned.collect();
-        return Ok(page.rows(&turned[0], &turned[1..]));
+        // The table is transposed, as it is wider than high.
+        let cells = |i| {
+            let lines = std::iter::once(&head).chain(&rows);
+            lines.map(|row| row.get(i).cloned().unwrap_or_default()).collect()
+        };
+        let columns: Vec<Vec<String>> = (0..head.len()).map(cells).collect();
+        return Ok(page.rows(&columns[0], &columns[1..]));
     }
     let page = page.rows(&head, &rows);
     Ok(if left_out > 0 { page.text(&format!("and {left_out} rows more")) } else { page })

@@ -1,4 +1,4 @@
-//! `noctograph scene`: a whole scene file, commented.
+//! `noctograph scene`: a complete scene file with comments.
 
 use std::path::{Path, PathBuf};
 
@@ -37,7 +37,7 @@ pub(super) fn run(args: &SceneArgs) -> Result<Report> {
         word.clone_into(&mut scene.word);
     }
     let Some(path) = &args.output else {
-        // Redirected, it is most likely kept in the present folder.
+        // A shell that redirects this most likely does so into the present folder.
         let files = scene.in_folder(Path::new(""), "")?;
         let toml = if files.copies.is_empty() { files.toml } else { scene.to_toml() };
         return Ok(Report::new(toml, &scene));

@@ -1,4 +1,4 @@
-//! `noctograph score`: whether the word in a photograph is legible.
+//! `noctograph score`: is the word in a photograph legible?
 
 use std::path::PathBuf;
 
@@ -54,7 +54,7 @@ pub(super) struct ScoreArgs {
     #[arg(long)]
     trust: bool,
     /// Picture to write, PNG or SVG: the photo with intended strokes (green), missing ones
-    /// (pink), stray light (yellow) and the share of each letter
+    /// (pink), other light (yellow) and the probability of each letter
     #[arg(short, long, value_name = "FILE", alias = "overlay")]
     output: Option<PathBuf>,
 }
@@ -63,6 +63,8 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     let word = typed_word(args.word.as_ref(), args.as_word.as_ref())?;
     let output = args.output.as_deref().map(Output::create).transpose()?;
     let (mut photo, notes) = photo::read_with_notes(&args.photo)?;
+
+    // The scene: the one that was named, or the one in the photo, whose files need --trust.
     let inside = photo.scene_toml.clone().filter(|_| !args.scene.is_given());
     let has_camera = args.scene.is_given() || inside.is_some() || args.camera.is_given();
     let file = format!("{} (scene)", args.photo.display());
@@ -75,13 +77,14 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     })?;
     let foreign = foreign_file(args, &scene).filter(|_| inside.is_some());
     args.camera.apply(&mut scene)?;
+    // A photo without a camera is turned until its writing is upright.
     let mut reading = None;
     if !has_camera && args.corners.is_none() {
         let upright = read_upright(photo, word.unwrap_or_default());
         (photo, reading) = (upright.0, Some(upright.1));
     }
     (scene.camera.width_px, scene.camera.height_px) = (photo.width_px, photo.height_px);
-    // The camera framed the word that was flown, even if another one is looked for now.
+    // The camera framed the word that was flown, even if another one is searched now.
     let flown = scene.has_strokes().then(|| scene.strokes()).transpose()?;
     if let Some(flown) = flown.as_ref().filter(|_| foreign.is_some()) {
         check_strokes(flown, notes.strokes_sha256.as_deref(), file)?;
@@ -98,25 +101,31 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
         check_written(&Plan::read_csv(path)?, &strokes)
             .map_err(|error| error.in_file(path.display(), None))?;
     }
-    let framed = || -> Result<View> {
-        let bounds_m = flown.as_ref().unwrap_or(&strokes).bounds_m();
-        Ok((&scene.camera.camera(bounds_m, 0.0)?).into())
-    };
-    let view = match &args.corners {
-        Some(Corners(corners_px)) => {
+
+    // Where the word is: at the corners, at the writing, or where the camera framed it.
+    let located = match (&args.corners, &reading) {
+        (Some(Corners(corners_px)), _) => {
             let size_px = [photo.width_px, photo.height_px];
-            View::Plane(Homography::from_corners(strokes.bounds_m(), *corners_px, size_px)?)
+            let plane = Homography::from_corners(strokes.bounds_m(), *corners_px, size_px)?;
+            Some(View::Plane(plane))
         }
-        None => match &reading {
-            Some(reading) => by_light(&photo, reading, &strokes)?.map_or_else(framed, Ok)?,
-            None => framed()?,
-        },
+        (None, Some(reading)) => by_light(&photo, reading, &strokes)?,
+        (None, None) => None,
     };
+    let view = match located {
+        Some(view) => view,
+        None => {
+            let framed = flown.as_ref().unwrap_or(&strokes);
+            (&scene.camera.camera(framed.bounds_m(), 0.0)?).into()
+        }
+    };
+
+    // What is known of the flight makes the reasons better: its speed, its lag, its gaps.
     let mut flights = Vec::new();
     FLIGHTS.check_all(&args.flight)?;
     for path in &args.flight {
         let mut flight = args.flights.read(path, Some(&scene))?;
-        // As the photo of a log has it.
+        // The photo of a log shows inferred lights, too.
         infer_lights_if_dark(&mut flight, &mut scene, path)?;
         flights.push(flight);
     }
@@ -127,17 +136,17 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     }
     let reader = Reader::new(&strokes, &scene.score)?;
     let (verdict, marks) = reader.explain(&photo, &view, &known)?;
-    let svg = args.output.as_deref().is_some_and(is_svg);
-    let overlay = |output: Output| {
-        output.keep(match svg {
+    let mut files = Vec::new();
+    if let Some(output) = output {
+        let overlay = match args.output.as_deref().is_some_and(is_svg) {
             true => overlay_svg(&photo, &marks, &verdict).into_bytes(),
             false => photo::encode_png(&overlay_photo(&photo, &marks, &verdict), None, &[]),
-        })
-    };
-    let files: Vec<_> = output.map(overlay).transpose()?.into_iter().collect();
+        };
+        files.push(output.keep(overlay)?);
+    }
     let json = show::verdict_json(Some(&verdict), flight_sha256(&flights));
     let mut report = Report::new(show::verdict_table(&verdict), json);
-    // To fly a scene many times for a photo of unknown origin is left to who trusts it.
+    // A scene of unknown origin is not flown here.
     if inside.is_some() && !verdict.legible {
         let again = format!("`noctograph preview --scene {}`", shell_word(&args.photo));
         let text = format!("{again} flies its scene again, and names settings that help");
@@ -146,7 +155,7 @@ pub(super) fn run(args: &ScoreArgs) -> Result<Report> {
     Ok(report.with_files(&files).passes(verdict.legible))
 }
 
-/// Refuses a font or drawing with another digest than the photo's, if the photo has one.
+/// Refuses a font or drawing whose digest differs from the photo's, if that has one.
 fn check_strokes(strokes: &Strokes, of_photo: Option<&str>, file: String) -> Result<()> {
     let Some(digest) = of_photo.filter(|digest| strokes.sha256() != **digest) else {
         return Ok(());
@@ -161,7 +170,7 @@ fn foreign_file(args: &ScoreArgs, scene: &Scene) -> Option<&'static str> {
     scene.letters.files().map(|(key, _)| key).find(|key| !args.scene.sets(key))
 }
 
-/// Refuses a photo's own scene where it names a font or a drawing; its background is not needed.
+/// Refuses a photo's own scene if it names a font or a drawing. Its background is not needed.
 fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     scene.photo.background.clear();
     let Some(key) = foreign_file(args, scene) else { return Ok(()) };
@@ -170,7 +179,7 @@ fn distrust(args: &ScoreArgs, scene: &mut Scene, file: &str) -> Result<()> {
     Err(Error::input(key, "the path of a file", wanted, hint).in_file(file, None))
 }
 
-/// Refuses flights with other digests than the photo's, if the photo has them.
+/// Refuses flights whose digests the photo does not have, if it has any.
 fn check_flights(args: &ScoreArgs, flights: &[Flight], shown: Option<&str>) -> Result<()> {
     let Some(shown) = shown else { return Ok(()) };
     for (flight, path) in flights.iter().zip(&args.flight) {

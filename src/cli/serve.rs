@@ -1,4 +1,4 @@
-//! `noctograph serve`: a page on which a word becomes a photo while one types or draws it.
+//! `noctograph serve`: a page that photographs a word while one types or draws it.
 
 use std::ffi::OsString;
 use std::io::IsTerminal;
@@ -26,7 +26,7 @@ pub(super) struct ServeArgs {
     /// Scene that the page begins with
     #[arg(long, value_name = "SCENE")]
     scene: Option<String>,
-    /// Port; 0 takes that of the gallery's address, or one that is free
+    /// Port, or 0 for that of the gallery's address, or one that is free
     #[arg(long, value_name = "N", default_value_t = 0)]
     port: u16,
     /// Folder that keeps the address and what visitors send [default: until the program ends]
@@ -67,16 +67,17 @@ pub(super) fn run(args: &ServeArgs) -> Result<Report> {
 }
 
 fn serve(args: &ServeArgs, program: Program) -> Result<()> {
+    // The page begins with this scene, and each visitor changes a copy of it.
     let named = args.scene.as_deref().unwrap_or(Preset::default().name());
     let mut scene = Scene::find(named, &[])?.scene;
-    // A scene that cannot be flown is refused now, not by every visitor's photo. Its typeface may
-    // lack our letter: visitors write others with it.
+    // A scene that cannot be flown is refused now, not at every visitor's photo. Its typeface may
+    // lack this letter, and have the visitors'.
     scene.set_word("A");
     match Shoot::new(scene.clone()) {
         Ok(_) | Err(Error::Letter { .. }) => {}
         Err(error) => return Err(error),
     }
-    // Files of the scene are on this machine alone, which makes all photos then.
+    // Browsers cannot read files of this machine: then all photos are made here.
     let is_whole = scene.files_mut().all(|file| file.is_empty() || !Path::new(file).is_absolute());
     let has_room = scene.expose.room_m.is_some();
     let config = ServerConfig {
@@ -105,6 +106,7 @@ fn typed() -> Option<CommandLine> {
 fn worker() -> std::io::Result<Command> {
     let mut command = program()?;
     command.args(["serve", "--worker"]);
+    // The Python package starts workers by its own command.
     let Some(CommandLine { verb: Verb::Serve(args), .. }) = typed() else {
         return Ok(command);
     };
@@ -143,6 +145,7 @@ fn object(page: &str, addresses: &Addresses) -> Value {
 
 /// The addresses for people.
 fn table(args: &ServeArgs, page: &str, addresses: &Addresses, has_room: bool) -> String {
+    // The network's address comes with what it allows.
     let mut text = line("page", page);
     if args.network && addresses.network.is_none() {
         text += &line("network", "none: connect this machine to one, and start again");

@@ -1,4 +1,4 @@
-//! The spread of a preview: many flights under conditions, their photos and bands.
+//! The ensemble of a preview: many flights under conditions, their photos and bands.
 
 use super::outcome::Report;
 use super::output::OutputFolder;
@@ -21,7 +21,7 @@ pub(super) struct SpreadFlags {
     spread: Option<u16>,
     /// How the flights of --spread differ: room (the scene's drone, another room and evening),
     /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
-    /// propeller and battery), still (noise alone), or a TOML file
+    /// propeller and battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room", requires = "spread")]
     conditions: String,
 }
@@ -46,6 +46,7 @@ impl SpreadFlags {
         conditions: &Conditions,
         folder: &mut OutputFolder,
     ) -> Result<Option<Shown>> {
+        // Bands of the drones, seen from the front and over time, and the photos of all flights.
         let Some(n) = self.spread.map(usize::from) else { return Ok(None) };
         let band = spread(shoot, conditions, n, &counter("flying", 2 * n))?;
         if n < LEAST_FLIGHTS {
@@ -65,9 +66,9 @@ impl SpreadFlags {
         let title = format!("{n} flights, conditions {}", self.conditions);
         let sheet = spread_sheet(&title, &photos.collect::<Vec<_>>());
         folder.write("spread.png", photo::encode_png(&sheet, None, &[]))?;
-        for (drone, (all, within)) in band.all.iter().zip(&band.within).enumerate() {
+        for (drone, bands) in band.all.iter().zip(&band.within).enumerate() {
             let number = if band.all.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
-            let drawing = spread_over_time(all, within);
+            let drawing = spread_over_time(bands.0, bands.1);
             folder.write(&format!("spread{number}.svg"), &drawing)?;
             drawings.push(drawing);
         }
@@ -78,6 +79,7 @@ impl SpreadFlags {
 }
 
 fn described(spread: &Spread, title: &str) -> Report {
+    // A flight may lose its drone, and then has no photo. A drawing has no verdict.
     let flights = spread.flights.iter().map(|SpreadFlight { seed, shot, .. }| match shot {
         Err(lost) => json!({ "seed": seed, "lost": lost }),
         Ok(shot) => {
@@ -90,6 +92,7 @@ fn described(spread: &Spread, title: &str) -> Report {
         }
     });
     let flights: Vec<Value> = flights.collect();
+    // Lost flights are counted, and have no part in the quantiles.
     let mut readability: Vec<f64> =
         flights.iter().filter_map(|flight| flight["readability"].as_f64()).collect();
     readability.sort_by(f64::total_cmp);
@@ -113,7 +116,7 @@ spread    {title}[: {legible} legible; readability {least:.2} to {most:.2}, medi
 *bands_within           one drone in one room: x ±{half_width_m.0*1e3:.0}, y ±{half_width_m.1*1e3:.0}, z ±{half_width_m.2*1e3:.0} mm over the letters
 ";
 
-/// The flights that a band holds.
+/// How many flights a band holds, in words.
 fn holds(band: &Band) -> String {
     let percent = 100.0 * band.holds_frac();
     match band.holds_frac() < BAND_FRAC {

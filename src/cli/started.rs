@@ -7,13 +7,13 @@ use std::sync::OnceLock;
 static PROGRAM: OnceLock<Vec<OsString>> = OnceLock::new();
 static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
 
-/// Tells which command starts this program again, where that is not the file of this process: an
+/// Sets the command that starts this program again, if it is not the file of this process: an
 /// interpreter with its arguments.
 pub fn starts_as(program: Vec<OsString>) {
     let _ = PROGRAM.set(program);
 }
 
-/// Tells the arguments that were typed, where they are not those of this process.
+/// Sets the arguments that were typed, if they are not those of this process.
 pub fn typed_as(words: Vec<OsString>) {
     let _ = WORDS.set(words);
 }

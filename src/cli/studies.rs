@@ -1,4 +1,4 @@
-//! Flags and tables that the verbs of studies share.
+//! Flags and tables of the verbs that make studies.
 
 use crate::photo;
 use std::collections::HashSet;
@@ -28,19 +28,19 @@ use serde_json::json;
 pub(super) struct StudyFlags {
     #[command(flatten)]
     set: SetFlag,
-    /// Words, with their numbers of seeds where these differ: NOOR:200,LOG,WAX; or a file with one
-    /// on each line
+    /// Words, some with a number of seeds of their own: NOOR:200,LOG,WAX. Or a file with one on
+    /// each line
     #[arg(long, value_name = "WORD[:N],...", value_delimiter = ',', default_value = "NOOR")]
     words: Vec<String>,
-    /// Seeds of each word [default: rank 50, or 100 with --task; tune 6]
+    /// Seeds of each word [default: rank 50, or 100 with --task, tune 6]
     #[arg(long, value_name = "N")]
     seeds: Option<u32>,
-    /// Seed that all seeds are drawn from; of 2^32 and above, nobody finds them by trial
+    /// Seed that all seeds are drawn from. From one of 2^32 and above, nobody finds them by trial
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
     /// How flights differ from their scene: room (the scene's drone, another room and evening),
     /// drone (any drone of its make as well), evening (the room, with faults of radio, heading,
-    /// propeller and battery), still (noise alone), or a TOML file
+    /// propeller and battery), still (only noise), or a TOML file
     #[arg(long, value_name = "NAME|FILE", default_value = "room")]
     conditions: String,
 }
@@ -61,6 +61,7 @@ impl StudyFlags {
 
     /// The words with their numbers of seeds, or the default number.
     pub(super) fn words(&self, usual: u32) -> Result<Vec<(String, u32)>> {
+        // A word is a word unless a file has its name. A name of a missing file is an error.
         let mut words = Vec::new();
         for named in &self.words {
             if Path::new(named).is_file() {
@@ -90,7 +91,7 @@ impl StudyFlags {
     }
 }
 
-/// Whether a word looks like the name of a file.
+/// True if a word looks like the name of a file.
 fn is_path(named: &str) -> bool {
     named.contains(['/', '\\']) || is_file_name(named)
 }
@@ -163,6 +164,7 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
         "least_flights": ranking.least_flights, "unranked": ranking.unranked,
         "acuity": ranking.acuity,
     });
+    // Pairs that cannot be told apart are named, as many as a page has room for.
     let n_words = study.words.len();
     let n_flights: usize = study.words.iter().map(|(_, n)| *n as usize).sum();
     let pairs = &ranking.pairs;
@@ -178,6 +180,7 @@ pub fn ranking_report(study: &Study, ranking: &Ranking, flights: usize) -> Repor
     let has_lead = flown.any(|flown| flown.lag_s.value < LEAD_S);
     let n_each = ranking.measures.first().map_or(0, |measures| measures.n_flights);
     let is_few = !pairs.is_empty() && n_each < ranking.least_flights as usize;
+    // Of the ladder of speeds, each scene's limit beside its contour error.
     let acuity = ranking.acuity.as_ref();
     let contour = |limit: &SpeedLimit| {
         let measures = ranking.measures.iter().find(|it| it.contender == limit.contender)?;
@@ -216,7 +219,7 @@ const RANKED: &str = "\
  {places.#}|{names.#}|{legibility.value:.3}|  {legibility.low:.3} to {legibility.high:.3}|{legible.value*100:.1}|{legible.low*100:.0} to {legible.high*100:.0}|{worst_decile.value:.3}|{n_lost}
 *unranked  -  {contender} {note}
 
-P(read): mean readability of the photos; where another word is likelier than the right one, a photo counts no more than the right one's share
+P(read): mean readability of the photos. If another word is likelier than the right one, a photo counts at most the right one's probability
 
 |measures|scene<16|contour/mm>7|lag/s>7|rms x/mm>7|y/mm>6|z/mm>6|y max/mm>8|sat./%>7|time/s>7|energy/J>8
 {names.#}|{flown.contour_m.value*1e3:.1}|{flown.lag_s.value:.2}|{flown.rmse_x_m.value*1e3:.1}|{flown.rmse_y_m.value*1e3:.1}|{flown.rmse_z_m.value*1e3:.1}|{flown.drift_y_m.value*1e3:.1}|{flown.saturated_frac.value*100:.1}|{flown.duration_s.value:.1}|{flown.energy_j.value:.0}
@@ -243,6 +246,7 @@ const MOST_PAIRS: usize = 30;
 
 /// Names of scenes in columns of `width`, no two alike.
 fn labels(ranking: &Ranking, width: usize) -> Vec<String> {
+    // The end of a path tells two scenes apart better than its beginning.
     let names: Vec<&str> = ranking.measures.iter().map(|m| m.contender.as_str()).collect();
     shortened(&names, width - 1)
 }

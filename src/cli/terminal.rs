@@ -1,5 +1,5 @@
-//! The terminal: results on stdout, and messages on stderr, whose warnings are kept for the object
-//! of the running verb.
+//! The terminal: results on stdout, messages on stderr. Warnings are kept for the object of the
+//! running verb.
 
 use std::cell::{Cell, RefCell};
 use std::io::Write;
@@ -7,9 +7,10 @@ use std::io::Write;
 use super::printer::wrapped;
 use crate::error::{Error, Result};
 
-/// Prints a result on stdout. A reader that went away, such as `head`, is no error.
+/// Prints a result on stdout. It is not an error if the reader went away, as `head` does.
 pub(super) fn print_out(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
+    // Flushed here, as an error in a destructor would be lost.
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(source) if source.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Error::write("standard output".as_ref(), source))
@@ -23,8 +24,8 @@ pub(super) fn printable(text: &str) -> String {
     escaped(text, |code| format!("\\u{{{code:x}}}"))
 }
 
-/// Text with the codes of its control characters, those that turn the direction of writing among
-/// them, as escapes: names from foreign files must not steer a terminal. Line ends and tabs stay.
+/// Text with its control characters as escapes, also those that reverse the direction of writing:
+/// names from foreign files must not steer a terminal. Line ends and tabs stay.
 pub(super) fn escaped(text: &str, escape: impl Fn(u32) -> String) -> String {
     let steers = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')
@@ -39,16 +40,16 @@ const WARNING: &str = "warning: ";
 thread_local! {
     /// Warnings of the running verb.
     static WARNED: RefCell<Vec<String>> = const { RefCell::new(Vec::new()) };
-    /// Whether they are in its object alone, for a caller that shows them.
+    /// True if warnings are only kept in its object, for a caller that shows them.
     static IS_QUIET: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The warnings so far, which are forgotten.
+/// Takes the warnings so far.
 pub(super) fn take_warnings() -> Vec<String> {
     WARNED.take()
 }
 
-/// Work whose messages are kept, not printed.
+/// Runs work whose messages are kept, not printed.
 pub(super) fn quietly<T>(work: impl FnOnce() -> T) -> T {
     IS_QUIET.set(true);
     let product = work();

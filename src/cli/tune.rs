@@ -1,4 +1,4 @@
-//! `noctograph tune`: gains, observer and speed of a scene, tuned for legible words.
+//! `noctograph tune`: tunes gains, observer and speed of a scene for legible words.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -38,13 +38,13 @@ pub(super) struct TuneArgs {
     /// Budget: a number of flights, or minutes such as 5min
     #[arg(long, value_name = "N", default_value = "2000")]
     budget: String,
-    /// Key of the scene to turn; may be repeated [default: the usual ones for its controller]
+    /// Key of the scene to turn (may be repeated) [default: the usual ones for its controller]
     #[arg(long, value_name = "KEY=...")]
     knob: Vec<String>,
     /// Longest flight, in seconds [default: that of the scene]
     #[arg(long, value_name = "S")]
     longest: Option<f64>,
-    /// Cap height in meters; other lengths of the letters are scaled with it
+    /// Cap height in meters. Other lengths of the letters are scaled with it
     #[arg(long, value_name = "M")]
     cap_height: Option<f64>,
     /// Words that the result is tested on and not trained on
@@ -90,6 +90,7 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     if let Some(longest_s) = args.longest {
         crate::error::within("longest", longest_s, 1.0, 3600.0)?;
     }
+    // Training seeds choose among candidates, and the test on new ones decides about the best.
     let options = TuneOptions {
         knobs: match args.knob.as_slice() {
             [] => Knob::usual(&base.scene),
@@ -106,12 +107,13 @@ pub(super) fn run(args: &TuneArgs) -> Result<Report> {
     let store = open_store(&args.output)?;
     let mut results = open_results(&args.output, &FILES)?;
 
+    // A budget in minutes ends the search by the clock, one in flights by their number.
     let (mut progress, start) = (Progress::new("tuning"), Instant::now());
     let mut first = true;
     let mut watch = |n_flights: usize, best: &Candidate| {
         let spent = time.map(|time| start.elapsed().as_secs_f64() / time.as_secs_f64());
         if let Some(spent) = spent.filter(|_| std::mem::take(&mut first)) {
-            // The smallest study takes so many times as long as the first flights.
+            // The first flights show how long the smallest study takes.
             let least_flights = options.least_budget();
             let needed = spent * least_flights as f64 / n_flights as f64;
             if needed > 1.0 {
@@ -161,13 +163,13 @@ fn origin(args: &TuneArgs, tuned: &Tuned) -> String {
 }
 
 fn plot(tuned: &Tuned) -> String {
-    // A candidate that lost every drone stands where no time has passed.
+    // A candidate that lost every drone has no duration, and is drawn at 0 s.
     let pace_and_legibility = |c: &Candidate| (c.duration_s.unwrap_or(0.0), c.legibility);
-    let (start, tried) = tuned.candidates.split_first().expect("the scene as it was is one");
+    let (start, candidates) = tuned.candidates.split_first().expect("the scene as it was is one");
     let (within, others): (Vec<_>, Vec<_>) =
-        tried.iter().partition(|c| !c.given_up && c.broken == 0.0);
+        candidates.iter().partition(|c| !c.given_up && c.broken == 0.0);
     let [within, others] =
-        [within, others].map(|all| all.into_iter().map(pace_and_legibility).collect::<Vec<_>>());
+        [within, others].map(|some| some.into_iter().map(pace_and_legibility).collect::<Vec<_>>());
     let front: Vec<_> =
         tuned.front.iter().map(|n| pace_and_legibility(&tuned.candidates[*n])).collect();
     pareto(&within, &others, &front, Some(pace_and_legibility(start)))
@@ -180,11 +182,12 @@ pub fn tuning_report(
     tuned: &Tuned,
     others: Option<&(Study, Ranking)>,
 ) -> Report {
-    let front: Vec<_> = tuned.front.iter().map(|number| &tuned.candidates[*number]).collect();
+    let front: Vec<_> = tuned.front.iter().map(|index| &tuned.candidates[*index]).collect();
     let product = json!({
         "flights": tuned.n_flights, "candidates": tuned.candidates.len(), "front": front,
         "helped": tuned.helped(), "best": tuned.best, "before": tuned.before,
     });
+    // Changes are those of the best candidate, if it did better than the scene as it was.
     let changes = options.knobs.iter().flat_map(|knob| &knob.keys).map(|key| {
         let [before, after] = [&tuned.before, &tuned.best].map(|c| shown(&c.settings[key]));
         json!({ "key": key, "before": before, "after": after })
@@ -196,14 +199,15 @@ pub fn tuning_report(
         "kept": (tuned.test.is_some() && !tuned.helped()).then_some("the scene as it was"),
     });
     let mut report = Report::with_words(product, &words, LAYOUT);
-    let mut told = Vec::new();
+    // Candidates were chosen on their own seeds: only new seeds and words judge them fairly.
+    let mut tests = Vec::new();
     for (new, test) in [("seeds", tuned.test.as_ref()), ("words and seeds", others)] {
         let Some((study, ranking)) = test else { continue };
         let Report { text, json, .. } = ranking_report(study, ranking, study.n_trials());
         report.text += &format!("\ntested on new {new}: {text}");
-        told.push(json!({ "new": new, "measures": json["measures"], "pairs": json["pairs"] }));
+        tests.push(json!({ "new": new, "measures": json["measures"], "pairs": json["pairs"] }));
     }
-    report.value("tests", told);
+    report.value("tests", tests);
     report
 }
 
@@ -233,7 +237,7 @@ fn shown(value: &toml::Value) -> String {
     }
 }
 
-/// The test of a tuned scene on words that it was not trained on; `None` where there is none.
+/// The test of a tuned scene on words that it was not trained on, if there are any.
 fn other_words(
     args: &TuneArgs,
     options: &TuneOptions,
@@ -241,6 +245,7 @@ fn other_words(
     tuned: &Tuned,
     store: &Store,
 ) -> Result<Option<(Study, Ranking)>> {
+    // A word of the training does not test.
     let words =
         args.test_words.iter().filter(|word| options.words.iter().all(|(known, _)| known != *word));
     let words: Vec<_> = words.map(|word| (word.clone(), args.test_seeds)).collect();

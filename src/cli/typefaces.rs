@@ -1,11 +1,11 @@
-//! Typefaces of this machine: one that has letters which a font lacks.
+//! Typefaces of this machine, among which is one with the letters that a font lacks.
 
 use std::path::{Path, PathBuf};
 
 use crate::letters::has_outline;
 use noctograph_core::files::{Limit, ending, entries_in};
 
-/// Folders of typefaces; `~` is the user's own folder.
+/// Folders of typefaces. `~` is the user's home folder.
 const FOLDERS: &[&str] = if cfg!(windows) {
     &["C:\\Windows\\Fonts", "~\\AppData\\Local\\Microsoft\\Windows\\Fonts"]
 } else if cfg!(target_vendor = "apple") {
@@ -14,44 +14,44 @@ const FOLDERS: &[&str] = if cfg!(windows) {
     &["/usr/share/fonts", "/usr/local/share/fonts", "~/.fonts", "~/.local/share/fonts"]
 };
 
-/// Deepest folders, most files that are looked at, and the most bytes that are read of all.
+/// Limits of the search: depth of folders, number of files, bytes of all files together.
 const DEEPEST: usize = 5;
 const MAX_FILES: usize = 2000;
 const MAX_BYTES: usize = 1 << 30;
 
-/// Largest file that is looked at.
+/// Largest file that is read.
 const LIMIT: Limit =
     Limit { bytes: 64 << 20, what: "a typeface", hint: "name a smaller font file" };
 
-/// File of an upright typeface with all of some characters, from the system's folders; light ones
-/// first, whose center lines are nearest to their strokes.
+/// File of a typeface that has all of some characters, from the system's folders: an upright and
+/// light one if possible, whose center lines are nearest to its strokes.
 pub(super) fn with(characters: &[char]) -> Option<PathBuf> {
     let home = std::env::home_dir().unwrap_or_default();
     let folders = FOLDERS.iter().map(|folder| match folder.strip_prefix('~') {
-        Some(own) => home.join(own.trim_start_matches(['/', '\\'])),
+        Some(below) => home.join(below.trim_start_matches(['/', '\\'])),
         None => folder.into(),
     });
     first_with(&folders.collect::<Vec<PathBuf>>(), characters)
 }
 
-/// The first file of folders with some characters, light and upright ones before others by their
-/// names.
+/// The first file of folders that has some characters, in the order of [`rank`].
 fn first_with(folders: &[PathBuf], characters: &[char]) -> Option<PathBuf> {
     let mut files = Vec::new();
     for folder in folders {
         gather(folder, DEEPEST, &mut files);
     }
+    // The most likely files are read first, as all of them together may be gigabytes.
     files.sort_by_cached_key(|path| (rank(path), path.clone()));
     let mut n_bytes = 0;
     files.into_iter().find(|path| {
-        // Unreadable files are skipped in this hint.
+        // An unreadable file cannot be the hint, and is skipped.
         let file = if n_bytes < MAX_BYTES { LIMIT.read(path).ok() } else { None };
         n_bytes += file.as_ref().map_or(0, Vec::len);
         file.is_some_and(|file| characters.iter().all(|c| has_outline(&file, *c)))
     })
 }
 
-/// Adds the files of typefaces in a folder and those below it.
+/// Adds the typeface files of a folder and of those below it.
 fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     let known = |path: &Path| ["ttf", "otf", "ttc"].contains(&&*ending(path));
     for path in entries_in(folder).unwrap_or_default() {
@@ -66,7 +66,7 @@ fn gather(folder: &Path, deepest: usize, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Slanted typefaces after upright ones, and each from light to heavy, as their files are named.
+/// Order of typefaces by the names of their files: upright before slanted, light before heavy.
 fn rank(path: &Path) -> (bool, usize) {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     let any = |words: &[&str]| words.iter().any(|word| name.contains(word));
