@@ -51,6 +51,10 @@
 //! `features` has no code: without it the tests of any one crate would build some thirty packages
 //! anew.
 //!
+//! The crates are folders, not packages: fonts, shaders and goldens are at the top level, outside
+//! of them, which crates.io cannot have. A program that uses the library depends on the repository,
+//! as `examples/library` does.
+//!
 //! Rules beside these dependencies:
 //! - `score` knows no plan, no flight and no light: it sees a photo, a word and a camera.
 //! - `expose` knows no drone, `light` no pixels, `letters` no speed.
@@ -70,6 +74,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
+pub use nalgebra;
 pub use noctograph_core::{camera, crazyflie, diagnostic, error, flight, geometry, lamps, strokes};
 pub use noctograph_logs::identify;
 pub use noctograph_picture::{expose, light, photo};
