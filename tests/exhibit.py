@@ -401,7 +401,7 @@ def what_another_version_kept_is_left_out_and_it_is_said(hall):
         page.reload()
         ready(page)
         said = shown(page)
-        assert said.startswith("Reads as NOOR.") and "is of another version; its settings were left out" in said, (kept_state, said)
+        assert said.startswith("Reads as NOOR.") and "is of another version. Its settings were left out" in said, (kept_state, said)
         until(page, "JSON.parse(sessionStorage.noctograph).word === 'NOOR'")
         if "settings" in kept_state:
             assert kept(page)["settings"] == {"letters.cap_height_m": "0.6"}, "what is known stays"
