@@ -8,11 +8,11 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::flight::{
     BATTERY_V, ENERGY_J, ESTIMATE_NEES, ESTIMATE_SIGMA_M, Flight, FlightData, FlightSample,
-    SATURATED_S, warning,
+    SATURATED_S, rests_on_floor, warning,
 };
 use noctograph_core::plan::{Plan, Setpoint};
 
-/// Further columns of a flight, where they are logged.
+/// Further columns of a flight. Those without a value are left out.
 const COLUMNS: [&str; 5] = [SATURATED_S, BATTERY_V, ENERGY_J, ESTIMATE_SIGMA_M, ESTIMATE_NEES];
 
 /// Collects samples. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
@@ -37,9 +37,9 @@ pub(super) struct Snapshot {
     pub(super) heard: usize,
     /// Time so far with a motor at its limit.
     pub(super) saturated_s: f64,
-    /// Voltage (V) and energy so far (J), where there is a battery.
+    /// Voltage (V) and energy so far (J) of the battery, if there is one.
     pub(super) battery: Option<(f64, f64)>,
-    /// Covariance of the estimated position, where the estimator logs it.
+    /// Covariance of the estimated position, if the estimator logs it.
     pub(super) covariance_m2: Option<Matrix3<f64>>,
 }
 
@@ -66,6 +66,7 @@ impl Recorder {
             battery_v.push(on_grid(volts));
             energy_j.push(on_grid(joules));
         }
+        // NEES over three axes: eᵀ P⁻¹ e / 3, which is 1 on average for a consistent filter.
         if let Some(covariance_m2) = snapshot.covariance_m2 {
             let error_m = position(&snapshot.estimate) - position(&snapshot.state);
             let inverse = covariance_m2.try_inverse().unwrap_or_default();
@@ -82,19 +83,18 @@ impl Recorder {
     }
 }
 
-/// Rise of a plan that takes off, and of a drone that does not, in m.
-const TAKEN_OFF_M: [f64; 2] = [0.2, 0.02];
+/// Least rise of a plan that takes off, m.
+const TAKE_OFF_M: f64 = 0.2;
 
-/// A warning about a drone that stands where it should rise, as where a unit is mistaken.
+/// A warning about a drone that stays on the floor under a plan that rises, as after a mistaken
+/// unit.
 fn grounded(samples: &[FlightSample]) -> Option<Diagnostic> {
-    let rise_m = |height_m: fn(&FlightSample) -> f64| {
-        let heights_m = samples.iter().map(height_m);
-        heights_m.fold(f64::MIN, f64::max) - samples.first().map_or(0.0, height_m)
-    };
-    let [planned_m, flown_m] = [rise_m(|s| s.design_m.z), rise_m(|s| s.position_m.z)];
-    let stands = planned_m > TAKEN_OFF_M[0] && flown_m < TAKEN_OFF_M[1];
+    let first = samples.first()?;
+    let planned_m = samples.iter().map(|s| s.design_m.z).fold(f64::MIN, f64::max);
+    let rises = planned_m - first.design_m.z > TAKE_OFF_M;
     let motors = samples.iter().flat_map(|sample| sample.motors).fold(0.0, f64::max);
-    stands.then(|| warning::grounded(motors))
+    let rests = rises && rests_on_floor(samples, first.position_m.z);
+    rests.then(|| warning::grounded(motors))
 }
 
 /// The flight's sample of a snapshot of the simulation.
