@@ -113,10 +113,7 @@ fn rows<'a, S: Serializer>(
 }
 
 /// Warnings as an array of their messages.
-fn messages<S: Serializer>(
-    warnings: &[Diagnostic],
-    to: S,
-) -> std::result::Result<S::Ok, S::Error> {
+fn messages<S: Serializer>(warnings: &[Diagnostic], to: S) -> std::result::Result<S::Ok, S::Error> {
     to.collect_seq(warnings.iter().map(ToString::to_string))
 }
 

@@ -165,7 +165,7 @@ fn integral_action_removes_the_seven_centimeters_of_the_center_of_mass() {
         let left = standing_error_m(kind);
         assert!(left.norm() < 0.002, "{kind:?}: {left}");
     }
-    // The cascade's horizontal loops integrate as well; its height takes longer than this.
+    // The cascade's horizontal loops integrate as well. Its height takes longer than this.
     let left = standing_error_m(ControllerKind::Pid);
     assert!(left.xy().norm() < 0.002 && left.z.abs() < 0.005, "cascade: {left}");
 }

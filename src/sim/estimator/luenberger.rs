@@ -12,7 +12,7 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{Attitude, turned};
 
-/// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
+/// Row of the yaw in [`Motion`]. It is not observable, and the observer runs without it.
 const YAW: usize = 3;
 
 /// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`,
@@ -25,20 +25,20 @@ pub(super) struct Observer {
     b: SMatrix<f64, 8, 4>,
     l: SMatrix<f64, 8, 3>,
     measured_m: Vector3<f64>,
-    /// As if the nose had been put down along world x.
+    /// In a frame turned by the heading at the start.
     estimate: SVector<f64, 8>,
-    /// From this heading toward the left.
+    /// Turn from that heading toward the left.
     yaw_rad: f64,
     heading_rad: f64,
     rate_rad_s: Vector3<f64>,
 }
 
 impl Observer {
-    /// An observer that believes in a level drone at rest at `position_m`.
+    /// An observer that begins with a level drone at rest at `position_m`.
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] where the weights have no gain.
+    /// [`Error::Infeasible`] for weights without a gain.
     pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
         let (a, b) = hover_model(linearize);
         let l = observer_gain(options, &a)?;
@@ -69,14 +69,15 @@ impl Estimator for Observer {
         if let Some(measured_m) = readings.position_m {
             self.measured_m = turned(&measured_m, -self.heading_rad);
         }
+        // Euler's rule, with the last position held between two fixes.
         let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
         self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
         self.yaw_rad += w.z * tick_s;
         self.rate_rad_s = w;
     }
 
-    /// The body rate is as the gyroscope read it.
     fn state(&self) -> State {
+        // The body rate is the gyroscope's last reading.
         let x = &self.estimate;
         let position_m = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
         let yaw_rad = self.heading_rad + self.yaw_rad;
@@ -112,7 +113,7 @@ pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
 type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
 type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
 
-/// `A` and `B` of all nine rows of [`Motion`] at hover, by a way to linearize.
+/// `A` and `B` of all nine rows of [`Motion`] at hover, by a method of linearization.
 pub(crate) fn hover_model(
     linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
 ) -> Linear {

@@ -35,8 +35,8 @@ use crate::vehicle::{RigidBody, State, state};
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
 
-/// An estimator outside the program: what it makes of the readings of a tick and its duration in s,
-/// in the order of [`STATES`](crate::gain_design::STATES).
+/// An estimator outside the program: states, in the order of
+/// [`STATES`](crate::gain_design::STATES), from the readings of a tick and its duration in s.
 pub type Update = Box<dyn FnMut(&Readings<'_>, f64) -> [f64; 12] + Send>;
 
 /// An estimator outside the program, and its last estimate.
@@ -76,23 +76,23 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     /// All twelve states.
     fn state(&self) -> State;
 
-    /// Covariance of the estimated position, world frame, where it has one to log.
+    /// Covariance of the estimated position, world frame, if it has one.
     fn covariance_m2(&self) -> Option<Matrix3<f64>> {
         None
     }
 
-    /// Its filter of the altitude.
+    /// Its filter of the altitude, if it has one.
     fn altitude(&self) -> Option<&AltitudeFilter> {
         None
     }
 
-    /// The filter over a fleet, where it is that.
+    /// The estimator as a filter over a fleet, if it is one.
     fn fleet_filter(&mut self) -> Option<&mut Cooperative> {
         None
     }
 }
 
-/// Cheats, for telling the controller's error from the estimator's: the true motion.
+/// The true motion, which separates the controller's error from the estimator's.
 impl Estimator for RigidBody {
     fn set_yaw(&mut self, yaw_rad: f64) {
         *self = self.facing(yaw_rad);
@@ -107,7 +107,7 @@ impl Estimator for RigidBody {
     }
 }
 
-/// All twelve states of a motion, at another velocity in the world.
+/// All twelve states of a motion, with another velocity in the world.
 fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     let world_from_body = motion.attitude.matrix();
     let velocity_m_s = world_from_body.tr_mul(velocity_m_s);
@@ -119,7 +119,7 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
 ///
 /// # Errors
 ///
-/// [`noctograph_core::error::Error::Infeasible`] where the observer's weights have no gain.
+/// [`noctograph_core::error::Error::Infeasible`] for weights of an observer without a gain.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,

@@ -1,5 +1,5 @@
-//! An attitude that turns by small steps, as a unit quaternion. nalgebra's own exponential takes
-//! the platform's sine, whose last bits differ from machine to machine.
+//! An attitude that turns by small steps, as a unit quaternion. nalgebra's exponential calls the
+//! platform's sine, whose last bits differ from machine to machine.
 
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
@@ -21,7 +21,7 @@ impl Turned {
         Self(Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw)))
     }
 
-    /// The attitude after a turn by a small rotation vector in the body frame; the error grows with
+    /// The attitude after a turn by a small rotation vector in the body frame. The error grows with
     /// its fifth power, below 1e-9 rad for a tenth of a radian.
     #[inline(always)]
     pub fn by(&self, turn_rad: &Vector3<f64>) -> Self {
@@ -57,16 +57,17 @@ impl Turned {
 /// A small turn: the first terms of the sine's and the cosine's series.
 #[inline(always)]
 fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
+    // sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
     let square = turn_rad.norm_squared();
     let vector = turn_rad * (0.5 - square / 48.0);
     Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
 }
 
-/// Normalizes; near length one by a step of Newton's method, which squares the error, without a
-/// root.
+/// Normalizes a quaternion.
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
+    // Near length one a step of Newton's method squares the error, without a root.
     let near = (square - 1.0).abs() < 1e-8;
     q * if near { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
 }

@@ -28,8 +28,8 @@ settings! {
     pub enum SetpointKind {
         /// Positions. The firmware's own landing is of the same kind.
         "position" => Position,
-        /// Positions, velocities and accelerations; the cascade uses the positions alone. The
-        /// landing is of another kind: since release 2026.08 all loops begin anew at it, and the
+        /// Positions, velocities and accelerations, of which the cascade only uses the positions.
+        /// The landing is of another kind: since release 2026.08 all loops reset at it, and the
         /// drone drops by 12 to 18 cm.
         "full-state" => FullState,
     }
@@ -53,16 +53,16 @@ settings! {
 
     /// Linear-quadratic regulators: cost `∫ sᵀQs + iᵀRi dt` about the setpoint, Q and R diagonal.
     ///
-    /// Default: the team's weights, from Bryson's rule and then by hand; integrals that remove a
-    /// standing error in about two seconds.
+    /// Default: the team's weights, from Bryson's rule and then by hand, and integrals that remove a
+    /// steady error in about two seconds.
     pub struct LqrOptions {
         /// Gain K in `u = u_ref − K (x̂ − x_ref)`, for example from SciPy, in place of the one
         /// designed from the weights.
         ///
         /// Rows: torque x y z (N m) and thrust (N). Columns: the twelve states in the order of `q`,
-        /// and for lqr-integral the integrals of the position error x y z (m s). Where the motors
-        /// lag, four more may follow, as `noctograph gains` prints them: the torques and the thrust
-        /// of the modeled rotors.
+        /// and for lqr-integral the integrals of the position error x y z (m s). With lagging
+        /// motors, four more may follow, as `noctograph gains` prints them: the torques and the
+        /// thrust of the modeled rotors.
         k: Option<Vec<Vec<f64>>> = None, in -1e6..=1e6;
         /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
         /// and body rate x y z (s²/rad²). Larger weights hold tighter and move the motors more.
@@ -159,8 +159,8 @@ settings! {
 }
 
 impl ControllerOptions {
-    /// Checks that a given gain has a row for each input and a column for each state, and for each
-    /// of the rotors that lag where it has those, too.
+    /// Checks that a given gain has a row for each input and a column for each state. Columns for
+    /// lagging rotors may follow.
     pub(super) fn check_gain(&self, rotors_lag: bool) -> Result<()> {
         let (Some(k), kind) = (&self.lqr.k, self.kind) else { return Ok(()) };
         let n_states = if kind.integrates() { 15 } else { 12 };
@@ -174,6 +174,15 @@ impl ControllerOptions {
         let wanted = format!("4 rows of {n_states} numbers for {}{more}", kind.name());
         let hint = "rows are torque x y z and thrust, columns the states in the order of lqr.q";
         Err(Error::input("controller.lqr.k", given, wanted, hint))
+    }
+
+    /// Setpoints that the host sends while the drone writes, and that every check flies.
+    pub fn sends(&self) -> SetpointKind {
+        match self.kind {
+            ControllerKind::Pid => self.setpoints,
+            kind if kind.follows_design() => SetpointKind::FullState,
+            _ => SetpointKind::Position,
+        }
     }
 }
 
@@ -190,33 +199,22 @@ impl PidOptions {
     }
 }
 
-/// How a controller makes its commands: what analysis, tuning and exports ask of it.
+/// Control law of a controller, for analysis, tuning and exports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
     /// A gain matrix, designed by weights or given (`controller.lqr`).
     StateFeedback {
-        /// Whether it integrates the position error.
+        /// True if it integrates the position error.
         integrates: bool,
-        /// Whether its thrust follows an estimated map instead.
+        /// True if its thrust follows an estimated map instead.
         by_thrust_map: bool,
     },
     /// The firmware's cascade of PID loops.
     Cascade,
     /// The firmware's geometric controller.
     Geometric,
-    /// One that is in no firmware and has gains of its own.
+    /// Another one, which the firmware lacks.
     Own,
-}
-
-impl ControllerOptions {
-    /// What the host sends while the drone writes, and every check flies.
-    pub fn sends(&self) -> SetpointKind {
-        match self.kind {
-            ControllerKind::Pid => self.setpoints,
-            kind if kind.follows_design() => SetpointKind::FullState,
-            _ => SetpointKind::Position,
-        }
-    }
 }
 
 impl ControllerKind {
@@ -232,7 +230,7 @@ impl ControllerKind {
         }
     }
 
-    /// Whether a gain matrix feeds back the integral of the position error.
+    /// True if a gain matrix feeds back the integral of the position error.
     pub(crate) fn integrates(self) -> bool {
         self.law() == Law::StateFeedback { integrates: true, by_thrust_map: false }
     }
@@ -247,7 +245,7 @@ impl ControllerKind {
         }
     }
 
-    /// Whether the controller follows the design's velocity and acceleration, and not held
+    /// True if the controller follows velocity and acceleration of the reference, and not held
     /// positions.
     pub fn follows_design(self) -> bool {
         match self {

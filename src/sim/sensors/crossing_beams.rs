@@ -1,8 +1,7 @@
-//! Positions from the crossing of beams: the point nearest to the rays of all stations that were
-//! heard of lately.
+//! Positions from the crossing of beams: the point nearest to the rays of all stations heard lately.
 //!
-//! For each sensor of the deck, `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays from `o` along `d`;
-//! for two rays that is the middle of their shortest connection, as in the firmware
+//! For each sensor of the deck, `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays from `o` along `d`.
+//! For two rays that is the middle of their shortest connection, as in the firmware
 //! (`lighthouse_position_est.c`, `estimatePositionCrossingBeams`). The deck's middle is the mean of
 //! its sensors.
 
@@ -12,8 +11,8 @@ use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
 
-/// Angles older than this are no longer crossed: a turn and a half of the slowest rotor, so that
-/// one lost sweep costs one fix.
+/// Greatest age of an angle in a fix: a turn and a half of the slowest rotor, so that one lost sweep
+/// costs one fix.
 const FRESH_S: f64 = 0.03;
 
 /// Joins sweeps to positions.
@@ -47,6 +46,7 @@ impl CrossingBeams {
             heard.angles_rad[sweep.plane] = sweep.angles_rad;
             heard.times_s[sweep.plane] = time_s;
         }
+        // A fix comes with a second plane, if two stations were heard with both of theirs.
         if !sweeps.iter().any(|sweep| sweep.plane == 1) {
             return None;
         }
@@ -56,6 +56,7 @@ impl CrossingBeams {
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
+            // Normal equations of the least squares distance to all rays of this sensor.
             let (mut left, mut right) = (Matrix3::zeros(), Vector3::zeros());
             for heard in self.stations.iter().filter(fresh) {
                 let [first, second] = heard.angles_rad;

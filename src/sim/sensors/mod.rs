@@ -1,8 +1,8 @@
 //! Sensors: measurements of the drone's motion. One file a sensor.
 //!
 //! In: the true state and the specific force at a tick. Out: readings. Every sensor has its own
-//! streams of noise and draws a fixed number from them at each of its measurements, so that none
-//! can shift another's.
+//! streams of noise and draws the same number of values at each measurement, so that none can shift
+//! another's.
 
 mod coverage;
 mod crossing_beams;
@@ -43,26 +43,26 @@ pub use self::options::{
     PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub use self::peers::Target;
-pub(crate) use self::peers::{Air, Fleet, Leg, Member, Message, Reckoning, Shared};
+pub(crate) use self::peers::{Air, Fleet, Member, Message, Reckoning, Segment, Shared};
 pub(crate) use self::station::StationPose;
 pub(crate) use self::streams::Clock;
 pub use self::uwb::Range;
 pub(crate) use self::uwb::{PeerRange, Turn, turns};
 #[cfg(not(target_family = "wasm"))]
-pub use self::yaml::{LighthouseConfig, read_anchors, read_lighthouse_config};
+pub use self::yaml::{read_anchors, read_lighthouse_config};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings<'a> {
-    /// The true motion, for the estimator `truth` alone.
+    /// The true motion, only for the estimator `truth`.
     pub truth: &'a RigidBody,
-    /// Mean command of the motors since the last tick, as a share of the largest.
+    /// Mean command of the motors since the last tick, as a fraction of the largest.
     pub throttle: f64,
     /// Gyroscope, body frame.
     pub rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
     pub specific_force_m_s2: Vector3<f64>,
-    /// Position in the world, where the positioning gives positions.
+    /// Position in the world, if the positioning gives positions.
     pub position_m: Option<Vector3<f64>>,
     /// Lighthouse sweeps.
     pub sweeps: &'a [Sweep],
@@ -70,12 +70,12 @@ pub struct Readings<'a> {
     pub ranges: &'a [Range],
     /// Ultra-wideband ranges to other drones.
     pub(crate) peer_ranges: &'a [PeerRange],
-    /// Heights that are due, m: what each sensor measures.
+    /// Heights that are due, m, each by its sensor.
     pub heights: &'a [(HeightSensor, f64)],
 }
 
 impl<'a> Readings<'a> {
-    /// Inertial readings alone.
+    /// Only inertial readings.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -94,8 +94,8 @@ impl<'a> Readings<'a> {
         }
     }
 
-    /// Whether anything besides the inertial readings is due.
-    pub(crate) fn measures_place(&self) -> bool {
+    /// True if a position, sweep, range or height is due.
+    pub(crate) fn measures_position(&self) -> bool {
         !self.sweeps.is_empty()
             || !self.ranges.is_empty()
             || self.position_m.is_some()
@@ -151,6 +151,7 @@ impl Sensors {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
         let lighthouse = &options.lighthouse;
+        // In the order of the kinds, whatever that of the list is.
         let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
         let altimeters = carried.map(|sensor| match sensor {
             HeightSensor::TimeOfFlight => {
@@ -184,7 +185,7 @@ impl Sensors {
         }
     }
 
-    /// Initial estimate of the position of a drone at rest: the true one, and for positions with a
+    /// Initial estimate of the position of a drone at rest: the true one, or for positions with a
     /// distortion the distorted one.
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
@@ -196,8 +197,8 @@ impl Sensors {
         }
     }
 
-    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet;
-    /// a drone alone needs none.
+    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet. A
+    /// single drone needs none.
     pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
@@ -207,7 +208,7 @@ impl Sensors {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
         self.ticks += 1;
         let position_m = body.position_m;
-        // Not needed at most ticks.
+        // A closure, because most ticks need no matrix.
         let world_from_body = || body.matrix();
         let mut readings = Readings::inertial(
             body,
@@ -243,7 +244,7 @@ impl Sensors {
         readings
     }
 
-    /// Bias of the barometer at its last reading; 0 without one.
+    /// Bias of the barometer at its last reading. 0 without one.
     pub fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
         let bias_m = self.altimeters.iter().find_map(|altimeter| match altimeter {
@@ -279,7 +280,7 @@ mod tests {
         }
     }
 
-    /// Readings as owned values.
+    /// Readings without borrows.
     #[derive(Debug, PartialEq)]
     struct Written {
         inertial: [Vector3<f64>; 2],
@@ -322,7 +323,7 @@ mod tests {
         });
         assert_ne!(first_m[0], first_m[1], "each has jitter of its own");
 
-        // Base stations that are not where the estimator has them, without any noise.
+        // Base stations with errors of their poses, without any noise.
         let mut sweeps =
             SensorOptions { positioning: Positioning::CrossingBeams, ..SensorOptions::default() };
         sweeps.lighthouse.sweep_noise_rad = [0.0; 2];
@@ -362,9 +363,9 @@ mod tests {
     #[test]
     fn a_further_sensor_leaves_the_others_as_they_are() {
         for &positioning in Positioning::ALL {
-            let all = HeightSensor::ALL.to_vec();
+            let heights = HeightSensor::ALL.to_vec();
             let carried =
-                [(positioning, vec![]), (positioning, all), (Positioning::Position, vec![])];
+                [(positioning, vec![]), (positioning, heights), (Positioning::Position, vec![])];
             let [alone, beside, gyro] = carried.map(|(positioning, heights)| {
                 readings(&SensorOptions { positioning, heights, ..Default::default() }, 200)
             });
@@ -417,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_are_white_where_the_drone_stands() {
+    fn positions_are_white_at_rest() {
         let readings = readings(&SensorOptions::default(), 1 << 16);
         let heights_m: Vec<f64> = readings.iter().map(|r| r.position_m.unwrap().z).collect();
         for density in white_density(&heights_m, 500.0) {
@@ -427,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn distortion_stands_still_where_the_drone_does() {
+    fn distortion_is_constant_at_rest() {
         let mut options = SensorOptions::default();
         options.lighthouse.jitter_m = 0.0;
         let readings = readings(&options, 50);

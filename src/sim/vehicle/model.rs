@@ -1,5 +1,5 @@
-//! The design model: the reference team's nonlinear motion, 12 states and 4 inputs, which gains are
-//! made from. Immediate motors, no drag, no floor.
+//! The design model: the reference team's nonlinear motion with 12 states and 4 inputs, for the
+//! design of gains. Immediate motors, no drag, no floor.
 
 use nalgebra::{SVector, Vector3, Vector4};
 
@@ -34,17 +34,15 @@ impl Vehicle {
 
     /// `ṡ` in the air.
     pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
+        let (rate, j) = (rate(state), &self.inertia_kg_m2);
         let motion = state.fixed_rows::<9>(0).into_owned();
-        let rate = rate(state);
-        let (j, spin) = (&self.inertia_kg_m2, self.inertia_kg_m2.component_mul(&rate).cross(&rate));
-        let mut slope = State::zeros();
-        slope.fixed_rows_mut::<9>(0).copy_from(&motion_derivative(
-            &motion,
-            &rate,
-            wrench[3] / self.mass_kg,
-        ));
-        slope.fixed_rows_mut::<3>(9).copy_from(&(spin + wrench.xyz()).component_div(j));
-        slope
+        let motion = motion_derivative(&motion, &rate, wrench[3] / self.mass_kg);
+        // Euler's equations: J ω̇ = τ + J ω × ω.
+        let acceleration = (j.component_mul(&rate).cross(&rate) + wrench.xyz()).component_div(j);
+        let mut derivative = State::zeros();
+        derivative.fixed_rows_mut::<9>(0).copy_from(&motion);
+        derivative.fixed_rows_mut::<3>(9).copy_from(&acceleration);
+        derivative
     }
 }
 
@@ -63,8 +61,9 @@ pub(crate) fn motion_derivative(
     let across = cos_roll * v.y - sin_roll * v.z;
     let down = sin_roll * v.y + cos_roll * v.z;
     let ahead = cos_pitch * v.x + sin_pitch * down;
+    // Rates of the Euler angles from the body rate, and the velocity's turn with the body.
     let yaw_rate = (rate.y * sin_roll + rate.z * cos_roll) / cos_pitch;
-    let carried = v.cross(rate);
+    let coriolis = v.cross(rate);
     Motion::from([
         cos_yaw * ahead - sin_yaw * across,
         sin_yaw * ahead + cos_yaw * across,
@@ -72,9 +71,9 @@ pub(crate) fn motion_derivative(
         yaw_rate,
         rate.y * cos_roll - rate.z * sin_roll,
         rate.x + yaw_rate * sin_pitch,
-        GRAVITY_M_S2 * sin_pitch + carried.x,
-        -GRAVITY_M_S2 * sin_roll * cos_pitch + carried.y,
-        specific_force_z - GRAVITY_M_S2 * cos_roll * cos_pitch + carried.z,
+        GRAVITY_M_S2 * sin_pitch + coriolis.x,
+        -GRAVITY_M_S2 * sin_roll * cos_pitch + coriolis.y,
+        specific_force_z - GRAVITY_M_S2 * cos_roll * cos_pitch + coriolis.z,
     ])
 }
 
@@ -106,7 +105,7 @@ pub fn attitude(state: &State) -> Attitude {
     Attitude { yaw_rad: state[3], pitch_rad: state[4], roll_rad: state[5] }
 }
 
-/// Velocity in the world, in m/s.
+/// Velocity in the body frame, in m/s.
 pub fn velocity(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(6).into_owned()
 }
