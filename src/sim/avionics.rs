@@ -254,11 +254,6 @@ impl Avionics {
         streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
-    /// Ends a tick.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] for a flight that the controller has lost.
     pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
         let writes = plan.setpoints[self.setpoint].letter.is_some();
@@ -277,7 +272,6 @@ impl Avionics {
         ))
     }
 
-    /// The estimated state.
     pub(super) fn estimate(&self) -> &State {
         &self.estimate
     }
@@ -288,7 +282,6 @@ impl Avionics {
         Reference::from_setpoint(setpoint, setpoint.position_m, time_s)
     }
 
-    /// A message to the fleet.
     pub(super) fn message(&mut self) -> Option<Message> {
         self.estimator.fleet_filter()?.message()
     }

@@ -125,7 +125,6 @@ pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     rigs.collect()
 }
 
-/// A drone in flight.
 #[derive(Debug)]
 pub(super) struct Rig {
     pub(super) plant: Plant,

@@ -54,7 +54,6 @@ pub fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
     Ok([k[0], k[1]])
 }
 
-/// The controller.
 #[derive(Debug)]
 pub(super) struct AltitudeHold {
     regulator: Lqr,
@@ -65,10 +64,6 @@ pub(super) struct AltitudeHold {
 
 impl AltitudeHold {
     /// The controller of the options, with the vehicle's thrust map until another is given.
-    ///
-    /// # Errors
-    ///
-    /// [`noctograph_core::error::Error::Infeasible`] for weights without a gain.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {

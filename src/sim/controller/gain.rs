@@ -22,10 +22,6 @@ pub(crate) struct Gain {
 
 impl Gain {
     /// The gain for the model `ẋ = A x + B u` of [`with_integrals`].
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] for weights without a gain.
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();

@@ -31,11 +31,6 @@ pub(crate) struct LinearController {
 }
 
 impl LinearController {
-    /// Linearizes the controller of the options.
-    ///
-    /// # Errors
-    ///
-    /// As [`controller`].
     pub(crate) fn new(options: &SimOptions) -> Result<Self> {
         let mut options = options.clone();
         options.rates.position_hz = options.rates.attitude_hz();

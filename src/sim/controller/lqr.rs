@@ -44,10 +44,6 @@ pub(super) struct Lqr {
 
 impl Lqr {
     /// The regulator of the options, from the model at hover with the center of mass in the middle.
-    ///
-    /// # Errors
-    ///
-    /// [`noctograph_core::error::Error::Infeasible`] for weights without a gain.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         // Linearize at hover, augment by integrals, and take the gain apart into its columns.
         let vehicle = Vehicle::new(&options.vehicle);

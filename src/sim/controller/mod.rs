@@ -27,7 +27,6 @@ use super::options::{ControllerKind, SimOptions};
 use crate::vehicle::{State, attitude, velocity};
 use noctograph_core::error::Result;
 
-/// A controller.
 pub(super) trait Controller: std::fmt::Debug + Send {
     /// Motor commands for the estimated state and the reference.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command;
@@ -70,10 +69,6 @@ pub(super) struct Command {
 }
 
 /// The controller that the options name.
-///
-/// # Errors
-///
-/// [`noctograph_core::error::Error::Infeasible`] for weights of a regulator without a gain.
 pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
     Ok(match options.controller.kind {
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {

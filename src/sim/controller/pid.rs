@@ -69,7 +69,6 @@ impl LowPass {
     }
 }
 
-/// One loop.
 #[derive(Clone, Debug)]
 struct Pid {
     /// Proportional, integral and derivative.
@@ -89,7 +88,6 @@ impl Pid {
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
-    /// Output for an error.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
         // The derivative is that of the measurement, so that a step of the setpoint gives no kick.
         let [kp, ki, kd] = self.gains;
@@ -246,7 +244,6 @@ impl Controller for PidCascade {
     }
 }
 
-/// The loops of three axes.
 fn loops(gains: [[f64; 3]; 3], integral: [f64; 3], output: [f64; 3], rate_hz: u32) -> [Pid; 3] {
     std::array::from_fn(|i| Pid::new(gains[i], integral[i], output[i], rate_hz))
 }

@@ -14,7 +14,6 @@ pub(crate) struct Reference {
     pub(super) held_m: Vector3<f64>,
     /// Reference position now, with the offset of the sent position from the setpoint.
     pub(crate) position_m: Vector3<f64>,
-    /// Reference velocity now.
     pub(crate) velocity_m_s: Vector3<f64>,
     /// Reference acceleration.
     pub(crate) acceleration_m_s2: Vector3<f64>,

@@ -14,7 +14,6 @@ use crate::vehicle::State;
 /// Row of the altitude in [`State`].
 const ALTITUDE: usize = 2;
 
-/// The two filters.
 #[derive(Debug)]
 pub(super) struct Altitude {
     pub(super) horizontal: Ekf,

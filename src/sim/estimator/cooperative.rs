@@ -43,7 +43,6 @@ const MESSAGES_KEPT: usize = 64;
 /// Keys of ranges between two other drones that are kept, so that none is used twice.
 const RANGES_KEPT: usize = 256;
 
-/// The filter.
 #[derive(Debug)]
 pub(crate) struct Cooperative {
     /// Over all drones, this one first and the others in the order of `peers`.

@@ -27,7 +27,6 @@ pub(super) struct Rotation {
     pub(super) planes: Vec<(usize, [f64; 4])>,
 }
 
-/// The driver.
 #[derive(Debug)]
 pub(super) struct Deck {
     pairs: bool,

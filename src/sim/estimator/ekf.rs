@@ -41,7 +41,6 @@ const STEP_GATE_SIGMAS: f64 = 4.0;
 const LEAST_STEP_M: f64 = 0.05;
 const STEP_M: f64 = 0.5;
 
-/// The filter.
 #[derive(Debug)]
 pub(super) struct Ekf {
     pub(super) motion: Inertial,
@@ -52,7 +51,6 @@ pub(super) struct Ekf {
     sweep_filter: SweepFilter,
 }
 
-/// Source of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// A sweep of a plane of light, at a distance from its rotor's axis.

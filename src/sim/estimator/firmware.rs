@@ -48,7 +48,6 @@ const LEAST_COS_TILT: f64 = 0.1;
 /// Full angle of the cone in which the ranger takes the nearest point of the floor (`mm_tof.c`).
 const RANGER_CONE_RAD: f64 = 0.261_799_387_8;
 
-/// The filter.
 #[derive(Debug)]
 pub(super) struct Firmware {
     options: FirmwareOptions,

@@ -35,10 +35,6 @@ pub(super) struct Observer {
 
 impl Observer {
     /// An observer that begins with a level drone at rest at `position_m`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] for weights without a gain.
     pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
         let (a, b) = hover_model(linearize);
         let l = observer_gain(options, &a)?;

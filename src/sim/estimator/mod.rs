@@ -73,7 +73,6 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
-    /// All twelve states.
     fn state(&self) -> State;
 
     /// Covariance of the estimated position, world frame, if it has one.
@@ -116,10 +115,6 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
 
 /// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
 /// along world x. The seed decides which sweeps it drops by chance.
-///
-/// # Errors
-///
-/// [`noctograph_core::error::Error::Infeasible`] for weights of an observer without a gain.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,

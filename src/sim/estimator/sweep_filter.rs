@@ -34,7 +34,6 @@ impl Default for SweepFilter {
 }
 
 impl SweepFilter {
-    /// Lets a time pass.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.closed_ms -= 1e3 * time_s;
     }

@@ -26,7 +26,6 @@ pub(super) struct TdoaFilter {
 }
 
 impl TdoaFilter {
-    /// Lets a time pass.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.since_ms += 1e3 * time_s;
     }

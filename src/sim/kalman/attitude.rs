@@ -63,7 +63,6 @@ fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
     Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
 }
 
-/// Normalizes a quaternion.
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();

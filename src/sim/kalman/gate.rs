@@ -110,7 +110,6 @@ impl StepTest {
         floor
     }
 
-    /// Tests the next range.
     fn look(&mut self, innovation: &Innovation) -> Floor {
         let within = innovation.sigmas() <= self.gate_sigmas;
         if within || innovation.value.abs() < self.least_m {

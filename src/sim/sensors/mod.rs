@@ -75,7 +75,6 @@ pub struct Readings<'a> {
 }
 
 impl<'a> Readings<'a> {
-    /// Only inertial readings.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -137,10 +136,6 @@ enum Altimeter {
 impl Sensors {
     /// Sensors of a drone above a floor, read `rate_hz` times a second, with a seed of their noise
     /// and one of the room.
-    ///
-    /// # Panics
-    ///
-    /// As `Uwb::new`.
     pub(crate) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,
@@ -280,7 +275,6 @@ mod tests {
         }
     }
 
-    /// Readings without borrows.
     #[derive(Debug, PartialEq)]
     struct Written {
         inertial: [Vector3<f64>; 2],

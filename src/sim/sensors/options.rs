@@ -356,10 +356,6 @@ impl UwbOptions {
     }
 
     /// The anchors that a drone hears, by index.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] for a drone without a list.
     pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
         match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
             Some(heard) => Ok(heard.clone()),

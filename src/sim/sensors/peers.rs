@@ -17,7 +17,6 @@ pub(crate) struct Fleet {
     pub place: usize,
 }
 
-/// A drone of a fleet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Member {
     /// Index of its noise and of its anchors.

@@ -45,7 +45,6 @@ pub(crate) struct Crossing {
 }
 
 impl StationPose {
-    /// The pose of a station.
     pub(crate) fn new(station: &Station) -> Self {
         let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
         Self {

@@ -116,11 +116,6 @@ pub(super) struct Uwb {
 }
 
 impl Uwb {
-    /// The tag of a drone.
-    ///
-    /// # Panics
-    ///
-    /// If the options have no list of anchors for the drone, see [`UwbOptions::heard_by`].
     pub(super) fn new(options: &SensorOptions, fleet: &Fleet, streams: &Streams) -> Self {
         let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
         let uwb = &options.uwb;

@@ -14,11 +14,6 @@ pub use self::lighthouse::read_lighthouse_config;
 const MOST_SHOWN: usize = 60;
 
 /// Reads a text with one document. `file` is its name in messages.
-///
-/// # Errors
-///
-/// [`Error::Input`] with the line that is not YAML, or not of this form. The library refuses
-/// duplicate keys, anchors that multiply, and deep nesting.
 fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
     serde_saphyr::from_str(text).map_err(|error| {
         let line = error.location().map_or(1, |location| location.line()).max(1);
