@@ -6,12 +6,14 @@ use super::controller::{Command, Controller, Reference, controller};
 use super::estimator::{AltitudeFilter, Estimator, Outside, Update, estimator};
 use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoints};
 use super::radio::Link;
-use super::recorder::Snapshot;
+use super::recorder::Recorder;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
-use crate::vehicle::{Plant, RigidBody, State};
+use crate::vehicle::{Plant, RigidBody, State, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::FlightSample;
+use noctograph_core::flight::table::on_grid;
 use noctograph_core::flight::warning::{self, BATTERY};
 use noctograph_core::geometry::turned;
 use noctograph_core::plan::Plan;
@@ -49,7 +51,8 @@ pub struct Avionics {
     streamed: bool,
     /// When the motors stopped for good, because the host was silent.
     stopped_s: Option<f64>,
-    /// First setpoint of the firmware's own landing, if the setpoints before it are of another kind.
+    /// First setpoint of the firmware's own landing, if the setpoints before it are of another
+    /// kind.
     lands_from: Option<usize>,
     kind: Kind,
     short_steps: u32,
@@ -91,11 +94,9 @@ impl Avionics {
         // The estimate starts with the sensors' steady error, as after a wait on the floor.
         let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
-        let mut estimator = estimator(believed, settled_m, fleet, seed)?;
-        estimator.set_yaw(yaw_rad);
         Ok(Self {
             controller: controller(believed)?,
-            estimator,
+            estimator: estimator(believed, settled_m, yaw_rad, fleet, seed)?,
             yaw_rad,
             sensors,
             motor_max: believed.vehicle.motor_max,
@@ -254,6 +255,7 @@ impl Avionics {
         streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
+    /// Ends a tick, with an error for a drone that the controller has lost.
     pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
         let writes = plan.setpoints[self.setpoint].letter.is_some();
@@ -309,20 +311,35 @@ impl Avionics {
         &self.sensors
     }
 
-    /// The log entry of this tick.
-    pub(super) fn snapshot(&mut self, time_s: f64, plant: &Plant) -> Snapshot {
+    /// Logs this tick. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
+    /// decimals gives back exactly the flight that was written.
+    pub(super) fn log(&mut self, recorder: &mut Recorder, plan: &Plan, time_s: f64, plant: &Plant) {
         self.refresh_estimate();
-        Snapshot {
-            time_s,
-            state: plant.body().state(),
-            estimate: self.estimate,
-            motors: self.motors(),
-            setpoint: self.setpoint,
-            heard: self.heard,
-            saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
-            battery: plant.battery(),
-            covariance_m2: self.estimator.covariance_m2().filter(|_| self.logs_covariance),
-        }
+        let (setpoint, body) = (&plan.setpoints[self.setpoint], plant.body());
+        let (state, estimate_m) = (body.state().map(on_grid), position(&self.estimate));
+        let sample = FlightSample {
+            time_s: on_grid(time_s),
+            position_m: position(&state),
+            attitude: attitude(&state),
+            velocity_body_m_s: velocity(&state),
+            rate_body_rad_s: rate(&state),
+            estimate_m: estimate_m.map(on_grid),
+            design_m: setpoint.design_m(time_s).map(on_grid),
+            motors: self.motors().map(on_grid),
+            letter: setpoint.letter,
+        };
+        // NEES over three axes: eᵀ P⁻¹ e / 3, which is 1 on average for a consistent filter.
+        let covariance_m2 = self.estimator.covariance_m2().filter(|_| self.logs_covariance);
+        let error_m = estimate_m - body.position_m;
+        let nees = covariance_m2.map(|covariance_m2| {
+            error_m.dot(&(covariance_m2.try_inverse().unwrap_or_default() * error_m)) / 3.0
+        });
+        let (volts, joules) = plant.battery().unzip();
+        let saturated_s = f64::from(self.saturated_ticks) * self.tick_s;
+        let sigma_m = covariance_m2.map(|covariance_m2| covariance_m2.trace().sqrt());
+        // Light commands come over the radio, also for a trajectory on board.
+        let lights = plan.lights.values().map(|levels| levels[self.heard]);
+        recorder.record(sample, lights, [Some(saturated_s), volts, joules, sigma_m, nees]);
     }
 
     /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at

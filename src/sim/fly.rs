@@ -167,7 +167,7 @@ impl Rig {
         self.avionics.conclude(plan, time_s, &self.plant)?;
         watch(tick, &self.plant, &self.avionics);
         if tick.is_multiple_of(self.ticks_per_sample) && tick <= self.n_ticks {
-            self.recorder.record(plan, &self.avionics.snapshot(time_s, &self.plant));
+            self.avionics.log(&mut self.recorder, plan, time_s, &self.plant);
         }
         let motors = self.avionics.motors();
         for _ in 0..self.steps_per_tick {

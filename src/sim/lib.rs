@@ -4,7 +4,7 @@
 //! [`Flight`](noctograph_core::flight::Flight), which the log of a real flight gives as well.
 //!
 //! Method: at every tick (500 Hz) the sensors are read, the estimator is updated, and a controller
-//! turns the estimate into four motor commands, which it may hold for some ticks; these drive the
+//! turns the estimate into four motor commands, which it may hold for some ticks. They drive the
 //! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone
 //! starts at rest at the first setpoint, and a setpoint at or below the floor switches the motors
 //! off. [`ControllerKind`] lists the controllers. [`gain_design`] computes gains without a flight.

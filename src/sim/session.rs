@@ -9,7 +9,8 @@ use noctograph_core::flight::Flight;
 use noctograph_core::plan::Plan;
 
 /// The flight of one drone, which waits for motor commands `rates.attitude_hz` times a second while
-/// its setpoint is above the floor.
+/// its setpoint is above the floor. Its functions have the errors and panics of
+/// [`fly`](crate::fly).
 #[derive(Debug)]
 pub struct Session {
     plan: Plan,
@@ -21,14 +22,6 @@ pub struct Session {
 impl Session {
     /// A drone that waits for its first command. `begin` changes its avionics before the first
     /// reading.
-    ///
-    /// # Errors
-    ///
-    /// As [`fly`](crate::fly).
-    ///
-    /// # Panics
-    ///
-    /// As [`fly`](crate::fly).
     pub fn new(plan: Plan, drone: &Drone<'_>, begin: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         begin(&mut rig.avionics);
@@ -37,11 +30,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Flies to the end by the drone's own controller.
-    ///
-    /// # Errors
-    ///
-    /// As [`fly`](crate::fly).
+    /// Flies to the end by the drone's controller.
     pub fn fly_by_itself(&mut self) -> Result<()> {
         while !self.has_landed {
             self.control()?;
@@ -49,11 +38,7 @@ impl Session {
         Ok(())
     }
 
-    /// Commands the motors by the drone's own controller, until it waits again or has landed.
-    ///
-    /// # Errors
-    ///
-    /// As [`fly`](crate::fly).
+    /// Commands the motors by the drone's controller, until it waits again or has landed.
     pub fn control(&mut self) -> Result<()> {
         if self.has_landed {
             return Ok(());
@@ -95,10 +80,6 @@ impl Session {
     }
 
     /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, until it waits again or has landed.
-    ///
-    /// # Errors
-    ///
-    /// An infeasible error ([`noctograph_core::error`]) for a drone that turns over or flies away.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
         if self.has_landed {
             return Ok(());

@@ -11,8 +11,8 @@ use noctograph_core::error::{Error, Result};
 ///
 /// # Errors
 ///
-/// [`Error::Infeasible`] if `R` is not positive definite, or if no feedback stabilizes the system at
-/// these weights.
+/// [`Error::Infeasible`] if `R` is not positive definite, or if no feedback stabilizes the system
+/// at these weights.
 pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
     let r_inverse = r.clone().cholesky().map(|r| r.inverse()).ok_or_else(|| {
         Error::infeasible(

@@ -31,9 +31,10 @@ const LYAPUNOV_SHIFT: f64 = 0.25;
 
 /// Stabilizing solution `X` of the continuous equation `AᵀX + XA − XGX + Q = 0`, `G = B R⁻¹ Bᵀ`.
 ///
-/// `G` and `Q` are symmetric positive semidefinite. The solution is accepted only if its residual is
-/// below 1e-10 of the sizes of the equation's terms, it is positive definite, and `A − GX` is
-/// stable. On the reference flight's problem it agrees with a 50-digit solution to 1e-15.
+/// `G` and `Q` are symmetric positive semidefinite. The solution is accepted only if its residual
+/// is below 1e-10 of the sizes of the equation's terms, it is positive definite, and `A − GX` is
+/// stable. There is none if an uncontrollable mode is unstable, or if a mode costs nothing. On the
+/// reference flight's problem it agrees with a 50-digit solution to 1e-15.
 pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
     // Transform, double, refine, check. A shift on an eigenvalue of A fails, and the next is tried.
     let mut shift = mean_pole(a, g, q);

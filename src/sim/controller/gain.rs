@@ -2,7 +2,8 @@
 //!
 //! A regulator designed for immediate motors oscillates on a drone whose rotors need a tenth of a
 //! second. For lagging rotors the model is augmented by the four lagging inputs, and for integral
-//! action by the three integrals of the position (Anderson, Moore, "Optimal Control", 1990, chapters
+//! action by the three integrals of the position (Anderson, Moore, "Optimal Control", 1990,
+//! chapters
 //! 3 and 4).
 
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};

@@ -176,8 +176,8 @@ mod tests {
         assert!(motors.iter().all(|m| (m - want).abs() < 0.2), "{motors} against {want}");
     }
 
-    /// Worst difference of a motor's thrust from that of the firmware's code, N, and the fraction of
-    /// compared states in which the firmware cuts a motor.
+    /// Worst difference of a motor's thrust from that of the firmware's code, N, and the fraction
+    /// of compared states in which the firmware cuts a motor.
     fn compared(options: &SimOptions, recorded: &str) -> (f64, f64) {
         let mut options = options.clone();
         options.battery.resistance_ohm = 0.0;

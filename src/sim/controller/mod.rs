@@ -49,8 +49,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
         estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
     }
 
-    /// The memory from one command to the next, as values that may be set. Empty for the regulators,
-    /// whose gains are known.
+    /// The memory from one command to the next, as values that may be set. Empty for the
+    /// regulators, whose gains are known.
     fn memory(&mut self) -> Vec<&mut f64> {
         Vec::new()
     }

@@ -7,9 +7,9 @@
 //!
 //! Source: bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
 //! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`. A test
-//! compares with its compiled C. Derivatives are unfiltered, as on a Crazyflie 2.x by default: those
-//! of the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and velocity
-//! because their gain is 0.
+//! compares with its compiled C. Derivatives are unfiltered, as on a Crazyflie 2.x by default:
+//! those of the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and
+//! velocity because their gain is 0.
 
 use std::f64::consts::{PI, SQRT_2};
 

@@ -1,9 +1,9 @@
 //! Altitude and vertical velocity from the altitude filter, all else from the extended Kalman
 //! filter.
 //!
-//! The altitude filter predicts at every tick by the vertical part of the throttle, and turns ranges
-//! upright by the estimated tilt. The Kalman filter gets neither ranger nor barometer, whose biases
-//! it does not estimate.
+//! The altitude filter predicts at every tick by the vertical part of the throttle, and turns
+//! ranges upright by the estimated tilt. The Kalman filter gets neither ranger nor barometer, whose
+//! biases it does not estimate.
 
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
@@ -23,10 +23,6 @@ pub(super) struct Altitude {
 }
 
 impl Estimator for Altitude {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.horizontal.set_yaw(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         // The Kalman filter first: its tilt turns throttle and ranges upright.
         self.horizontal.update(&Readings { heights: &[], ..*readings }, tick_s);

@@ -58,7 +58,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
     let mut observer = ObserverOptions { firmware, ..ObserverOptions::default() };
     observer.ekf.position_sigma_m = place_sigma_m;
     let start_m = Vector3::z() * 0.8;
-    let mut filter = Firmware::new(&observer, &sensors, start_m, Noise::new(0, 0, "none"));
+    let mut filter = Firmware::new(&observer, &sensors, start_m, 0.0, Noise::new(0, 0, "none"));
     let places = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]];
     let stations = places
         .map(|place| StationPose::new(&Station::looking(Generation::V2, place, [0.15, 0.0, 0.75])));

@@ -86,7 +86,12 @@ pub(super) fn start_sigmas(options: &CooperativeOptions) -> [f64; 3] {
 
 impl Cooperative {
     /// The filter of one drone of a fleet at the start, with all drones level and at rest.
-    pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
+    pub(super) fn new(
+        options: &ObserverOptions,
+        sensors: &SensorOptions,
+        fleet: &Fleet,
+        yaw_rad: f64,
+    ) -> Self {
         let start_m = fleet.members[fleet.place].start_m;
         let sigmas = start_sigmas(&options.cooperative);
         let normal = Normal::of_drones(fleet.members.len(), sigmas, &[]);
@@ -100,8 +105,8 @@ impl Cooperative {
             motions: [Reckoning::default()].into(),
         });
         Self {
-            joint: Ekf::of_fleet(&options.ekf, sensors, start_m, normal),
-            inertial: Inertial::level_at(Vector3::zeros()),
+            joint: Ekf::of_fleet(&options.ekf, sensors, start_m, yaw_rad, normal),
+            inertial: Inertial::level_at(Vector3::zeros(), yaw_rad),
             dead_reckoning: Reckoning::default(),
             peers: peers.collect(),
             place: fleet.place,
@@ -339,11 +344,6 @@ impl Cooperative {
 }
 
 impl Estimator for Cooperative {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.joint.set_yaw(yaw_rad);
-        self.inertial.set_yaw(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;

@@ -2,10 +2,10 @@
 //! estimator. The drone's estimator is [`Firmware`](super::firmware::Firmware).
 //!
 //! Gyroscope and accelerometer, all three axes, drive the motion at every tick ([`Inertial`]). Its
-//! errors' covariance is propagated when something is measured, and at 100 times a second otherwise.
-//! All measurements of a tick are compared with the state predicted for it, one scalar after the
-//! other, with their Jacobians over position and turn. Sweeps pass the firmware's [`SweepFilter`],
-//! and all else a χ² gate.
+//! errors' covariance is propagated when something is measured, and at 100 times a second
+//! otherwise. All measurements of a tick are compared with the state predicted for it, one scalar
+//! after the other, with their Jacobians over position and turn. Sweeps pass the firmware's
+//! [`SweepFilter`], and all else a χ² gate.
 //!
 //! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
@@ -84,17 +84,18 @@ pub(super) struct Model {
 }
 
 impl Ekf {
-    /// A filter that believes in a level drone at rest at `position_m`.
+    /// A filter that begins with a level drone at rest.
     pub(super) fn new(
         options: &EkfOptions,
         sensors: &SensorOptions,
         position_m: Vector3<f64>,
+        yaw_rad: f64,
     ) -> Self {
         let floor = [FLOOR_START_M];
         let floor = &floor[..usize::from(options.floor_steps)];
         let step_test = StepTest::new(STEP_GATE_SIGMAS, LEAST_STEP_M, STEP_M);
         Self {
-            motion: Inertial::level_at(position_m),
+            motion: Inertial::level_at(position_m, yaw_rad),
             normal: Normal::of_drones(1, START, floor),
             model: Model::new(options, sensors),
             step_test: options.floor_steps.then_some(step_test),
@@ -107,10 +108,11 @@ impl Ekf {
         options: &EkfOptions,
         sensors: &SensorOptions,
         position_m: Vector3<f64>,
+        yaw_rad: f64,
         normal: Normal,
     ) -> Self {
         let options = EkfOptions { floor_steps: false, ..options.clone() };
-        Self { normal, ..Self::new(&options, sensors, position_m) }
+        Self { normal, ..Self::new(&options, sensors, position_m, yaw_rad) }
     }
 
     /// Moves the state over a tick and passes its measurements to `correct`. Returns the
@@ -154,10 +156,6 @@ impl Ekf {
 }
 
 impl Estimator for Ekf {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.motion.set_yaw(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
@@ -216,8 +214,8 @@ impl Model {
         self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
     }
 
-    /// Jacobian over position and turn of the angle at which a sweep meets a sensor of the deck, the
-    /// angle's error, and the distance from the rotor's axis.
+    /// Jacobian over position and turn of the angle at which a sweep meets a sensor of the deck,
+    /// the angle's error, and the distance from the rotor's axis.
     #[inline(always)]
     pub(super) fn angle(
         &self,

@@ -1,9 +1,9 @@
 //! The Kalman filter of the Crazyflie's firmware, in double precision.
 //!
-//! States: position in the world, velocity in the body, an attitude and its small error. 100 times a
-//! second they are predicted by the mean of the inertial readings since. In flight, force is assumed
-//! only along the body's z axis. A measurement corrects at once, one scalar after the other, each
-//! linearized at the corrected state. The turns of a tick are applied at its end.
+//! States: position in the world, velocity in the body, an attitude and its small error. 100 times
+//! a second they are predicted by the mean of the inertial readings since. In flight, force is
+//! assumed only along the body's z axis. A measurement corrects at once, one scalar after the
+//! other, each linearized at the corrected state. The turns of a tick are applied at its end.
 //! [`FirmwareOptions`] switch these differences from a textbook's filter.
 //!
 //! Sources: M. W. Mueller, M. Hamer, R. D'Andrea, "Fusing ultra-wideband range measurements with
@@ -77,23 +77,24 @@ pub(super) struct Firmware {
 }
 
 impl Firmware {
-    /// A filter that begins with a level drone at rest at `position_m`. `noise` decides which
-    /// rotations are dropped.
+    /// A filter that begins with a level drone at rest. `noise` decides which rotations are
+    /// dropped.
     pub(super) fn new(
         observer: &ObserverOptions,
         sensors: &SensorOptions,
         position_m: Vector3<f64>,
+        yaw_rad: f64,
         noise: Noise,
     ) -> Self {
-        let options = observer.firmware.clone();
+        let (options, attitude) = (observer.firmware.clone(), Turned::facing(yaw_rad));
         Self {
             deck: Deck::new(&options, sensors, noise),
             options,
             model: Model::new(&observer.ekf, sensors),
             position_m,
             velocity_m_s: Vector3::zeros(),
-            attitude: Turned::level(),
-            world_from_body: Matrix3::identity(),
+            attitude,
+            world_from_body: attitude.matrix(),
             turn_rad: Vector3::zeros(),
             normal: Normal::of_drones(1, START, &[]),
             rate_rad_s: Vector3::zeros(),
@@ -278,11 +279,6 @@ impl Firmware {
 }
 
 impl Estimator for Firmware {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.attitude = Turned::facing(yaw_rad);
-        self.world_from_body = self.attitude.matrix();
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         // The first tick is at time zero.
         let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };

@@ -58,7 +58,7 @@ fn follow(
 ) {
     let mut readers =
         Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, [seed; 2], &Fleet::alone(0));
-    let mut ekf = Ekf::new(observer, sensors, motion(0.0).0);
+    let mut ekf = Ekf::new(observer, sensors, motion(0.0).0, 0.0);
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
         let (state, force) = truth(time_s);
@@ -278,7 +278,7 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
         let fixes = (0..5000).filter_map(|_| beams.read(&body, force, &[]).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
-        let mut ekf = Ekf::new(&EkfOptions::default(), &options[1], start_m);
+        let mut ekf = Ekf::new(&EkfOptions::default(), &options[1], start_m, 0.0);
         let mut places = Vec::new();
         for tick in 0..5000 {
             ekf.update(&sweeps.read(&body, force, &[]), TICK_S);

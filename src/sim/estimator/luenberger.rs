@@ -34,32 +34,31 @@ pub(super) struct Observer {
 }
 
 impl Observer {
-    /// An observer that begins with a level drone at rest at `position_m`.
-    pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
+    /// An observer that begins with a level drone at rest.
+    pub(super) fn new(
+        options: &LuenbergerOptions,
+        position_m: Vector3<f64>,
+        heading_rad: f64,
+    ) -> Result<Self> {
         let (a, b) = hover_model(linearize);
         let l = observer_gain(options, &a)?;
+        let measured_m = turned(&position_m, -heading_rad);
         let mut estimate = SVector::<f64, 8>::zeros();
-        estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
+        estimate.fixed_rows_mut::<3>(0).copy_from(&measured_m);
         Ok(Self {
             a: without_yaw(&a) - l * SMatrix::<f64, 3, 8>::identity(),
             b: b.remove_row(YAW),
             l,
-            measured_m: position_m,
+            measured_m,
             estimate,
             yaw_rad: 0.0,
-            heading_rad: 0.0,
+            heading_rad,
             rate_rad_s: Vector3::zeros(),
         })
     }
 }
 
 impl Estimator for Observer {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.heading_rad = yaw_rad;
-        self.measured_m = turned(&self.measured_m, -yaw_rad);
-        self.estimate.fixed_rows_mut::<3>(0).copy_from(&self.measured_m);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         if let Some(measured_m) = readings.position_m {
@@ -132,10 +131,14 @@ mod tests {
         Readings { position_m, ..Readings::inertial(truth, rate_rad_s, force_m_s2) }
     }
 
+    fn observer() -> Observer {
+        Observer::new(&LuenbergerOptions::default(), Vector3::zeros(), 0.0).unwrap()
+    }
+
     #[test]
     fn a_wrong_start_is_forgotten() {
         let truth = Vector3::new(0.3, -0.2, 0.5);
-        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let mut observer = observer();
         let start = RigidBody::resting_at(Vector3::zeros());
         let readings = at_rest(&start, truth, Vector3::zeros());
         for _ in 0..2000 {
@@ -148,7 +151,7 @@ mod tests {
 
     #[test]
     fn yaw_is_the_integral_of_the_gyro() {
-        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let mut observer = observer();
         let start = RigidBody::resting_at(Vector3::zeros());
         let readings = at_rest(&start, Vector3::zeros(), Vector3::z() * 0.5);
         for _ in 0..1000 {

@@ -52,10 +52,6 @@ impl std::fmt::Debug for Outside {
 }
 
 impl Estimator for Outside {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.state[3] = yaw_rad;
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         self.state = (self.update)(readings, tick_s).into();
     }
@@ -67,9 +63,6 @@ impl Estimator for Outside {
 
 /// An estimator of the drone's motion.
 pub(super) trait Estimator: std::fmt::Debug + Send {
-    /// Sets the initial yaw, from world x toward y, before the first update.
-    fn set_yaw(&mut self, yaw_rad: f64);
-
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
@@ -93,10 +86,6 @@ pub(super) trait Estimator: std::fmt::Debug + Send {
 
 /// The true motion, which separates the controller's error from the estimator's.
 impl Estimator for RigidBody {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        *self = self.facing(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, _: f64) {
         *self = *readings.truth;
     }
@@ -113,32 +102,37 @@ fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     state(&motion.position_m, angles(&world_from_body), &velocity_m_s, &motion.rate_rad_s)
 }
 
-/// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
-/// along world x. The seed decides which sweeps it drops by chance.
+/// The estimator of a flight, which begins with a level drone at rest, turned from world x toward
+/// y. The seed decides which sweeps it drops by chance.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,
+    yaw_rad: f64,
     fleet: &Fleet,
     seed: u64,
 ) -> Result<Box<dyn Estimator>> {
     let SimOptions { observer, sensors, .. } = options;
     Ok(match observer.kind {
-        EstimatorKind::Luenberger => Box::new(Observer::new(&observer.luenberger, position_m)?),
+        EstimatorKind::Luenberger => {
+            Box::new(Observer::new(&observer.luenberger, position_m, yaw_rad)?)
+        }
         EstimatorKind::Ekf => {
             let drone = fleet.members[fleet.place].index;
             let noise = Noise::new(seed, drone, "lighthouse deck");
-            Box::new(Firmware::new(observer, sensors, position_m, noise))
+            Box::new(Firmware::new(observer, sensors, position_m, yaw_rad, noise))
         }
-        EstimatorKind::EkfImproved => Box::new(Ekf::new(&observer.ekf, sensors, position_m)),
+        EstimatorKind::EkfImproved => {
+            Box::new(Ekf::new(&observer.ekf, sensors, position_m, yaw_rad))
+        }
         EstimatorKind::Altitude => {
             let hover = options.believed_hover_throttle();
             Box::new(Altitude {
-                horizontal: Ekf::new(&observer.ekf, sensors, position_m),
+                horizontal: Ekf::new(&observer.ekf, sensors, position_m, yaw_rad),
                 vertical: AltitudeFilter::new(&observer.altitude, hover, position_m.z),
                 has_satellites: sensors.positioning == Positioning::Gnss,
             })
         }
-        EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet)),
-        EstimatorKind::Truth => Box::new(RigidBody::resting_at(position_m)),
+        EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet, yaw_rad)),
+        EstimatorKind::Truth => Box::new(RigidBody::resting_at(position_m).facing(yaw_rad)),
     })
 }

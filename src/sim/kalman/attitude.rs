@@ -10,11 +10,6 @@ use noctograph_core::geometry::Attitude;
 pub struct Turned(Quaternion<f64>);
 
 impl Turned {
-    /// Level, looking along world x.
-    pub fn level() -> Self {
-        Self(Quaternion::identity())
-    }
-
     /// Level, turned from world x toward y.
     pub fn facing(yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
@@ -39,19 +34,24 @@ impl Turned {
     /// As a matrix.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<f64> {
-        let (w, x, y, z) = (self.0.w, self.0.i, self.0.j, self.0.k);
-        Matrix3::new(
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        )
+        rotation([self.0.w, self.0.i, self.0.j, self.0.k])
     }
+}
+
+/// The matrix of a unit quaternion.
+#[inline(always)]
+pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
+    Matrix3::new(
+        (y * y + z * z) * -2.0 + 1.0,
+        (x * y - w * z) * 2.0,
+        (x * z + w * y) * 2.0,
+        (x * y + w * z) * 2.0,
+        (x * x + z * z) * -2.0 + 1.0,
+        (y * z - w * x) * 2.0,
+        (x * z - w * y) * 2.0,
+        (y * z + w * x) * 2.0,
+        (x * x + y * y) * -2.0 + 1.0,
+    )
 }
 
 /// A small turn: the first terms of the sine's and the cosine's series.
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn small_turns_add_up_to_a_large_one() {
-        let mut turned = Turned::level();
+        let mut turned = Turned::facing(0.0);
         for _ in 0..100 {
             turned = turned.by(&(Vector3::z() * 0.01));
         }

@@ -1,10 +1,10 @@
 //! Gates: which measurements a filter refuses.
 //!
-//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong would refuse
-//! right measurements for ever: after [`MOST_REFUSALS`] refusals in a row the next measurement of
-//! the same source is accepted with a variance as large as its innovation. A filter would also take
-//! a step of the floor for motion of the drone. The second range beyond a [`StepTest`] in a row
-//! counts as a step, and the floor moves by the mean of both innovations.
+//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong would
+//! refuse right measurements for ever: after [`MOST_REFUSALS`] refusals in a row the next
+//! measurement of the same source is accepted with a variance as large as its innovation. A filter
+//! would also take a step of the floor for motion of the drone. The second range beyond a
+//! [`StepTest`] in a row counts as a step, and the floor moves by the mean of both innovations.
 
 use std::collections::BTreeMap;
 
@@ -76,8 +76,8 @@ pub enum Floor {
 }
 
 impl StepTest {
-    /// A test with a gate in standard deviations. Innovations below `least_m` are not a step. A step
-    /// widens the floor's height by `sigma_m`.
+    /// A test with a gate in standard deviations. Innovations below `least_m` are not a step. A
+    /// step widens the floor's height by `sigma_m`.
     pub fn new(gate_sigmas: f64, least_m: f64, sigma_m: f64) -> Self {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }

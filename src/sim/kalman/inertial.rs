@@ -71,23 +71,18 @@ pub struct Density {
 }
 
 impl Inertial {
-    /// A level drone at rest that looks along world x.
-    pub fn level_at(position_m: Vector3<f64>) -> Self {
+    /// A level drone at rest, turned from world x toward y.
+    pub fn level_at(position_m: Vector3<f64>, yaw_rad: f64) -> Self {
+        let attitude = Turned::facing(yaw_rad);
         Self {
             position_m,
             velocity_m_s: Vector3::zeros(),
-            attitude: Turned::level(),
-            world_from_body: Matrix3::identity(),
+            attitude,
+            world_from_body: attitude.matrix(),
             rate_rad_s: Vector3::zeros(),
             span_s: 0.0,
             turn_rad: Vector3::zeros(),
         }
-    }
-
-    /// Turns it, level, from world x toward y.
-    pub fn set_yaw(&mut self, yaw_rad: f64) {
-        self.attitude = Turned::facing(yaw_rad);
-        self.world_from_body = self.attitude.matrix();
     }
 
     /// Moves the state over a tick with the mean of the body rates at its ends and the specific
@@ -157,7 +152,7 @@ impl Normal {
     /// `ṗ = v`, `v̇ = −R [f]× θ`, `θ̇ = −[ω]× θ`. The other states rest.
     #[inline(always)]
     pub fn carry(&mut self, drone: usize, span: &Span, density: &Density) {
-        // Φ = [1 τ c; 0 1 b; 0 0 T] over position, velocity and turn.
+        // `Φ = [1 τ c; 0 1 b; 0 0 T]` over position, velocity and turn.
         let first = ERRORS * drone;
         let Span { span_s, lever, turn_rad } = *span;
         let b = lever * span_s;

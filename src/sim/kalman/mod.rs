@@ -3,14 +3,15 @@
 //! One filter: a [`Normal`] distribution over the small errors of any number of drones and over
 //! further states (the floor's height, biases). Inertial sensors ([`Inertial`]) or a linear motion
 //! propagate it. One scalar measurement after the other corrects it, each through a gate ([`Gate`],
-//! [`StepTest`]). The simulated drones run it, the Cramér–Rao bound is the same filter at the truth,
-//! and the crate `locate` runs it over a log of ranges, with a smoother over its steps.
+//! [`StepTest`]). The simulated drones run it, the Cramér–Rao bound is the same filter at the
+//! truth, and the crate `locate` runs it over a log of ranges, with a smoother over its steps.
 
 mod attitude;
 mod gate;
 mod inertial;
 mod normal;
 
+pub(crate) use attitude::rotation;
 pub use attitude::{Turned, angles};
 pub use gate::{Floor, Gate, StepTest};
 pub use inertial::{Density, ERRORS, GRAVITY_M_S2, Inertial, Span, TURN, VELOCITY, variance_rate};

@@ -53,8 +53,8 @@ settings! {
 
     /// Linear-quadratic regulators: cost `∫ sᵀQs + iᵀRi dt` about the setpoint, Q and R diagonal.
     ///
-    /// Default: the team's weights, from Bryson's rule and then by hand, and integrals that remove a
-    /// steady error in about two seconds.
+    /// Default: the team's weights, from Bryson's rule and then by hand, and integrals that remove
+    /// a steady error in about two seconds.
     pub struct LqrOptions {
         /// Gain K in `u = u_ref − K (x̂ − x_ref)`, for example from SciPy, in place of the one
         /// designed from the weights.

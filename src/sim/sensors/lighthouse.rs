@@ -1,8 +1,8 @@
 //! Lighthouse as raw sweeps: planes of light that pass over the deck, one after the other.
 //!
 //! A second-generation rotor turns freely at the rate of its channel and passes both planes a third
-//! of a turn apart. First-generation stations take turns within a cycle of 120 Hz. A sweep counts at
-//! the tick that follows it, and all four sensors of the deck are read together: the firmware
+//! of a turn apart. First-generation stations take turns within a cycle of 120 Hz. A sweep counts
+//! at the tick that follows it, and all four sensors of the deck are read together: the firmware
 //! discards a sweep that one of them missed (`pulse_processor_v2.c`).
 //!
 //! Not modeled: the drone's motion within a tick, walls.

@@ -119,8 +119,8 @@ pub struct Sensors {
 #[expect(clippy::large_enum_variant, reason = "one a drone")]
 enum Locator {
     Position(PositionSensor),
-    CrossingBeams(Lighthouse, CrossingBeams),
-    Sweeps(Lighthouse),
+    /// Sweeps, and the crossing of their beams for positions.
+    Lighthouse(Lighthouse, Option<CrossingBeams>),
     Uwb(Uwb),
     Gnss(Gnss),
 }
@@ -163,11 +163,13 @@ impl Sensors {
                 Positioning::Position => {
                     Locator::Position(PositionSensor::new(lighthouse, rate_hz, streams))
                 }
-                Positioning::CrossingBeams => Locator::CrossingBeams(
+                Positioning::CrossingBeams => Locator::Lighthouse(
                     Lighthouse::new(lighthouse, streams),
-                    CrossingBeams::new(&lighthouse.stations),
+                    Some(CrossingBeams::new(&lighthouse.stations)),
                 ),
-                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, streams)),
+                Positioning::Sweeps => {
+                    Locator::Lighthouse(Lighthouse::new(lighthouse, streams), None)
+                }
                 Positioning::UwbTwr | Positioning::UwbTdoa => {
                     Locator::Uwb(Uwb::new(options, fleet, streams))
                 }
@@ -185,15 +187,12 @@ impl Sensors {
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
-            Locator::CrossingBeams(..)
-            | Locator::Sweeps(_)
-            | Locator::Uwb(_)
-            | Locator::Gnss(_) => position_m,
+            Locator::Lighthouse(..) | Locator::Uwb(_) | Locator::Gnss(_) => position_m,
         }
     }
 
-    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet. A
-    /// single drone needs none.
+    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet.
+    /// A single drone needs none.
     pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
@@ -212,12 +211,12 @@ impl Sensors {
         );
         match &mut self.locator {
             Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
-            Locator::CrossingBeams(lighthouse, beams) => {
+            Locator::Lighthouse(lighthouse, beams) => {
                 let sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
-                readings.position_m = beams.fix_m(sweeps, time_s);
-            }
-            Locator::Sweeps(lighthouse) => {
-                readings.sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
+                match beams {
+                    Some(beams) => readings.position_m = beams.fix_m(sweeps, time_s),
+                    None => readings.sweeps = sweeps,
+                }
             }
             Locator::Uwb(uwb) => {
                 (readings.ranges, readings.peer_ranges) = uwb.read(&position_m, fleet_m, time_s);
@@ -251,10 +250,7 @@ impl Sensors {
 
     /// A warning about the base stations.
     pub fn warning(&self) -> Option<Diagnostic> {
-        let (Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse)) = &self.locator
-        else {
-            return None;
-        };
+        let Locator::Lighthouse(lighthouse, _) = &self.locator else { return None };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
         (blind_s > 0.0).then(|| warning::unseen(blind_s))
     }

@@ -133,8 +133,7 @@ settings! {
             ///
             /// The frame is defined by positions at which the drone was put by hand when the
             /// stations' geometry was estimated: the origin, a point on the x-axis at one meter,
-            /// and one on the floor (cflib,
-            /// `examples/lighthouse/multi_bs_geometry_estimation.py`).
+            /// and one on the floor (cflib, `examples/lighthouse/multi_bs_geometry_estimation.py`).
             frame_turn_rad: [f64; 3] = [0.0; 3];
             /// Relative error of the Lighthouse's meter: that point on the x-axis fixes the scale.
             frame_scale_error: f64 = 0.0;

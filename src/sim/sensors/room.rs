@@ -7,8 +7,9 @@
 //! fraction R of its light from 6 m times √R. Both surfaces of the pane reflect, by Fresnel's
 //! equations for unpolarized light and a refractive index of 1.52.
 //!
-//! Not modeled: edges of mirrors, light over two mirrors, light that passes a person after a mirror,
-//! and the time between a sweep and its reflection, by which the firmware drops some sweeps.
+//! Not modeled: edges of mirrors, light over two mirrors, light that passes a person after a
+//! mirror, and the time between a sweep and its reflection, by which the firmware drops some
+//! sweeps.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -71,8 +72,8 @@ impl Room {
         drones_m: &[Vector3<f64>],
     ) -> bool {
         let path_m = deck_m - station_m;
-        // The point of the path nearest to the cylinder's axis, as a fraction of the path, is within
-        // the cylinder and below its top.
+        // The point of the path nearest to the cylinder's axis, as a fraction of the path, is
+        // within the cylinder and below its top.
         let by_person = self.people_m.iter().any(|[x, y, radius]| {
             let axis_m = (Vector3::new(*x, *y, 0.0) - station_m).xy();
             let level_m = path_m.xy();

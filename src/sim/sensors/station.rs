@@ -1,9 +1,9 @@
 //! A Lighthouse base station: its pose, its field of view, and the angle at which its planes of
 //! light cross a point.
 //!
-//! A station's frame is x forward (out of the front), y left, z up. Angles are those of the firmware
-//! after it applied the factory calibration, so that the calibrations of a configuration file have
-//! no effect. The remaining error is the `sweep_distortion` of the sensors. Model:
+//! A station's frame is x forward (out of the front), y left, z up. Angles are those of the
+//! firmware after it applied the factory calibration, so that the calibrations of a configuration
+//! file have no effect. The remaining error is the `sweep_distortion` of the sensors. Model:
 //! `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware. Fields of view:
 //! Bitcraze's documentation of the Lighthouse deck.
 
@@ -75,9 +75,9 @@ impl StationPose {
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
-    /// The crossing of plane 0 or 1 with a point:
-    /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation, and
-    /// `atan2(y, x)` and `atan2(z, x)` for the first.
+    /// The crossing of plane 0 or 1 with a point: `α = atan2(y, x) + asin(z tan t / √(x² + y²))`
+    /// with `t = ∓π/6` for the second generation, and `atan2(y, x)` and `atan2(z, x)` for the
+    /// first.
     pub(crate) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
         let crossing = match (self.generation, plane) {

@@ -15,6 +15,7 @@ const MOST_SHOWN: usize = 60;
 
 /// Reads a text with one document. `file` is its name in messages.
 fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
+    // The library refuses duplicate keys, anchors that multiply, and deep nesting.
     serde_saphyr::from_str(text).map_err(|error| {
         let line = error.location().map_or(1, |location| location.line()).max(1);
         let text = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));

@@ -99,8 +99,8 @@ impl Battery {
     /// Thrusts of the motors if the battery cannot give those wanted.
     #[inline(never)]
     pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
-        // Without compensation each motor is limited by itself. With it, the duty cycles of all four
-        // are lowered by the excess of the largest one, but not below idling.
+        // Without compensation each motor is limited by itself. With it, the duty cycles of all
+        // four are lowered by the excess of the largest one, but not below idling.
         if self.is_cut_off() || self.options.compensation == Compensation::None {
             return wanted_n.map(|wanted_n| wanted_n.min(max_n));
         }

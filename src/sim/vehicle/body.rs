@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 use super::VehicleOptions;
 use super::model::{State, state};
 use super::rotors::Load;
+use crate::kalman::rotation;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::Attitude;
 
@@ -185,17 +186,7 @@ impl Inertia {
     fn derivative(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
         // Velocity through the air in the body's frame, by the matrix of the quaternion.
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
-        let world_from_body = Matrix3::new(
-            (y * y + z * z) * -2.0 + 1.0,
-            (x * y - w * z) * 2.0,
-            (x * z + w * y) * 2.0,
-            (x * y + w * z) * 2.0,
-            (x * x + z * z) * -2.0 + 1.0,
-            (y * z - w * x) * 2.0,
-            (x * z - w * y) * 2.0,
-            (y * z + w * x) * 2.0,
-            (x * x + y * y) * -2.0 + 1.0,
-        );
+        let world_from_body = rotation([w, x, y, z]);
         let air = world_from_body.tr_mul(&(Vector3::new(s[3], s[4], s[5]) - wind_m_s));
         // Force: thrust along z and drag. Torque: the rotors' and that of the air across them.
         let mut force = self.drag_n(&air, load);

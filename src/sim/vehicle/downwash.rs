@@ -2,8 +2,8 @@
 //!
 //! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
 //! A rotor within it lifts less, by the speed of the stream and by its own. Unequal losses turn the
-//! drone. Speeds go with the square root of a thrust, so that the loss is `√(T T')` times a function
-//! of the position in sizes of the drone.
+//! drone. Speeds go with the square root of a thrust, so that the loss is `√(T T')` times a
+//! function of the position in sizes of the drone.
 //!
 //! Two published models of a Crazyflie's loss on the axis:
 //!
@@ -18,9 +18,10 @@
 //! the other (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69 m. The second is figure 3
 //! of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured in flight with drones of
 //! 34 g, as `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads it: 10, 8, 6 and 4 g up to 0.5
-//! m and a straight line to 0 beyond. Chosen: the second up to 0.5 m, and beyond that the decay of a
-//! round jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1). At 0.6 m drones with a good
-//! controller still hover, and at 1 m some with the stock one did not (USC-ACTLab/crazyswarm issue
+//! m and a straight line to 0 beyond. Chosen: the second up to 0.5 m, and beyond that the decay of
+//! a round jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1). At 0.6 m drones with a
+//! good controller still hover, and at 1 m some with the stock one did not (USC-ACTLab/crazyswarm
+//! issue
 //! 97).
 //!
 //! Not modeled: turbulence and delay of the stream, its deflection by the floor and by others

@@ -136,8 +136,7 @@ struct Filter {
 
 impl Filter {
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
-        // F = [stays 0; gives stays], exact for the step. The noise is drawn with Cholesky's factor
-        // of P − F P Fᵀ.
+        // `F = [stays 0; gives stays]`, exact for the step, and the Cholesky factor of P − F P Fᵀ.
         let stays = libm::exp(-dt_s / time_s);
         let gives = stays * dt_s / time_s;
         let first_sq = 1.0 - stays * stays;

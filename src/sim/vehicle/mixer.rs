@@ -46,9 +46,8 @@ impl Mixer {
         self.motors_from_wrench * wrench
     }
 
-    /// Commands m1…m4 that the firmware distributes for a wrench, none below zero or above
-    /// `most`, and whether any was cut (`power_distribution_quadrotor.c`,
-    /// `powerDistributionForceTorque`).
+    /// Commands m1…m4 that the firmware distributes for a wrench, none below zero or above `most`,
+    /// and whether any was cut (`power_distribution_quadrotor.c`, `powerDistributionForceTorque`).
     pub(crate) fn distributed(&self, wrench: &Wrench, most: f64) -> (Vector4<f64>, bool) {
         capped(&self.unbounded_motors(wrench), most)
     }

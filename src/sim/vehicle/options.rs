@@ -136,8 +136,8 @@ settings! {
 
     /// Compensation of a falling battery voltage by the firmware.
     pub enum Compensation {
-        /// A command is a thrust: the duty cycle rises as the voltage falls. If one motor's is full,
-        /// all four are lowered by the same amount: attitude has priority over thrust. The
+        /// A command is a thrust: the duty cycle rises as the voltage falls. If one motor's is
+        /// full, all four are lowered by the same amount: attitude has priority over thrust. The
         /// controllers `pid` and `geometric` may thus command more than `vehicle.motor_max`, which
         /// a full battery gives.
         ///

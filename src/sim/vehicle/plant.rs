@@ -63,7 +63,7 @@ pub struct Plant {
 
 impl Plant {
     /// A level drone at rest, with the noise of `seed` and the index `drone`. In the air its rotors
-    /// already carry it; on the floor they stand still.
+    /// already carry it, and on the floor they do not turn.
     ///
     /// `dt_s` is the length of a step. Up to 2 ms it hardly matters. The rotors' lag is exact at
     /// any length.
@@ -364,7 +364,7 @@ mod tests {
         };
         assert_eq!(end(1), end(1));
         assert_ne!(end(1), end(2));
-        // Recorded; the same in debug and release, on every machine.
+        // Recorded. The same in debug and release, on every machine.
         let bits = end(1).position_m.map(f64::to_bits);
         assert_eq!(
             [bits.x, bits.y, bits.z],
