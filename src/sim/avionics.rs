@@ -51,8 +51,7 @@ pub struct Avionics {
     streamed: bool,
     /// When the motors stopped for good, because the host was silent.
     stopped_s: Option<f64>,
-    /// First setpoint of the firmware's own landing, if the setpoints before it are of another
-    /// kind.
+    /// First setpoint of the firmware's landing, if those before it are of another kind.
     lands_from: Option<usize>,
     kind: Kind,
     short_steps: u32,

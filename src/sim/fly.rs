@@ -54,8 +54,7 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were
-/// commanded.
+/// As [`fly_fleet`], with `watch` called for every drone after the commands of every tick.
 pub fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
@@ -187,8 +186,7 @@ fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
 }
 
-/// Checks that the plan has setpoints, only positions and motions within a drone's reach, and a
-/// path above the floor.
+/// Checks that the plan has setpoints, motions within a drone's reach, and a path above the floor.
 fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let hint = "plan the word again, or correct the file that the plan was read from";
     if plan.setpoints.is_empty() {

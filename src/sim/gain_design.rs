@@ -48,8 +48,7 @@ pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 /// Gains of a drone and their stability margins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
-    /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve
-    /// [`STATES`].
+    /// The drone at hover, `ẋ = A x + B u`: A (12×12) by the first twelve [`STATES`].
     #[serde(rename = "A", serialize_with = "rows")]
     pub a: DMatrix<f64>,
     /// Its B (12×4), by [`INPUTS`].
@@ -90,8 +89,7 @@ pub struct Design {
     pub lagging_margins: Option<[Margins; 4]>,
     /// Longest motor lag with a stable loop, s. `None`: more than a second.
     pub longest_lag_s: Option<f64>,
-    /// Largest deviation from hover of each input by itself with all motors in their range, N m
-    /// and N.
+    /// Largest deviation from hover of each input within the motors' range, N m and N.
     pub largest_inputs: [f64; 4],
     /// Bryson's rule for `controller.lqr.r`: 1 / deviation².
     pub bryson_r: [f64; 4],

@@ -11,8 +11,7 @@ use noctograph_core::random::Noise;
 
 /// Time of a packet with its answer, and of the switch to another drone's address
 /// (`crazyradio2-firmware` issue 9: 2.5 ms for the USB request that sets the address, 0.7 ms for
-/// packet and answer). Firmware with addresses in the packets (issue 23) sends 1370 packets a
-/// second in all.
+/// packet and answer).
 const PACKET_S: f64 = 0.7e-3;
 const SWITCH_S: f64 = 2.5e-3;
 

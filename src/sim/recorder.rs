@@ -59,8 +59,7 @@ impl Recorder {
 /// Least rise of a plan that takes off, m.
 const TAKE_OFF_M: f64 = 0.2;
 
-/// A warning about a drone that stays on the floor under a plan that rises, as after a mistaken
-/// unit.
+/// A warning about a drone that stays on the floor under a plan that rises.
 fn grounded(samples: &[FlightSample]) -> Option<Diagnostic> {
     let first = samples.first()?;
     let planned_m = samples.iter().map(|s| s.design_m.z).fold(f64::MIN, f64::max);

@@ -20,8 +20,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// A drone that waits for its first command. `begin` changes its avionics before the first
-    /// reading.
+    /// A drone that waits for its first command. `begin` may change its avionics before.
     pub fn new(plan: Plan, drone: &Drone<'_>, begin: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         begin(&mut rig.avionics);

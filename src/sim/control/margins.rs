@@ -7,8 +7,7 @@ use nalgebra::{Complex, DVector};
 use super::Matrix;
 use super::linear::{is_hurwitz, with_states};
 
-/// Frequencies that are swept, rad/s: from far below a drone's slowest loop to far above its
-/// fastest.
+/// Frequencies of the sweep, rad/s: far below a drone's slowest loop to far above its fastest.
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
 /// Steps of the sweep. A step of 0.4 % finds every crossing but two within it.
 const SWEEP_STEPS: u32 = 4000;

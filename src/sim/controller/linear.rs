@@ -140,8 +140,7 @@ mod tests {
         let remaining = libm::exp(-0.1 * tick_s / lag_s);
         let (mut state, hover) = (State::zeros(), vehicle.hover());
         controller.rest(&state);
-        // The cascade's command at rest is not that of hover, which its integral corrects in
-        // flight.
+        // At rest the cascade does not command hover, which its integral corrects in flight.
         let base = mixer.wrench(&controller.command(&state, &at_rest).motors);
         controller.rest(&state);
         let mut rotors = hover;

@@ -32,8 +32,7 @@ pub(super) struct Lqr {
     mass_kg: f64,
     mixer: Mixer,
     tick_s: f64,
-    /// Output of the modeled rotors. Nothing measures it: the controller applies the lag to its own
-    /// commands.
+    /// Output of the modeled rotors, which nothing measures.
     rotors: Wrench,
     /// Fraction of the rotors' old output that remains when the next command is sent. 0 for
     /// immediate rotors.

@@ -34,8 +34,7 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
 
-    /// Prepares for another kind of setpoint: the drone levels out, returns from it, or lands after
-    /// full states.
+    /// Prepares for another kind of setpoint: to level out, to return from it, or to land.
     fn change_mode(&mut self, _: &State) {}
 
     /// Turns estimate and reference into those by which the controller flies without setpoints, as

@@ -90,8 +90,7 @@ fn contour_error_m(flight: &Flight) -> f64 {
     }))
 }
 
-/// Mean error over the second half of 20 s on the spot, with ideal sensors and the team's center of
-/// mass.
+/// Mean error over the second half of 20 s of hover, with the team's center of mass.
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
     let mut flight = flown(&hover(PLACE_M, 20.0), &options, 0).unwrap();

@@ -1,5 +1,4 @@
-//! Altitude and vertical velocity from the altitude filter, all else from the extended Kalman
-//! filter.
+//! Altitude and vertical velocity by the altitude filter, and all else by a Kalman filter.
 //!
 //! The altitude filter predicts at every tick by the vertical part of the throttle, and turns
 //! ranges upright by the estimated tilt. The Kalman filter gets neither ranger nor barometer, whose

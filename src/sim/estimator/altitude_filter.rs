@@ -1,5 +1,4 @@
-//! The Kalman filter of altitude, velocity, thrust map, biases and gusts, and its test for steps of
-//! the floor.
+//! The Kalman filter of altitude, velocity, thrust map, biases and gusts.
 //!
 //! Gusts push for seconds. They are a state, so that the innovations stay white: the controller
 //! would answer correlated innovations, and the filter would read a wrong thrust map from the

@@ -60,8 +60,7 @@ pub(super) fn delayed(
     DelayedState { position_m: position_m - since_m, span_s, force_m_s }
 }
 
-/// The motion at a time between two messages, by cubic Hermite interpolation of their positions and
-/// velocities.
+/// The motion between two messages, by cubic Hermite interpolation.
 pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
     let after = motions.partition_point(|t| t.time_s < time_s);
     let (a, b) = (motions.get(after.checked_sub(1)?)?, motions.get(after)?);

@@ -16,8 +16,7 @@ use noctograph_core::geometry::{Attitude, turned};
 const YAW: usize = 3;
 
 /// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`,
-/// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position, by Euler's rule as in the
-/// firmware.
+/// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
     /// `A − L C`.

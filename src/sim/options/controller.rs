@@ -91,8 +91,7 @@ settings! {
         "ignored" => Ignored,
     }
 
-    /// Altitude hold: the linear-quadratic regulator of a double integrator, weighed by Bryson's
-    /// rule.
+    /// Altitude hold: the regulator of a double integrator, with weights by Bryson's rule.
     pub struct AltitudeHoldOptions {
         /// Error of the altitude that weighs as much as the other two.
         error_m: f64 = 0.2, in 0.001..=100.0;
@@ -187,8 +186,7 @@ impl ControllerOptions {
 }
 
 impl PidOptions {
-    /// The gains P, I, D of all loops: position, velocity, attitude and rate, each about three
-    /// axes.
+    /// The gains P, I, D of all loops: position, velocity, attitude and rate, each of three axes.
     pub fn gains(&self) -> [[[f64; 3]; 3]; 4] {
         [
             [self.pos_x, self.pos_y, self.pos_z],
@@ -245,8 +243,7 @@ impl ControllerKind {
         }
     }
 
-    /// True if the controller follows velocity and acceleration of the reference, and not held
-    /// positions.
+    /// True if the controller follows velocity and acceleration of the reference.
     pub fn follows_design(self) -> bool {
         match self {
             Self::Lqr | Self::Pid => false,

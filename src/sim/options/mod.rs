@@ -143,8 +143,7 @@ impl SimOptions {
         self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
     }
 
-    /// The undisturbed drone: in still air, with its center of mass in the middle and ideal
-    /// sensors.
+    /// The undisturbed drone: still air, center of mass in the middle, ideal sensors.
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
         // The estimator of any other positioning need not take ideal positions.

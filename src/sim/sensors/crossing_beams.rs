@@ -1,5 +1,4 @@
-//! Positions from the crossing of beams: the point nearest to the rays of all stations heard
-//! lately.
+//! Positions from crossing beams: the point nearest to the rays of all stations heard lately.
 //!
 //! For each sensor of the deck, `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays from `o` along `d`.
 //! For two rays that is the middle of their shortest connection, as in the firmware
@@ -12,8 +11,7 @@ use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
 
-/// Greatest age of an angle in a fix: a turn and a half of the slowest rotor, so that one lost
-/// sweep costs one fix.
+/// Greatest age of an angle: 1.5 turns of the slowest rotor, so that a lost sweep costs one fix.
 const FRESH_S: f64 = 0.03;
 
 /// Joins sweeps to positions.

@@ -31,8 +31,7 @@ const V2_PERIODS: [u32; 16] = [
 /// Sweeps per second of all first-generation stations together.
 const V1_SWEEPS_HZ: f64 = 120.0;
 
-/// Interval at which the common distortion is computed: at 0.5 m/s it changes by a tenth of a
-/// millimeter.
+/// Interval at which the common distortion is computed. At 0.5 m/s it changes by 0.1 mm.
 const BEND_S: f64 = 0.02;
 /// Time after which an unseen station counts as hidden: chance hardly loses five turns in a row.
 const BLIND_S: f64 = 0.1;
@@ -57,8 +56,7 @@ pub(super) struct Lighthouse {
     /// From the room into the stations' frame, and the scale of that frame.
     turn: Matrix3<f64>,
     scale: f64,
-    /// Common distortion of all stations: their joint solution bends the room, but their beams
-    /// cross.
+    /// Common distortion of all stations: their joint solution bends the room.
     bend: Field<3>,
     bend_m: Vector3<f64>,
     /// When that was computed.

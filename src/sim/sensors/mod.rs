@@ -134,8 +134,7 @@ enum Altimeter {
 }
 
 impl Sensors {
-    /// Sensors of a drone above a floor, read `rate_hz` times a second, with a seed of their noise
-    /// and one of the room.
+    /// Sensors of a drone, read `rate_hz` times a second, with seeds of noise and room.
     pub(crate) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,

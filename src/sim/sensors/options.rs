@@ -338,8 +338,7 @@ impl Positioning {
 }
 
 impl HeightSensor {
-    /// True if it measures the distance to the floor along the body's z axis, and not the height
-    /// above the start.
+    /// True if it measures the distance to the floor, and not the height above the start.
     pub(crate) fn looks_down(self) -> bool {
         match self {
             Self::TimeOfFlight => true,

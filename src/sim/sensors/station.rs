@@ -89,8 +89,7 @@ impl StationPose {
         Crossing { gradient_rad_m, ..crossing }
     }
 
-    /// The direction in the world, a unit vector, in which both planes cross a point at these
-    /// angles.
+    /// The direction, a unit vector in the world, in which both planes cross a point.
     pub(crate) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),

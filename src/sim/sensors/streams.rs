@@ -2,8 +2,7 @@
 
 use noctograph_core::random::Noise;
 
-/// The streams of one drone's sensors. A sensor draws from streams by name, so that none shifts
-/// another's.
+/// The streams of one drone's sensors, by name, so that none shifts another's.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Streams {
     /// Seed of this flight.

@@ -79,8 +79,7 @@ struct Errors {
 }
 
 impl Errors {
-    /// A distance with its errors. Outliers are exponential, and those of differences have either
-    /// sign.
+    /// A distance with its errors. Outliers are exponential, of either sign for differences.
     fn added_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
         // A Laplace distribution by the inverse of its distribution function, whose upper half is
         // the exponential one. Both numbers are drawn at every range.

@@ -65,8 +65,7 @@ impl Plant {
     /// A level drone at rest, with the noise of `seed` and the index `drone`. In the air its rotors
     /// already carry it, and on the floor they do not turn.
     ///
-    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters. The rotors' lag is exact at
-    /// any length.
+    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters.
     pub fn new(
         options: PlantOptions<'_>,
         dt_s: f64,
@@ -164,8 +163,7 @@ impl Plant {
         self.short_steps
     }
 
-    /// Reading of an ideal accelerometer at the body origin, body frame: all forces but gravity,
-    /// per mass.
+    /// Reading of an ideal accelerometer, body frame: all forces without gravity, per mass.
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
