@@ -210,14 +210,14 @@ fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let positions_m = plan.setpoints.iter().map(|s| s.position_m);
     let heights_m: Vec<[f64; 2]> = positions_m.map(|m| [m.z, floor.height_m(m.x, m.y)]).collect();
     // The drone is in the air from the first setpoint above the floor, or of a letter, to the last.
-    let in_air = (0..heights_m.len()).filter(|row| {
+    let mut in_air = (0..heights_m.len()).filter(|row| {
         let [z, floor] = heights_m[*row];
         z > floor || plan.setpoints[*row].letter.is_some()
     });
     let first = in_air.clone().next().unwrap_or(0);
-    let last = in_air.last().unwrap_or(heights_m.len() - 1);
+    let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
     // Before and after, a ramp may begin and end within a step if it rises above the step: the
-    // drone then stands on it with its motors off.
+    // drone then rests on it with its motors off.
     let mut numbered = heights_m.iter().enumerate();
     let refused = numbered.find(|(row, [z, floor])| {
         let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);

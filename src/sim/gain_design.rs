@@ -32,7 +32,7 @@ use noctograph_core::error::{Result, within};
 pub const MOTOR_LAG_S: f64 = 0.072;
 /// Longest lag that is searched.
 const MAX_LAG_S: f64 = 1.0;
-/// Halvings of the span in which the longest lag lies: to a microsecond.
+/// Bisections of the longest lag: to a microsecond.
 const HALVINGS: u32 = 20;
 
 /// States in the order of the columns of `K`. The first nine without the yaw are the rows of `L`.
@@ -156,13 +156,13 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
     let dragged_a = a + drag(&options.vehicle);
 
-    // The loop: closed by a gain matrix, or by the controller's own code, linearized. Its margins
-    // and poles without lag and with it, and the longest lag by bisection.
+    // Poles and margins of the loop without lag and with it, and the longest lag by bisection.
     let (feedback, states) = match options.controller.kind.law() {
         Law::StateFeedback { .. } => {
             let gain = Gain::new(options, &with_integrals(options, &a, &b))?;
             regulator(with_integrals(options, &dragged_a, &b), gain, modeled_lag_s(options))
         }
+        // The controller's own code, linearized.
         Law::Cascade | Law::Geometric | Law::Own => {
             (loops(&dynamic(&dragged_a), &dynamic(&b), &LinearController::new(options)?), vec![])
         }

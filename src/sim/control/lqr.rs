@@ -121,11 +121,11 @@ mod tests {
     /// of SciPy 1.17.1: `solve_continuous_are(A, B, Q, R)`.
     #[test]
     fn gain_of_a_dense_system_is_that_of_sixty_digits_and_of_scipy() {
-        let whole = |i: usize| f64::from(u8::try_from(i).unwrap());
         let a =
-            DMatrix::from_fn(6, 6, |i, j| (whole((7 * i + 5 * j + 3 * i * j) % 11) - 5.0) / 4.0);
-        let b = DMatrix::from_fn(6, 2, |i, j| (whole((3 * i + 4 * j + 2 * i * j) % 7) - 3.0) / 2.0);
-        let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| whole(i + 1)));
+            DMatrix::from_fn(6, 6, |i, j| (((7 * i + 5 * j + 3 * i * j) % 11) as f64 - 5.0) / 4.0);
+        let b =
+            DMatrix::from_fn(6, 2, |i, j| (((3 * i + 4 * j + 2 * i * j) % 7) as f64 - 3.0) / 2.0);
+        let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| (i + 1) as f64));
         let k = lqr(&a, &b, &q, &DMatrix::from_diagonal(&dvector![2.0, 0.5])).unwrap();
         fn gain(rows: &str) -> DMatrix<f64> {
             let entries = rows.split_whitespace().map(|entry| entry.parse().unwrap());

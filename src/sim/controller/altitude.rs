@@ -47,10 +47,11 @@ impl ThrustMap {
 ///
 /// None that weights within their ranges can meet.
 pub fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
-    let weight = |scale: f64| 1.0 / (scale * scale);
-    let q = dmatrix![weight(options.error_m), 0.0; 0.0, weight(ERROR_M_S)];
-    let r = dmatrix![weight(options.acceleration_m_s2)];
-    let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &r)?;
+    // Bryson's rule: a weight is 1 / deviation².
+    let deviations = [options.error_m, ERROR_M_S, options.acceleration_m_s2];
+    let [q_z, q_v, r] = deviations.map(|deviation| 1.0 / (deviation * deviation));
+    let q = dmatrix![q_z, 0.0; 0.0, q_v];
+    let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &dmatrix![r])?;
     Ok([k[0], k[1]])
 }
 

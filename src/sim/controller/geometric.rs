@@ -15,7 +15,7 @@ use crate::options::{GeometricOptions, SimOptions};
 use crate::vehicle::{Mixer, State, Wrench, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Thrust below which both integrals begin anew, N: on the floor, and in a fall.
+/// Thrust below which both integrals are reset, N: on the floor, and in a fall.
 const LEAST_THRUST_N: f64 = 0.01;
 
 /// Thrust and torque from the errors of position and attitude.
@@ -107,8 +107,8 @@ impl Controller for Geometric {
         self.reset_integrals();
     }
 
-    /// The supervisor resets the modes of x and y and the heading, of which this law only reads the
-    /// heading: it goes on by the last setpoint.
+    /// The supervisor resets the modes of x and y and the heading. This law only reads the heading,
+    /// and goes on by the last setpoint.
     fn level_out(&self, estimate: &mut State, _: &mut Reference) {
         estimate[3] = 0.0;
     }

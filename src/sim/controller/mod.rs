@@ -37,8 +37,8 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Prepares for another kind of setpoint: to level out, to return from it, or to land.
     fn change_mode(&mut self, _: &State) {}
 
-    /// Turns estimate and reference into those by which the controller flies without setpoints, as
-    /// in the firmware: level, and at the height of the last setpoint.
+    /// Changes estimate and reference for a flight without setpoints, as in the firmware: level,
+    /// and at the height of the last one.
     fn level_out(&self, estimate: &mut State, reference: &mut Reference) {
         // Without errors of position and velocity in x and y the controller levels the drone.
         let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);

@@ -32,7 +32,7 @@ const TILT_MAX: f64 = 20.0;
 const SPEED_MAX: f64 = 1.0;
 /// Largest output of a loop relative to these two (`velMaxOverhead`, `rpLimitOverhead`).
 const OVERHEAD: f64 = 1.1;
-/// Bound of an integral where the firmware names none (`DEFAULT_PID_INTEGRATION_LIMIT`).
+/// Bound of an integral without one of its own (`DEFAULT_PID_INTEGRATION_LIMIT`).
 const INTEGRAL_MAX: f64 = 5000.0;
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;

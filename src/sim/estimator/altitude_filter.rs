@@ -159,7 +159,7 @@ impl AltitudeFilter {
 
     /// Propagates the estimate over a span on the floor with the motors off.
     pub fn rest(&mut self, span_s: f64) {
-        // Velocity and gust begin anew, independent of the rest. Altitude and thrust map are kept.
+        // Velocity and gust are reset, uncorrelated. Altitude and thrust map are kept.
         let Normal { mean, covariance, .. } = &mut self.normal;
         for (still, sigma) in
             [(AltitudeState::Velocity as usize, START_SIGMA[1]), (GUST, GUST_SIGMA_M_S2)]

@@ -209,7 +209,7 @@ pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3
         let k = [i % n_x, i / n_x % n_y, i / (n_x * n_y)];
         let position_m = std::array::from_fn(|axis| {
             let fraction = f64::from(k[axis]) / f64::from(CANDIDATES[axis] - 1);
-            // The lowest anchors are on stands on the floor.
+            // An anchor is at least 0.1 m above the floor.
             (low_m[axis] + fraction * (high_m[axis] - low_m[axis]))
                 .max([f64::MIN, f64::MIN, 0.1][axis])
         });

@@ -322,7 +322,7 @@ fn a_plan_through_the_floor_is_refused_and_one_from_table_to_table_flies() {
     let from_table = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.7), (2.0, 0.2, 0.7), (4.0, 0.5, 0.7)];
     let mut there = from_table.to_vec();
     there.extend([(6.0, 0.5, 0.4), (8.0, 0.5, 0.0)]);
-    // On ramps it stands on the table, and within a letter it would be drawn through it.
+    // On ramps it rests on the table, and within a letter it would be drawn through it.
     let mut ramps = plan(&there);
     let error = flown(&ramps, &options, 1).unwrap_err().to_string();
     assert!(error.starts_with("plan, setpoint 4: found a height of 0.4 m"), "{error}");

@@ -127,7 +127,7 @@ fn the_model_slows_down_as_the_simulator_does() {
     options.air.gusts = crate::vehicle::Gusts::None;
     let plain = design(&SimOptions::default(), 0.072).unwrap();
     let dragged = design(&options, 0.072).unwrap();
-    // Hovering in a wind is moving through still air: what it does in 2 ms, per wind.
+    // Hover in a wind is motion through still air: the change of the state in 2 ms, per wind.
     let (dt_s, wind_m_s) = (0.002, 0.1);
     let after = |wind: [f64; 3]| {
         let mut options = options.clone();

@@ -197,8 +197,13 @@ impl Normal {
             self.set(rows[column], rows[row], &block.transpose());
         }
 
-        // Covariances with the other states, which rest: their columns are multiplied by Φ.
-        let t = t_transposed.transpose();
+        self.carry_others(first, span_s, &[b, c, t_transposed.transpose()]);
+    }
+
+    /// Propagates the covariances of a drone's errors with the other states, which rest: their
+    /// columns are multiplied by Φ.
+    #[inline(always)]
+    fn carry_others(&mut self, first: usize, span_s: f64, [b, c, t]: &[Matrix3<f64>; 3]) {
         let (n, states) = (self.mean.len(), self.covariance.as_mut_slice());
         for other in (0..first).chain(first + ERRORS..n) {
             let column = &states[other * n + first..][..ERRORS];
@@ -257,7 +262,7 @@ mod tests {
             }
             let apart = (&normal.covariance - &p).norm() / p.norm();
             assert!(apart < 1e-13, "{apart}");
-            // What the drones and the floor have in common.
+            // A measurement that correlates the drones and the floor.
             let slope =
                 [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
             let measurement = Measurement { slope: &slope, value: 0.0, variance: 0.01 };

@@ -20,7 +20,7 @@ settings! {
             for "controller.kind" = "altitude";
         /// The firmware's cascade of PID loops.
         pid: PidOptions = PidOptions::default(), for "controller.kind" = "pid";
-        /// What the host sends while the drone writes (`--mode` of the exported script).
+        /// Setpoints that the host sends while the drone writes (`--mode` of the exported script).
         setpoints: SetpointKind = SetpointKind::Position, for "controller.kind" = "pid";
     }
 
@@ -163,11 +163,11 @@ impl ControllerOptions {
     pub(super) fn check_gain(&self, rotors_lag: bool) -> Result<()> {
         let (Some(k), kind) = (&self.lqr.k, self.kind) else { return Ok(()) };
         let n_states = if kind.integrates() { 15 } else { 12 };
-        let fits = |n| k.len() == 4 && k.iter().all(|row| row.len() == n);
-        if fits(n_states) || rotors_lag && fits(n_states + 4) {
+        let lengths: Vec<usize> = k.iter().map(Vec::len).collect();
+        if lengths == [n_states; 4] || rotors_lag && lengths == [n_states + 4; 4] {
             return Ok(());
         }
-        let n_columns = k.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
+        let n_columns = lengths.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
         let given = format!("{} rows of {n_columns} numbers", k.len());
         let more = if rotors_lag { ", or 4 more for the rotors" } else { "" };
         let wanted = format!("4 rows of {n_states} numbers for {}{more}", kind.name());

@@ -219,7 +219,7 @@ pub struct Drone<'a> {
 }
 
 impl<'a> Drone<'a> {
-    /// The drone of index 0, exactly as its controller believes it to be.
+    /// The drone of index 0, with a controller that is designed for it.
     pub fn new(options: &'a SimOptions, seed: u64) -> Self {
         Self { believed: options, actual: options, seed, room_seed: seed, index: 0 }
     }

@@ -1,4 +1,4 @@
-//! Coverage: where Lighthouse base stations see a drone, and how well they place it there.
+//! Coverage: visibility of Lighthouse base stations, and accuracy of a position by them.
 //!
 //! In: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level

@@ -27,6 +27,12 @@ struct Heard {
     times_s: [f64; 2],
 }
 
+impl Heard {
+    fn is_fresh(&self, time_s: f64) -> bool {
+        self.times_s.iter().all(|t| time_s - t <= FRESH_S)
+    }
+}
+
 impl CrossingBeams {
     pub(super) fn new(stations: &[Station]) -> Self {
         let stations = stations.iter().map(|station| Heard {
@@ -49,15 +55,15 @@ impl CrossingBeams {
         if !sweeps.iter().any(|sweep| sweep.plane == 1) {
             return None;
         }
-        let fresh = |heard: &&Heard| heard.times_s.iter().all(|t| time_s - t <= FRESH_S);
-        if self.stations.iter().filter(fresh).count() < 2 {
+        let fresh = self.stations.iter().filter(|heard| heard.is_fresh(time_s));
+        if fresh.clone().count() < 2 {
             return None;
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
             // Normal equations of the least squares distance to all rays of this sensor.
             let (mut left, mut right) = (Matrix3::zeros(), Vector3::zeros());
-            for heard in self.stations.iter().filter(fresh) {
+            for heard in fresh.clone() {
                 let [first, second] = heard.angles_rad;
                 let ray = heard.pose.ray([first[sensor], second[sensor]]);
                 let across = Matrix3::identity() - ray * ray.transpose();

@@ -71,7 +71,7 @@ impl Jet {
         let below_m = apart_m.dot(&self.along);
         let sigma_m = libm::hypot(self.size_m, SPREAD * below_m);
         let reach_m = REACH * sigma_m;
-        if below_m <= 0.0 || self.from_axis_m2(&apart_m) > reach_m * reach_m {
+        if below_m <= 0.0 || self.squared_offset_m2(&apart_m) > reach_m * reach_m {
             return Vector4::zeros();
         }
         // Along the axis the speed falls as 1/z from the virtual origin, up to the largest loss.
@@ -83,13 +83,13 @@ impl Jet {
         Vector4::from_fn(|motor, _| {
             let [left, back] = [MOTOR_SIGNS[(0, motor)], MOTOR_SIGNS[(1, motor)]];
             let rotor_m = body.world_from_body * Vector3::new(-back * arm_m, left * arm_m, 0.0);
-            let off_m2 = self.from_axis_m2(&(apart_m + rotor_m)) - 2.0 * arm_m * arm_m;
+            let off_m2 = self.squared_offset_m2(&(apart_m + rotor_m)) - 2.0 * arm_m * arm_m;
             each_n * libm::exp(-0.5 * off_m2 / (sigma_m * sigma_m))
         })
     }
 
     /// Squared distance from the jet's axis.
-    fn from_axis_m2(&self, apart_m: &Vector3<f64>) -> f64 {
+    fn squared_offset_m2(&self, apart_m: &Vector3<f64>) -> f64 {
         (apart_m - self.along * apart_m.dot(&self.along)).norm_squared()
     }
 }

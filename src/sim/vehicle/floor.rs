@@ -49,9 +49,9 @@ impl Described for FloorStep {
             extent_m.check(&place, Some([-1e4, 1e4]))?;
             let [least, most] = extent_m;
             if least >= most {
-                let ends = format!("{least} to {most} m");
+                let extent = format!("{least} to {most} m");
                 let hint = "write the smaller end first";
-                return Err(Error::input(place, ends, "an end beyond its beginning", hint));
+                return Err(Error::input(place, extent, "an end beyond its beginning", hint));
             }
         }
         Ok(())

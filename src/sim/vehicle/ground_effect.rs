@@ -32,16 +32,16 @@ impl Floor {
         // A rotor's own image, and those of its two neighbors and the opposite one.
         let radius = self.radius_m;
         let z = (height_m + self.rotor_height_m).max(radius * MIN_HEIGHT_RADII);
-        let own = radius / (z * 4.0);
+        let image = radius / (z * 4.0);
         match self.model {
             GroundEffect::None => 1.0,
-            GroundEffect::CheesemanBennett => 1.0 / (1.0 - own * own),
+            GroundEffect::CheesemanBennett => 1.0 / (1.0 - image * image),
             GroundEffect::SanchezCuevas => {
                 let (square, d_sq) = (z * 4.0 * z, self.spacing_m * self.spacing_m);
                 let (near, far) = (d_sq + square, d_sq * 2.0 + square);
                 let images = z / (near * near.sqrt()) + z / (far * far.sqrt()) * 0.5;
                 let others = radius * radius * images;
-                1.0 / (1.0 - own * own - others)
+                1.0 / (1.0 - image * image - others)
             }
         }
     }

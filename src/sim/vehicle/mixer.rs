@@ -63,7 +63,7 @@ impl Mixer {
     }
 }
 
-/// Commands of which none is below zero or above `most`, and whether any was cut.
+/// Commands from zero to `most`, and whether any was cut.
 ///
 /// If a motor would exceed `most`, all four are lowered by the excess: attitude has priority over
 /// thrust (`powerDistributionCap`). With compensation of the battery, which caps the thrust later,

@@ -71,7 +71,7 @@ settings! {
         ground_effect: GroundEffect = GroundEffect::None;
         /// Radius of a propeller, for the ground effect.
         rotor_radius_m: f64 = 0.023, in 1e-3..=1.0, unless "vehicle.ground_effect" = "none";
-        /// Height of the propellers above the floor when the drone stands on it.
+        /// Height of the propellers above the floor when the drone is on it.
         rotor_height_m: f64 = 0.03, in 0.0..=2.0, unless "vehicle.ground_effect" = "none";
         fixed {
             /// Largest motor command. The smallest is 0.

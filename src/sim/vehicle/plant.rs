@@ -13,7 +13,7 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::warning;
 
-/// What a plant is made of: the drone and its battery, the air and the floor around it.
+/// Options of a plant: the drone and its battery, the air and the floor around it.
 #[derive(Clone, Copy, Debug)]
 pub struct PlantOptions<'a> {
     /// The drone.

@@ -194,11 +194,11 @@ mod tests {
     }
 
     #[test]
-    fn loads_stand_at_the_start_the_middle_and_the_end_of_a_step() {
-        let mut whole = Rotors::new(&lagging(), 0.05, 0.02);
+    fn loads_are_at_the_start_the_middle_and_the_end_of_a_step() {
+        let mut full = Rotors::new(&lagging(), 0.05, 0.02);
         let mut halves = Rotors::new(&lagging(), 0.05, 0.01);
-        let start = whole.load(1.0);
-        let loads = whole.advance(&Vector4::repeat(0.1), 1.0);
+        let start = full.load(1.0);
+        let loads = full.advance(&Vector4::repeat(0.1), 1.0);
         halves.advance(&Vector4::repeat(0.1), 1.0);
         assert!((loads[0].thrust_n - start.thrust_n).abs() < 1e-15, "start");
         assert!((loads[1].thrust_n - halves.load(1.0).thrust_n).abs() < 1e-15, "middle");

@@ -4,7 +4,7 @@
 //! its YAML library. World and station frames are those of this program.
 //!
 //! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) have no
-//! effect, of which a warning informs: the firmware undoes them before it uses an angle
+//! effect, and a warning says so. The firmware undoes them before it uses an angle
 //! (`lighthouse_calibration.c`), and angles here are those after that. Their tilt of up to 0.05 rad
 //! would change the slant of second-generation planes by a tenth of the height's noise.
 
