@@ -21,7 +21,7 @@ use crate::control::{
     Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, poles,
     unobservable_states, with_input_lag, with_states,
 };
-use crate::vehicle::{Mixer, State, Vehicle, VehicleOptions, Wrench};
+use crate::vehicle::{Mixer, State, VehicleOptions, Wrench};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Result, within};
@@ -151,10 +151,10 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
     within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
     // The model at hover. Gains are designed without drag, and judged with it.
-    let vehicle = Vehicle::new(&options.vehicle);
+    let vehicle = &options.vehicle;
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
-    let dragged_a = a + drag(&options.vehicle);
+    let dragged_a = a + drag(vehicle);
 
     // Poles and margins of the loop without lag and with it, and the longest lag by bisection.
     let (feedback, states) = match options.controller.kind.law() {
@@ -191,7 +191,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
     let controllability_rank =
         observability_rank(&dynamic(&dragged_a.transpose()), &dynamic(&per_size.transpose()));
-    let largest_inputs = largest_inputs(&options.vehicle, &vehicle);
+    let largest_inputs = largest_inputs(vehicle);
     Ok(Design {
         a: dynamic(&dragged_a),
         b: dynamic(&b),
@@ -247,10 +247,10 @@ fn loops(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> L
 }
 
 /// Largest deviation of each input by itself from hover until the first motor is at its limit.
-fn largest_inputs(options: &VehicleOptions, vehicle: &Vehicle) -> [f64; 4] {
-    let mixer = Mixer::new(options);
+fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
+    let mixer = Mixer::new(vehicle);
     let hover = mixer.motors(&vehicle.hover()).0;
-    let room = hover.map(|motor| motor.min(options.motor_max - motor));
+    let room = hover.map(|motor| motor.min(vehicle.motor_max - motor));
     std::array::from_fn(|input| {
         let mut unit = Wrench::zeros();
         unit[input] = 1.0;

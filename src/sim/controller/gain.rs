@@ -90,10 +90,10 @@ mod tests {
     use super::*;
     use crate::control::linearize;
     use crate::options::ControllerKind;
-    use crate::vehicle::{State, Vehicle};
+    use crate::vehicle::State;
 
     fn gain(options: &SimOptions) -> Gain {
-        let vehicle = Vehicle::new(&options.vehicle);
+        let vehicle = &options.vehicle;
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
         Gain::new(options, &with_integrals(options, &a, &b)).unwrap()
     }

@@ -84,7 +84,6 @@ mod tests {
     use super::*;
     use crate::gain_design::design;
     use crate::options::{ControllerKind, Law, PidOptions};
-    use crate::vehicle::Vehicle;
     use noctograph_core::crazyflie::GRAVITY_M_S2;
 
     #[test]
@@ -132,7 +131,7 @@ mod tests {
     /// reach one input `late_ticks` later.
     fn comes_to_rest(options: &SimOptions, input: usize, late_ticks: usize) -> bool {
         let options = options.rehearsal();
-        let (vehicle, mixer) = (Vehicle::new(&options.vehicle), Mixer::new(&options.vehicle));
+        let (vehicle, mixer) = (&options.vehicle, Mixer::new(&options.vehicle));
         let mut controller = controller(&options).unwrap();
         let at_rest = Reference::holding(Vector3::zeros());
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());

@@ -7,7 +7,7 @@ use super::gain::{Gain, modeled_lag_s, with_integrals};
 use super::{Command, Controller, Reference};
 use crate::control::linearize;
 use crate::options::SimOptions;
-use crate::vehicle::{Mixer, State, Vehicle, Wrench, at_rest, position};
+use crate::vehicle::{Mixer, State, Wrench, at_rest, position};
 use noctograph_core::error::Result;
 
 /// Bound of the integral of the position error, m s per axis. The reference flight's center of mass
@@ -45,7 +45,7 @@ impl Lqr {
     /// The regulator of the options, from the model at hover with the center of mass in the middle.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         // Linearize at hover, augment by integrals, and take the gain apart into its columns.
-        let vehicle = Vehicle::new(&options.vehicle);
+        let vehicle = &options.vehicle;
         let hover = vehicle.hover();
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
         let kind = options.controller.kind;

@@ -194,7 +194,7 @@ impl PidCascade {
             let wanted = self.position[i].update(setpoint_m[i] - position_m[i], position_m[i]);
             out[i] = self.velocity[i].update(wanted - velocity_m_s[i], velocity_m_s[i]);
         }
-        // Forward is a nose down, and left a roll to the left.
+        // Forward is a positive pitch, nose down, and left is a negative roll.
         let [ahead, left, up] = out;
         self.wanted = [-left, ahead].map(|angle| angle.clamp(-TILT_MAX, TILT_MAX));
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
@@ -206,7 +206,7 @@ impl PidCascade {
         let rates = rate(estimate).map(f64::to_degrees);
         let wanted = [self.wanted[0], self.wanted[1], 0.0];
         std::array::from_fn(|i| {
-            // An error of the yaw is within half a turn.
+            // The shorter turn, which only matters for the yaw.
             let error = wanted[i] - angles[i];
             let error = error - 360.0 * (error / 360.0).round();
             let wanted_rate = self.attitude[i].update(error, angles[i]);

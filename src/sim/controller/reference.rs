@@ -72,7 +72,7 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::{Vehicle, VehicleOptions, Wrench, attitude, velocity};
+    use crate::vehicle::{VehicleOptions, Wrench, attitude, velocity};
 
     #[test]
     fn the_trim_moves_and_accelerates_as_the_reference_does() {
@@ -88,7 +88,7 @@ mod tests {
         assert_eq!(reference.held_m, setpoint.position_m);
         let options = VehicleOptions::default();
         let wrench = Wrench::new(0.0, 0.0, 0.0, thrust * options.mass_kg);
-        let slope = Vehicle::new(&options).derivative(&state, &wrench);
+        let slope = options.derivative(&state, &wrench);
         let [now, ahead] =
             [state, state + slope * 1e-6].map(|s| attitude(&s).world_from_body() * velocity(&s));
         let wanted = Vector3::new(0.5, -0.3, 0.15);

@@ -93,7 +93,7 @@ impl Deck {
         if self.rotations_hz == 0.0 {
             return true;
         }
-        // As many are dropped as came beyond the limit in the last interval.
+        // The fraction beyond the limit in the last interval is dropped, by chance.
         self.counted += 1.0;
         let span_s = time_s - self.evaluated_s;
         if span_s > EVALUATION_S {

@@ -221,7 +221,7 @@ mod tests {
     use nalgebra::Rotation3;
 
     use super::*;
-    use crate::vehicle::model::{Vehicle, Wrench};
+    use crate::vehicle::model::Wrench;
     use crate::vehicle::{attitude, rate, velocity};
 
     impl RigidBody {
@@ -306,7 +306,7 @@ mod tests {
             Load { thrust_n: 0.36, torque_n_m: Vector3::new(1e-6, -2e-6, 1e-6), ..Load::default() };
         let (body, dt_s, n) = (tumbling(), 2.5e-4, 4000);
         let wrench = Wrench::new(1e-6, -2e-6, 1e-6, 0.36);
-        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let vehicle = VehicleOptions::default();
         let mut state = body.state();
         for _ in 0..n {
             state = vehicle.step(&state, &wrench, dt_s);

@@ -30,7 +30,7 @@ pub use self::floor::{FloorOptions, FloorStep};
 pub use self::gusts::TORQUE_TIME_S;
 pub use self::mixer::Mixer;
 pub use self::model::{Motion, at_rest, attitude, position, rate, velocity};
-pub(crate) use self::model::{State, Vehicle, Wrench, motion_derivative, state};
+pub(crate) use self::model::{State, Wrench, motion_derivative, state};
 pub use self::options::{
     AirOptions, BatteryOptions, Compensation, Downwash, GroundEffect, GustOptions, Gusts,
     VehicleOptions,

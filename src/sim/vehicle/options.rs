@@ -160,7 +160,7 @@ settings! {
 
     /// A model of the stream of air below a drone.
     pub enum Downwash {
-        /// None: drones have no effect on each other.
+        /// No effect of drones on each other.
         "none" => None,
         /// A round jet that slows down and spreads. On its axis a Crazyflie loses 7.6 g of thrust
         /// at 0.3 m, 4.2 g at 0.5 m and 2 g at 1 m.

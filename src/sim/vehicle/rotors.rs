@@ -123,7 +123,7 @@ impl Rotors {
         let scale = self.thrust_n_s2 * ground;
         let [roll, pitch, yaw, thrust_n] =
             (MOTOR_SIGNS * speed.map(|speed| scale * speed * speed)).into();
-        // A rotor that turns faster turns the body the other way.
+        // The yaw signs are those of the torque on the body, against which the rotors turn.
         let (spin, spin_up) = (-(MOTOR_SIGNS * speed).z, -(MOTOR_SIGNS * change).z);
         let [about_x, about_y] = self.tilting_n_m(roll, pitch, thrust_n);
         let about_z = self.torque_per_thrust_m * yaw - self.inertia_kg_m2 * spin_up;
