@@ -124,7 +124,7 @@ impl SceneFlags {
         if let Some(path) = &self.lighthouse {
             let config = read_lighthouse_config(path)?;
             warn_of(path, &config.warnings);
-            scene.sensors.lighthouse.stations = config.stations;
+            scene.sensors.lighthouse.stations = config.product;
         }
         scene.check()?;
         scene.settle_files()?;

@@ -35,7 +35,7 @@ pub fn doubts(flight: &Flight) -> Vec<String> {
         Err(error) => Some(error.to_string()),
     };
     let axes = frames::doubt(&Recording { blocks: vec![block], ..Recording::default() });
-    let rests = (axes.is_none() && rests_on_floor(samples)).then(|| {
+    let rests = (axes.is_none() && rests_on_floor(samples, 0.0)).then(|| {
         let highest_m = samples.iter().map(|it| it.position_m.z).fold(0.0, f64::max);
         format!("the drone never left the floor: its height reaches {highest_m:.2} m")
     });

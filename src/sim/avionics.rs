@@ -6,12 +6,14 @@ use super::controller::{Command, Controller, Reference, controller};
 use super::estimator::{AltitudeFilter, Estimator, Outside, Update, estimator};
 use super::options::{ControllerKind, Drone, EstimatorKind, SetpointKind, Setpoints};
 use super::radio::Link;
-use super::recorder::Snapshot;
+use super::recorder::Recorder;
 use crate::sensors::{Fleet, Message, Readings, Sensors};
-use crate::vehicle::{Plant, RigidBody, State};
+use crate::vehicle::{Plant, RigidBody, State, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::{LEVEL_OUT_S, MOTORS_STOP_S};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::FlightSample;
+use noctograph_core::flight::table::on_grid;
 use noctograph_core::flight::warning::{self, BATTERY};
 use noctograph_core::geometry::turned;
 use noctograph_core::plan::Plan;
@@ -35,7 +37,7 @@ pub struct Avionics {
     /// Heading that is held, from world x toward y.
     yaw_rad: f64,
     estimate: State,
-    /// Whether `estimate` is of the present tick.
+    /// True if `estimate` is of the present tick.
     fresh: bool,
     /// Held between two runs of the controller.
     command: Command,
@@ -45,19 +47,18 @@ pub struct Avionics {
     setpoint: usize,
     heard: usize,
     link: Option<Link>,
-    /// Whether setpoints come over the link.
+    /// True if setpoints come over the link.
     streamed: bool,
     /// When the motors stopped for good, because the host was silent.
     stopped_s: Option<f64>,
-    /// First setpoint of the firmware's own landing, where the setpoints before it are of another
-    /// kind.
+    /// First setpoint of the firmware's landing, if those before it are of another kind.
     lands_from: Option<usize>,
     kind: Kind,
     short_steps: u32,
     /// Ticks with a motor at its limit, and those of them during which a letter was written.
     saturated_ticks: u32,
     saturated_writing_ticks: u32,
-    /// Whether the filter logs its covariance, as a fleet's always does.
+    /// True if the filter logs its covariance, as a fleet's always does.
     logs_covariance: bool,
 }
 
@@ -82,19 +83,19 @@ const COMMANDER_S: f64 = 0.01;
 const LANDS_AFTER_S: f64 = 0.5;
 
 impl Avionics {
-    /// The onboard system of a drone that starts at rest, where the fleet says, with a plan.
+    /// The onboard system of a drone at rest at its starting position in the fleet.
     pub(super) fn new(drone: &Drone<'_>, fleet: &Fleet, plan: &Plan) -> Result<Self> {
         let yaw_rad = plan.yaw_rad;
         let Drone { believed, actual, seed, room_seed, .. } = *drone;
         let rate_hz = actual.rates.control_hz;
         let seeds = [seed, room_seed];
+        // Sensors are the true ones. Estimator and controller are designed for the believed drone.
+        // The estimate starts with the sensors' steady error, as after a wait on the floor.
         let sensors = Sensors::new(&actual.sensors, &actual.floor, rate_hz, seeds, fleet);
         let settled_m = sensors.settled_m(fleet.members[fleet.place].start_m);
-        let mut estimator = estimator(believed, settled_m, fleet, seed)?;
-        estimator.set_yaw(yaw_rad);
         Ok(Self {
             controller: controller(believed)?,
-            estimator,
+            estimator: estimator(believed, settled_m, yaw_rad, fleet, seed)?,
             yaw_rad,
             sensors,
             motor_max: believed.vehicle.motor_max,
@@ -123,12 +124,12 @@ impl Avionics {
     }
 
     /// Logs the standard deviation of the estimated position and its normalized squared error
-    /// (`estimate_sigma_m`, `estimate_nees`), where the drone's filter has a covariance.
+    /// (`estimate_sigma_m`, `estimate_nees`), if the drone's filter has a covariance.
     pub fn log_covariance(&mut self) {
         self.logs_covariance = true;
     }
 
-    /// Replaces the estimator by one outside the program, made of the state at rest.
+    /// Replaces the estimator by one outside the program, made from the state at rest.
     pub fn estimate_by(&mut self, make: impl FnOnce([f64; 12]) -> Update) {
         let state = self.estimator.state();
         self.estimator = Box::new(Outside { update: make(state.into()), state });
@@ -136,7 +137,7 @@ impl Avionics {
     }
 
     /// Begins a tick: reads the sensors and updates the estimate. `fleet_m` are the true positions
-    /// of the fleet, between which ranges are measured. Whether the motors are to be commanded.
+    /// of the fleet, between which ranges are measured. True if the motors are to be commanded.
     pub(super) fn sense(
         &mut self,
         plan: &Plan,
@@ -147,26 +148,29 @@ impl Avionics {
         let short = plant.short_steps() > self.short_steps;
         self.short_steps = plant.short_steps();
         self.saturated_ticks += u32::from(self.command.saturated || short);
+        // The setpoint that is due, and the one that the radio has brought.
         let further = plan.setpoints.iter().skip(self.setpoint + 1);
         self.setpoint += further.take_while(|s| s.time_s <= time_s + TIME_TOLERANCE_S).count();
         self.heard = match &mut self.link {
             None => self.setpoint,
             Some(link) => link.hear(time_s, self.setpoint),
         };
-        let setpoint = &plan.setpoints[self.flown()];
 
+        // Sensors and estimator run at every tick, also while the motors are off.
         let body = plant.body();
         let throttle = self.command.motors.mean() / self.motor_max;
         let readings = self.sensors.read(&body, plant.specific_force_m_s2(), fleet_m);
         self.estimator.update(&Readings { throttle, ..readings }, self.tick_s);
         self.fresh = false;
 
-        let place_m = &setpoint.position_m;
-        let stands = place_m.z <= plant.floor_m(place_m.x, place_m.y);
-        if !stands && self.silent_s(time_s) > MOTORS_STOP_S {
+        // A setpoint at or below the floor switches the motors off. A host that was silent for too
+        // long does so for good.
+        let target_m = &plan.setpoints[self.flown()].position_m;
+        let is_grounded = target_m.z <= plant.floor_m(target_m.x, target_m.y);
+        if !is_grounded && self.silent_s(time_s) > MOTORS_STOP_S {
             self.stopped_s.get_or_insert(time_s);
         }
-        if stands || self.stopped_s.is_some() {
+        if is_grounded || self.stopped_s.is_some() {
             if let Some(filter) = self.estimator.fleet_filter() {
                 filter.rest();
             }
@@ -186,11 +190,13 @@ impl Avionics {
     pub(super) fn control(&mut self, plan: &Plan, time_s: f64) {
         let flown = self.flown();
         let setpoint = &plan.setpoints[flown];
-        let told_s = self.told_s(plan, time_s);
-        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(flown), told_s);
+        let reference_s = self.reference_time_s(plan, time_s);
+        let mut reference = Reference::from_setpoint(setpoint, plan.sent_m(flown), reference_s);
         reference.jerk_m_s3 = plan.jerk_m_s3(flown);
+        // Controllers are designed for a drone that looks along world x.
         let mut reference = reference.turned(-self.yaw_rad);
         let mut estimate = ahead(&self.estimate, self.yaw_rad);
+        // A change of the kind of setpoint resets the controller before it flies the first one.
         let kind = match self.silent_s(time_s) > LEVEL_OUT_S {
             true => Kind::Level,
             false if self.lands_from.is_some_and(|row| flown >= row) => Kind::Landing,
@@ -208,7 +214,7 @@ impl Avionics {
         self.command = self.controller.command(&estimate, &reference);
     }
 
-    /// Commands the motors m1…m4, clamped to their range; NaN stops a motor.
+    /// Commands the motors m1…m4, clamped to their range. NaN stops a motor.
     pub(super) fn command(&mut self, wanted: [f64; 4]) {
         let motors = wanted.map(|motor| motor.max(0.0).min(self.motor_max));
         self.command = Command { motors: motors.into(), saturated: motors != wanted };
@@ -219,13 +225,11 @@ impl Avionics {
         if self.streamed { self.heard } else { self.setpoint }
     }
 
-    /// Up to when the drone follows the motion of its setpoint. The firmware's geometric controller
-    /// holds what it was told last: by the script, which sends a setpoint that lasts for long again
-    /// as it moves on, or by the commander on board.
-    fn told_s(&self, plan: &Plan, time_s: f64) -> f64 {
+    /// Time at which the reference on the motion of the setpoint is taken.
+    fn reference_time_s(&self, plan: &Plan, time_s: f64) -> f64 {
         let holds = self.kinds.0 == ControllerKind::Geometric;
         let from_s = plan.setpoints[self.flown()].time_s;
-        // A late setpoint says where to go from when it is heard on, until the next one is due.
+        // A late setpoint moves on from when it was heard, until the next one is due.
         let now_s = match self.link.as_ref().filter(|_| self.streamed) {
             None => time_s,
             Some(link) => {
@@ -238,21 +242,19 @@ impl Avionics {
         if !holds {
             return now_s;
         }
+        // The firmware's geometric controller holds the last state: that of the script, which sends
+        // a long setpoint again as it moves on, or that of the commander on board.
         let step_s = if self.streamed { RESEND_S } else { COMMANDER_S };
         from_s + ((now_s - from_s + TIME_TOLERANCE_S) / step_s).floor() * step_s
     }
 
-    /// Time since a setpoint was heard; 0 for a trajectory on board.
+    /// Time since a setpoint was heard. It is 0 for a trajectory on board.
     fn silent_s(&self, time_s: f64) -> f64 {
         let streamed = self.link.as_ref().filter(|_| self.streamed);
         streamed.map_or(0.0, |link| link.silent_s(time_s))
     }
 
-    /// Ends a tick.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] for a flight that the controller has lost.
+    /// Ends a tick, with an error for a drone that the controller has lost.
     pub(super) fn conclude(&mut self, plan: &Plan, time_s: f64, plant: &Plant) -> Result<()> {
         self.ticks += 1;
         let writes = plan.setpoints[self.setpoint].letter.is_some();
@@ -271,18 +273,16 @@ impl Avionics {
         ))
     }
 
-    /// The estimated state.
     pub(super) fn estimate(&self) -> &State {
         &self.estimate
     }
 
-    /// The design at this instant, without what is added for the drone's own controller.
+    /// The reference at this instant, without the offset for the drone's own controller.
     pub(super) fn design(&self, plan: &Plan, time_s: f64) -> Reference {
         let setpoint = &plan.setpoints[self.setpoint];
         Reference::from_setpoint(setpoint, setpoint.position_m, time_s)
     }
 
-    /// A message to the fleet.
     pub(super) fn message(&mut self) -> Option<Message> {
         self.estimator.fleet_filter()?.message()
     }
@@ -300,7 +300,7 @@ impl Avionics {
         self.command.motors.into()
     }
 
-    /// The altitude filter, where the estimator has one.
+    /// The altitude filter, if the estimator has one.
     pub fn altitude(&self) -> Option<&AltitudeFilter> {
         self.estimator.altitude()
     }
@@ -310,20 +310,35 @@ impl Avionics {
         &self.sensors
     }
 
-    /// The log entry of this tick.
-    pub(super) fn snapshot(&mut self, time_s: f64, plant: &Plant) -> Snapshot {
+    /// Logs this tick. Every figure is rounded to 1e-6 (µm, µrad, µs), so that a file with six
+    /// decimals gives back exactly the flight that was written.
+    pub(super) fn log(&mut self, recorder: &mut Recorder, plan: &Plan, time_s: f64, plant: &Plant) {
         self.refresh_estimate();
-        Snapshot {
-            time_s,
-            state: plant.body().state(),
-            estimate: self.estimate,
-            motors: self.motors(),
-            setpoint: self.setpoint,
-            heard: self.heard,
-            saturated_s: f64::from(self.saturated_ticks) * self.tick_s,
-            battery: plant.battery(),
-            covariance_m2: self.estimator.covariance_m2().filter(|_| self.logs_covariance),
-        }
+        let (setpoint, body) = (&plan.setpoints[self.setpoint], plant.body());
+        let (state, estimate_m) = (body.state().map(on_grid), position(&self.estimate));
+        let sample = FlightSample {
+            time_s: on_grid(time_s),
+            position_m: position(&state),
+            attitude: attitude(&state),
+            velocity_body_m_s: velocity(&state),
+            rate_body_rad_s: rate(&state),
+            estimate_m: estimate_m.map(on_grid),
+            design_m: setpoint.design_m(time_s).map(on_grid),
+            motors: self.motors().map(on_grid),
+            letter: setpoint.letter,
+        };
+        // NEES over three axes: eᵀ P⁻¹ e / 3, which is 1 on average for a consistent filter.
+        let covariance_m2 = self.estimator.covariance_m2().filter(|_| self.logs_covariance);
+        let error_m = estimate_m - body.position_m;
+        let nees = covariance_m2.map(|covariance_m2| {
+            error_m.dot(&(covariance_m2.try_inverse().unwrap_or_default() * error_m)) / 3.0
+        });
+        let (volts, joules) = plant.battery().unzip();
+        let saturated_s = f64::from(self.saturated_ticks) * self.tick_s;
+        let sigma_m = covariance_m2.map(|covariance_m2| covariance_m2.trace().sqrt());
+        // Light commands come over the radio, also for a trajectory on board.
+        let lights = plan.lights.values().map(|levels| levels[self.heard]);
+        recorder.record(sample, lights, [Some(saturated_s), volts, joules, sigma_m, nees]);
     }
 
     /// Updates the estimated angles, which takes as long as a step of the physics, only at ticks at
@@ -371,38 +386,33 @@ pub(super) fn ahead(state: &State, yaw_rad: f64) -> State {
 
 /// Keys of the gains and weights of the controller and the estimator that fly.
 fn tuned_by((controller, estimator): (ControllerKind, Option<EstimatorKind>)) -> String {
+    use EstimatorKind::{Altitude, Cooperative, Ekf, EkfImproved, Luenberger, Truth};
     let estimator = match estimator {
         None => ", and your estimator's units and signs,",
-        Some(estimator) => estimator_keys(estimator),
+        Some(Luenberger) => " and observer.luenberger",
+        Some(Ekf | EkfImproved | Cooperative) => " and observer.ekf",
+        Some(Altitude) => " and observer.altitude",
+        Some(Truth) => "",
     };
     format!("{}{estimator}", controller.keys())
-}
-
-fn estimator_keys(estimator: EstimatorKind) -> &'static str {
-    match estimator {
-        EstimatorKind::Luenberger => " and observer.luenberger",
-        EstimatorKind::Ekf | EstimatorKind::EkfImproved | EstimatorKind::Cooperative => {
-            " and observer.ekf"
-        }
-        EstimatorKind::Altitude => " and observer.altitude",
-        EstimatorKind::Truth => "",
-    }
 }
 
 /// Advice for a drone that is lost with an empty battery.
 const EMPTY: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
                                 hovering; or a larger vehicle.battery";
 
-/// How a drone, or the belief of its estimator, is lost.
+/// How the controller has lost a drone, by its true or its estimated state.
 fn lost(body: &RigidBody, estimate: &State) -> Option<&'static str> {
-    let RigidBody { position_m, velocity_m_s, rate_rad_s, .. } = body;
     // Without a branch per value, which a processor would have to predict.
-    let near = |values: &[f64]| values.iter().fold(true, |near, x| near & (x.abs() < LOST));
-    let near = near(position_m.as_slice())
-        & near(velocity_m_s.as_slice())
-        & near(rate_rad_s.as_slice())
-        & near(estimate.as_slice());
-    if !near {
+    fn is_near(values: &[f64]) -> bool {
+        values.iter().fold(true, |is_near, x| is_near & (x.abs() < LOST))
+    }
+    let RigidBody { position_m, velocity_m_s, rate_rad_s, .. } = body;
+    let is_near = is_near(position_m.as_slice())
+        & is_near(velocity_m_s.as_slice())
+        & is_near(rate_rad_s.as_slice())
+        & is_near(estimate.as_slice());
+    if !is_near {
         Some("flies away")
     } else if body.is_on_its_back() {
         Some("turns over")

@@ -6,7 +6,7 @@ use super::avionics::{Avionics, LOST, TIME_TOLERANCE_S};
 use super::options::Drone;
 use super::recorder::Recorder;
 use crate::sensors::{Air, Fleet, Member};
-use crate::vehicle::{Downwash, FloorOptions, Plant, Wake};
+use crate::vehicle::{Downwash, FloorOptions, Jet, Plant};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S};
 use noctograph_core::flight::{DroneIndex, Flight};
@@ -23,9 +23,9 @@ const TICKS_PER_REPORT: u32 = 250;
 ///
 /// # Errors
 ///
-/// Those of [`SimOptions::check`](crate::SimOptions::check); [`Error::Input`] for a plan
-/// without setpoints or with values that no drone can reach; [`Error::Infeasible`] for one longer
-/// than an hour, for weights without a gain, and for a drone that turns over or flies away.
+/// Those of [`SimOptions::check`](crate::SimOptions::check). [`Error::Input`] for a plan without
+/// setpoints or with values that no drone can reach. [`Error::Infeasible`] for one longer than an
+/// hour, for weights without a gain, and for a drone that turns over or flies away.
 ///
 /// # Panics
 ///
@@ -35,15 +35,14 @@ pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Res
     Ok(fly_fleet(&[(plan, *drone)], progress)?.remove(0))
 }
 
-/// Flies several plans in step: the drones blow upon those below them (`air.downwash`), measure the
-/// distances between each other and tell each other what they measured, where their sensors and
-/// estimators are set to. A drone alone flies as by [`fly`]. A drone that has landed goes on
-/// ranging until the last one has.
+/// Flies several plans in step. The drones blow upon those below them (`air.downwash`). If their
+/// sensors and estimators are set to, they measure the distances between each other and exchange
+/// their measurements. A drone that has landed goes on ranging until the last one has.
 ///
 /// # Errors
 ///
-/// As [`fly`], with the number of the drone; [`Error::Input`] for a drone that the list of heard
-/// anchors leaves out.
+/// As [`fly`], with the number of the drone. [`Error::Input`] for a drone without a list of heard
+/// anchors.
 ///
 /// # Panics
 ///
@@ -55,8 +54,7 @@ pub fn fly_fleet(
     fly_watched(fleet, &mut |_, _, _| {}, progress)
 }
 
-/// As [`fly_fleet`], with `watch` called for every drone at every tick, after its motors were
-/// commanded.
+/// As [`fly_fleet`], with `watch` called for every drone after the commands of every tick.
 pub fn fly_watched(
     fleet: &[(&Plan, Drone<'_>)],
     watch: &mut dyn FnMut(u32, &Plant, &Avionics),
@@ -67,38 +65,34 @@ pub fn fly_watched(
     let indices: Vec<u64> = fleet.iter().map(|(_, drone)| drone.index).collect();
     let mut air = Air::new(&first.actual.sensors.peers, first.seed, &indices);
     let n_ticks = rigs.iter().map(|rig| rig.n_ticks).max().unwrap_or(0);
-    let mut fleet_m = Vec::with_capacity(rigs.len());
-    let alone = rigs.len() == 1;
-    let blows = !alone && first.actual.air.downwash == Downwash::Jet;
-    let mut wakes: Vec<Wake> = Vec::with_capacity(rigs.len());
+    let is_fleet = rigs.len() > 1;
+    let blows = is_fleet && first.actual.air.downwash == Downwash::Jet;
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(first.actual.rates.control_hz);
-        if !alone {
-            fleet_m.clear();
-            fleet_m.extend(rigs.iter().map(|rig| rig.plant.body().position_m));
-            while let Some((to, message)) = air.arrived(time_s) {
-                rigs[to].avionics.receive(&message);
-            }
-        }
-        if blows {
-            wakes.clear();
-            wakes.extend(rigs.iter().map(|rig| rig.plant.wake()));
+        // Positions, downwash and messages of one instant are gathered before any drone moves, so
+        // that the order of the drones has no effect.
+        let in_fleet = rigs.iter().filter(|_| is_fleet);
+        let fleet_m: Vec<_> = in_fleet.map(|rig| rig.plant.body().position_m).collect();
+        let jets: Vec<Jet> = rigs.iter().filter(|_| blows).map(|rig| rig.plant.jet()).collect();
+        while let Some((to, message)) = air.arrived(time_s) {
+            rigs[to].avionics.receive(&message);
         }
         for (place, rig) in rigs.iter_mut().enumerate() {
             if blows {
-                rig.plant.enter(wakes[..place].iter().chain(&wakes[place + 1..]));
+                rig.plant.enter(jets[..place].iter().chain(&jets[place + 1..]));
             }
             let plan = fleet[place].0;
             if rig.avionics.sense(plan, time_s, &rig.plant, &fleet_m) {
                 rig.avionics.control(plan, time_s);
             }
             let concluded = rig.conclude(plan, tick, time_s, watch);
-            concluded.map_err(|error| match alone {
-                true => error,
-                false => error.of_drone(DroneIndex(place)),
+            concluded.map_err(|error| match is_fleet {
+                true => error.of_drone(DroneIndex(place)),
+                false => error,
             })?;
         }
-        if !alone && air.is_due(time_s) {
+        // Messages hold the measurements up to this tick, and arrive in a later one.
+        if is_fleet && air.is_due(time_s) {
             let messages = rigs.iter_mut().filter_map(|rig| rig.avionics.message());
             messages.for_each(|message| air.send(&message));
         }
@@ -130,7 +124,6 @@ pub(super) fn rigs(fleet: &[(&Plan, Drone<'_>)]) -> Result<Vec<Rig>> {
     rigs.collect()
 }
 
-/// A drone in flight.
 #[derive(Debug)]
 pub(super) struct Rig {
     pub(super) plant: Plant,
@@ -173,7 +166,7 @@ impl Rig {
         self.avionics.conclude(plan, time_s, &self.plant)?;
         watch(tick, &self.plant, &self.avionics);
         if tick.is_multiple_of(self.ticks_per_sample) && tick <= self.n_ticks {
-            self.recorder.record(plan, &self.avionics.snapshot(time_s, &self.plant));
+            self.avionics.log(&mut self.recorder, plan, time_s, &self.plant);
         }
         let motors = self.avionics.motors();
         for _ in 0..self.steps_per_tick {
@@ -187,14 +180,13 @@ impl Rig {
     }
 }
 
-/// Where a drone truly starts.
+/// True position at the start.
 fn start_m(plan: &Plan, floor: &FloorOptions) -> Vector3<f64> {
     let first_m = plan.setpoints[0].position_m;
     Vector3::new(first_m.x, first_m.y, first_m.z.max(floor.height_m(first_m.x, first_m.y)))
 }
 
-/// Checks that the plan has setpoints, only positions and motions within a drone's reach, and a way
-/// above the floor.
+/// Checks that the plan has setpoints, motions within a drone's reach, and a path above the floor.
 fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     let hint = "plan the word again, or correct the file that the plan was read from";
     if plan.setpoints.is_empty() {
@@ -212,23 +204,24 @@ fn check_plan(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     check_above(plan, floor)
 }
 
-/// Checks that the plan stays above the steps of the floor from its first setpoint above them, or
-/// of a letter, to its last. Before and after, where a ramp begins and ends that rises above the
-/// step, the drone stands on the step.
+/// Checks that the plan stays above the steps of the floor while the drone is in the air.
 fn check_above(plan: &Plan, floor: &FloorOptions) -> Result<()> {
-    let places_m = plan.setpoints.iter().map(|s| s.position_m);
-    // Height of each setpoint, and of the floor there.
-    let heights_m: Vec<[f64; 2]> = places_m.map(|m| [m.z, floor.height_m(m.x, m.y)]).collect();
-    let flies = |row: &usize| {
+    // Height of each setpoint, and of the floor below it.
+    let positions_m = plan.setpoints.iter().map(|s| s.position_m);
+    let heights_m: Vec<[f64; 2]> = positions_m.map(|m| [m.z, floor.height_m(m.x, m.y)]).collect();
+    // The drone is in the air from the first setpoint above the floor, or of a letter, to the last.
+    let mut in_air = (0..heights_m.len()).filter(|row| {
         let [z, floor] = heights_m[*row];
         z > floor || plan.setpoints[*row].letter.is_some()
-    };
-    let first = (0..heights_m.len()).find(flies).unwrap_or(0);
-    let last = (0..heights_m.len()).rfind(flies).unwrap_or(heights_m.len() - 1);
+    });
+    let first = in_air.clone().next().unwrap_or(0);
+    let last = in_air.next_back().unwrap_or(heights_m.len() - 1);
+    // Before and after, a ramp may begin and end within a step if it rises above the step: the
+    // drone then rests on it with its motors off.
     let mut numbered = heights_m.iter().enumerate();
-    let refused = numbered.find(|(i, [z, floor])| {
+    let refused = numbered.find(|(row, [z, floor])| {
         let mut ramp = heights_m.iter().filter(|[_, other]| other == floor);
-        *z > 0.0 && z <= floor && ((first..=last).contains(i) || !ramp.any(|[z, _]| z > floor))
+        *z > 0.0 && z <= floor && ((first..=last).contains(row) || !ramp.any(|[z, _]| z > floor))
     });
     let Some((i, [height_m, floor_m])) = refused else { return Ok(()) };
     Err(input_error!(

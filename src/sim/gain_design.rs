@@ -6,10 +6,10 @@
 //! controller have no such gain: their own code is linearized at hover, and poles and margins are
 //! those of its loops.
 //!
-//! Sources: the reference flight's design (AE483, 2022); Bryson, Ho, "Applied Optimal Control"
-//! (1975), for the weights. The gain is designed without the drone's drag; the model that is
-//! printed, its poles and margins have it. Not modeled: the observer's own part in the margins,
-//! the time between two ticks.
+//! Sources: the reference flight's design (AE483, 2022), and Bryson, Ho, "Applied Optimal Control"
+//! (1975), for the weights. The gain is designed without the drone's drag. The printed model, its
+//! poles and margins include it. Not modeled: the observer's part in the margins, and the time
+//! between two ticks.
 
 use nalgebra::{Complex, DMatrix, Matrix4, SMatrix};
 use serde::{Serialize, Serializer};
@@ -19,10 +19,11 @@ use super::estimator::{hover_model, observer_gain, without_yaw};
 use super::options::{ControllerKind, Law, SimOptions};
 use crate::control::{
     Margins, dynamic, is_hurwitz, linearize_finely, margins, observability_rank, poles,
-    unobservable_states, with_input_lag,
+    unobservable_states, with_input_lag, with_states,
 };
-use crate::vehicle::{Mixer, State, Vehicle, VehicleOptions, Wrench};
+use crate::vehicle::{Mixer, State, VehicleOptions, Wrench};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Result, within};
 
 /// Lag of a Crazyflie's motors, for a vehicle without one: Eschmann, Albani, Loianno, "Data-driven
@@ -31,16 +32,15 @@ use noctograph_core::error::{Result, within};
 pub const MOTOR_LAG_S: f64 = 0.072;
 /// Longest lag that is searched.
 const MAX_LAG_S: f64 = 1.0;
-/// Halvings of the span in which the longest lag lies: to a microsecond.
+/// Bisections of the longest lag: to a microsecond.
 const HALVINGS: u32 = 20;
 
-/// States in the order of the columns of `K`; the first nine but the yaw are the rows of `L`.
+/// States in the order of the columns of `K`. The first nine without the yaw are the rows of `L`.
 pub const STATES: [&str; 15] = [
     "o_x", "o_y", "o_z", "psi", "theta", "phi", "v_x", "v_y", "v_z", "w_x", "w_y", "w_z",
     "int o_x", "int o_y", "int o_z",
 ];
-/// Further columns of `K` where the gain is designed for lagging rotors: the modeled rotors'
-/// output.
+/// Further columns of `K` if the gain is designed for lagging rotors: the modeled rotors' output.
 const ROTOR_STATES: [&str; 4] = ["rotor tau_x", "rotor tau_y", "rotor tau_z", "rotor f_z"];
 /// Inputs in the order of the rows of `K`.
 pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
@@ -48,22 +48,20 @@ pub const INPUTS: [&str; 4] = ["tau_x", "tau_y", "tau_z", "f_z"];
 /// Gains of a drone and their stability margins.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
-    /// The drone at hover, `ẋ = A x + B u` for small deviations: A (12×12) by the first twelve
-    /// [`STATES`].
+    /// The drone at hover, `ẋ = A x + B u`: A (12×12) by the first twelve [`STATES`].
     #[serde(rename = "A", serialize_with = "rows")]
     pub a: DMatrix<f64>,
     /// Its B (12×4), by [`INPUTS`].
     #[serde(rename = "B", serialize_with = "rows")]
     pub b: DMatrix<f64>,
-    /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`; four
-    /// columns more where it is designed for rotors that lag. `None` for controllers other
-    /// than regulators.
+    /// Gain of the regulator, 4×12, or 4×15 with integrals: `u = u_hover − K (x̂ − x_des)`. It has
+    /// four columns more if it is designed for lagging rotors. `None` for other controllers.
     #[serde(rename = "K", serialize_with = "rows")]
     pub k: Option<DMatrix<f64>>,
     /// Its columns: the first of [`STATES`], and those of the rotors.
     pub states: Vec<&'static str>,
-    /// States that the controller has of its own, beside the twelve of the drone: integrals, last
-    /// measurements, filters, modeled rotors.
+    /// States of the controller, beside the twelve of the drone: integrals, last measurements,
+    /// filters, modeled rotors.
     #[serde(rename = "controller_states")]
     pub n_controller_states: usize,
     /// Gain of the observer, 8×3: `x̂̇ = A x̂ + B u − L (C x̂ − y)`, without the yaw.
@@ -76,28 +74,28 @@ pub struct Design {
     pub observability_rank: usize,
     /// The others.
     pub unobservable: Vec<&'static str>,
-    /// Poles of the loop with immediate motors, 1/s, the slowest first; `None` where they were not
-    /// found.
+    /// Poles of the loop with immediate motors, 1/s, the slowest first. `None` if the iteration did
+    /// not converge.
     pub regulator_poles: Option<Vec<Complex<f64>>>,
     /// Poles of the observer.
     pub observer_poles: Option<Vec<Complex<f64>>>,
-    /// Margins at each input with immediate motors; `None`: not stable.
+    /// Margins at each input with immediate motors. `None`: not stable.
     pub margins: Option<[Margins; 4]>,
     /// Lag of the motors that the next two are for, s.
     pub motor_lag_s: f64,
     /// Poles of the loop with that lag.
     pub lagging_poles: Option<Vec<Complex<f64>>>,
-    /// Margins with that lag; `None`: not stable.
+    /// Margins with that lag. `None`: not stable.
     pub lagging_margins: Option<[Margins; 4]>,
-    /// Longest motor lag with a stable loop, s; `None`: more than a second.
+    /// Longest motor lag with a stable loop, s. `None`: more than a second.
     pub longest_lag_s: Option<f64>,
-    /// Largest deviation from hover of each input by itself with all motors in their range, N m
-    /// and N.
+    /// Largest deviation from hover of each input within the motors' range, N m and N.
     pub largest_inputs: [f64; 4],
     /// Bryson's rule for `controller.lqr.r`: 1 / deviation².
     pub bryson_r: [f64; 4],
     /// Warnings about the gains.
-    pub warnings: Vec<String>,
+    #[serde(serialize_with = "messages")]
+    pub warnings: Vec<Diagnostic>,
 }
 
 /// A matrix, or `None`, as an array of its rows.
@@ -112,6 +110,36 @@ fn rows<'a, S: Serializer>(
     rows.serialize(to)
 }
 
+/// Warnings as an array of their messages.
+fn messages<S: Serializer>(warnings: &[Diagnostic], to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.collect_seq(warnings.iter().map(ToString::to_string))
+}
+
+/// A plant `ẋ = A x + B u` with its feedback `u = −K x`.
+struct Loop {
+    a: DMatrix<f64>,
+    b: DMatrix<f64>,
+    k: DMatrix<f64>,
+}
+
+impl Loop {
+    /// The same with inputs that follow their commands with a lag.
+    fn lagging(&self, lag_s: f64) -> Self {
+        let [a, b, k] = with_input_lag(&self.a, &self.b, &self.k, lag_s);
+        Self { a, b, k }
+    }
+
+    /// `A − B K`.
+    fn closed(&self) -> DMatrix<f64> {
+        &self.a - &self.b * &self.k
+    }
+
+    /// Margins at the four inputs. `None` for a loop that is not stable.
+    fn margins(&self) -> Option<[Margins; 4]> {
+        margins(&self.a, &self.b, &self.k)?.try_into().ok()
+    }
+}
+
 /// Designs both gains of a drone and computes their margins with a motor lag of `motor_lag_s`.
 ///
 /// # Errors
@@ -122,65 +150,64 @@ fn rows<'a, S: Serializer>(
 pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     options.check()?;
     within("motor_lag_s", motor_lag_s, 1e-6, MAX_LAG_S)?;
-    let vehicle = Vehicle::new(&options.vehicle);
+    // The model at hover. Gains are designed without drag, and judged with it.
+    let vehicle = &options.vehicle;
     let (a, b) =
         linearize_finely(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
-    let real = a + drag(&options.vehicle);
+    let dragged_a = a + drag(vehicle);
+
+    // Poles and margins of the loop without lag and with it, and the longest lag by bisection.
     let (feedback, states) = match options.controller.kind.law() {
         Law::StateFeedback { .. } => {
             let gain = Gain::new(options, &with_integrals(options, &a, &b))?;
-            regulator(&with_integrals(options, &real, &b), &gain, modeled_lag_s(options))
+            regulator(with_integrals(options, &dragged_a, &b), gain, modeled_lag_s(options))
         }
+        // The controller's own code, linearized.
         Law::Cascade | Law::Geometric | Law::Own => {
-            (loops(&dynamic(&real), &dynamic(&b), &LinearController::new(options)?), Vec::new())
+            (loops(&dynamic(&dragged_a), &dynamic(&b), &LinearController::new(options)?), vec![])
         }
     };
-    let [fed_a, fed_b, k] = &feedback;
-    let lagging = |lag_s: f64| {
-        let [a, b, k] = with_input_lag(fed_a, fed_b, k, lag_s);
-        let closed = &a - &b * &k;
-        ([a, b, k], closed)
-    };
-    let ([a_lag, b_lag, k_lag], closed_lag) = lagging(motor_lag_s);
-    let lagging_margins = margins(&a_lag, &b_lag, &k_lag).map(|m| [m[0], m[1], m[2], m[3]]);
-    let longest_lag_s = longest(|lag_s| is_hurwitz(&lagging(lag_s).1));
+    let lagging = feedback.lagging(motor_lag_s);
+    let [regulator_poles, lagging_poles] = [&feedback, &lagging].map(|l| poles(&l.closed()));
+    let lagging_margins = lagging.margins();
+    let longest_lag_s = longest(|lag_s| is_hurwitz(&feedback.lagging(lag_s).closed()));
+    let warnings = warnings(
+        options,
+        motor_lag_s,
+        [&regulator_poles, &lagging_poles],
+        lagging_margins.is_some(),
+        longest_lag_s,
+    );
 
-    // The observer: the nine states of `Motion` with body rate and thrust as inputs.
+    // The observer: the nine states of `Motion` with body rate and thrust as inputs. It runs
+    // without the yaw, which no position shows.
     let (motion_a, _) = hover_model(linearize_finely);
     let l = observer_gain(&options.observer.luenberger, &motion_a)?;
     let (observed_a, position) = (without_yaw(&motion_a), DMatrix::identity(3, 9));
     let motion_a = dynamic(&motion_a);
-    // The scale of an input does not change the states that it reaches.
+    let unobservable = unobservable_states(&motion_a, &position);
+
+    // Controllability by duality. The scale of an input does not change the states that it reaches.
     let per_size = SMatrix::<f64, 12, 4>::from_fn(|i, j| b[(i, j)] / b.column(j).norm());
-    let largest_inputs = largest_inputs(&options.vehicle, &vehicle);
+    let controllability_rank =
+        observability_rank(&dynamic(&dragged_a.transpose()), &dynamic(&per_size.transpose()));
+    let largest_inputs = largest_inputs(vehicle);
     Ok(Design {
-        a: dynamic(&real),
+        a: dynamic(&dragged_a),
         b: dynamic(&b),
-        k: (!states.is_empty()).then(|| k.clone()),
+        n_controller_states: feedback.a.nrows() - 12,
+        margins: feedback.margins(),
+        k: (!states.is_empty()).then_some(feedback.k),
         states,
-        n_controller_states: fed_a.nrows() - 12,
-        controllability_rank: observability_rank(
-            &dynamic(&real.transpose()),
-            &dynamic(&per_size.transpose()),
-        ),
+        controllability_rank,
         observability_rank: observability_rank(&motion_a, &position),
-        unobservable: unobservable_states(&motion_a, &position)
-            .iter()
-            .map(|i| STATES[*i])
-            .collect(),
-        regulator_poles: poles(&(fed_a - fed_b * k)),
+        unobservable: unobservable.into_iter().map(|i| STATES[i]).collect(),
+        regulator_poles,
         observer_poles: poles(&dynamic(&(observed_a - l * SMatrix::<f64, 3, 8>::identity()))),
         l: dynamic(&l),
-        margins: margins(fed_a, fed_b, k).map(|m| [m[0], m[1], m[2], m[3]]),
         motor_lag_s,
-        lagging_poles: poles(&closed_lag),
-        warnings: warnings(
-            options,
-            motor_lag_s,
-            [poles(&(fed_a - fed_b * k)), poles(&closed_lag)],
-            lagging_margins.is_some(),
-            longest_lag_s,
-        ),
+        lagging_poles,
+        warnings,
         lagging_margins,
         longest_lag_s,
         largest_inputs,
@@ -188,45 +215,42 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     })
 }
 
-/// The feedback `u = −K x` of a regulator, for lagging or immediate motors, as A, B and K, and its
-/// states.
+/// The loop of a regulator, for lagging or immediate motors, and the names of its states.
 fn regulator(
-    [a, b]: &[DMatrix<f64>; 2],
-    gain: &Gain,
+    [a, b]: [DMatrix<f64>; 2],
+    gain: Gain,
     known_lag_s: Option<f64>,
-) -> ([DMatrix<f64>; 3], Vec<&'static str>) {
+) -> (Loop, Vec<&'static str>) {
     let n = a.nrows();
     let states = STATES[..n].iter().copied();
     let Some(known_lag_s) = known_lag_s else {
-        return ([a.clone(), b.clone(), gain.k.clone()], states.collect());
+        return (Loop { a, b, k: gain.k }, states.collect());
     };
     // The modeled rotors run on the regulator's own commands: they are part of it, not of the
     // loop that is opened at the motors. τ dû/dt = u − û with u = −K x − K_u û.
-    let mut whole = a.clone().resize(n + 4, n + 4, 0.0);
-    whole.view_mut((n, 0), (4, n)).copy_from(&(-&gain.k / known_lag_s));
-    let back = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
-    whole.view_mut((n, n), (4, 4)).copy_from(&back);
-    let mut k = gain.k.clone().resize_horizontally(n + 4, 0.0);
+    let from_state = -&gain.k / known_lag_s;
+    let decay = -(gain.k_rotor + Matrix4::identity()) / known_lag_s;
+    let a = with_states(&a, &DMatrix::zeros(n, 4), &from_state, &dynamic(&decay));
+    let mut k = gain.k.resize_horizontally(n + 4, 0.0);
     k.columns_mut(n, 4).copy_from(&gain.k_rotor);
-    ([whole, b.clone().resize_vertically(n + 4, 0.0), k], states.chain(ROTOR_STATES).collect())
+    (Loop { a, b: b.resize_vertically(n + 4, 0.0), k }, states.chain(ROTOR_STATES).collect())
 }
 
-/// The feedback of a controller with states of its own, which follow the drone's twelve.
-fn loops(a: &DMatrix<f64>, b: &DMatrix<f64>, loops: &LinearController) -> [DMatrix<f64>; 3] {
-    let m = loops.f.nrows();
-    let mut whole = a.clone().resize(12 + m, 12 + m, 0.0);
-    whole.view_mut((12, 0), (m, 12)).copy_from(&loops.g);
-    whole.view_mut((12, 12), (m, m)).copy_from(&loops.f);
-    let mut k = (-&loops.k).resize_horizontally(12 + m, 0.0);
-    k.columns_mut(12, m).copy_from(&-&loops.h);
-    [whole, b.clone().resize_vertically(12 + m, 0.0), k]
+/// The loop of a controller with a memory, whose states follow the drone's twelve.
+fn loops(a: &DMatrix<f64>, b: &DMatrix<f64>, controller: &LinearController) -> Loop {
+    let LinearController { k, h, f, g } = controller;
+    let m = f.nrows();
+    let a = with_states(a, &DMatrix::zeros(12, m), g, f);
+    let mut k = (-k).resize_horizontally(12 + m, 0.0);
+    k.columns_mut(12, m).copy_from(&-h);
+    Loop { a, b: b.clone().resize_vertically(12 + m, 0.0), k }
 }
 
-/// How far each input by itself may deviate from hover until the first motor reaches its limit.
-fn largest_inputs(options: &VehicleOptions, vehicle: &Vehicle) -> [f64; 4] {
-    let mixer = Mixer::new(options);
+/// Largest deviation of each input by itself from hover until the first motor is at its limit.
+fn largest_inputs(vehicle: &VehicleOptions) -> [f64; 4] {
+    let mixer = Mixer::new(vehicle);
     let hover = mixer.motors(&vehicle.hover()).0;
-    let room = hover.map(|motor| motor.min(options.motor_max - motor));
+    let room = hover.map(|motor| motor.min(vehicle.motor_max - motor));
     std::array::from_fn(|input| {
         let mut unit = Wrench::zeros();
         unit[input] = 1.0;
@@ -237,46 +261,50 @@ fn largest_inputs(options: &VehicleOptions, vehicle: &Vehicle) -> [f64; 4] {
 fn warnings(
     options: &SimOptions,
     lag_s: f64,
-    [immediate, lagging]: [Option<Vec<Complex<f64>>>; 2],
+    poles: [&Option<Vec<Complex<f64>>>; 2],
     is_stable: bool,
     longest_s: Option<f64>,
-) -> Vec<String> {
-    let rightmost = |poles: &Option<Vec<Complex<f64>>>| {
+) -> Vec<Diagnostic> {
+    // Real part of the slowest pole, without lag and with it.
+    let [without, with] = poles.map(|poles| {
         let real = poles.iter().flatten().map(|pole| pole.re);
         real.fold(f64::NEG_INFINITY, f64::max)
-    };
-    let longest = longest_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"));
-    let [without, with] = [&immediate, &lagging].map(rightmost);
-    let unstable = (!is_stable).then(|| {
-        if without <= 0.0 {
-            return format!(
-                "the loop is stable only without motor lag: with {lag_s} s it is not{longest}"
-            );
-        }
-        format!(
+    });
+    let mut warnings = Vec::new();
+    if !is_stable && without <= 0.0 {
+        let longest = longest_s.map_or(String::new(), |s| format!(", the longest is {s:.3} s"));
+        warnings.push(Diagnostic::warning(
+            "lag-unstable",
+            format!("the loop is stable only without motor lag: with {lag_s} s it is not{longest}"),
+        ));
+    } else if !is_stable {
+        let message = format!(
             "the loop is unstable: a pole at {without:+.2} 1/s without motor lag, {with:+.2} 1/s \
              with {lag_s} s. Is the gain that of u = u_hover - K (x - x_des), with its signs and \
              units (rad, m)?"
-        )
-    });
-    let altitude = (options.controller.kind == ControllerKind::Altitude).then(|| {
-        "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of the altitude"
-            .to_owned()
-    });
-    unstable.into_iter().chain(altitude).collect()
+        );
+        warnings.push(Diagnostic::warning("loop-unstable", message));
+    }
+    if options.controller.kind == ControllerKind::Altitude {
+        let message = "the loop at f_z is that of lqr-feedforward: `noctograph hold` shows that of \
+                       the altitude";
+        warnings.push(Diagnostic::warning("altitude-loop", message));
+    }
+    warnings
 }
 
-/// What the air adds to A at hover: drag of body and rotors, and the moment of the air across the
+/// Share of the air in A at hover: drag of body and rotors, and the moment of the air across the
 /// rotors, for a small velocity in the body frame.
 fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     const VELOCITY: usize = 6;
     const RATE: usize = 9;
     let hover_n = 0.25 * vehicle.mass_kg * GRAVITY_M_S2;
     let rotors = 4.0 * vehicle.rotor_drag_n_s2_m * (hover_n / vehicle.rotor_thrust_n_s2).sqrt();
+    // Rotors drag across their axes only.
     let mut drag = SMatrix::zeros();
-    for (axis, of_rotors) in [rotors, rotors, 0.0].into_iter().enumerate() {
-        let slows = (vehicle.body_drag_n_s_m[axis] + of_rotors) / vehicle.mass_kg;
-        drag[(VELOCITY + axis, VELOCITY + axis)] = -slows;
+    for (axis, rotors_n_s_m) in [rotors, rotors, 0.0].into_iter().enumerate() {
+        let total_n_s_m = vehicle.body_drag_n_s_m[axis] + rotors_n_s_m;
+        drag[(VELOCITY + axis, VELOCITY + axis)] = -(total_n_s_m / vehicle.mass_kg);
     }
     let [j_x, j_y, _] = vehicle.inertia_kg_m2;
     drag[(RATE, VELOCITY + 1)] = vehicle.airspeed_moment_n_s / j_x;
@@ -284,7 +312,7 @@ fn drag(vehicle: &VehicleOptions) -> SMatrix<f64, 12, 12> {
     drag
 }
 
-/// Longest stable lag; `None` where even [`MAX_LAG_S`] is stable.
+/// Longest stable lag, by bisection. `None` if even [`MAX_LAG_S`] is stable.
 fn longest(stable: impl Fn(f64) -> bool) -> Option<f64> {
     if stable(MAX_LAG_S) {
         return None;

@@ -4,21 +4,18 @@
 //! [`Flight`](noctograph_core::flight::Flight), which the log of a real flight gives as well.
 //!
 //! Method: at every tick (500 Hz) the sensors are read, the estimator is updated, and a controller
-//! turns the estimate into four motor commands, which it may hold for some ticks; these drive the
+//! turns the estimate into four motor commands, which it may hold for some ticks. They drive the
 //! drone ([`Plant`](crate::vehicle::Plant)): rotors, rigid body, battery, air and floor. The drone
 //! starts at rest at the first setpoint, and a setpoint at or below the floor switches the motors
-//! off. The reference team's controller, the default of [`SimOptions`] (a scene's is the firmware's
-//! PID), holds each setpoint as it was sent: a position with no velocity, which the drone trails by
-//! about half a second; [`ControllerKind`] lists the others. [`gain_design`] computes the gains
-//! without a flight.
+//! off. [`ControllerKind`] lists the controllers. [`gain_design`] computes gains without a flight.
 //!
-//! Sources: equations, weights and values of the reference flight (AE483, 2022; preset
-//! `ae483-2022`, the default of [`SimOptions`]); Lighthouse errors from Bitcraze's
-//! `positioning_dataset` (arXiv 2104.11523); IMU noise from the data sheet of the BMI088; the other
+//! Sources: equations, weights and values of the reference flight (AE483, 2022, preset
+//! `ae483-2022`, the default of [`SimOptions`]). Lighthouse errors from Bitcraze's
+//! `positioning_dataset` (arXiv 2104.11523). IMU noise from the data sheet of the BMI088. The other
 //! sensors and the Kalman filter follow the Crazyflie's firmware.
 //!
-//! Not modeled: whole-number motor commands; filters of the inertial sensors; sliding, bouncing and
-//! tipping on the floor.
+//! Not modeled: whole-number motor commands, filters of the inertial sensors, and sliding, bouncing
+//! and tipping on the floor.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

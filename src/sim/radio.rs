@@ -1,28 +1,27 @@
 //! The radio link of one drone: which setpoint it has heard last, and when.
 //!
 //! The host offers its newest setpoint at every turn of the drone, so that a late one overtakes
-//! what it replaces. Turns fail by chance, each on its own, and in outages, one after the other.
+//! what it replaces. Turns fail independently by chance, and all of them in outages.
 //!
-//! Not modeled: signal strength and its dependence on the place; broadcasts; a host that blocks
-//! while its queue is full (cflib's holds one packet).
+//! Not modeled: signal strength and its dependence on the position, broadcasts, and a host that
+//! blocks while its queue is full (cflib's holds one packet).
 
 use super::options::RadioOptions;
 use noctograph_core::random::Noise;
 
 /// Time of a packet with its answer, and of the switch to another drone's address
 /// (`crazyradio2-firmware` issue 9: 2.5 ms for the USB request that sets the address, 0.7 ms for
-/// packet and answer; firmware with addresses in the packets, issue 23, sends 1370 packets a second
-/// in all).
+/// packet and answer).
 const PACKET_S: f64 = 0.7e-3;
 const SWITCH_S: f64 = 2.5e-3;
 
-/// What a drone hears of its host.
+/// The setpoints that a drone hears.
 #[derive(Debug)]
 pub(super) struct Link {
     options: RadioOptions,
     chance: Noise,
     outages: Noise,
-    /// From when to when the present outage lasts, or the next one.
+    /// Begin and end of the present outage, or of the next one.
     outage: [f64; 2],
     turn_s: f64,
     round_s: f64,
@@ -33,21 +32,21 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// The link of the drone `index`; `None` where commands arrive at once.
+    /// The link of the drone `index`, or `None` if commands arrive at once.
     pub(super) fn new(options: &RadioOptions, seed: u64, index: u64) -> Option<Self> {
         if options.drones == 0 {
             return None;
         }
         let n = f64::from(options.drones);
         let switch_s = if options.drones > 1 { SWITCH_S } else { 0.0 };
-        let place = (index % u64::from(options.drones)) as f64;
+        let slot = (index % u64::from(options.drones)) as f64;
         let mut link = Self {
             options: options.clone(),
             chance: Noise::new(seed, index, "radio"),
             // Other senders disturb all drones alike.
             outages: Noise::new(seed, 0, "radio outages"),
             outage: [f64::INFINITY; 2],
-            turn_s: place * (PACKET_S + switch_s),
+            turn_s: slot * (PACKET_S + switch_s),
             round_s: n * (PACKET_S + switch_s),
             heard: (0, 0.0),
             since_s: 0.0,
@@ -59,12 +58,13 @@ impl Link {
         Some(link)
     }
 
-    /// The setpoint that the drone has heard by `time_s`, where the host has come to `newest`.
+    /// The setpoint that the drone has heard by `time_s`, while the host sends `newest`.
     pub(super) fn hear(&mut self, time_s: f64, newest: usize) -> usize {
         while self.turn_s <= time_s {
             while self.turn_s >= self.outage[1] {
                 self.next_outage();
             }
+            // Chance is drawn first, at every turn, so that outages do not shift its stream.
             let lost =
                 self.chance.uniform() < self.options.loss_frac || self.turn_s >= self.outage[0];
             if !lost {
@@ -78,7 +78,7 @@ impl Link {
         self.heard.0
     }
 
-    /// When the setpoint that the drone follows was heard first.
+    /// Time at which the setpoint that the drone follows was heard first.
     pub(super) fn since_s(&self) -> f64 {
         self.since_s
     }
@@ -89,10 +89,11 @@ impl Link {
     }
 
     fn next_outage(&mut self) {
+        // Exponential times, by the inverse of their distribution function.
         let [after_s, lasts_s] = [self.options.outage_every_s, self.options.outage_s]
             .map(|mean_s| -mean_s * libm::log(1.0 - self.outages.uniform()));
         let from_s = self.outage[1] + after_s;
-        // A turn at least passes, so that the search for the next outage ends.
+        // An outage lasts a round at least, so that the search for the next one ends.
         self.outage = [from_s, from_s + lasts_s.max(self.round_s)];
     }
 }
@@ -107,7 +108,7 @@ mod tests {
         Link::new(&options, 3, index).unwrap()
     }
 
-    /// The longest silence of each 10 ms.
+    /// The silence after each 10 ms.
     fn silences_s(link: &mut Link, ticks: u32) -> Vec<f64> {
         let silences_s = (0..ticks).map(|tick| {
             let time_s = f64::from(tick) * 0.01;
@@ -117,8 +118,8 @@ mod tests {
         silences_s.collect()
     }
 
-    /// Share of silences that are longer.
-    fn share(silences_s: &[f64], least_s: f64) -> f64 {
+    /// Fraction of silences that are longer.
+    fn longer_frac(silences_s: &[f64], least_s: f64) -> f64 {
         silences_s.iter().filter(|s| **s > least_s).count() as f64 / silences_s.len() as f64
     }
 
@@ -135,13 +136,13 @@ mod tests {
     }
 
     #[test]
-    fn losses_and_outages_have_their_shares_and_outages_are_common_to_all() {
-        // Lost packets in a row: a share p² of the turns is the second in a row.
-        let lossy = share(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
+    fn losses_and_outages_have_their_fractions_and_outages_are_common_to_all() {
+        // Lost packets in a row: a fraction p² of the turns is the second in a row.
+        let lossy = longer_frac(&silences_s(&mut link(1, 0.5, 0.0, 0.1, 0), 20_000), 1.4e-3);
         assert!((lossy - 0.25).abs() < 0.02, "{lossy}");
         let [one, other] =
             [0, 1].map(|index| silences_s(&mut link(1, 0.0, 10.0, 0.5, index), 200_000));
-        let out: f64 = share(&one, 0.01);
+        let out: f64 = longer_frac(&one, 0.01);
         assert!((out / (0.49 / 10.5) - 1.0).abs() < 0.2, "{out}");
         let both = one.iter().zip(&other).filter(|(a, b)| (**a > 0.02) != (**b > 0.02)).count();
         assert_eq!(both, 0, "one band");

@@ -9,53 +9,37 @@ use noctograph_core::flight::Flight;
 use noctograph_core::plan::Plan;
 
 /// The flight of one drone, which waits for motor commands `rates.attitude_hz` times a second while
-/// its setpoint is above the floor.
+/// its setpoint is above the floor. Its functions have the errors and panics of
+/// [`fly`](crate::fly).
 #[derive(Debug)]
 pub struct Session {
     plan: Plan,
     rig: Rig,
     tick: u32,
-    lands: bool,
+    has_landed: bool,
 }
 
 impl Session {
-    /// A drone that waits for its first command; `begin` changes its avionics before the first
-    /// reading.
-    ///
-    /// # Errors
-    ///
-    /// As [`fly`](crate::fly).
-    ///
-    /// # Panics
-    ///
-    /// As [`fly`](crate::fly).
+    /// A drone that waits for its first command. `begin` may change its avionics before.
     pub fn new(plan: Plan, drone: &Drone<'_>, begin: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
         begin(&mut rig.avionics);
-        let mut session = Self { plan, rig, tick: 0, lands: false };
+        let mut session = Self { plan, rig, tick: 0, has_landed: false };
         session.run()?;
         Ok(session)
     }
 
-    /// Flies to the end by the drone's own controller.
-    ///
-    /// # Errors
-    ///
-    /// As [`fly`](crate::fly).
+    /// Flies to the end by the drone's controller.
     pub fn fly_by_itself(&mut self) -> Result<()> {
-        while !self.lands {
+        while !self.has_landed {
             self.control()?;
         }
         Ok(())
     }
 
-    /// Commands the motors by the drone's own controller, until it waits again or has landed.
-    ///
-    /// # Errors
-    ///
-    /// As [`fly`](crate::fly).
+    /// Commands the motors by the drone's controller, until it waits again or has landed.
     pub fn control(&mut self) -> Result<()> {
-        if self.lands {
+        if self.has_landed {
             return Ok(());
         }
         let time_s = self.time_s();
@@ -64,14 +48,15 @@ impl Session {
         self.run()
     }
 
-    /// What a command is to be chosen by, until the drone has landed: the estimated position (m,
-    /// world), yaw, pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body
-    /// frame; and the design's position (m), velocity (m/s) and acceleration (m/s²) in the world.
+    /// Inputs of the next command: the estimated state and the reference. `None` after landing.
+    ///
+    /// The state is position (m, world), yaw, pitch and roll (rad), velocity (m/s) and angular
+    /// velocity (rad/s) in the body frame. The reference is position (m), velocity (m/s) and
+    /// acceleration (m/s²) in the world.
     pub fn waits(&self) -> Option<([f64; 12], [f64; 9])> {
-        let time_s = self.time_s();
-        (!self.lands).then(|| {
+        (!self.has_landed).then(|| {
             let Reference { position_m, velocity_m_s, acceleration_m_s2, .. } =
-                self.rig.avionics.design(&self.plan, time_s);
+                self.rig.avionics.design(&self.plan, self.time_s());
             let design = [position_m, velocity_m_s, acceleration_m_s2];
             let design = std::array::from_fn(|i| design[i / 3][i % 3]);
             ((*self.rig.avionics.estimate()).into(), design)
@@ -88,18 +73,14 @@ impl Session {
         self.rig.plant.body().position_m.into()
     }
 
-    /// Position of the design, m.
+    /// Reference position, m.
     pub fn design_m(&self) -> [f64; 3] {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
 
     /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, until it waits again or has landed.
-    ///
-    /// # Errors
-    ///
-    /// An infeasible error ([`noctograph_core::error`]) for a drone that turns over or flies away.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
-        if self.lands {
+        if self.has_landed {
             return Ok(());
         }
         self.rig.avionics.command(motors);
@@ -124,7 +105,7 @@ impl Session {
             }
             self.conclude()?;
         }
-        self.lands = true;
+        self.has_landed = true;
         Ok(())
     }
 

@@ -71,12 +71,13 @@ pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
     pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
 }
 
-/// Whether a drone rests on the floor at zero all the time, whatever its motors and setpoints say.
-pub fn rests_on_floor(samples: &[FlightSample]) -> bool {
+/// True if a drone rests on a floor of this height all the time, whatever its motors and setpoints
+/// are.
+pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     let heights_m = samples.iter().map(|sample| sample.position_m.z);
     let [low_m, high_m] = heights_m
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], z| [low.min(z), high.max(z)]);
-    high_m - low_m < FLYING_HEIGHT_M && high_m.abs() < 2.0 * FLYING_HEIGHT_M
+    high_m - low_m < FLYING_HEIGHT_M && (high_m - floor_m).abs() < 2.0 * FLYING_HEIGHT_M
 }
 
 /// Why a flight counts as one on the floor, with the number that decides; `None` where it flies, or

@@ -1,11 +1,11 @@
-//! Linear models: made from a nonlinear one, and asked whether they are stable and observable.
+//! Linear models: linearization, stability, observability.
 
 use nalgebra::{SMatrix, SVector};
 
 use super::Matrix;
 
 /// Step of the central differences, relative to `max(1, |x|)`. The error falls with its square
-/// (1.7e-9 of the derivative of a sine); a hundredth of it would lose as much to rounding.
+/// (1.7e-9 of the derivative of a sine). A hundredth of it would lose as much to rounding.
 const STEP: f64 = 1e-4;
 /// The smaller of the two steps that are extrapolated: their error falls with its fourth power.
 const FINE_STEP: f64 = 1e-3;
@@ -32,6 +32,7 @@ pub fn linearize_finely<const N: usize, const M: usize>(
     x: &SVector<f64, N>,
     u: &SVector<f64, M>,
 ) -> (SMatrix<f64, N, N>, SMatrix<f64, N, M>) {
+    // With D(h) of the central difference: (4 D(h) − D(2h)) / 3 cancels the error in h².
     let [one, two] = [FINE_STEP, 2.0 * FINE_STEP];
     let a = jacobian(|x| f(x, u), x, one) * 4.0 - jacobian(|x| f(x, u), x, two);
     let b = jacobian(|u| f(x, u), u, one) * 4.0 - jacobian(|u| f(x, u), u, two);
@@ -44,14 +45,15 @@ fn jacobian<const N: usize, const M: usize>(
     point: &SVector<f64, M>,
     step: f64,
 ) -> SMatrix<f64, N, M> {
-    let mut slope = SMatrix::<f64, N, M>::zeros();
+    let mut jacobian = SMatrix::<f64, N, M>::zeros();
     for i in 0..M {
         let (mut up, mut down) = (*point, *point);
         up[i] += step * point[i].abs().max(1.0);
         down[i] -= step * point[i].abs().max(1.0);
-        slope.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
+        // By the difference after rounding, not by twice the step.
+        jacobian.set_column(i, &((f(&up) - f(&down)) / (up[i] - down[i])));
     }
-    slope
+    jacobian
 }
 
 /// A matrix of static size as one of dynamic size.
@@ -59,8 +61,18 @@ pub fn dynamic<const R: usize, const C: usize>(m: &SMatrix<f64, R, C>) -> Matrix
     Matrix::from_column_slice(R, C, m.as_slice())
 }
 
-/// Number of independent observable directions of `ẋ = A x`, `y = C x`: the
-/// rank of `[C; CA; CA²; …]`. The number of states means observable.
+/// `[A B; C D]`: a system `A` with the states of another one, `D`, below its own.
+pub(crate) fn with_states(a: &Matrix, b: &Matrix, c: &Matrix, d: &Matrix) -> Matrix {
+    let (n, m) = (a.nrows(), d.nrows());
+    let mut joined = a.clone().resize(n + m, n + m, 0.0);
+    joined.view_mut((0, n), (n, m)).copy_from(b);
+    joined.view_mut((n, 0), (m, n)).copy_from(c);
+    joined.view_mut((n, n), (m, m)).copy_from(d);
+    joined
+}
+
+/// Number of independent observable directions of `ẋ = A x`, `y = C x`: the rank of
+/// `[C; CA; CA²; …]` (Kalman). The number of states means observable.
 pub fn observability_rank(a: &Matrix, c: &Matrix) -> usize {
     rank(observability_columns(a, c))
 }
@@ -86,11 +98,11 @@ fn rank(columns: Matrix) -> usize {
     pivots.iter().filter(|pivot| **pivot > RANK_TOLERANCE * pivots.max()).count()
 }
 
-/// Whether every eigenvalue of `A` has a negative real part, so that `ẋ = A x` dies out.
-///
-/// Maps the left half plane onto the unit disc and squares the result until it vanishes; a pole on
-/// the border counts as not stable. `false` for a matrix that is not finite.
+/// True if every eigenvalue of `A` has a negative real part, so that `ẋ = A x` dies out. A pole on
+/// the border counts as not stable, and so does a matrix that is not finite.
 pub fn is_hurwitz(a: &Matrix) -> bool {
+    // The Cayley transform (1 + A)(1 − A)⁻¹ maps the left half plane onto the unit disc. Its powers
+    // vanish exactly if all eigenvalues are within, which squaring shows in a few steps.
     let scaled = a / a.norm();
     let one = Matrix::identity(a.nrows(), a.ncols());
     let Some(inverse) = (&one - &scaled).try_inverse() else {
@@ -114,15 +126,15 @@ pub fn is_hurwitz(a: &Matrix) -> bool {
 /// combination of the rows of `[C; CA; CA²; …]`, by index.
 pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
-    let seen = rank(columns.clone());
-    let size = columns.norm().max(f64::MIN_POSITIVE);
-    let seen_as_well = |state: usize| {
-        let last = columns.ncols();
+    let observable = rank(columns.clone());
+    let (last, size) = (columns.ncols(), columns.norm().max(f64::MIN_POSITIVE));
+    // A state is unobservable if measuring it as well would raise the rank.
+    let unobservable = (0..a.nrows()).filter(|&state| {
         let mut more = columns.clone().insert_column(last, 0.0);
         more[(state, last)] = size;
-        rank(more)
-    };
-    (0..a.nrows()).filter(|&state| seen_as_well(state) > seen).collect()
+        rank(more) > observable
+    });
+    unobservable.collect()
 }
 
 #[cfg(test)]

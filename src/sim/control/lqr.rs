@@ -11,8 +11,8 @@ use noctograph_core::error::{Error, Result};
 ///
 /// # Errors
 ///
-/// [`Error::Infeasible`] where `R` is not positive definite, or where no feedback stabilizes the
-/// system at these weights.
+/// [`Error::Infeasible`] if `R` is not positive definite, or if no feedback stabilizes the system
+/// at these weights.
 pub fn lqr(a: &Matrix, b: &Matrix, q: &Matrix, r: &Matrix) -> Result<Matrix> {
     let r_inverse = r.clone().cholesky().map(|r| r.inverse()).ok_or_else(|| {
         Error::infeasible(
@@ -117,15 +117,15 @@ mod tests {
         assert!(error < 1e-14, "worst row {error:e}; SciPy's own solver is off by 1.5e-12");
     }
 
-    /// A dense system of whole numbers, weights and gain; the reference as for the hovering drone,
-    /// the other from SciPy 1.17.1: `solve_continuous_are(A, B, Q, R)`.
+    /// A dense system of whole numbers, with the reference as for the hovering drone, and the gain
+    /// of SciPy 1.17.1: `solve_continuous_are(A, B, Q, R)`.
     #[test]
     fn gain_of_a_dense_system_is_that_of_sixty_digits_and_of_scipy() {
-        let whole = |i: usize| f64::from(u8::try_from(i).unwrap());
         let a =
-            DMatrix::from_fn(6, 6, |i, j| (whole((7 * i + 5 * j + 3 * i * j) % 11) - 5.0) / 4.0);
-        let b = DMatrix::from_fn(6, 2, |i, j| (whole((3 * i + 4 * j + 2 * i * j) % 7) - 3.0) / 2.0);
-        let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| whole(i + 1)));
+            DMatrix::from_fn(6, 6, |i, j| (((7 * i + 5 * j + 3 * i * j) % 11) as f64 - 5.0) / 4.0);
+        let b =
+            DMatrix::from_fn(6, 2, |i, j| (((3 * i + 4 * j + 2 * i * j) % 7) as f64 - 3.0) / 2.0);
+        let q = DMatrix::from_diagonal(&DVector::from_fn(6, |i, _| (i + 1) as f64));
         let k = lqr(&a, &b, &q, &DMatrix::from_diagonal(&dvector![2.0, 0.5])).unwrap();
         fn gain(rows: &str) -> DMatrix<f64> {
             let entries = rows.split_whitespace().map(|entry| entry.parse().unwrap());
@@ -146,7 +146,7 @@ mod tests {
         assert!(other < 1e-10, "worst row {other:e} against SciPy");
     }
 
-    /// Share of a residual in the terms of its equation.
+    /// Residual relative to the terms of its equation.
     fn residual(x: &DMatrix<f64>, [a, g, q]: [&DMatrix<f64>; 3]) -> f64 {
         let (linear, quadratic) = (a.transpose() * x, x * g * x);
         let left = &linear + linear.transpose() - &quadratic + q;
@@ -201,7 +201,7 @@ mod tests {
             let k = lqr(&a, &b, &q, &r).unwrap_or_else(|e| panic!("case {case}: {e}"));
             let closed = &a - &b * &k;
             assert!(is_hurwitz(&closed), "case {case} is unstable");
-            // X of the closed loop's Lyapunov equation, from K alone: independent of the solver.
+            // X of the closed loop's Lyapunov equation, only from K: independent of the solver.
             let x = lyapunov(&closed, &(q + k.transpose() * &r * &k));
             let again = r.try_inverse().unwrap() * b.transpose() * x;
             assert!((again - &k).norm() < 1e-7 * k.norm(), "case {case}: K is no fixed point");

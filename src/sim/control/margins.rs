@@ -5,10 +5,9 @@ use std::f64::consts::PI;
 use nalgebra::{Complex, DVector};
 
 use super::Matrix;
-use super::linear::is_hurwitz;
+use super::linear::{is_hurwitz, with_states};
 
-/// Frequencies that are swept, rad/s: from far below a drone's slowest loop to far above its
-/// fastest.
+/// Frequencies of the sweep, rad/s: far below a drone's slowest loop to far above its fastest.
 const SWEEP_RAD_S: [f64; 2] = [1e-3, 1e4];
 /// Steps of the sweep. A step of 0.4 % finds every crossing but two within it.
 const SWEEP_STEPS: u32 = 4000;
@@ -18,11 +17,11 @@ const HALVINGS: u32 = 30;
 /// Margins of one loop, opened at its input, with the others closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Margins {
-    /// Largest factor above 1 on the input up to which the loop is stable; `None`: any.
+    /// Largest factor above 1 on the input up to which the loop is stable. `None`: any.
     pub gain_up: Option<f64>,
-    /// Smallest factor below 1 down to which it is stable; `None`: any.
+    /// Smallest factor below 1 down to which it is stable. `None`: any.
     pub gain_down: Option<f64>,
-    /// Phase that can be lost before it is unstable; `None`: any.
+    /// Phase that can be lost before it is unstable. `None`: any.
     pub phase_rad: Option<f64>,
     /// Frequency at which that phase is the smallest.
     pub crossover_rad_s: Option<f64>,
@@ -30,20 +29,19 @@ pub struct Margins {
 
 /// Margins of the feedback `u = −K x` on `ẋ = A x + B u`, for each input by itself.
 ///
-/// From the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and 1e4 rad/s: where
-/// `|L|` crosses 1 and where `L` crosses the negative real axis. A regulator on the plant it was
-/// designed for has at least 60°, any rise and a half (Anderson, Moore, 1990, chapter 5).
-///
-/// `None` where the closed loop is not stable to begin with.
+/// From the loop's frequency response `L(iω) = k (iω − A)⁻¹ b` between 1e-3 and 1e4 rad/s. A
+/// regulator on the plant that it was designed for has at least 60°, any rise and a half (Anderson,
+/// Moore, 1990, chapter 5). `None` for a closed loop that is not stable to begin with.
 pub fn margins(a: &Matrix, b: &Matrix, k: &Matrix) -> Option<Vec<Margins>> {
     let closed = a - b * k;
-    let of_input = |i| {
+    let margins = (0..b.ncols()).map(|i| {
+        // Opened at this input only: its own feedback is taken back out of the closed loop.
         let (b, k) = (b.column(i).into_owned(), k.row(i).transpose());
         let open = &closed + &b * k.transpose();
         let square = &open * &open;
-        of_loop(|frequency| response(&open, &square, &b, &k, frequency))
-    };
-    is_hurwitz(&closed).then(|| (0..b.ncols()).map(of_input).collect())
+        swept_margins(|frequency| response(&open, &square, &b, &k, frequency))
+    });
+    is_hurwitz(&closed).then(|| margins.collect())
 }
 
 /// `k (iω − A)⁻¹ b`, in real arithmetic: with `x = u + iv`, `(A² + ω²) v = −ω b` and `u = A v / ω`.
@@ -63,29 +61,30 @@ fn response(
     Some(Complex::new(k.dot(&u), k.dot(&v)))
 }
 
-/// Sweeps a loop's response and gathers its crossings.
-fn of_loop(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
+/// Margins of a loop from its response over a sweep of frequencies.
+fn swept_margins(response: impl Fn(f64) -> Option<Complex<f64>>) -> Margins {
     let mut margins = Margins::default();
+    // Equal steps of the logarithm. A frequency on a pole of the open loop has no response.
     let [low, high] = SWEEP_RAD_S.map(libm::log);
     let step = (high - low) / f64::from(SWEEP_STEPS);
-    let sample = |i: u32| {
+    let samples = (0..=SWEEP_STEPS).map(|i| {
         let frequency = libm::exp(low + step * f64::from(i));
         Some((frequency, response(frequency)?))
-    };
-    let swept: Vec<Option<(f64, Complex<f64>)>> = (0..=SWEEP_STEPS).map(sample).collect();
-    for pair in swept.windows(2) {
+    });
+    let samples: Vec<Option<(f64, Complex<f64>)>> = samples.collect();
+    for pair in samples.windows(2) {
         let [Some((before, was)), Some((frequency, now))] = *pair else { continue };
         let within = [before, frequency];
-        if (excess(was) > 0.0) != (excess(now) > 0.0)
-            && let Some((crossover, value)) = crossing(&response, within, excess)
-        {
+        // Gain crossover, |L| = 1: its phase margin is π − |arg L|, and the smallest one counts.
+        if let Some((crossover, value)) = crossing(&response, within, [was, now], excess) {
             let phase = PI - libm::atan2(value.im, value.re).abs();
             if margins.phase_rad.is_none_or(|best| phase < best) {
                 (margins.phase_rad, margins.crossover_rad_s) = (Some(phase), Some(crossover));
             }
         }
-        if (was.im > 0.0) != (now.im > 0.0)
-            && let Some((_, value)) = crossing(&response, within, |l: Complex<f64>| l.im)
+        // Phase crossover, L real and negative: the factor −1/L on the input makes L = −1. The
+        // nearest factors above and below 1 count.
+        if let Some((_, value)) = crossing(&response, within, [was, now], |l| l.im)
             && value.re < 0.0
         {
             let factor = -1.0 / value.re;
@@ -103,16 +102,21 @@ fn excess(l: Complex<f64>) -> f64 {
     l.norm_sqr() - 1.0
 }
 
-/// Where a figure of the response changes its sign between two frequencies, and the response there.
+/// Frequency at which a figure of the response changes its sign, by bisection of the logarithm, and
+/// the response there. `None` if both ends have the same sign.
 fn crossing(
     response: impl Fn(f64) -> Option<Complex<f64>>,
     [mut low, mut high]: [f64; 2],
+    ends: [Complex<f64>; 2],
     figure: impl Fn(Complex<f64>) -> f64,
 ) -> Option<(f64, Complex<f64>)> {
-    let below = figure(response(low)?) > 0.0;
+    let [at_low, at_high] = ends.map(|value| figure(value) > 0.0);
+    if at_low == at_high {
+        return None;
+    }
     for _ in 0..HALVINGS {
         let middle = (low * high).sqrt();
-        if (figure(response(middle)?) > 0.0) == below { low = middle } else { high = middle }
+        if (figure(response(middle)?) > 0.0) == at_low { low = middle } else { high = middle }
     }
     response(high).map(|value| (high, value))
 }
@@ -122,9 +126,7 @@ fn crossing(
 pub fn with_input_lag(a: &Matrix, b: &Matrix, k: &Matrix, lag_s: f64) -> [Matrix; 3] {
     let (n, m) = b.shape();
     let one = Matrix::identity(m, m);
-    let mut lagging = a.clone().resize(n + m, n + m, 0.0);
-    lagging.view_mut((0, n), (n, m)).copy_from(b);
-    lagging.view_mut((n, n), (m, m)).copy_from(&(&one / -lag_s));
+    let lagging = with_states(a, b, &Matrix::zeros(m, n), &(&one / -lag_s));
     let mut command = Matrix::zeros(n + m, m);
     command.rows_mut(n, m).copy_from(&(one / lag_s));
     [lagging, command, k.clone().resize_horizontally(n + m, 0.0)]

@@ -4,14 +4,14 @@
 //! regulator, the gain of an observer by duality, and answers about a model (is it stable, how
 //! many of its states are observable, its poles, its margins of gain and phase).
 //!
-//! Method: algebraic Riccati equations by structure-preserving doubling; the continuous one comes
-//! to the discrete one through a Cayley transform. No gain is made from eigenvalues: nalgebra's QR
-//! iteration does not converge on some Hamiltonian matrices. Those of a closed loop are reported.
+//! Method: algebraic Riccati equations by structure-preserving doubling. A Cayley transform makes
+//! the continuous one a discrete one. No gain is made from eigenvalues: nalgebra's QR iteration
+//! does not converge on some Hamiltonian matrices. Those of a closed loop are reported.
 //!
 //! Sources: Chu, Fan, Lin, "A structure-preserving doubling algorithm for continuous-time algebraic
-//! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80; Chu, Fan, Lin, Wang, "Structure-
+//! Riccati equations", Linear Algebra Appl. 396 (2005) 55–80. Chu, Fan, Lin, Wang, "Structure-
 //! preserving algorithms for periodic discrete-time algebraic Riccati equations", Int. J. Control
-//! 77 (2004) 767–788; Anderson, Moore, "Optimal Control: Linear Quadratic Methods" (1990).
+//! 77 (2004) 767–788. Anderson, Moore, "Optimal Control: Linear Quadratic Methods" (1990).
 //!
 //! Not modeled: cross weights between state and input, descriptor systems, semidefinite solutions
 //! (a state that costs nothing is refused).
@@ -27,6 +27,7 @@ mod riccati;
 /// A matrix of dynamic size: analysis and design are compiled once, for all sizes of systems.
 type Matrix = DMatrix<f64>;
 
+pub(crate) use linear::with_states;
 pub use linear::{
     dynamic, is_hurwitz, linearize, linearize_finely, observability_rank, unobservable_states,
 };

@@ -4,18 +4,18 @@ use nalgebra::{Complex, Schur};
 
 use super::Matrix;
 
-/// QR iterations after which the poles are given up. A closed loop of 20 states takes about 60;
+/// QR iterations after which the poles are given up. A closed loop of 20 states takes about 60.
 /// nalgebra's iteration has no exceptional shifts and may circle on symmetric spectra (#611, #764).
 const MAX_ITERATIONS: usize = 10_000;
 /// Units in the last place up to which an entry below the diagonal counts as zero. A fourfold pole,
 /// such as that of four equal rotors, converges to between one and sixteen of them.
 const TOLERANCES: [f64; 3] = [1.0, 16.0, 256.0];
 
-/// Eigenvalues of `A` (1/s), the slowest to die out first; of a pair the one above the real axis
-/// first.
+/// Eigenvalues of `A` (1/s), the slowest to die out first, and of a pair the one above the real
+/// axis first.
 ///
-/// `None` where the QR iteration does not converge or the matrix is not finite. Good to 1e-9 of the
-/// largest for well-separated poles; an n-fold pole spreads by the n-th root of the rounding error.
+/// `None` if the QR iteration does not converge or the matrix is not finite. Good to 1e-9 of the
+/// largest for well-separated poles. An n-fold pole spreads by the n-th root of the rounding error.
 pub fn poles(a: &Matrix) -> Option<Vec<Complex<f64>>> {
     if !a.iter().all(|entry| entry.is_finite()) {
         return None;

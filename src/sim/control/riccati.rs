@@ -3,44 +3,40 @@
 use nalgebra::Cholesky;
 
 use super::Matrix;
-use super::linear::is_hurwitz;
+use super::linear::{is_hurwitz, with_states};
 use noctograph_core::error::{Error, Result};
 
 /// Doublings after which the recursion is given up. It squares its error, so that a solvable
-/// problem takes 7 to 15; only a closed loop with a pole within 1e-12 of the border takes more.
+/// problem takes 7 to 15. Only a closed loop with a pole within 1e-12 of the border takes more.
 const MAX_DOUBLINGS: usize = 60;
 /// Relative change of the solution at which the doubling has converged: a few units in the last
 /// place. A smaller value would wait for rounding noise.
 const CONVERGED: f64 = 1e-15;
 /// Largest residual of an accepted solution, relative to the sizes that its terms are made of
-/// (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, rounding of `X` alone causes 1e-16 of that). Sound problems
-/// leave 1e-12 and less.
+/// (`‖Q‖ + 2‖A‖‖X‖ + ‖X‖‖GX‖`, of which the rounding of `X` causes 1e-16). Sound problems leave
+/// 1e-12 and less.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Residual relative to the terms (`‖Q‖ + ‖XGX‖`) above which a solution is refined. The reference
-/// flight's leaves 1e-15; weights that are six decades apart leave up to 1e-5.
+/// flight's leaves 1e-15. Weights that are six decades apart leave up to 1e-5.
 const REFINED_FROM: f64 = 1e-13;
-/// Steps of the refinement. Each squares the error; after two only rounding remains.
+/// Steps of the refinement. Each squares the error. After two only rounding remains.
 const MAX_REFINEMENTS: usize = 2;
-/// Shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the one before; a
-/// second one is needed only where the first hits an eigenvalue of `A`.
+/// Shifts of the Cayley transform that are tried, each [`SHIFT_GROWTH`] times the one before. A
+/// second one is needed only if the first hits an eigenvalue of `A`.
 const MAX_SHIFTS: usize = 8;
 const SHIFT_GROWTH: f64 = 1.3;
 /// Shift of the Lyapunov equation's Cayley transform, relative to the norm of `A`. Any positive one
-/// is exact; one near the poles takes the fewest doublings.
+/// is exact. One near the poles takes the fewest doublings.
 const LYAPUNOV_SHIFT: f64 = 0.25;
 
-/// Stabilising solution `X` of the continuous equation `AᵀX + XA − XGX + Q = 0`, `G = B R⁻¹ Bᵀ`.
+/// Stabilizing solution `X` of the continuous equation `AᵀX + XA − XGX + Q = 0`, `G = B R⁻¹ Bᵀ`.
 ///
-/// `G` and `Q` are symmetric positive semidefinite. Where rounding has left a residual, up to two
-/// steps of Newton's method remove it. The solution is accepted only if its residual is below 1e-10
-/// of the sizes that the equation's terms are made of, it is positive definite, and `A − GX` is
-/// stable. On the reference flight's problem it agrees with a 50-digit solution to 1e-15.
-///
-/// # Errors
-///
-/// [`Error::Infeasible`] without such a solution: an uncontrollable mode is unstable, or a mode
-/// costs nothing.
+/// `G` and `Q` are symmetric positive semidefinite. The solution is accepted only if its residual
+/// is below 1e-10 of the sizes of the equation's terms, it is positive definite, and `A − GX` is
+/// stable. There is none if an uncontrollable mode is unstable, or if a mode costs nothing. On the
+/// reference flight's problem it agrees with a 50-digit solution to 1e-15.
 pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
+    // Transform, double, refine, check. A shift on an eigenvalue of A fails, and the next is tried.
     let mut shift = mean_pole(a, g, q);
     for _ in 0..MAX_SHIFTS {
         let x = through_cayley(a, g, q, shift).map(|x| refined(x, a, g, q));
@@ -52,10 +48,12 @@ pub(super) fn care(a: &Matrix, g: &Matrix, q: &Matrix) -> Result<Matrix> {
     Err(no_solution())
 }
 
-/// Stabilising solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`: doubles its
-/// horizon until the cost converges.
+/// Stabilizing solution `X` of the discrete equation `X = Q + AᵀX (I + GX)⁻¹ A`, by structure-
+/// preserving doubling (Chu, Fan, Lin, Wang 2004).
 fn doubling(mut a: Matrix, mut g: Matrix, mut h: Matrix) -> Option<Matrix> {
     for _ in 0..MAX_DOUBLINGS {
+        // Each pass doubles the horizon: W = I + G H, H ← H + Aᵀ H W⁻¹ A, G ← G + A W⁻¹ G Aᵀ,
+        // A ← A W⁻¹ A. H rises to X as A vanishes.
         let w = (one_like(&a) + &g * &h).lu();
         let (w_a, w_g) = (w.solve(&a)?, w.solve(&g)?);
         let next = symmetric(&h + a.transpose() * &h * &w_a);
@@ -90,19 +88,15 @@ fn through_cayley(a: &Matrix, g: &Matrix, q: &Matrix, shift: f64) -> Option<Matr
 /// Geometric mean of the closed loop's |poles|: `|det H|^(1/2n)` of the Hamiltonian matrix, whose
 /// spectrum is that of the closed loop and its mirror image. The best-conditioned shift.
 fn mean_pole(a: &Matrix, g: &Matrix, q: &Matrix) -> f64 {
-    let n = a.nrows();
-    let mut hamiltonian = Matrix::zeros(2 * n, 2 * n);
-    hamiltonian.view_mut((0, 0), (n, n)).copy_from(a);
-    hamiltonian.view_mut((0, n), (n, n)).copy_from(&-g);
-    hamiltonian.view_mut((n, 0), (n, n)).copy_from(&-q);
-    hamiltonian.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
+    let hamiltonian = with_states(a, &-g, &-q, &-a.transpose());
     let pivots = hamiltonian.lu().u().diagonal();
+    // By logarithms: the determinant of a large matrix overflows.
     let n = pivots.len() as f64;
     libm::exp(pivots.iter().map(|pivot| libm::log(pivot.abs())).sum::<f64>() / n)
 }
 
 /// Newton's method (Kleinman 1968): adds the `D` of `A_cᵀ D + D A_c + residual = 0`,
-/// `A_c = A − GX`, as long as there is a residual to speak of.
+/// `A_c = A − GX`, while the residual is above rounding.
 fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
     for _ in 0..MAX_REFINEMENTS {
         let quadratic = &x * g * &x;
@@ -119,6 +113,8 @@ fn refined(mut x: Matrix, a: &Matrix, g: &Matrix, q: &Matrix) -> Matrix {
 /// `X` of `AᵀX + XA + Q = 0` for a stable `A`: the Cayley transform makes it the sum
 /// `Σ Fᵀᵏ H Fᵏ`, whose length doubles with every squaring of `F` (Smith 1968).
 fn lyapunov(a: &Matrix, q: &Matrix) -> Option<Matrix> {
+    // F = (A + σ)(A − σ)⁻¹ and H = 2σ (A − σ)⁻ᵀ Q (A − σ)⁻¹. With X_k the first 2ᵏ terms of the
+    // sum, X_{k+1} = X_k + F_kᵀ X_k F_k, and F_{k+1} = F_k².
     let shift = one_like(a) * (a.norm() * LYAPUNOV_SHIFT);
     let inverse = (a - &shift).try_inverse()?;
     let mut f = (a + &shift) * &inverse;

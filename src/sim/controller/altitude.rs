@@ -1,5 +1,5 @@
 //! Altitude hold: the collective thrust from an estimated thrust map, all else from the regulator
-//! about the moving design.
+//! about the moving reference.
 //!
 //! The throttle is `τ = (a − α⁰)/α¹` with `a = a_ref − k_z e_z − k_v e_v`. No integral is needed:
 //! α⁰ and α¹ follow the battery and the load.
@@ -18,11 +18,10 @@ use noctograph_core::error::Result;
 const LEAST_GAIN_M_S2: f64 = 1.0;
 /// Error of the vertical velocity that weighs as much as `controller.altitude.error_m`.
 const ERROR_M_S: f64 = 1.0;
-/// Cosine of the largest tilt that the throttle makes up for.
+/// Cosine of the largest tilt that the throttle compensates.
 const LEAST_COS_TILT: f64 = 0.5;
-/// Horizontal distance from the design that the regulator sees at most, m. Satellites that are back
-/// after 10 s of silence move the estimate by meters, for which the regulator would turn the drone
-/// over.
+/// Bound of the horizontal error that the regulator gets, m. Satellites that are back after 10 s of
+/// silence move the estimate by meters, for which the regulator would turn the drone over.
 const REACH_M: f64 = 0.5;
 
 /// How a throttle from 0 to 1 becomes vertical acceleration: `z̈ = α⁰ + α¹ τ`.
@@ -48,14 +47,14 @@ impl ThrustMap {
 ///
 /// None that weights within their ranges can meet.
 pub fn altitude_gains(options: &AltitudeHoldOptions) -> Result<[f64; 2]> {
-    let weight = |scale: f64| 1.0 / (scale * scale);
-    let q = dmatrix![weight(options.error_m), 0.0; 0.0, weight(ERROR_M_S)];
-    let r = dmatrix![weight(options.acceleration_m_s2)];
-    let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &r)?;
+    // Bryson's rule: a weight is 1 / deviation².
+    let deviations = [options.error_m, ERROR_M_S, options.acceleration_m_s2];
+    let [q_z, q_v, r] = deviations.map(|deviation| 1.0 / (deviation * deviation));
+    let q = dmatrix![q_z, 0.0; 0.0, q_v];
+    let k = lqr(&dmatrix![0.0, 1.0; 0.0, 0.0], &dmatrix![0.0; 1.0], &q, &dmatrix![r])?;
     Ok([k[0], k[1]])
 }
 
-/// The controller.
 #[derive(Debug)]
 pub(super) struct AltitudeHold {
     regulator: Lqr,
@@ -65,11 +64,7 @@ pub(super) struct AltitudeHold {
 }
 
 impl AltitudeHold {
-    /// The controller of the options, with the vehicle's own thrust map until another is given.
-    ///
-    /// # Errors
-    ///
-    /// [`noctograph_core::error::Error::Infeasible`] where a regulator's weights have no gain.
+    /// The controller of the options, with the vehicle's thrust map until another is given.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
         let gain_m_s2 = GRAVITY_M_S2 / options.vehicle.hover_throttle();
         Ok(Self {
@@ -81,19 +76,20 @@ impl AltitudeHold {
     }
 }
 
-/// The estimate, no farther from the design horizontally than the regulator bears.
-fn within_reach(estimate: &State, design_m: &Vector3<f64>) -> State {
-    let off_m = (position(estimate) - design_m).xy();
-    let mut near = *estimate;
-    if off_m.norm() > REACH_M {
-        let at_m = design_m.xy() + off_m * (REACH_M / off_m.norm());
-        near.fixed_rows_mut::<2>(0).copy_from(&at_m);
+/// The estimate with its horizontal error bounded to [`REACH_M`].
+fn within_reach(estimate: &State, reference_m: &Vector3<f64>) -> State {
+    let error_m = (position(estimate) - reference_m).xy();
+    let mut bounded = *estimate;
+    if error_m.norm() > REACH_M {
+        let near_m = reference_m.xy() + error_m * (REACH_M / error_m.norm());
+        bounded.fixed_rows_mut::<2>(0).copy_from(&near_m);
     }
-    near
+    bounded
 }
 
 impl Controller for AltitudeHold {
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
+        // Wanted vertical acceleration, from altitude and vertical velocity.
         let up = attitude(estimate).world_from_body().row(2).into_owned();
         let velocity_m_s = (up * velocity(estimate))[0];
         let error_m = position(estimate).z - reference.position_m.z;
@@ -101,6 +97,7 @@ impl Controller for AltitudeHold {
         let acceleration_m_s2 = reference.acceleration_m_s2.z
             - k_z * error_m
             - k_v * (velocity_m_s - reference.velocity_m_s.z);
+        // Throttle by the map, more for a tilted drone. The regulator commands the torques.
         let cos_tilt = up[2].max(LEAST_COS_TILT);
         let throttle = (self.map.throttle(acceleration_m_s2) / cos_tilt).min(1.0);
         let bounded = within_reach(estimate, &reference.position_m);
@@ -134,16 +131,17 @@ mod tests {
         let mut controller = AltitudeHold::new(&options).unwrap();
         let place_m = Vector3::new(0.0, 0.0, 1.5);
         let reference = Reference::holding(place_m);
-        let share = |controller: &mut AltitudeHold| {
+        let throttle = |controller: &mut AltitudeHold| {
             controller.rest(&at_rest(place_m, 0.0));
             let motors = controller.command(&at_rest(place_m, 0.0), &reference).motors;
             motors.mean() / options.vehicle.motor_max
         };
         let hover = options.vehicle.hover_throttle();
-        assert!((share(&mut controller) - hover).abs() < 1e-12, "the vehicle's own");
+        assert!((throttle(&mut controller) - hover).abs() < 1e-12, "the vehicle's");
         controller.set_thrust_map(ThrustMap { offset_m_s2: -9.0, gain_m_s2: 30.0 });
-        assert!((share(&mut controller) - 0.3).abs() < 1e-12, "the estimated one");
+        assert!((throttle(&mut controller) - 0.3).abs() < 1e-12, "the estimated one");
     }
+
     #[test]
     fn a_position_that_jumps_by_meters_tilts_no_more_than_half_a_meter_does() {
         let design_m = Vector3::new(1.0, 2.0, 1.5);

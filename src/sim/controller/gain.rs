@@ -1,9 +1,10 @@
 //! Gains of the linear-quadratic regulators.
 //!
 //! A regulator designed for immediate motors oscillates on a drone whose rotors need a tenth of a
-//! second. Where the rotors lag, this one is designed on the model to which the four lagging inputs
-//! are added as states, and where the position is integrated, the three integrals as well
-//! (Anderson, Moore, "Optimal Control", 1990, chapters 3 and 4).
+//! second. For lagging rotors the model is augmented by the four lagging inputs, and for integral
+//! action by the three integrals of the position (Anderson, Moore, "Optimal Control", 1990,
+//! chapters
+//! 3 and 4).
 
 use nalgebra::{DMatrix, DVector, Matrix4, SMatrix, Vector4};
 
@@ -14,22 +15,18 @@ use noctograph_core::error::{Error, Result};
 /// Feedback `u = u_ref − K (x̂ − x_ref) − K_u (û − u_ref)` with the modeled rotors' output û.
 #[derive(Clone, Debug)]
 pub(crate) struct Gain {
-    /// 4×12; 4×15 where the position is integrated.
+    /// 4×12, or 4×15 with integral action.
     pub(crate) k: DMatrix<f64>,
     /// Zero for immediate rotors.
     pub(crate) k_rotor: Matrix4<f64>,
 }
 
 impl Gain {
-    /// The gain for the model `ẋ = A x + B u`, from [`with_integrals`] where the position is
-    /// integrated.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] where the weights have no gain.
+    /// The gain for the model `ẋ = A x + B u` of [`with_integrals`].
     pub(crate) fn new(options: &SimOptions, [a, b]: &[DMatrix<f64>; 2]) -> Result<Self> {
         let weights = &options.controller.lqr;
         let n = a.nrows();
+        // A given gain, with zeros for the rotors if it has no columns for them.
         if let Some(k) = &weights.k {
             let k = DMatrix::from_row_iterator(4, k[0].len(), k.iter().flatten().copied());
             let k = k.resize_horizontally(n + 4, 0.0);
@@ -44,7 +41,8 @@ impl Gain {
             let k = lqr(a, b, &q, &r).map_err(without_gain)?;
             return Ok(Self { k, k_rotor: Matrix4::zeros() });
         };
-        // Inputs in units that cost 1, so that newtons and millinewton meters are of one size.
+        // Inputs in units that cost 1, so that newtons and millinewton meters are of one size. The
+        // gain is scaled back at the end.
         let size = Matrix4::from_diagonal(&r.map(|r| 1.0 / r.sqrt()));
         let per_size = Matrix4::from_diagonal(&r.map(f64::sqrt));
         let b = b * dynamic(&size);
@@ -57,8 +55,8 @@ impl Gain {
     }
 }
 
-/// The model at hover, with the integrals of its position as states 12 to 14 where the controller
-/// integrates it.
+/// The model at hover, with the integrals of its position as states 12 to 14 if the controller has
+/// integral action.
 pub(crate) fn with_integrals(
     options: &SimOptions,
     a: &SMatrix<f64, 12, 12>,
@@ -72,8 +70,8 @@ pub(crate) fn with_integrals(
     [dynamic(&a), dynamic(&b.fixed_resize::<15, 4>(0.0))]
 }
 
-/// The lag that a regulator models: the mean of rise and fall; `None` for immediate motors, and
-/// where the lag is ignored or a gain is given that has no columns for rotors.
+/// The lag that a regulator models: the mean of rise and fall. `None` for immediate motors, for an
+/// ignored lag, and for a given gain without columns for rotors.
 pub(crate) fn modeled_lag_s(options: &SimOptions) -> Option<f64> {
     let lag_s = 0.5 * (options.vehicle.motor_rise_s + options.vehicle.motor_fall_s);
     let LqrOptions { motor_lag, k, .. } = &options.controller.lqr;
@@ -92,10 +90,10 @@ mod tests {
     use super::*;
     use crate::control::linearize;
     use crate::options::ControllerKind;
-    use crate::vehicle::{State, Vehicle};
+    use crate::vehicle::State;
 
     fn gain(options: &SimOptions) -> Gain {
-        let vehicle = Vehicle::new(&options.vehicle);
+        let vehicle = &options.vehicle;
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &vehicle.hover());
         Gain::new(options, &with_integrals(options, &a, &b)).unwrap()
     }
@@ -153,9 +151,9 @@ mod tests {
             options.controller.kind = kind;
             let (designed, lag_s) = (gain(&options), modeled_lag_s(&options));
             let n = designed.k.ncols();
-            let mut whole = designed.k.clone().resize_horizontally(n + 4, 0.0);
-            whole.columns_mut(n, 4).copy_from(&designed.k_rotor);
-            let rows = whole.row_iter().map(|row| row.iter().copied().collect());
+            let mut printed = designed.k.clone().resize_horizontally(n + 4, 0.0);
+            printed.columns_mut(n, 4).copy_from(&designed.k_rotor);
+            let rows = printed.row_iter().map(|row| row.iter().copied().collect());
             options.controller.lqr.k = Some(rows.collect());
             options.check().unwrap();
             let given = gain(&options);

@@ -2,10 +2,9 @@
 //!
 //! Source: Lee, Leok, `McClamroch`, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC
 //! 2010, with the integral terms of Goodarzi, Lee, Leok, "Geometric nonlinear PID control of a
-//! quadrotor UAV on SE(3)", ECC 2013, as the firmware has them: `controller_lee.c` and
-//! `power_distribution_quadrotor.c`, releases 2024.10 to 2026.08. Their own C, compiled, gave the
-//! numbers that a test here compares with. Neither the force nor an integral is bounded, and
-//! saturated motors stop no integral.
+//! quadrotor UAV on SE(3)", ECC 2013, in the form of the firmware: `controller_lee.c` and
+//! `power_distribution_quadrotor.c`, releases 2024.10 to 2026.08. A test compares with its compiled
+//! C. Neither the force nor an integral is bounded, and saturated motors do not stop an integral.
 //!
 //! Not modeled: limits of the errors (100 m, 100 m/s), a yaw that turns.
 
@@ -16,7 +15,7 @@ use crate::options::{GeometricOptions, SimOptions};
 use crate::vehicle::{Mixer, State, Wrench, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 
-/// Thrust below which both integrals begin anew, N: on the floor, and in a fall.
+/// Thrust below which both integrals are reset, N: on the floor, and in a fall.
 const LEAST_THRUST_N: f64 = 0.01;
 
 /// Thrust and torque from the errors of position and attitude.
@@ -49,21 +48,21 @@ impl Geometric {
         }
     }
 
-    /// Wanted force per mass: the design's acceleration and gravity, corrected by the errors.
+    /// Wanted force per mass: the reference acceleration and gravity, corrected by the errors.
     fn force_m_s2(
         &mut self,
         velocity_m_s: &Vector3<f64>,
-        off_m: &Vector3<f64>,
+        error_m: &Vector3<f64>,
         reference: &Reference,
     ) -> Vector3<f64> {
-        self.position_sum += off_m * self.tick_s;
+        self.position_sum += error_m * self.tick_s;
         reference.acceleration_m_s2 + Vector3::z() * GRAVITY_M_S2
-            - off_m * self.gains.k_position
+            - error_m * self.gains.k_position
             - (velocity_m_s - reference.velocity_m_s) * self.gains.k_velocity
             - self.position_sum * self.gains.k_position_integral
     }
 
-    fn forget(&mut self) {
+    fn reset_integrals(&mut self) {
         self.position_sum = Vector3::zeros();
         self.attitude_sum = Vector3::zeros();
     }
@@ -71,18 +70,21 @@ impl Geometric {
 
 impl Controller for Geometric {
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
+        // Thrust: the wanted force along the present body axis.
         let world_from_body = attitude(estimate).world_from_body();
-        let off_m = position(estimate) - reference.position_m;
-        let force = self.force_m_s2(&(world_from_body * velocity(estimate)), &off_m, reference);
+        let error_m = position(estimate) - reference.position_m;
+        let force = self.force_m_s2(&(world_from_body * velocity(estimate)), &error_m, reference);
         let thrust_n = self.mass_kg * force.dot(&world_from_body.column(2));
         if thrust_n < LEAST_THRUST_N {
-            self.forget();
+            self.reset_integrals();
         }
-        // A drone that would have to push down is held level.
+        // Attitude: the body axis along the wanted force. A drone that would have to push down is
+        // held level.
         let wanted = wanted_attitude(&if thrust_n > 0.0 { force } else { Vector3::z() });
         let error = attitude_error(&wanted, &world_from_body);
         self.attitude_sum += error * self.tick_s;
 
+        // Body rate: that at which the wanted attitude turns, in the body's frame.
         let w = rate(estimate);
         let wanted_rate = match thrust_n {
             0.0 => Vector3::zeros(),
@@ -93,6 +95,7 @@ impl Controller for Geometric {
         let turning = -error.component_mul(&Vector3::from(k_attitude))
             - error_rad_s.component_mul(&Vector3::from(k_rate))
             - self.attitude_sum.component_mul(&Vector3::from(k_attitude_integral));
+        // Torque: τ = J α + ω × J ω.
         let j = &self.inertia_kg_m2;
         let torque = j.component_mul(&turning) + w.cross(&j.component_mul(&w));
         let wrench = Wrench::new(torque.x, torque.y, torque.z, thrust_n);
@@ -101,11 +104,11 @@ impl Controller for Geometric {
     }
 
     fn rest(&mut self, _: &State) {
-        self.forget();
+        self.reset_integrals();
     }
 
-    /// The supervisor only takes back the modes of x and y and the heading, of which this law reads
-    /// the heading: it goes on as the last setpoint said.
+    /// The supervisor resets the modes of x and y and the heading. This law only reads the heading,
+    /// and goes on by the last setpoint.
     fn level_out(&self, estimate: &mut State, _: &mut Reference) {
         estimate[3] = 0.0;
     }
@@ -126,7 +129,7 @@ fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[left.cross(&up), left, up])
 }
 
-/// Body rate in a wanted attitude, at which its z axis follows the force as the jerk turns it.
+/// Rate of a wanted attitude in its own frame: its z axis follows the force that the jerk turns.
 fn wanted_rate(wanted: &Matrix3<f64>, jerk_m_s3: &Vector3<f64>, thrust_m_s2: f64) -> Vector3<f64> {
     let turn = wanted.tr_mul(jerk_m_s3) / thrust_m_s2;
     Vector3::new(-turn.y, turn.x, 0.0)
@@ -158,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn on_its_design_the_drone_is_asked_for_the_designs_force_alone() {
+    fn without_errors_the_drone_is_asked_for_the_references_force_only() {
         let mut controller = Geometric::new(&SimOptions::default());
         let reference = Reference {
             held_m: Vector3::zeros(),
@@ -173,8 +176,8 @@ mod tests {
         assert!(motors.iter().all(|m| (m - want).abs() < 0.2), "{motors} against {want}");
     }
 
-    /// Worst difference of a motor's thrust from what the firmware's own code gives it, N, and the
-    /// share of compared states in which the firmware cuts a motor.
+    /// Worst difference of a motor's thrust from that of the firmware's code, N, and the fraction
+    /// of compared states in which the firmware cuts a motor.
     fn compared(options: &SimOptions, recorded: &str) -> (f64, f64) {
         let mut options = options.clone();
         options.battery.resistance_ohm = 0.0;
@@ -224,7 +227,7 @@ mod tests {
                 rate_rad_s.y -= 0.15 * (330.2 + 1081.0 * t) / 78.1;
             }
             if single || k == 2000 {
-                controller.forget();
+                controller.reset_integrals();
             }
             let attitude = Attitude { yaw_rad, pitch_rad, roll_rad };
             let moving_m_s = attitude.world_from_body().tr_mul(&moving_m_s);
@@ -251,7 +254,7 @@ mod tests {
             let is_cut = duties[1..].iter().any(|duty| *duty <= 7000.0 || *duty >= 65_534.0);
             (cut, n, row) = (cut + f64::from(u8::from(is_cut)), n + 1.0, rows.next());
         }
-        assert_eq!(row, None, "all are compared");
+        assert_eq!(row, None, "every row is compared");
         (worst_n, cut / n)
     }
 

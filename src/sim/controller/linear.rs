@@ -2,9 +2,9 @@
 //!
 //! One call of [`Controller::command`] maps the estimate's deviation from hover and the memory
 //! (integrals, last measurements, filters) to motor commands and to the next memory. Central
-//! differences of that map give a discrete system; the inverse of Tustin's transform makes it a
-//! continuous one, which has the same integrals, and derivatives that are right far below the rate
-//! of the commands.
+//! differences of that map give a discrete system. The inverse of Tustin's transform makes it a
+//! continuous one with the same integrals. Its derivatives are right far below the rate of the
+//! commands.
 //!
 //! Not modeled: saturation, and the time for which a command is held. The position loop of the
 //! cascade, which runs at a fifth of the rate, is taken at the full one.
@@ -31,40 +31,25 @@ pub(crate) struct LinearController {
 }
 
 impl LinearController {
-    /// Linearizes the controller of the options.
-    ///
-    /// # Errors
-    ///
-    /// As [`controller`].
     pub(crate) fn new(options: &SimOptions) -> Result<Self> {
         let mut options = options.clone();
         options.rates.position_hz = options.rates.attitude_hz();
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
-        let mixer = Mixer::new(&options.vehicle);
-        let at_rest = Reference::holding(Vector3::zeros());
         let n = controller(&options)?.memory().len();
-        // Wrench and next memory, for the deviation of one state or one value of the memory.
-        let tick = |index: usize, step: f64| -> Result<DVector<f64>> {
-            let mut deviation = vec![0.0; 12 + n];
-            deviation[index] = step;
-            let mut controller = controller(&options)?;
-            controller.rest(&State::zeros());
-            let memory = controller.memory().into_iter();
-            memory.zip(&deviation[12..]).for_each(|(to, from)| *to = *from);
-            let state = State::from_column_slice(&deviation[..12]);
-            let wrench = mixer.wrench(&controller.command(&state, &at_rest).motors);
-            let next = controller.memory().into_iter().map(|value| *value);
-            Ok(DVector::from_iterator(4 + n, wrench.iter().copied().chain(next)))
-        };
-        let slopes = (0..12 + n).map(|i| Ok((tick(i, STEP)? - tick(i, -STEP)?) / (2.0 * STEP)));
-        let slopes = DMatrix::from_columns(&slopes.collect::<Result<Vec<_>>>()?);
+        // Central differences over the twelve states and the memory, column by column.
+        let mut jacobian = DMatrix::zeros(4 + n, 12 + n);
+        for i in 0..12 + n {
+            let [ahead, behind] = [STEP, -STEP].map(|step| ticked(&options, n, i, step));
+            jacobian.set_column(i, &((ahead? - behind?) / (2.0 * STEP)));
+        }
         let parts = [((0, 0), (4, 12)), ((0, 12), (4, n)), ((4, 12), (n, n)), ((4, 0), (n, 12))];
-        let [k, h, f, g] = parts.map(|(first, size)| slopes.view(first, size).into_owned());
+        let [k, h, f, g] = parts.map(|(first, size)| jacobian.view(first, size).into_owned());
         Ok(Self { k, h, f, g }.continuous(tick_s))
     }
 
     /// The continuous system that Tustin's `s = 2 (z − 1) / (T (z + 1))` transforms into this one.
     fn continuous(self, tick_s: f64) -> Self {
+        // With M = (1 + F)⁻¹: F_c = 2/T (F − 1) M, K_c = K − H M G, H_c = 4/T H M².
         let one = DMatrix::identity(self.f.nrows(), self.f.nrows());
         let inverse = (&one + &self.f).try_inverse().expect("no memory alternates for ever");
         Self {
@@ -76,6 +61,22 @@ impl LinearController {
     }
 }
 
+/// Wrench and next memory of a controller with `n` values of memory at hover, after a deviation of
+/// one state or one value of the memory.
+fn ticked(options: &SimOptions, n: usize, index: usize, deviation: f64) -> Result<DVector<f64>> {
+    let mut deviations = vec![0.0; 12 + n];
+    deviations[index] = deviation;
+    let mut controller = controller(options)?;
+    controller.rest(&State::zeros());
+    let memory = controller.memory().into_iter();
+    memory.zip(&deviations[12..]).for_each(|(to, from)| *to = *from);
+    let state = State::from_column_slice(&deviations[..12]);
+    let motors = controller.command(&state, &Reference::holding(Vector3::zeros())).motors;
+    let wrench = Mixer::new(&options.vehicle).wrench(&motors);
+    let next = controller.memory().into_iter().map(|value| *value);
+    Ok(DVector::from_iterator(4 + n, wrench.iter().copied().chain(next)))
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::VecDeque;
@@ -83,7 +84,6 @@ mod tests {
     use super::*;
     use crate::gain_design::design;
     use crate::options::{ControllerKind, Law, PidOptions};
-    use crate::vehicle::Vehicle;
     use noctograph_core::crazyflie::GRAVITY_M_S2;
 
     #[test]
@@ -127,11 +127,11 @@ mod tests {
         assert_eq!(n_memory(&options), 21, "immediate motors need filters");
     }
 
-    /// Whether a drone that hovers, tilted a little, comes to rest under the controller of the
-    /// options whose commands reach one input so many ticks later.
+    /// True if a hovering drone, tilted a little, comes to rest under a controller whose commands
+    /// reach one input `late_ticks` later.
     fn comes_to_rest(options: &SimOptions, input: usize, late_ticks: usize) -> bool {
         let options = options.rehearsal();
-        let (vehicle, mixer) = (Vehicle::new(&options.vehicle), Mixer::new(&options.vehicle));
+        let (vehicle, mixer) = (&options.vehicle, Mixer::new(&options.vehicle));
         let mut controller = controller(&options).unwrap();
         let at_rest = Reference::holding(Vector3::zeros());
         let tick_s = 1.0 / f64::from(options.rates.attitude_hz());
@@ -139,7 +139,7 @@ mod tests {
         let remaining = libm::exp(-0.1 * tick_s / lag_s);
         let (mut state, hover) = (State::zeros(), vehicle.hover());
         controller.rest(&state);
-        // What the cascade commands at rest is not hover: its integral makes up for that in flight.
+        // At rest the cascade does not command hover, which its integral corrects in flight.
         let base = mixer.wrench(&controller.command(&state, &at_rest).motors);
         controller.rest(&state);
         let mut rotors = hover;
@@ -181,10 +181,10 @@ mod tests {
                 let delay_s = one.phase_rad.unwrap() / one.crossover_rad_s.unwrap();
                 println!("{kind:?} {name}: {delay_s:.4} s, {one:?}");
                 // Commands are held for 2 ms, which is 1 ms of delay.
-                for (share, rests) in [(0.8, true), (1.25, false)] {
+                for (fraction, rests) in [(0.8, true), (1.25, false)] {
                     #[expect(clippy::cast_possible_truncation, reason = "0 to 1000")]
-                    let ticks = (share * delay_s / 0.002 - 0.5_f64).max(0.0) as usize;
-                    let what = format!("{kind:?} {name}: {share} of {delay_s} s");
+                    let ticks = (fraction * delay_s / 0.002 - 0.5_f64).max(0.0) as usize;
+                    let what = format!("{kind:?} {name}: {fraction} of {delay_s} s");
                     assert_eq!(comes_to_rest(&options, input, ticks), rests, "{what}");
                 }
             }

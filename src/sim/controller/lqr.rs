@@ -1,5 +1,5 @@
-//! Linear-quadratic regulators: the reference flight's, one with the design fed forward, and one
-//! with integral action, which leaves no standing error under a constant disturbance.
+//! Linear-quadratic regulators: the reference flight's, one with the reference fed forward, and one
+//! with integral action, which leaves no steady error under a constant disturbance.
 
 use nalgebra::{Matrix4, SMatrix, Vector3};
 
@@ -7,20 +7,20 @@ use super::gain::{Gain, modeled_lag_s, with_integrals};
 use super::{Command, Controller, Reference};
 use crate::control::linearize;
 use crate::options::SimOptions;
-use crate::vehicle::{Mixer, State, Vehicle, Wrench, at_rest, position};
+use crate::vehicle::{Mixer, State, Wrench, at_rest, position};
 use noctograph_core::error::Result;
 
 /// Bound of the integral of the position error, m s per axis. The reference flight's center of mass
-/// needs 0.16; more than the bound would take seconds to undo.
+/// needs 0.16. More than the bound would take seconds to undo.
 const MAX_SUM: f64 = 1.0;
 
-/// `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`; the last term where the
-/// rotors lag.
+/// `u = u_ref − K (x̂ − x_ref) − K_i ∫(ô − o_ref) dt − K_u (û − u_ref)`, with the last term for
+/// lagging rotors.
 ///
-/// The reference is the held setpoint, at rest and level, which the drone trails by half a second;
-/// or the moving design with the attitude and the thrust that its acceleration needs. About held
+/// The reference is the held setpoint, at rest and level, which the drone trails by half a second,
+/// or the moving reference with the attitude and the thrust that its acceleration needs. About held
 /// setpoints an integral would overshoot by as much as the drone trails, so that the regulator with
-/// integrals follows the design.
+/// integrals follows the moving reference.
 #[derive(Clone, Debug)]
 pub(super) struct Lqr {
     k: SMatrix<f64, 4, 12>,
@@ -32,11 +32,10 @@ pub(super) struct Lqr {
     mass_kg: f64,
     mixer: Mixer,
     tick_s: f64,
-    /// Output of the modeled rotors. Nothing measures it: the controller applies the lag to its own
-    /// commands.
+    /// Output of the modeled rotors, which nothing measures.
     rotors: Wrench,
-    /// Share of the rotors' old output that remains when the next command is sent; 0 for immediate
-    /// rotors.
+    /// Fraction of the rotors' old output that remains when the next command is sent. 0 for
+    /// immediate rotors.
     remaining: f64,
     /// Integral of the position error, m s.
     sum: Vector3<f64>,
@@ -44,12 +43,9 @@ pub(super) struct Lqr {
 
 impl Lqr {
     /// The regulator of the options, from the model at hover with the center of mass in the middle.
-    ///
-    /// # Errors
-    ///
-    /// [`noctograph_core::error::Error::Infeasible`] where the weights have no gain.
     pub(super) fn new(options: &SimOptions) -> Result<Self> {
-        let vehicle = Vehicle::new(&options.vehicle);
+        // Linearize at hover, augment by integrals, and take the gain apart into its columns.
+        let vehicle = &options.vehicle;
         let hover = vehicle.hover();
         let (a, b) = linearize(|s, u| vehicle.derivative(s, u), &State::zeros(), &hover);
         let kind = options.controller.kind;
@@ -84,8 +80,8 @@ impl Lqr {
         (wrench, position(&error))
     }
 
-    /// Adds a tick's error to the integral, within its bound. While the motors cannot follow, the
-    /// integral only shrinks.
+    /// Adds a tick's error to the integral, within its bound. With saturated motors the integral
+    /// only shrinks (anti-windup by conditional integration).
     fn integrate(&mut self, error_m: &Vector3<f64>, saturated: bool) {
         for (sum, error_m) in self.sum.iter_mut().zip(error_m) {
             if !saturated || *sum * error_m < 0.0 {
@@ -99,13 +95,14 @@ impl Lqr {
         self.rotors = wrench + (self.rotors - wrench) * self.remaining;
     }
 
-    /// The command, with another collective thrust where one is given.
+    /// The command, with another collective thrust if one is given.
     pub(super) fn command_lifting(
         &mut self,
         estimate: &State,
         reference: &Reference,
         thrust_n: Option<f64>,
     ) -> Command {
+        // The modeled rotors follow the motors' commands after clamping, not the wanted wrench.
         let (mut wrench, error_m) = self.wrench(estimate, reference);
         wrench[3] = thrust_n.unwrap_or(wrench[3]);
         let (motors, saturated) = self.mixer.motors(&wrench);
@@ -184,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn modeled_rotors_follow_as_the_lag_says() {
+    fn modeled_rotors_follow_with_their_lag() {
         let mut options = SimOptions::cf21();
         (options.vehicle.motor_rise_s, options.vehicle.motor_fall_s) = (0.1, 0.1);
         let mut controller = Lqr::new(&options).unwrap();

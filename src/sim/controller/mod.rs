@@ -16,8 +16,7 @@ mod tests;
 use nalgebra::{Vector3, Vector4};
 
 use self::altitude::AltitudeHold;
-pub use self::altitude::ThrustMap;
-pub use self::altitude::altitude_gains;
+pub use self::altitude::{ThrustMap, altitude_gains};
 pub(super) use self::gain::{Gain, modeled_lag_s, with_integrals};
 use self::geometric::Geometric;
 pub(super) use self::linear::LinearController;
@@ -28,7 +27,6 @@ use super::options::{ControllerKind, SimOptions};
 use crate::vehicle::{State, attitude, velocity};
 use noctograph_core::error::Result;
 
-/// A controller.
 pub(super) trait Controller: std::fmt::Debug + Send {
     /// Motor commands for the estimated state and the reference.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command;
@@ -36,14 +34,13 @@ pub(super) trait Controller: std::fmt::Debug + Send {
     /// Resets the integrals while the motors are off.
     fn rest(&mut self, estimate: &State);
 
-    /// Learns that another kind of setpoint follows: the drone levels out, returns from it, or
-    /// lands after full states.
+    /// Prepares for another kind of setpoint: to level out, to return from it, or to land.
     fn change_mode(&mut self, _: &State) {}
 
-    /// Turns estimate and reference into those by which the controller flies without setpoints, as
-    /// the firmware does: level, at the height of the last one, wherever that takes it. To the
-    /// controller it looks as if the drone stood at its place in x and y.
+    /// Changes estimate and reference for a flight without setpoints, as in the firmware: level,
+    /// and at the height of the last one.
     fn level_out(&self, estimate: &mut State, reference: &mut Reference) {
+        // Without errors of position and velocity in x and y the controller levels the drone.
         let held_m = Vector3::new(estimate[0], estimate[1], reference.position_m.z);
         *reference = Reference::holding(held_m);
         let world_from_body = attitude(estimate).world_from_body();
@@ -51,13 +48,13 @@ pub(super) trait Controller: std::fmt::Debug + Send {
         estimate.fixed_rows_mut::<3>(6).copy_from(&world_from_body.tr_mul(&rising_m_s));
     }
 
-    /// What the controller remembers from one command to the next and acts on, as values that may
-    /// be set; nothing for the regulators, whose gains are known.
+    /// The memory from one command to the next, as values that may be set. Empty for the
+    /// regulators, whose gains are known.
     fn memory(&mut self) -> Vec<&mut f64> {
         Vec::new()
     }
 
-    /// Replaces the vehicle's thrust map by an estimated one; most controllers keep the vehicle's.
+    /// Replaces the vehicle's thrust map by an estimated one, in a controller that uses it.
     fn set_thrust_map(&mut self, _: ThrustMap) {}
 }
 
@@ -66,15 +63,11 @@ pub(super) trait Controller: std::fmt::Debug + Send {
 pub(super) struct Command {
     /// m1…m4, from 0 to `vehicle.motor_max`.
     pub(super) motors: Vector4<f64>,
-    /// Whether a motor was at its limit.
+    /// True if a motor was at its limit.
     pub(super) saturated: bool,
 }
 
 /// The controller that the options name.
-///
-/// # Errors
-///
-/// [`noctograph_core::error::Error::Infeasible`] where a regulator's weights have no gain.
 pub(super) fn controller(options: &SimOptions) -> Result<Box<dyn Controller>> {
     Ok(match options.controller.kind {
         ControllerKind::Lqr | ControllerKind::LqrFeedforward | ControllerKind::LqrIntegral => {

@@ -1,22 +1,22 @@
 //! The firmware's default controller: a cascade of PID loops on held position setpoints.
 //!
-//! Position → velocity (world axes turned by the yaw) → roll, pitch and thrust, 100 times a second;
-//! attitude → body rate → commands for the mixer, 500 times a second. Inside the cascade angles are
+//! Position → velocity (world axes turned by the yaw) → roll, pitch and thrust, 100 times a second.
+//! Attitude → body rate → commands for the mixer, 500 times a second. Inside the cascade angles are
 //! in degrees and commands in 1/65535 of a motor's range, as in the firmware, so that its constants
-//! are unchanged; pitch has our sign.
+//! are unchanged. The pitch has our sign.
 //!
 //! Source: bitcraze/crazyflie-firmware 2026.08, `platform_defaults_cf2.h` (`PID_*`),
-//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`; its own
-//! C, compiled, gave the numbers that a test here compares with. Derivatives are unfiltered, as on
-//! a Crazyflie 2.x by default: those of the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false,
-//! those of position and velocity because their gain is 0. Immediate motors need the rate's filter.
+//! `position_controller_pid.c`, `attitude_pid_controller.c`, `controller_pid.c`, `pid.c`. A test
+//! compares with its compiled C. Derivatives are unfiltered, as on a Crazyflie 2.x by default:
+//! those of the body rate because `ATTITUDE_RATE_LPF_ENABLE` is false, those of position and
+//! velocity because their gain is 0.
 
 use std::f64::consts::{PI, SQRT_2};
 
 use nalgebra::{Vector3, Vector4};
 
 use super::{Command, Controller, Reference};
-use crate::options::{PidOptions, SimOptions};
+use crate::options::SimOptions;
 use crate::vehicle::{Mixer, State, attitude, position, rate, velocity};
 use noctograph_core::crazyflie::Feature;
 
@@ -32,14 +32,14 @@ const TILT_MAX: f64 = 20.0;
 const SPEED_MAX: f64 = 1.0;
 /// Largest output of a loop relative to these two (`velMaxOverhead`, `rpLimitOverhead`).
 const OVERHEAD: f64 = 1.1;
-/// Bound of an integral where the firmware names none (`DEFAULT_PID_INTEGRATION_LIMIT`).
+/// Bound of an integral without one of its own (`DEFAULT_PID_INTEGRATION_LIMIT`).
 const INTEGRAL_MAX: f64 = 5000.0;
 /// Bound of a rate loop's output (`saturateSignedInt16`).
 const COMMAND_MAX: f64 = 32_767.0;
 
 /// Cut-off of the filter of a rate's derivative, Hz (`ATTITUDE_ROLL_RATE_LPF_CUTOFF_FREQ`). The
-/// firmware leaves it out on a Crazyflie 2.x, whose motors lag; a drone whose motors obey at once
-/// needs it, or the derivative alone (1.6 times the change of the rate, every 2 ms) throws it over.
+/// firmware leaves it out on a Crazyflie 2.x, whose motors lag. A drone with immediate motors needs
+/// it: the derivative (1.6 times the change of the rate, every 2 ms) would turn it over.
 const RATE_CUTOFF_HZ: f64 = 30.0;
 
 /// Butterworth low-pass filter of order 2 by the bilinear transform.
@@ -69,10 +69,9 @@ impl LowPass {
     }
 }
 
-/// One loop: proportional, integral and derivative gain, bound of the integral, bound of the
-/// output. The derivative is that of the measurement, so that a step of the setpoint gives no kick.
 #[derive(Clone, Debug)]
 struct Pid {
+    /// Proportional, integral and derivative.
     gains: [f64; 3],
     integral_max: f64,
     output_max: f64,
@@ -89,19 +88,19 @@ impl Pid {
         Self { gains, integral_max, output_max, dt_s, filter, integral, measured }
     }
 
-    /// One step of the PID: output for an error, with the derivative of the measurement.
     fn update(&mut self, error: f64, measured: f64) -> f64 {
+        // The derivative is that of the measurement, so that a step of the setpoint gives no kick.
         let [kp, ki, kd] = self.gains;
-        let slope = (measured - self.measured) / self.dt_s;
-        let slope = self.filter.as_mut().map_or(slope, |filter| filter.update(slope));
+        let rate = (measured - self.measured) / self.dt_s;
+        let rate = self.filter.as_mut().map_or(rate, |filter| filter.update(rate));
         self.measured = measured;
         let integral = self.integral + error * self.dt_s;
         self.integral = integral.clamp(-self.integral_max, self.integral_max);
-        let output = kp * error + ki * self.integral - kd * slope;
+        let output = kp * error + ki * self.integral - kd * rate;
         output.clamp(-self.output_max, self.output_max)
     }
 
-    /// Integral, last measurement and filter, as far as the gains use them.
+    /// Integral, last measurement and filter, if the gains use them.
     fn memory(&mut self) -> impl Iterator<Item = &mut f64> {
         let [_, ki, kd] = self.gains;
         let integral = (ki != 0.0).then_some(&mut self.integral);
@@ -136,67 +135,66 @@ pub(super) struct PidCascade {
     wanted: [f64; 2],
     thrust: f64,
     thrust_base: f64,
-    /// Whether all loops begin anew with another kind of setpoint.
+    /// True if all loops reset with another kind of setpoint.
     resets: bool,
 }
 
 impl PidCascade {
     pub(super) fn new(options: &SimOptions) -> Self {
         let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
-        let slow = |gains, output_max| Pid::new(gains, INTEGRAL_MAX, output_max, slow_hz);
-        let speed_max = SPEED_MAX * OVERHEAD;
-        let tilt_max = TILT_MAX * OVERHEAD;
         let vehicle = &options.vehicle;
-        let PidOptions { thrust_base, .. } = options.controller.pid;
-        let immediate = vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0;
-        let filter = immediate.then(|| LowPass::new(RATE_CUTOFF_HZ, fast_hz));
         let [position, velocity, attitude, rate] = options.controller.pid.gains();
-        let with_bounds = |loops: [[f64; 3]; 3], bounds: [f64; 3], output_max: f64| {
-            std::array::from_fn(|i| Pid::new(loops[i], bounds[i], output_max, fast_hz))
-        };
-        let [vx, vy, vz] = velocity;
-        let mut rate: [Pid; 3] = with_bounds(rate, [33.3, 33.3, 166.7], COMMAND_MAX);
-        rate[..2].iter_mut().for_each(|of_tilt| of_tilt.filter.clone_from(&filter));
+        // Bounds of the integrals and of the outputs, about x y z or roll pitch yaw.
+        let (speed_max, tilt_max) = (SPEED_MAX * OVERHEAD, TILT_MAX * OVERHEAD);
+        let velocity_max = [tilt_max, tilt_max, FULL / 2.0 / THRUST_SCALE];
+        let mut rate = loops(rate, [33.3, 33.3, 166.7], [COMMAND_MAX; 3], fast_hz);
+        // Immediate motors need a filter of the tilt rates' derivatives.
+        if vehicle.motor_rise_s == 0.0 || vehicle.motor_fall_s == 0.0 {
+            let filter = LowPass::new(RATE_CUTOFF_HZ, fast_hz);
+            rate[..2].iter_mut().for_each(|tilt| tilt.filter = Some(filter.clone()));
+        }
         Self {
-            position: position.map(|gains| slow(gains, speed_max)),
-            velocity: [slow(vx, tilt_max), slow(vy, tilt_max), slow(vz, FULL / 2.0 / THRUST_SCALE)],
-            attitude: with_bounds(attitude, [20.0, 20.0, 360.0], f64::INFINITY),
+            position: loops(position, [INTEGRAL_MAX; 3], [speed_max; 3], slow_hz),
+            velocity: loops(velocity, [INTEGRAL_MAX; 3], velocity_max, slow_hz),
+            attitude: loops(attitude, [20.0, 20.0, 360.0], [f64::INFINITY; 3], fast_hz),
             rate,
             most: options.most_command(),
-            scale: options.vehicle.motor_max / FULL,
+            scale: vehicle.motor_max / FULL,
             ticks_per_position: fast_hz / slow_hz,
             ticks: 0,
             wanted: [0.0; 2],
             thrust: 0.0,
-            thrust_base,
+            thrust_base: options.controller.pid.thrust_base,
             resets: vehicle.firmware.has(&Feature::RESET),
         }
     }
 
-    /// Forgets integrals and derivatives (`controllerPidReinitialize`).
-    fn begin_anew(&mut self, estimate: &State) {
-        let (here, now) = (position(estimate), angles(estimate));
+    /// Resets integrals and derivatives (`controllerPidReinitialize`).
+    fn reset(&mut self, estimate: &State) {
+        let (position_m, angles) = (position(estimate), angles(estimate));
         for i in 0..3 {
-            self.position[i].reset(here[i]);
+            self.position[i].reset(position_m[i]);
             self.velocity[i].reset(0.0);
-            self.attitude[i].reset(now[i]);
+            self.attitude[i].reset(angles[i]);
             self.rate[i].reset(0.0);
         }
-        self.wanted = [now[0], now[1]];
+        self.wanted = [angles[0], angles[1]];
     }
 
     /// Position and velocity loops: wanted roll, pitch and thrust.
     fn outer(&mut self, estimate: &State, setpoint_m: Vector3<f64>) {
+        // Setpoint, position and velocity along the axes of the nose, the left side, and up.
         let attitude = attitude(estimate);
         let (sin, cos) = libm::sincos(attitude.yaw_rad);
-        let moving = attitude.world_from_body() * velocity(estimate);
-        let [there, here, moving] = [setpoint_m, position(estimate), moving]
+        let velocity_m_s = attitude.world_from_body() * velocity(estimate);
+        let [setpoint_m, position_m, velocity_m_s] = [setpoint_m, position(estimate), velocity_m_s]
             .map(|v| [v.x * cos + v.y * sin, -v.x * sin + v.y * cos, v.z]);
         let mut out = [0.0; 3];
         for i in 0..3 {
-            let wanted = self.position[i].update(there[i] - here[i], here[i]);
-            out[i] = self.velocity[i].update(wanted - moving[i], moving[i]);
+            let wanted = self.position[i].update(setpoint_m[i] - position_m[i], position_m[i]);
+            out[i] = self.velocity[i].update(wanted - velocity_m_s[i], velocity_m_s[i]);
         }
+        // Forward is a positive pitch, nose down, and left is a negative roll.
         let [ahead, left, up] = out;
         self.wanted = [-left, ahead].map(|angle| angle.clamp(-TILT_MAX, TILT_MAX));
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
@@ -204,18 +202,16 @@ impl PidCascade {
 
     /// Attitude and rate loops: roll, pitch and yaw commands. The yaw is held at 0.
     fn inner(&mut self, estimate: &State) -> [f64; 3] {
-        let now = angles(estimate);
-        let turning = rate(estimate).map(f64::to_degrees);
+        let angles = angles(estimate);
+        let rates = rate(estimate).map(f64::to_degrees);
         let wanted = [self.wanted[0], self.wanted[1], 0.0];
-        let mut out = [0.0; 3];
-        for i in 0..3 {
-            let error = wanted[i] - now[i];
-            // The shorter way round, which only the yaw can need.
+        std::array::from_fn(|i| {
+            // The shorter turn, which only matters for the yaw.
+            let error = wanted[i] - angles[i];
             let error = error - 360.0 * (error / 360.0).round();
-            let wanted_rate = self.attitude[i].update(error, now[i]);
-            out[i] = self.rate[i].update(wanted_rate - turning[i], turning[i]);
-        }
-        out
+            let wanted_rate = self.attitude[i].update(error, angles[i]);
+            self.rate[i].update(wanted_rate - rates[i], rates[i])
+        })
     }
 }
 
@@ -232,13 +228,13 @@ impl Controller for PidCascade {
     }
 
     fn rest(&mut self, estimate: &State) {
-        self.begin_anew(estimate);
+        self.reset(estimate);
         self.ticks = 0;
     }
 
     fn change_mode(&mut self, estimate: &State) {
         if self.resets {
-            self.begin_anew(estimate);
+            self.reset(estimate);
         }
     }
 
@@ -246,6 +242,10 @@ impl Controller for PidCascade {
         let loops = [&mut self.position, &mut self.velocity, &mut self.attitude, &mut self.rate];
         loops.into_iter().flatten().flat_map(Pid::memory).collect()
     }
+}
+
+fn loops(gains: [[f64; 3]; 3], integral: [f64; 3], output: [f64; 3], rate_hz: u32) -> [Pid; 3] {
+    std::array::from_fn(|i| Pid::new(gains[i], integral[i], output[i], rate_hz))
 }
 
 /// Roll, pitch and yaw in degrees.

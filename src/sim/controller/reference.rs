@@ -7,23 +7,22 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::{Attitude, turned};
 use noctograph_core::plan::Setpoint;
 
-/// A setpoint at one instant: as it was sent, and as the design has moved on since.
+/// A setpoint at one instant: its position as sent, and the motion that it describes since.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reference {
     /// Position as sent, held until the next setpoint.
     pub(super) held_m: Vector3<f64>,
-    /// Position of the design now, with the offset of the sent position from the setpoint.
+    /// Reference position now, with the offset of the sent position from the setpoint.
     pub(crate) position_m: Vector3<f64>,
-    /// Velocity of the design now.
     pub(crate) velocity_m_s: Vector3<f64>,
-    /// Acceleration of the design.
+    /// Reference acceleration.
     pub(crate) acceleration_m_s2: Vector3<f64>,
-    /// Jerk of a trajectory on board; setpoints that are sent carry none.
+    /// Jerk of a trajectory on board. Setpoints that are sent carry none.
     pub(crate) jerk_m_s3: Vector3<f64>,
 }
 
 impl Reference {
-    /// A setpoint with the position that is sent for it; `time_s` is at or after its own.
+    /// A setpoint with the position that is sent for it, at a time after it.
     pub(crate) fn from_setpoint(setpoint: &Setpoint, sent_m: Vector3<f64>, time_s: f64) -> Self {
         let since_s = time_s - setpoint.time_s;
         Self {
@@ -35,16 +34,10 @@ impl Reference {
         }
     }
 
-    /// A place that is held.
-    pub(crate) fn holding(place_m: Vector3<f64>) -> Self {
-        let still = Vector3::zeros();
-        Self {
-            held_m: place_m,
-            position_m: place_m,
-            velocity_m_s: still,
-            acceleration_m_s2: still,
-            jerk_m_s3: still,
-        }
+    /// A position that is held.
+    pub(crate) fn holding(position_m: Vector3<f64>) -> Self {
+        let setpoint = Setpoint { position_m, ..Setpoint::default() };
+        Self::from_setpoint(&setpoint, position_m, 0.0)
     }
 
     /// The same, turned about the vertical axis.
@@ -57,11 +50,11 @@ impl Reference {
     }
 
     /// State and thrust per mass (m/s²) with which a drone that looks along x would follow the
-    /// design without any error: a quadrotor is differentially flat (Mellinger, Kumar, ICRA 2011).
-    ///
-    /// The thrust carries gravity and the acceleration, and the attitude points it there. The body
-    /// does not turn: between two setpoints the acceleration is constant.
+    /// reference without any error: a quadrotor is differentially flat (Mellinger, Kumar, ICRA
+    /// 2011).
     pub(super) fn trim(&self) -> (State, f64) {
+        // The attitude points the thrust along gravity and acceleration. The body does not turn:
+        // between two setpoints the acceleration is constant.
         let force = self.acceleration_m_s2 + Vector3::z() * GRAVITY_M_S2;
         let size = force.norm();
         let pitch_rad = libm::atan2(force.x, force.z);
@@ -79,10 +72,10 @@ impl Reference {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vehicle::{Vehicle, VehicleOptions, Wrench, attitude, velocity};
+    use crate::vehicle::{VehicleOptions, Wrench, attitude, velocity};
 
     #[test]
-    fn the_trim_moves_and_accelerates_as_the_design_does() {
+    fn the_trim_moves_and_accelerates_as_the_reference_does() {
         let setpoint = Setpoint {
             time_s: 1.0,
             position_m: Vector3::new(0.1, 0.2, 0.7),
@@ -95,7 +88,7 @@ mod tests {
         assert_eq!(reference.held_m, setpoint.position_m);
         let options = VehicleOptions::default();
         let wrench = Wrench::new(0.0, 0.0, 0.0, thrust * options.mass_kg);
-        let slope = Vehicle::new(&options).derivative(&state, &wrench);
+        let slope = options.derivative(&state, &wrench);
         let [now, ahead] =
             [state, state + slope * 1e-6].map(|s| attitude(&s).world_from_body() * velocity(&s));
         let wanted = Vector3::new(0.5, -0.3, 0.15);

@@ -19,7 +19,7 @@ fn word(text: &str, extent: Extent) -> Plan {
     written(text, &PlanOptions { extent, ..Default::default() })
 }
 
-/// The team's drone with a controller, its center of mass where the flight showed it.
+/// The team's drone with a controller, and with the center of mass of the reference flight.
 fn with(kind: ControllerKind) -> SimOptions {
     let mut options = SimOptions::default();
     options.controller.kind = kind;
@@ -90,8 +90,7 @@ fn contour_error_m(flight: &Flight) -> f64 {
     }))
 }
 
-/// Mean error over the second half of 20 s on the spot, with ideal sensors and the team's center of
-/// mass.
+/// Mean error over the second half of 20 s of hover, with the team's center of mass.
 fn standing_error_m(kind: ControllerKind) -> Vector3<f64> {
     let options = SimOptions { sensors: SensorOptions::ideal(), ..with(kind) };
     let mut flight = flown(&hover(PLACE_M, 20.0), &options, 0).unwrap();
@@ -165,7 +164,7 @@ fn integral_action_removes_the_seven_centimeters_of_the_center_of_mass() {
         let left = standing_error_m(kind);
         assert!(left.norm() < 0.002, "{kind:?}: {left}");
     }
-    // The cascade's horizontal loops integrate as well; its height takes longer than this.
+    // The cascade's horizontal loops integrate as well. Its height takes longer than this.
     let left = standing_error_m(ControllerKind::Pid);
     assert!(left.xy().norm() < 0.002 && left.z.abs() < 0.005, "cascade: {left}");
 }
@@ -187,7 +186,7 @@ fn the_geometric_law_holds_a_full_state_until_the_next_and_turns_with_the_jerk_o
         [0.02, 0.1].map(|interval_s| flown(&figure_eight(interval_s), &options, 0).unwrap());
     let later_s = lag(&seldom).0 - lag(&often).0;
     assert!((later_s - 0.04).abs() < 0.009, "half an interval: {later_s} s");
-    // What is sent to last for long is sent again as it moves on, every 0.1 s.
+    // A setpoint that lasts for long is sent again as it moves on, every 0.1 s.
     let still = lag(&flown(&figure_eight(0.2), &options, 0).unwrap()).0;
     assert!((still - lag(&seldom).0).abs() < 0.02, "{still} s");
     let mut on_board = figure_eight(0.01);

@@ -1,9 +1,8 @@
-//! Altitude and vertical velocity from the altitude filter, all else from the extended Kalman
-//! filter.
+//! Altitude and vertical velocity by the altitude filter, and all else by a Kalman filter.
 //!
-//! The filter's prediction runs at every tick on the throttle that was sent, upright part of it; a
-//! range is turned upright by the estimated tilt. The Kalman filter below it sees neither ranger
-//! nor barometer, whose biases it does not estimate.
+//! The altitude filter predicts at every tick by the vertical part of the throttle, and turns
+//! ranges upright by the estimated tilt. The Kalman filter gets neither ranger nor barometer, whose
+//! biases it does not estimate.
 
 use super::altitude_filter::{AltitudeFilter, AltitudeSensor, AltitudeState};
 use super::ekf::Ekf;
@@ -14,23 +13,18 @@ use crate::vehicle::State;
 /// Row of the altitude in [`State`].
 const ALTITUDE: usize = 2;
 
-/// The two filters.
 #[derive(Debug)]
 pub(super) struct Altitude {
     pub(super) horizontal: Ekf,
     pub(super) vertical: AltitudeFilter,
-    /// Whether positions are fixes of satellites.
+    /// True if positions are fixes of satellites.
     pub(super) has_satellites: bool,
 }
 
 impl Estimator for Altitude {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.horizontal.set_yaw(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
-        let level = Readings { heights: &[], ..*readings };
-        self.horizontal.update(&level, tick_s);
+        // The Kalman filter first: its tilt turns throttle and ranges upright.
+        self.horizontal.update(&Readings { heights: &[], ..*readings }, tick_s);
         let cos_tilt = self.horizontal.motion.attitude.matrix()[(2, 2)];
         let filter = &mut self.vertical;
         if readings.throttle > 0.0 {

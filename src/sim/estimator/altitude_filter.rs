@@ -1,9 +1,8 @@
-//! The Kalman filter of altitude, velocity, thrust map, biases and gusts, and its test for steps of
-//! the floor.
+//! The Kalman filter of altitude, velocity, thrust map, biases and gusts.
 //!
-//! Gusts push for seconds. They are a state of their own, so that the innovations stay white: a
-//! controller that answers a correlated innovation would make the throttle correlated with it, and
-//! the filter would read a thrust map from that which is not there.
+//! Gusts push for seconds. They are a state, so that the innovations stay white: the controller
+//! would answer correlated innovations, and the filter would read a wrong thrust map from the
+//! throttle's correlation with them.
 
 use crate::controller::ThrustMap;
 use crate::kalman::{Floor, Innovation, Measurement, Normal, Part, StepTest, variance_rate};
@@ -16,14 +15,11 @@ const GNSS_SIGMA_M: f64 = 0.05;
 const TIME_OF_FLIGHT_SIGMA_M: f64 = 0.06;
 /// Vertical acceleration by gusts, σ, and its correlation time: a first-order Gauss-Markov process
 /// (Singer 1970), held from one prediction to the next.
-///
-/// Taken for white noise instead, gusts make the innovations correlated with the throttle that
-/// answers them, and α⁰ and α¹ are then told apart by that correlation, wrongly.
 const GUST_SIGMA_M_S2: f64 = 0.15;
 const GUST_TIME_S: f64 = 2.0;
 /// Random walk of α⁰: mass and lift at no throttle hardly change.
 const OFFSET_WALK_M_S2_SQRT_S: f64 = 0.005;
-/// Random walk of the floor: flat between steps, which the step test finds.
+/// Random walk of the floor, which is flat between steps.
 const RANGER_WALK_M_SQRT_S: f64 = 0.003;
 /// Random walk of the barometer's bias: a draft or a weather front, 2 cm/s at most.
 const BAROMETER_WALK_M_SQRT_S: f64 = 0.05;
@@ -67,7 +63,7 @@ impl AltitudeSensor {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Gnss, Self::TimeOfFlight, Self::Barometer];
 
-    /// What a sensor of the height is to the filter.
+    /// The kind of a height sensor.
     pub fn from_height(sensor: HeightSensor) -> Self {
         if sensor.looks_down() { Self::TimeOfFlight } else { Self::Barometer }
     }
@@ -79,13 +75,13 @@ const START_SIGMA: [f64; 3] = [0.05, 0.05, 0.02];
 /// A reading against its prediction.
 #[derive(Clone, Copy, Debug)]
 pub struct HeightReading {
-    /// What measured it.
+    /// Sensor.
     pub sensor: AltitudeSensor,
-    /// What it measured.
+    /// Reading.
     pub measured_m: f64,
     /// Its innovation.
     pub innovation: Innovation,
-    /// Whether the filter took it in.
+    /// True if the filter used it.
     pub taken: bool,
 }
 
@@ -103,7 +99,7 @@ pub struct AltitudeFilter {
 impl AltitudeFilter {
     /// The filter of a drone at rest at a known altitude.
     ///
-    /// α⁰ begins at gravity, and α¹ at what then gives the believed hover throttle.
+    /// α⁰ begins at gravity, and α¹ at the value that makes the believed throttle hover.
     pub fn new(options: &AltitudeOptions, hover: f64, altitude_m: f64) -> Self {
         let [altitude, velocity, floor] = START_SIGMA;
         let mut normal = Normal::independent(&[
@@ -123,7 +119,8 @@ impl AltitudeFilter {
 
     /// Propagates the estimate over a span in which a throttle, 0 to 1, was held.
     pub fn predict(&mut self, throttle: f64, span_s: f64) {
-        let (t, o) = (span_s, &self.options);
+        // z̈ = α⁰ + α¹ τ + gust, constant over the span. The gust decays towards zero.
+        let t = span_s;
         let kept = libm::exp(-t / GUST_TIME_S);
         let half = 0.5 * t * t;
         let transition = [
@@ -136,24 +133,33 @@ impl AltitudeFilter {
             (1, GUST, t),
             (GUST, GUST, kept - 1.0),
         ];
-        let density = variance_rate(o.acceleration_noise_m_s2_sqrt_hz);
-        let walk = |per_sqrt_s: f64| per_sqrt_s * per_sqrt_s * t;
+        // White acceleration, random walks of map and biases, and the noise that keeps the variance
+        // of the gust stationary.
+        let density = variance_rate(self.options.acceleration_noise_m_s2_sqrt_hz);
+        let walks = [
+            OFFSET_WALK_M_S2_SQRT_S,
+            self.options.gain_walk_m_s2_sqrt_s,
+            RANGER_WALK_M_SQRT_S,
+            BAROMETER_WALK_M_SQRT_S,
+        ];
+        let [offset, gain, ranger, barometer] = walks.map(|per_sqrt_s| per_sqrt_s * per_sqrt_s * t);
         let noise = [
             (0, 0, density * t * t * t / 3.0),
             (0, 1, density * t * t / 2.0),
             (1, 1, density * t),
-            (2, 2, walk(OFFSET_WALK_M_S2_SQRT_S)),
-            (3, 3, walk(o.gain_walk_m_s2_sqrt_s)),
-            (4, 4, walk(RANGER_WALK_M_SQRT_S)),
-            (5, 5, walk(BAROMETER_WALK_M_SQRT_S)),
+            (2, 2, offset),
+            (3, 3, gain),
+            (4, 4, ranger),
+            (5, 5, barometer),
             (GUST, GUST, (1.0 - kept * kept) * GUST_SIGMA_M_S2 * GUST_SIGMA_M_S2),
         ];
         self.normal.predict(&transition, &noise);
         self.readings.clear();
     }
 
-    /// Propagates the estimate over a span in which the drone stood with its motors off.
+    /// Propagates the estimate over a span on the floor with the motors off.
     pub fn rest(&mut self, span_s: f64) {
+        // Velocity and gust are reset, uncorrelated. Altitude and thrust map are kept.
         let Normal { mean, covariance, .. } = &mut self.normal;
         for (still, sigma) in
             [(AltitudeState::Velocity as usize, START_SIGMA[1]), (GUST, GUST_SIGMA_M_S2)]
@@ -172,14 +178,13 @@ impl AltitudeFilter {
         self.readings.clear();
     }
 
-    /// Takes a reading in.
-    ///
-    /// A range beyond the gate is not taken in; the second in a row moves the ranger's bias by the
-    /// mean of their innovations and widens it.
+    /// Corrects by a reading. A range beyond the gate is left out. The second in a row moves the
+    /// ranger's bias by the mean of their innovations and widens it.
     pub fn update(&mut self, sensor: AltitudeSensor, measured_m: f64) {
         let [altitude, ranger, barometer] =
             [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]
                 .map(|state| Part::One(state as usize, 1.0));
+        // The bias of the ranger is last, as the step test wants it.
         let (slope, sigma_m): (&[Part], f64) = match sensor {
             AltitudeSensor::Gnss => (&[altitude], GNSS_SIGMA_M),
             AltitudeSensor::TimeOfFlight => (&[altitude, ranger], TIME_OF_FLIGHT_SIGMA_M),
@@ -220,7 +225,7 @@ impl AltitudeFilter {
         &self.readings
     }
 
-    /// Steps of the floor that were found so far.
+    /// Number of steps of the floor so far.
     pub fn steps(&self) -> u32 {
         self.steps
     }

@@ -27,8 +27,8 @@ fn bow(a: f64, w: f64, t: f64) -> [f64; 3] {
     ]
 }
 
-/// Place, force per mass in the world, and attitude of a drone with drag that thrusts along its z;
-/// `hurry` times as fast.
+/// Position, force per mass in the world, and attitude of a drone with drag that thrusts along its
+/// z, `hurry` times as fast.
 fn motion(t: f64, hurry: f64) -> (Vector3<f64>, Vector3<f64>, Matrix3<f64>) {
     let axes = [bow(0.5, hurry * 0.7, t), bow(0.3, hurry * 0.9, t), bow(0.3, hurry * 0.5, t)];
     let [place_m, velocity_m_s, acceleration_m_s2] =
@@ -47,7 +47,7 @@ struct Apart {
     states: [f64; 3],
     /// The largest ratio of standard deviations, less 1.
     worst_sigma: f64,
-    /// The mean ratio of those of positions, less 1; each alone differs more, by chance.
+    /// The mean ratio of those of positions, less 1. Each one differs more, by chance.
     mean_sigma: f64,
 }
 
@@ -58,7 +58,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
     let mut observer = ObserverOptions { firmware, ..ObserverOptions::default() };
     observer.ekf.position_sigma_m = place_sigma_m;
     let start_m = Vector3::z() * 0.8;
-    let mut filter = Firmware::new(&observer, &sensors, start_m, Noise::new(0, 0, "none"));
+    let mut filter = Firmware::new(&observer, &sensors, start_m, 0.0, Noise::new(0, 0, "none"));
     let places = [[-2.5, -2.2, 2.4], [2.8, 2.2, 2.4]];
     let stations = places
         .map(|place| StationPose::new(&Station::looking(Generation::V2, place, [0.15, 0.0, 0.75])));
@@ -103,7 +103,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
                     heard[station] = Some((turn, angles_rad));
                     continue;
                 }
-                // Every second pair; both of its sweeps are handed over at once.
+                // Every second pair. Both of its sweeps are handed over at once.
                 let Some((_, first)) = heard[station].filter(|(then, _)| *then == turn) else {
                     continue;
                 };
@@ -131,7 +131,7 @@ fn compared(positioning: Positioning, hurry: f64, place_sigma_m: f64, recorded: 
         let distance_m = (positioning == Positioning::UwbTwr && k % 12 == 0)
             .then(|| place_m.z / r[(2, 2)] + 0.0025 * numbers.normal());
         let heights: Vec<_> =
-            distance_m.into_iter().map(|it| (HeightSensor::TimeOfFlight, it)).collect();
+            distance_m.map(|m| (HeightSensor::TimeOfFlight, m)).into_iter().collect();
         let truth = RigidBody::resting_at(place_m);
         let readings = Readings {
             throttle: 0.5,

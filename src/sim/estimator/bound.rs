@@ -1,16 +1,15 @@
-//! Bound of Cramér and Rao for the positions of drones that fly their plans on ultra-wideband
-//! ranges.
+//! Cramér–Rao bound for the positions of drones that fly their plans on ultra-wideband ranges.
 //!
 //! In: plans and a drone. Out: [`Bound`], the standard deviation of each drone's position over time
-//! that no unbiased estimator beats. Method: the covariance of the filter with its slopes taken at
-//! the truth (the posterior bound: Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing 46,
-//! 1998), driven by the noise of the inertial sensors and corrected by each range and height when
-//! it is due. Drones with the estimator `cooperative` share the air and hear each other without
-//! loss. Noise is white here: biases of links, which decide in many rooms, and outliers come on
-//! top.
+//! that no unbiased estimator beats. Method: the covariance of the filter with its Jacobians taken
+//! at the truth (the posterior bound: Tichavsky, Muravchik, Nehorai, IEEE Trans. Signal Processing
+//! 46, 1998). The noise of the inertial sensors drives it, and each range and height corrects it
+//! when it is due. Drones with the estimator `cooperative` take turns and hear each other without
+//! loss. Noise is white here: biases of links, which decide in many rooms, and outliers add to it.
 
 use nalgebra::Vector3;
 
+use super::cooperative::start_sigmas;
 use super::ekf::START;
 use crate::kalman::{Density, ERRORS, Measurement, Normal, Part, Span, toward, variance_rate};
 use crate::options::{EstimatorKind, SimOptions};
@@ -25,8 +24,8 @@ const RATE_HZ: f64 = 100.0;
 const LEAST_SIGMA_M: f64 = 1e-4;
 /// Margin of the box in which a further anchor is tried, around anchors and word.
 const MARGIN_M: f64 = 0.2;
-/// Places of a further anchor along x, y and z.
-const TRIED: [u32; 3] = [5, 5, 3];
+/// Candidate positions of a further anchor along x, y and z.
+const CANDIDATES: [u32; 3] = [5, 5, 3];
 
 /// The bound along the flight of one drone.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
@@ -52,14 +51,14 @@ pub fn bounds(plans: &[&Plan], options: &SimOptions) -> Result<Vec<Bound>> {
         return Err(Error::input("sensors.positioning", name, "ultra-wideband ranges", hint));
     }
     if options.observer.kind == EstimatorKind::Cooperative {
-        return along(plans, 0, options);
+        return joint_bounds(plans, 0, options);
     }
-    let alone = (0..).zip(plans).map(|(drone, plan)| along(&[*plan], drone, options));
-    Ok(alone.collect::<Result<Vec<_>>>()?.concat())
+    let separate = (0..).zip(plans).map(|(drone, plan)| joint_bounds(&[*plan], drone, options));
+    Ok(separate.collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// The bounds of drones that share the air; the first has the index `first`.
-fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>> {
+/// The bounds of drones that cooperate. The first has the index `first`.
+fn joint_bounds(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>> {
     let (sensors, uwb) = (&options.sensors, &options.sensors.uwb);
     let indices: Vec<u64> = (first..).take(plans.len()).collect();
     let turns = turns(sensors, &indices)?;
@@ -76,6 +75,7 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
     let steps = (end_s / step_s) as u32;
     for step in 0..=steps {
         let time_s = f64::from(step) * step_s;
+        // The covariance grows by the inertial noise, and shrinks by each measurement that is due.
         fleet.carry(plans, time_s, step_s);
         while let Some(k) = ranges.due(time_s) {
             fleet.correct_by_range(turns[k % turns.len()]);
@@ -85,36 +85,32 @@ fn along(plans: &[&Plan], first: u64, options: &SimOptions) -> Result<Vec<Bound>
                 fleet.height(*sensor);
             }
         }
-        for (drone, plan) in plans.iter().enumerate() {
-            if time_s > plan.duration_s() {
-                continue;
-            }
+        // A drone that has landed still ranges, but its bound ends.
+        let flying = plans.iter().enumerate().filter(|(_, plan)| time_s <= plan.duration_s());
+        for (drone, plan) in flying {
             let row = plan.row_at(time_s);
             let bound = &mut bounds[drone];
             bound.time_s.push(time_s);
-            let places_m2 = fleet.normal.block(ERRORS * drone, ERRORS * drone);
-            bound.sigma_m.push(places_m2.trace().max(0.0).sqrt());
+            let covariance_m2 = fleet.normal.block(ERRORS * drone, ERRORS * drone);
+            bound.sigma_m.push(covariance_m2.trace().max(0.0).sqrt());
             bound.letter.push(plan.setpoints[row].letter.filter(|_| lit[drone][row] > 0.0));
         }
     }
     Ok(bounds)
 }
 
-/// Drones on their designs, and the covariance of all.
+/// Drones on their planned paths, and their joint covariance.
 struct Fleet<'a> {
     sensors: &'a SensorOptions,
     anchors_m: Vec<Vector3<f64>>,
-    places_m: Vec<Vector3<f64>>,
+    positions_m: Vec<Vector3<f64>>,
     normal: Normal,
 }
 
 impl<'a> Fleet<'a> {
     fn new(n_drones: usize, options: &'a SimOptions) -> Self {
         let start = match options.observer.kind {
-            EstimatorKind::Cooperative => {
-                let start = &options.observer.cooperative;
-                [start.start_sigma_m, START[1], start.start_tilt_rad]
-            }
+            EstimatorKind::Cooperative => start_sigmas(&options.observer.cooperative),
             EstimatorKind::Luenberger
             | EstimatorKind::Ekf
             | EstimatorKind::EkfImproved
@@ -124,7 +120,7 @@ impl<'a> Fleet<'a> {
         Self {
             sensors: &options.sensors,
             anchors_m: options.sensors.uwb.anchors(),
-            places_m: Vec::new(),
+            positions_m: Vec::new(),
             normal: Normal::of_drones(n_drones, start, &[]),
         }
     }
@@ -137,12 +133,14 @@ impl<'a> Fleet<'a> {
             rate: variance_rate(imu.gyro_noise_rad_s_sqrt_hz),
         };
         for (drone, plan) in plans.iter().enumerate() {
-            let moving = plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
-            let lever = -(moving + Vector3::z() * GRAVITY_M_S2).cross_matrix();
+            // A level drone with the planned acceleration: R [f]× of its specific force.
+            let planned =
+                plan.setpoint_at(time_s).map_or(Vector3::zeros(), |s| s.acceleration_m_s2);
+            let lever = -(planned + Vector3::z() * GRAVITY_M_S2).cross_matrix();
             let span = Span { span_s: step_s, lever, turn_rad: Vector3::zeros() };
             self.normal.carry(drone, &span, &density);
         }
-        self.places_m = plans.iter().map(|plan| plan.design_m(time_s)).collect();
+        self.positions_m = plans.iter().map(|plan| plan.design_m(time_s)).collect();
     }
 
     /// Corrects the covariance by one range, or difference of ranges to two anchors.
@@ -150,31 +148,29 @@ impl<'a> Fleet<'a> {
         let variance = square(self.sensors.uwb.noise_m.max(LEAST_SIGMA_M));
         match turn {
             Turn::Anchor { drone, anchor, minus } => {
-                let units = [Some(anchor), minus].map(|anchor| {
-                    let away_m = anchor.map(|it| self.places_m[drone] - self.anchors_m[it]);
-                    away_m.map_or(Vector3::zeros(), |away_m| toward(&away_m).0)
-                });
-                let slope = Part::Three(ERRORS * drone, units[0] - units[1]);
-                self.correct(&[slope], variance);
+                let position_m = self.positions_m[drone];
+                let unit = |anchor: usize| toward(&(position_m - self.anchors_m[anchor])).0;
+                let direction = unit(anchor) - minus.map_or(Vector3::zeros(), unit);
+                self.correct(&[Part::Three(ERRORS * drone, direction)], variance);
             }
             Turn::Drones(i, j) => {
-                let (unit, _) = toward(&(self.places_m[i] - self.places_m[j]));
-                let slope = [Part::Three(ERRORS * i, unit), Part::Three(ERRORS * j, -unit)];
-                self.correct(&slope, variance);
+                let (unit, _) = toward(&(self.positions_m[i] - self.positions_m[j]));
+                let jacobian = [Part::Three(ERRORS * i, unit), Part::Three(ERRORS * j, -unit)];
+                self.correct(&jacobian, variance);
             }
         }
     }
 
     /// Measures the height of every drone.
     fn height(&mut self, sensor: HeightSensor) {
-        for drone in 0..self.places_m.len() {
-            let sigma_m = self.sensors.height_sigma_m(sensor, self.places_m[drone].z);
+        for drone in 0..self.positions_m.len() {
+            let sigma_m = self.sensors.height_sigma_m(sensor, self.positions_m[drone].z);
             let variance = square(sigma_m.max(LEAST_SIGMA_M));
             self.correct(&[Part::One(ERRORS * drone + 2, 1.0)], variance);
         }
     }
 
-    /// At the truth, every measurement is what was expected.
+    /// Corrects the covariance. At the truth every innovation is zero.
     fn correct(&mut self, slope: &[Part], variance: f64) {
         self.normal.correct(&Measurement { slope, value: 0.0, variance }, |_| true);
     }
@@ -186,47 +182,48 @@ fn square(x: f64) -> f64 {
 
 /// Root mean square of bounds over the lit strokes, or over one letter.
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
-    let rows = bounds.iter().flat_map(|bound| bound.sigma_m.iter().zip(&bound.letter));
-    let is_wanted =
-        |written: &Option<usize>| written.is_some() && (letter.is_none() || *written == letter);
-    let wanted = rows.filter(|(_, written)| is_wanted(written));
-    let (sum, n) =
-        wanted.fold((0.0, 0_u32), |(sum, n), (sigma_m, _)| (sum + sigma_m * sigma_m, n + 1));
+    let (mut sum, mut n) = (0.0, 0_u32);
+    for (sigma_m, written) in bounds.iter().flat_map(|b| b.sigma_m.iter().zip(&b.letter)) {
+        if written.is_some() && (letter.is_none() || *written == letter) {
+            (sum, n) = (sum + sigma_m * sigma_m, n + 1);
+        }
+    }
     (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
-/// The place of one more anchor, heard by all drones, that lowers the bound of the strokes most,
-/// and that bound. Tried are places in the box around anchors and word.
+/// The position of one more anchor, heard by all drones, that lowers the bound of the strokes most,
+/// and that bound. The candidates are a grid in the box around anchors and word.
 ///
 /// # Errors
 ///
 /// As [`bounds`].
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
-    let all: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
-    let [nowhere, anywhere] = [f64::NEG_INFINITY, f64::INFINITY].map(Vector3::repeat);
-    let low_m = all.iter().fold(anywhere, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
-    let high_m = all.iter().fold(nowhere, |a, b| a.sup(b)).add_scalar(MARGIN_M);
+    let points_m: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
+    let [lowest, highest] = [f64::NEG_INFINITY, f64::INFINITY].map(Vector3::repeat);
+    let low_m = points_m.iter().fold(highest, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
+    let high_m = points_m.iter().fold(lowest, |a, b| a.sup(b)).add_scalar(MARGIN_M);
     let mut best = ([0.0; 3], f64::INFINITY);
-    for i in 0..TRIED.iter().product() {
-        let k = [i % TRIED[0], i / TRIED[0] % TRIED[1], i / (TRIED[0] * TRIED[1])];
-        let place_m = std::array::from_fn(|axis| {
-            let share = f64::from(k[axis]) / f64::from(TRIED[axis] - 1);
-            // Anchors stand on the floor at lowest.
-            (low_m[axis] + share * (high_m[axis] - low_m[axis]))
+    let [n_x, n_y, n_z] = CANDIDATES;
+    for i in 0..n_x * n_y * n_z {
+        let k = [i % n_x, i / n_x % n_y, i / (n_x * n_y)];
+        let position_m = std::array::from_fn(|axis| {
+            let fraction = f64::from(k[axis]) / f64::from(CANDIDATES[axis] - 1);
+            // An anchor is at least 0.1 m above the floor.
+            (low_m[axis] + fraction * (high_m[axis] - low_m[axis]))
                 .max([f64::MIN, f64::MIN, 0.1][axis])
         });
-        let mut with = options.clone();
-        let uwb = &mut with.sensors.uwb;
-        if uwb.anchors_m.contains(&place_m) {
+        let mut options = options.clone();
+        let uwb = &mut options.sensors.uwb;
+        if uwb.anchors_m.contains(&position_m) {
             continue;
         }
         let n = uwb.anchors_m.len();
-        uwb.anchors_m.push(place_m);
+        uwb.anchors_m.push(position_m);
         uwb.heard.iter_mut().for_each(|heard| heard.push(n));
-        let sigma_m = writing_sigma_m(&bounds(plans, &with)?, None).unwrap_or(f64::INFINITY);
+        let sigma_m = writing_sigma_m(&bounds(plans, &options)?, None).unwrap_or(f64::INFINITY);
         if sigma_m < best.1 {
-            best = (place_m, sigma_m);
+            best = (position_m, sigma_m);
         }
     }
     Ok(best)
@@ -248,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drone_that_surely_stands_still_averages_its_ranges() {
+    fn a_drone_that_is_known_to_rest_averages_its_ranges() {
         // Without motion noise and with a start known to 10 m and no tilt, the bound along the axis
         // of one anchor is 1/√(1/σ0² + n/σ²).
         let mut options = options(&[[3.0, 0.0, 1.0], [0.0, 3.0, 1.0], [0.0, 0.0, 4.0]]);
@@ -256,7 +253,7 @@ mod tests {
         options.observer.cooperative.start_tilt_rad = 1e-5;
         let plan = hover([0.0, 0.0, 1.0], 1.0);
         let bound = bounds(&[&plan], &options).unwrap().remove(0);
-        // Velocity is known to 1 cm/s: at 0.1 s it has moved by less than the ranges tell.
+        // Velocity is known to 1 cm/s: in 0.1 s it moves by less than the ranges resolve.
         let row = bound.time_s.iter().position(|t| *t >= 0.1).unwrap();
         let n = ((bound.time_s[row] * 180.0).floor() + 1.0) / 3.0;
         let want_m = (3.0 * 0.06 * 0.06 / n).sqrt();

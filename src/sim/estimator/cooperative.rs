@@ -1,19 +1,18 @@
 //! Extended Kalman filter of one drone over all drones of its fleet.
 //!
-//! Its own nine errors are those of [`Ekf`](super::ekf::Ekf), and so is its arithmetic as long as
-//! it is alone. Of every other drone it keeps position, velocity and the tilt of its dead
-//! reckoning, at the time of the last message: a message moves them on by the motion that it tells
-//! (which is why a lost one costs nothing but time), and its ranges and heights correct them. A
-//! range between two drones waits until the messages have caught up with it, and is held against
-//! the places at its own time: both are carried back from the present estimates along the motion
-//! received. Every measurement is thus used once in each drone's filter, and what the drones'
-//! errors have in common is in the filter's covariance.
+//! The nine errors of this drone are those of [`Ekf`](super::ekf::Ekf). Of every other drone the
+//! filter keeps position, velocity and the tilt of its dead reckoning, at the time of its last
+//! message. A message moves them on by the motion in it, so that a lost one only costs time, and
+//! its ranges and heights correct them. A range between two drones waits until the messages have
+//! caught up with it. It is compared with the positions at its own time, which follow from the
+//! present estimates by the motion received. Every measurement is thus used once in each drone's
+//! filter, and the common errors of the drones are in the filter's covariance.
 //!
-//! A link that the gate refuses five times in a row is believed again, with the variance that it
-//! asks for: a filter that is wrong cannot lock the truth out.
+//! A link that the gate refuses five times in a row is accepted again, see
+//! [`Gate`](crate::kalman::Gate).
 //!
 //! Sources: S. I. Roumeliotis, G. A. Bekey, "Distributed multirobot localization", IEEE Trans.
-//! Robotics and Automation 18(5), 2002 (one filter over all robots); A. Howard, M. J. Mataric, G.
+//! Robotics and Automation 18(5), 2002 (one filter over all robots). A. Howard, M. J. Mataric, G.
 //! S. Sukhatme 2003, and L. C. Carrillo-Arce et al., IROS 2013 (estimates counted twice).
 //!
 //! Not estimated: biases of ranges, of the inertial sensors and of air pressure. The noise of the
@@ -27,9 +26,9 @@ use super::Estimator;
 use super::delayed::{DelayedState, delayed, interpolated};
 use super::ekf::{Ekf, START, Source};
 use crate::kalman::{GRAVITY_M_S2, Gate, Inertial, Measurement, Normal, Part, Span, toward};
-use crate::options::{ObserverOptions, Share};
+use crate::options::{CooperativeOptions, ObserverOptions, Share};
 use crate::sensors::{
-    Fleet, Leg, Message, PeerRange, Readings, Reckoning, SensorOptions, Shared, Target,
+    Fleet, Message, PeerRange, Readings, Reckoning, Segment, SensorOptions, Shared, Target,
 };
 use crate::vehicle::State;
 
@@ -37,20 +36,19 @@ use crate::vehicle::State;
 const TWO_WAY: usize = 1;
 /// Ranges that have waited longer for messages are forgotten.
 const LONGEST_WAIT_S: f64 = 2.0;
-/// Specific force along the body's z axis above which a drone with its motors off stands.
-const STANDS_M_S2: f64 = 0.8 * GRAVITY_M_S2;
+/// Specific force along the body's z axis above which a drone with its motors off is on the floor.
+const ON_FLOOR_M_S2: f64 = 0.8 * GRAVITY_M_S2;
 /// Messages of each drone that are kept.
 const MESSAGES_KEPT: usize = 64;
 /// Keys of ranges between two other drones that are kept, so that none is used twice.
 const RANGES_KEPT: usize = 256;
 
-/// The filter.
 #[derive(Debug)]
 pub(crate) struct Cooperative {
-    /// Of all drones, this one first and the others in the order of `peers`.
-    own: Ekf,
-    /// The attitude, velocity and position by inertial sensors alone, which the others receive.
-    alone: Inertial,
+    /// Over all drones, this one first and the others in the order of `peers`.
+    joint: Ekf,
+    /// Attitude, velocity and position only by inertial sensors, which the others receive.
+    inertial: Inertial,
     /// Velocity and position by inertial sensors with the estimated attitude.
     dead_reckoning: Reckoning,
     peers: Vec<Peer>,
@@ -59,7 +57,7 @@ pub(crate) struct Cooperative {
     force_m_s2: Vector3<f64>,
     ticks: u32,
     gate: Gate<(usize, Target)>,
-    /// What the next message will hold.
+    /// Measurements of the next message.
     ranges: Vec<Shared>,
     heights: Vec<Shared>,
     /// Ranges to other drones that wait for their messages, with the motion at their time.
@@ -81,11 +79,23 @@ struct Peer {
     motions: VecDeque<Reckoning>,
 }
 
+/// Standard deviations of position (m), velocity (m/s) and tilt (rad) of each drone at the start.
+pub(super) fn start_sigmas(options: &CooperativeOptions) -> [f64; 3] {
+    [options.start_sigma_m, START[1], options.start_tilt_rad]
+}
+
 impl Cooperative {
-    /// The filter of one drone of a fleet at the start: all drones level and at rest at their
-    /// places.
-    pub(super) fn new(options: &ObserverOptions, sensors: &SensorOptions, fleet: &Fleet) -> Self {
-        let own_m = fleet.members[fleet.place].start_m;
+    /// The filter of one drone of a fleet at the start, with all drones level and at rest.
+    pub(super) fn new(
+        options: &ObserverOptions,
+        sensors: &SensorOptions,
+        fleet: &Fleet,
+        yaw_rad: f64,
+    ) -> Self {
+        let start_m = fleet.members[fleet.place].start_m;
+        let sigmas = start_sigmas(&options.cooperative);
+        let normal = Normal::of_drones(fleet.members.len(), sigmas, &[]);
+        // The others begin with a message at time zero, from which the next one moves them on.
         let others = fleet.members.iter().enumerate().filter(|(place, _)| *place != fleet.place);
         let peers = others.map(|(place, member)| Peer {
             place,
@@ -94,20 +104,13 @@ impl Cooperative {
             tilt_rad: Vector3::zeros(),
             motions: [Reckoning::default()].into(),
         });
-        let start = &options.cooperative;
-        let sigmas = [start.start_sigma_m, START[1], start.start_tilt_rad];
         Self {
-            own: Ekf::of_fleet(
-                &options.ekf,
-                sensors,
-                own_m,
-                Normal::of_drones(fleet.members.len(), sigmas, &[]),
-            ),
-            alone: Inertial::level_at(Vector3::zeros()),
+            joint: Ekf::of_fleet(&options.ekf, sensors, start_m, yaw_rad, normal),
+            inertial: Inertial::level_at(Vector3::zeros(), yaw_rad),
             dead_reckoning: Reckoning::default(),
             peers: peers.collect(),
             place: fleet.place,
-            share: start.share,
+            share: options.cooperative.share,
             force_m_s2: Vector3::z() * GRAVITY_M_S2,
             ticks: 0,
             gate: Gate::new(options.ekf.gate_sigmas),
@@ -122,7 +125,7 @@ impl Cooperative {
     /// Applies the corrections to the other drones.
     fn settle_peers(&mut self) {
         for (k, peer) in self.peers.iter_mut().enumerate() {
-            let [position_m, velocity_m_s, turn_rad] = self.own.normal.take_errors(k + 1);
+            let [position_m, velocity_m_s, turn_rad] = self.joint.normal.take_errors(k + 1);
             peer.position_m += position_m;
             peer.velocity_m_s += velocity_m_s;
             peer.tilt_rad += turn_rad;
@@ -132,7 +135,7 @@ impl Cooperative {
     /// Keeps the measurements of this tick for its next message and for the messages of the others.
     fn note(&mut self, readings: &Readings<'_>) {
         let time_s = self.dead_reckoning.time_s;
-        let variance = self.own.model.range[TWO_WAY];
+        let variance = self.joint.model.range[TWO_WAY];
         let shared = |target, measured_m, variance| Shared { time_s, target, measured_m, variance };
         for range in readings.ranges {
             let target = Target::Anchor(range.anchor);
@@ -143,10 +146,11 @@ impl Cooperative {
             self.waiting.push((*drone, *distance_m, self.dead_reckoning));
         }
         self.waiting.retain(|(.., then)| then.time_s > time_s - LONGEST_WAIT_S);
+        // The others do not know this drone's tilt: ranges to the floor are turned upright here.
         for &(sensor, measured_m) in readings.heights {
             let upright =
-                if sensor.looks_down() { self.alone.attitude.matrix()[(2, 2)] } else { 1.0 };
-            let sigma_m = self.own.model.sensors.height_sigma_m(sensor, measured_m) * upright;
+                if sensor.looks_down() { self.inertial.attitude.matrix()[(2, 2)] } else { 1.0 };
+            let sigma_m = self.joint.model.sensors.height_sigma_m(sensor, measured_m) * upright;
             let variance = sigma_m * sigma_m;
             self.heights.push(shared(Target::Height(sensor), measured_m * upright, variance));
         }
@@ -156,7 +160,8 @@ impl Cooperative {
     fn carry_peer(&mut self, k: usize, now: Reckoning) {
         let peer = &mut self.peers[k];
         let before = *peer.motions.back().expect("never empty");
-        let Leg { span_s, gained_m_s, moved_m, force_m_s } = now.since(&before);
+        let Segment { span_s, gained_m_s, moved_m, force_m_s } = now.since(&before);
+        // The estimated tilt turns the force that the sender has integrated.
         let turned_m_s = peer.tilt_rad.cross(&force_m_s);
         peer.position_m += peer.velocity_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
         peer.velocity_m_s += gained_m_s + turned_m_s;
@@ -166,16 +171,16 @@ impl Cooperative {
         }
         let lever = -force_m_s.cross_matrix() / span_s;
         let span = Span { span_s, lever, turn_rad: Vector3::zeros() };
-        self.own.normal.carry(k + 1, &span, &self.own.model.density);
+        self.joint.normal.carry(k + 1, &span, &self.joint.model.density);
     }
 
     /// A scalar measurement on a link, through the gate.
     fn correct(&mut self, link: (usize, Target), slope: &[Part], value: f64, variance: f64) {
         let measurement = Measurement { slope, value, variance };
-        self.gate.correct(&mut self.own.normal, link, &measurement);
+        self.gate.correct(&mut self.joint.normal, link, &measurement);
     }
 
-    /// Place of another drone at a time up to its last message.
+    /// Position of another drone at a time up to its last message.
     fn delayed_state_of_peer(&self, k: usize, time_s: f64) -> Option<DelayedState> {
         let peer = &self.peers[k];
         let now = peer.motions.back()?;
@@ -183,12 +188,12 @@ impl Cooperative {
         Some(delayed(peer.position_m, peer.velocity_m_s, peer.tilt_rad, now, &then))
     }
 
-    /// Takes in the ranges of another drone to anchors, and its heights.
+    /// Corrects by the ranges of another drone to anchors, and its heights.
     fn correct_peer(&mut self, k: usize, message: &Message) {
         for shared in message.ranges.iter().chain(&message.heights) {
             let Some(then) = self.delayed_state_of_peer(k, shared.time_s) else { continue };
             let (direction, expected_m) = match shared.target {
-                Target::Anchor(anchor) => match self.own.model.anchors_m.get(anchor) {
+                Target::Anchor(anchor) => match self.joint.model.anchors_m.get(anchor) {
                     Some(anchor_m) => toward(&(then.position_m - anchor_m)),
                     None => continue,
                 },
@@ -201,24 +206,22 @@ impl Cooperative {
         }
     }
 
-    /// Takes in the ranges of this drone to another one up to its last message; those that the
-    /// other's motion does not reach are kept. Where the drones share estimates, the one received
-    /// stands for the other.
+    /// Corrects by the ranges of this drone to another one, up to its last message.
     fn correct_waiting(&mut self, k: usize, message: &Message) {
         let waiting = std::mem::take(&mut self.waiting);
         for (place, distance_m, then) in waiting {
+            // Ranges that the other's motion does not reach wait for its next message.
             if place != message.from || then.time_s > message.motion.time_s {
                 self.waiting.push((place, distance_m, then));
                 continue;
             }
-            let own = &self.own.motion;
+            let Inertial { position_m, velocity_m_s, world_from_body, .. } = self.joint.motion;
             let no_tilt = Vector3::zeros();
-            let here =
-                delayed(own.position_m, own.velocity_m_s, no_tilt, &self.dead_reckoning, &then);
-            let world_from_body = own.world_from_body;
+            let here = delayed(position_m, velocity_m_s, no_tilt, &self.dead_reckoning, &then);
             let link = (self.place, Target::Drone(place));
-            let variance = self.own.model.range[TWO_WAY];
+            let variance = self.joint.model.range[TWO_WAY];
             if self.share == Share::Estimates {
+                // The other drone is at its own estimate, whose variance adds to the range's.
                 let (position_m, velocity_m_s, covariance) = message.estimate;
                 let there_m = position_m - velocity_m_s * (message.motion.time_s - then.time_s);
                 let (direction, expected_m) = toward(&(here.position_m - there_m));
@@ -236,27 +239,27 @@ impl Cooperative {
         }
     }
 
-    /// Takes in ranges between two others that both their messages have reached.
+    /// Corrects by ranges between two others that the messages of both have reached.
     fn correct_between(&mut self, message: &Message) {
         for range in &message.ranges {
-            let Target::Drone(other) = range.target else { continue };
-            if other != self.place {
-                self.between.push((message.from, *range));
+            match range.target {
+                Target::Drone(other) if other != self.place => {
+                    self.between.push((message.from, *range));
+                }
+                _ => {}
             }
         }
-        let between = std::mem::take(&mut self.between);
-        for (from, range) in between {
+        for (from, range) in std::mem::take(&mut self.between) {
             let Target::Drone(other) = range.target else { continue };
+            let [Some(i), Some(j)] = [from, other].map(|place| self.index_of(place)) else {
+                continue;
+            };
+            // Both drones report the range: it is used once. One that is too old is forgotten.
             let key = (range.time_s, from.min(other), from.max(other));
-            let blocks =
-                [from, other].map(|it| self.peers.iter().position(|peer| peer.place == it));
-            let [Some(i), Some(j)] = blocks else { continue };
             if self.used.contains(&key) || range.time_s < message.motion.time_s - LONGEST_WAIT_S {
                 continue;
             }
-            let last_s =
-                [i, j].map(|k| self.peers[k].motions.back().map_or(0.0, |last| last.time_s));
-            if range.time_s > last_s[0].min(last_s[1]) {
+            if range.time_s > self.last_s(i).min(self.last_s(j)) {
                 self.between.push((from, range));
                 continue;
             }
@@ -264,26 +267,35 @@ impl Cooperative {
             if self.used.len() > RANGES_KEPT {
                 self.used.pop_front();
             }
-            let states = self
-                .delayed_state_of_peer(i, range.time_s)
-                .zip(self.delayed_state_of_peer(j, range.time_s));
-            let Some((one, two)) = states else { continue };
+            // Both positions at the time of the range, as functions of the present errors.
+            let [one, two] = [i, j].map(|k| self.delayed_state_of_peer(k, range.time_s));
+            let (Some(one), Some(two)) = (one, two) else { continue };
             let (direction, expected_m) = toward(&(one.position_m - two.position_m));
             let jacobian =
                 [one.jacobian(i + 1, direction, None), two.jacobian(j + 1, -direction, None)];
             let link = (key.1, Target::Drone(key.2));
-            let variance = self.own.model.range[TWO_WAY];
+            let variance = self.joint.model.range[TWO_WAY];
             self.correct(link, jacobian.as_flattened(), range.measured_m - expected_m, variance);
         }
     }
 
-    /// With its motors off a drone stands on the floor once its accelerometer feels the weight;
-    /// until then it falls. The accelerometer does not see the blow of the landing: without this
-    /// the fleet would fall with the drone that has landed.
+    /// Index among the peers of a drone of the fleet.
+    fn index_of(&self, place: usize) -> Option<usize> {
+        self.peers.iter().position(|peer| peer.place == place)
+    }
+
+    /// Time of the last message of a peer.
+    fn last_s(&self, k: usize) -> f64 {
+        self.peers[k].motions.back().map_or(0.0, |last| last.time_s)
+    }
+
+    /// Stops the estimate of a drone with its motors off once its accelerometer feels the weight,
+    /// that is, on the floor. The accelerometer misses the shock of the landing: without this the
+    /// fleet's estimates would fall with the drone that has landed.
     pub(crate) fn rest(&mut self) {
-        if !self.peers.is_empty() && self.force_m_s2.z > STANDS_M_S2 {
-            let stopped_m_s = std::mem::take(&mut self.own.motion.velocity_m_s);
-            self.alone.velocity_m_s -= stopped_m_s;
+        if !self.peers.is_empty() && self.force_m_s2.z > ON_FLOOR_M_S2 {
+            let stopped_m_s = std::mem::take(&mut self.joint.motion.velocity_m_s);
+            self.inertial.velocity_m_s -= stopped_m_s;
             self.dead_reckoning.velocity_m_s -= stopped_m_s;
         }
     }
@@ -297,62 +309,60 @@ impl Cooperative {
             from: self.place,
             motion: Reckoning {
                 time_s: self.dead_reckoning.time_s,
-                velocity_m_s: self.alone.velocity_m_s,
-                position_m: self.alone.position_m,
+                velocity_m_s: self.inertial.velocity_m_s,
+                position_m: self.inertial.position_m,
             },
             ranges: std::mem::take(&mut self.ranges),
             heights: std::mem::take(&mut self.heights),
             estimate: (
-                self.own.motion.position_m,
-                self.own.motion.velocity_m_s,
-                self.own.normal.block(0, 0),
+                self.joint.motion.position_m,
+                self.joint.motion.velocity_m_s,
+                self.joint.normal.block(0, 0),
             ),
         })
     }
 
-    /// Takes in another drone's message.
+    /// Moves the sender of a message on, and corrects by its measurements.
     pub(crate) fn receive(&mut self, message: &Message) {
-        let Some(k) = self.peers.iter().position(|peer| peer.place == message.from) else { return };
-        let last_s = self.peers[k].motions.back().map_or(0.0, |last| last.time_s);
-        if message.motion.time_s <= last_s {
+        let Some(k) = self.index_of(message.from) else { return };
+        if message.motion.time_s <= self.last_s(k) {
             return;
         }
-        self.own.carry(&self.force_m_s2);
+        // First this drone's covariance comes to the present, then the sender to its message. Only
+        // then ranges between them can be compared.
+        self.joint.carry(&self.force_m_s2);
         if self.share == Share::Measurements {
             self.carry_peer(k, message.motion);
             self.correct_peer(k, message);
             self.correct_between(message);
         }
         self.correct_waiting(k, message);
-        let Ekf { motion, normal, .. } = &mut self.own;
+        let Ekf { motion, normal, .. } = &mut self.joint;
         motion.settle(normal, 0);
         self.settle_peers();
     }
 }
 
 impl Estimator for Cooperative {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.own.set_yaw(yaw_rad);
-        self.alone.set_yaw(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let force_m_s2 = readings.specific_force_m_s2;
         self.force_m_s2 = force_m_s2;
-        let Self { own, gate, place, .. } = self;
-        let acceleration = own.advance(readings, tick_s, |normal, source, measurement| {
+        let Self { joint, gate, place, .. } = self;
+        let acceleration = joint.advance(readings, tick_s, |normal, source, measurement| {
             match source {
                 Source::To(target) => {
                     gate.correct(normal, (*place, target), measurement);
                 }
-                // Not a link: nothing of it is shared.
+                // Not a link to an anchor or a drone: it has no gate.
                 Source::Sweep { .. } | Source::Position => {
                     normal.correct(measurement, |_| true);
                 }
             }
         });
         self.settle_peers();
-        self.alone.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
+        // Two dead reckonings: only by inertial sensors, for the messages, and with the estimated
+        // attitude, for past positions of this drone.
+        self.inertial.predict(&readings.rate_rad_s, &force_m_s2, tick_s);
         let dead_reckoning = &mut self.dead_reckoning;
         dead_reckoning.time_s = f64::from(self.ticks) * tick_s;
         dead_reckoning.position_m +=
@@ -365,11 +375,11 @@ impl Estimator for Cooperative {
     }
 
     fn state(&self) -> State {
-        self.own.state()
+        self.joint.state()
     }
 
     fn covariance_m2(&self) -> Option<Matrix3<f64>> {
-        self.own.covariance_m2()
+        self.joint.covariance_m2()
     }
 
     fn fleet_filter(&mut self) -> Option<&mut Cooperative> {

@@ -1,4 +1,4 @@
-//! What the Lighthouse deck's driver makes of sweeps before the Kalman filter gets them.
+//! The driver of the Lighthouse deck: the sweeps that reach the Kalman filter.
 //!
 //! Both sweeps of a rotation are passed on at the second one. A rotation that lacks a sweep is
 //! dropped. Some 50 rotations a second are kept, by chance, over all second-generation stations.
@@ -6,8 +6,7 @@
 //! Source: firmware 2026.08, `pulse_processor_v2.c` (pairs), `lighthouse_core.c` (at the second
 //! sweep), `lighthouse_throttle.c`.
 //!
-//! Not modeled: a sweep and its reflection taken for the two sweeps of one rotation, whose angles
-//! are off by a third of a turn.
+//! Not modeled: a sweep and its reflection mistaken for the two sweeps of one rotation.
 
 use crate::options::FirmwareOptions;
 use crate::sensors::{Generation, SensorOptions, Sweep};
@@ -15,20 +14,19 @@ use noctograph_core::random::Noise;
 
 /// Longest time between the two sweeps of a rotation: 6.7 ms and 8.3 ms, in ticks of up to 2 ms.
 const LONGEST_PAIR_S: f64 = 0.0115;
-/// Time after which the share that is dropped is computed anew.
+/// Time after which the dropped fraction is computed again.
 const EVALUATION_S: f64 = 0.1;
 
-/// Sweeps that are taken in together: those of one rotation, or one of them.
+/// Sweeps that are used together: those of one rotation, or one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Rotation {
     pub(super) station: usize,
-    /// The angles of both planes, where both are known.
+    /// The angles of both planes, if both are known.
     pub(super) both_rad: Option<[[f64; 4]; 2]>,
-    /// The planes to be taken in, with their angles.
+    /// The planes to be used, with their angles.
     pub(super) planes: Vec<(usize, [f64; 4])>,
 }
 
-/// The driver.
 #[derive(Debug)]
 pub(super) struct Deck {
     pairs: bool,
@@ -38,7 +36,7 @@ pub(super) struct Deck {
     noise: Noise,
     /// Sweeps of the first plane that wait for the second, by station.
     first: Vec<Option<(f64, [f64; 4])>>,
-    /// Rotations since the share was computed, and when that was.
+    /// Rotations since the dropped fraction was computed, and when that was.
     counted: f64,
     evaluated_s: f64,
     dropped_frac: f64,
@@ -49,7 +47,7 @@ impl Deck {
         let stations = &sensors.lighthouse.stations;
         Self {
             pairs: options.paired_sweeps,
-            throttled: stations.iter().map(|it| it.generation == Generation::V2).collect(),
+            throttled: stations.iter().map(|s| s.generation == Generation::V2).collect(),
             rotations_hz: options.rotations_hz * if options.paired_sweeps { 1.0 } else { 2.0 },
             noise,
             first: vec![None; stations.len()],
@@ -59,7 +57,7 @@ impl Deck {
         }
     }
 
-    /// The rotations to be taken in of the sweeps that arrived by `time_s`.
+    /// The rotations to be used of the sweeps that arrived by `time_s`.
     pub(super) fn hear(&mut self, sweeps: &[Sweep], time_s: f64) -> Vec<Rotation> {
         let mut rotations = Vec::new();
         for sweep in sweeps {
@@ -77,8 +75,8 @@ impl Deck {
         rotations
     }
 
-    /// Both planes' angles at the second sweep of a rotation. Of two first ones, a sweep and its
-    /// reflection, the one that passes earlier counts.
+    /// Both planes' angles at the second sweep of a rotation. If there are two first ones, a sweep
+    /// and its reflection, the earlier in the rotation counts.
     fn pair(&mut self, sweep: &Sweep, time_s: f64) -> Option<[[f64; 4]; 2]> {
         let first = &mut self.first[sweep.station];
         let recent = first.filter(|(then_s, _)| time_s - then_s < LONGEST_PAIR_S);
@@ -90,16 +88,17 @@ impl Deck {
         None
     }
 
-    /// Whether a rotation is kept.
+    /// True if a rotation is kept.
     fn keeps(&mut self, time_s: f64) -> bool {
         if self.rotations_hz == 0.0 {
             return true;
         }
+        // The fraction beyond the limit in the last interval is dropped, by chance.
         self.counted += 1.0;
         let span_s = time_s - self.evaluated_s;
         if span_s > EVALUATION_S {
-            let found_hz = self.counted / span_s;
-            self.dropped_frac = (1.0 - self.rotations_hz / found_hz).max(0.0);
+            let measured_hz = self.counted / span_s;
+            self.dropped_frac = (1.0 - self.rotations_hz / measured_hz).max(0.0);
             (self.counted, self.evaluated_s) = (0.0, time_s);
         }
         self.noise.uniform() >= self.dropped_frac
@@ -138,12 +137,12 @@ mod tests {
     #[test]
     fn fifty_rotations_a_second_are_kept_of_any_number_and_fewer_are_all_kept() {
         let throttled = FirmwareOptions::default();
-        let whole = FirmwareOptions { rotations_hz: 0.0, ..throttled.clone() };
+        let unlimited = FirmwareOptions { rotations_hz: 0.0, ..throttled.clone() };
         for (rotations_hz, options, wanted) in [
             (100, &throttled, 1900..2100),
             (160, &throttled, 1900..2100),
             (40, &throttled, 1600..1601),
-            (100, &whole, 4000..4001),
+            (100, &unlimited, 4000..4001),
         ] {
             let (mut deck, mut kept) = (deck(options), 0);
             for n in 0..40 * rotations_hz {

@@ -1,18 +1,18 @@
 //! Delayed states: positions of drones in the past, as functions of their present errors. A message
-//! that arrives late is a measurement of one. Method: the motion since then is integrated from the
-//! inertial messages received. Stochastic cloning (Roumeliotis and Burdick, ICRA 2002) keeps a copy
-//! of the state instead.
+//! that arrives late measures one. Method: the motion since then is integrated from the inertial
+//! messages received. Stochastic cloning (Roumeliotis and Burdick, ICRA 2002) keeps a copy of the
+//! state instead.
 
 use std::collections::VecDeque;
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::kalman::{ERRORS, Part, TURN, VELOCITY};
-use crate::sensors::{Leg, Reckoning};
+use crate::sensors::{Reckoning, Segment};
 
-/// Between two messages further apart, the motion is not interpolated: curves of letters bend.
+/// The motion is not interpolated between two messages further apart: letters have curves.
 const LONGEST_GAP_S: f64 = 0.3;
-/// Distance from a message within which its motion is used in any case.
+/// Time from a message within which its motion is used in any case.
 const NEAR_S: f64 = 0.05;
 
 /// A position in the past as a function of a drone's present errors.
@@ -26,13 +26,14 @@ pub(super) struct DelayedState {
 
 impl DelayedState {
     /// The Jacobian of a measurement along a direction at this position. The tilt of this drone is
-    /// in its body's frame, those of others are in the world's.
+    /// in its body's frame (`world_from_body`), and those of others are in the world's.
     pub(super) fn jacobian(
         &self,
         drone: usize,
         direction: Vector3<f64>,
         world_from_body: Option<&Matrix3<f64>>,
     ) -> [Part; 3] {
+        // p(then) = p − v τ + …: a tilt error θ turns the force, which moves it by ½ τ (θ × ∫f).
         let turn = self.force_m_s.cross(&direction) * (0.5 * self.span_s);
         let turn = world_from_body.map_or(turn, |r| r.tr_mul(&turn));
         let first = ERRORS * drone;
@@ -44,7 +45,7 @@ impl DelayedState {
     }
 }
 
-/// The place at the time `then`, of a drone that is now at `position_m`.
+/// The position at the time `then` of a drone that is now at `position_m`.
 pub(super) fn delayed(
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,
@@ -52,14 +53,14 @@ pub(super) fn delayed(
     now: &Reckoning,
     then: &Reckoning,
 ) -> DelayedState {
-    let Leg { span_s, gained_m_s, moved_m, force_m_s } = now.since(then);
+    let Segment { span_s, gained_m_s, moved_m, force_m_s } = now.since(then);
     let turned_m_s = tilt_rad.cross(&force_m_s);
     let velocity_then_m_s = velocity_m_s - gained_m_s - turned_m_s;
     let since_m = velocity_then_m_s * span_s + moved_m + turned_m_s * (0.5 * span_s);
     DelayedState { position_m: position_m - since_m, span_s, force_m_s }
 }
 
-/// The motion at a time between two messages: the cubic with their places and velocities.
+/// The motion between two messages, by cubic Hermite interpolation.
 pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option<Reckoning> {
     let after = motions.partition_point(|t| t.time_s < time_s);
     let (a, b) = (motions.get(after.checked_sub(1)?)?, motions.get(after)?);
@@ -68,6 +69,7 @@ pub(super) fn interpolated(motions: &VecDeque<Reckoning>, time_s: f64) -> Option
     if h > LONGEST_GAP_S && from_end_s > NEAR_S {
         return None;
     }
+    // x(s) = a + v_a s + c₂ s² + c₃ s³ for s from 0 to 1, with velocities per unit of s.
     let s = (time_s - a.time_s) / h;
     let step_m = b.position_m - a.position_m;
     let (va, vb) = (a.velocity_m_s * h, b.velocity_m_s * h);

@@ -1,16 +1,15 @@
-//! Extended Kalman filter on whatever is measured: sweep angles, positions, ranges, heights. It is
-//! what an improved estimator would bring; the drone's own is
-//! [`Firmware`](super::firmware::Firmware).
+//! Error-state extended Kalman filter on sweep angles, positions, ranges and heights: an improved
+//! estimator. The drone's estimator is [`Firmware`](super::firmware::Firmware).
 //!
-//! The motion is driven by gyroscope and accelerometer, all three axes, at every tick
-//! ([`Inertial`]); its errors' covariance is carried when something is measured, and at 100 times a
-//! second otherwise. All measurements of a tick are held against the state predicted for it, one
-//! scalar after the other, with their slopes over position and turn: sweeps, each when it arrives,
-//! through the firmware's [`SweepFilter`], all else through a χ² gate.
+//! Gyroscope and accelerometer, all three axes, drive the motion at every tick ([`Inertial`]). Its
+//! errors' covariance is propagated when something is measured, and at 100 times a second
+//! otherwise. All measurements of a tick are compared with the state predicted for it, one scalar
+//! after the other, with their Jacobians over position and turn. Sweeps pass the firmware's
+//! [`SweepFilter`], and all else a χ² gate.
 //!
-//! Sources: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
+//! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
-//! Not estimated: biases of the inertial sensors, of ranges and of air pressure; errors of the
+//! Not estimated: biases of the inertial sensors, of ranges and of air pressure, and errors of the
 //! stations' geometry.
 
 use nalgebra::{Matrix3, Vector3};
@@ -28,7 +27,7 @@ use crate::vehicle::State;
 
 /// Initial σ of position (m), velocity (m/s) and attitude (rad), for a drone put on its mark.
 pub(super) const START: [f64; 3] = [0.02, 0.01, 0.02];
-/// Cosine of the tilt beyond which a distance to the floor says nothing about the height.
+/// Cosine of the tilt beyond which a distance to the floor is not used.
 const LEAST_COS_TILT: f64 = 0.3;
 
 /// Index of the floor's height below the drone, after the nine errors: with this state and the step
@@ -42,18 +41,16 @@ const STEP_GATE_SIGMAS: f64 = 4.0;
 const LEAST_STEP_M: f64 = 0.05;
 const STEP_M: f64 = 0.5;
 
-/// The filter.
 #[derive(Debug)]
 pub(super) struct Ekf {
     pub(super) motion: Inertial,
-    /// Nine errors and, where the floor may have steps, its height.
+    /// Nine errors and, if the floor may have steps, its height.
     pub(super) normal: Normal,
     pub(super) model: Model,
     step_test: Option<StepTest>,
     sweep_filter: SweepFilter,
 }
 
-/// What was measured.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// A sweep of a plane of light, at a distance from its rotor's axis.
@@ -61,18 +58,18 @@ pub(super) enum Source {
         radius_m: f64,
     },
     Position,
-    /// A range or a height, to where.
+    /// A range or a height, to its target.
     To(Target),
 }
 
-/// What is known of the sensors.
+/// Geometry and noise of the sensors, as the filter assumes them.
 #[derive(Debug)]
 pub(super) struct Model {
     pub(super) stations: Vec<StationPose>,
     pub(super) anchors_m: Vec<Vector3<f64>>,
     /// Height of the floor below the drone.
     floor_m: f64,
-    /// Whether that is one of the states.
+    /// True if that is one of the states.
     floor_steps: bool,
     pub(super) density: Density,
     /// Variance of an angle of a station of the first and of the second generation.
@@ -82,22 +79,23 @@ pub(super) struct Model {
     /// Variance of a difference of ranges, and of two-way ranging.
     pub(super) range: [f64; 2],
     pub(super) gate_sigmas: f64,
-    /// The sensors, with the height sensors' noise as the filter believes it.
+    /// The sensors, with the height sensors' noise as the filter assumes it.
     pub(super) sensors: SensorOptions,
 }
 
 impl Ekf {
-    /// A filter that believes in a level drone at rest at `position_m`.
+    /// A filter that begins with a level drone at rest.
     pub(super) fn new(
         options: &EkfOptions,
         sensors: &SensorOptions,
         position_m: Vector3<f64>,
+        yaw_rad: f64,
     ) -> Self {
         let floor = [FLOOR_START_M];
         let floor = &floor[..usize::from(options.floor_steps)];
         let step_test = StepTest::new(STEP_GATE_SIGMAS, LEAST_STEP_M, STEP_M);
         Self {
-            motion: Inertial::level_at(position_m),
+            motion: Inertial::level_at(position_m, yaw_rad),
             normal: Normal::of_drones(1, START, floor),
             model: Model::new(options, sensors),
             step_test: options.floor_steps.then_some(step_test),
@@ -110,13 +108,14 @@ impl Ekf {
         options: &EkfOptions,
         sensors: &SensorOptions,
         position_m: Vector3<f64>,
+        yaw_rad: f64,
         normal: Normal,
     ) -> Self {
         let options = EkfOptions { floor_steps: false, ..options.clone() };
-        Self { normal, ..Self::new(&options, sensors, position_m) }
+        Self { normal, ..Self::new(&options, sensors, position_m, yaw_rad) }
     }
 
-    /// Moves the state over a tick and passes what was measured in it to `correct`; returns the
+    /// Moves the state over a tick and passes its measurements to `correct`. Returns the
     /// acceleration.
     #[inline(always)]
     pub(super) fn advance(
@@ -127,10 +126,11 @@ impl Ekf {
     ) -> Vector3<f64> {
         let force_m_s2 = &readings.specific_force_m_s2;
         let acceleration = self.motion.predict(&readings.rate_rad_s, force_m_s2, tick_s);
-        let measured = readings.measures_place();
+        let measured = readings.measures_position();
         if self.motion.is_due(measured) {
             self.carry(force_m_s2);
         }
+        // The mean errors collect all corrections of a tick, and then move into the state.
         if measured {
             let Self { motion, normal, model, .. } = self;
             model.measurements(motion, readings, |source, slope, value, variance| {
@@ -144,7 +144,7 @@ impl Ekf {
         acceleration
     }
 
-    /// Carries the covariance to the present.
+    /// Propagates the covariance to the present.
     pub(super) fn carry(&mut self, force_m_s2: &Vector3<f64>) {
         let span = self.motion.span(force_m_s2);
         self.normal.carry(0, &span, &self.model.density);
@@ -156,10 +156,6 @@ impl Ekf {
 }
 
 impl Estimator for Ekf {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.motion.set_yaw(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let gate_sq = self.model.gate_sigmas * self.model.gate_sigmas;
         let (mut step_test, mut sweeps) = (self.step_test.take(), self.sweep_filter);
@@ -167,7 +163,7 @@ impl Estimator for Ekf {
         self.advance(readings, tick_s, |normal, source, measurement| {
             match (source, &mut step_test) {
                 (Source::Sweep { radius_m }, _) => {
-                    normal.correct(measurement, |error| sweeps.takes(radius_m * error.value));
+                    normal.correct(measurement, |error| sweeps.accepts(radius_m * error.value));
                 }
                 (Source::To(Target::Height(sensor)), Some(test)) if sensor.looks_down() => {
                     test.correct(normal, measurement, gate_sq);
@@ -194,7 +190,7 @@ impl Model {
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;
         let mut believed = sensors.clone();
-        // Drift comes on top of its noise.
+        // The filter assumes a larger noise than the sensor's, which drifts.
         believed.barometer.noise_m = options.barometer_sigma_m;
         Self {
             stations: sensors.lighthouse.stations.iter().map(StationPose::new).collect(),
@@ -218,8 +214,8 @@ impl Model {
         self.sweep[usize::from(self.stations[station].generation == Generation::V2)]
     }
 
-    /// Slope over position and turn of the angle at which a sweep meets a sensor of a deck in a
-    /// place, the angle's error, and the distance from the rotor's axis.
+    /// Jacobian over position and turn of the angle at which a sweep meets a sensor of the deck,
+    /// the angle's error, and the distance from the rotor's axis.
     #[inline(always)]
     pub(super) fn angle(
         &self,
@@ -230,13 +226,14 @@ impl Model {
     ) -> ([Part; 2], f64, f64) {
         let crossing =
             self.stations[station].crossing(plane, &(position_m + world_from_body * lever));
-        let position = crossing.slope_rad_m;
+        // A turn θ of the body moves the sensor by R (θ × lever): the gradient is lever × Rᵀ g.
+        let position = crossing.gradient_rad_m;
         let turn = lever.cross(&world_from_body.tr_mul(&position));
-        let slope = [Part::Three(0, position), Part::Three(TURN, turn)];
-        (slope, angle_rad - crossing.angle_rad, crossing.radius_m)
+        let jacobian = [Part::Three(0, position), Part::Three(TURN, turn)];
+        (jacobian, angle_rad - crossing.angle_rad, crossing.radius_m)
     }
 
-    /// Slope of a range at a place, its error and its variance.
+    /// Jacobian of a range at a position, its error and its variance.
     pub(super) fn range(&self, range: &Range, position_m: &Vector3<f64>) -> (Part, f64, f64) {
         let from = |anchor: usize| toward(&(position_m - self.anchors_m[anchor]));
         let (mut direction, mut expected_m) = from(range.anchor);
@@ -261,14 +258,14 @@ impl Model {
         for Sweep { station, plane, angles_rad } in readings.sweeps {
             let variance = self.sweep_variance(*station);
             for sensor in DECK_SENSORS_M.map(Vector3::from).iter().zip(*angles_rad) {
-                let (slope, value, radius_m) =
+                let (jacobian, value, radius_m) =
                     self.angle((*station, *plane), sensor, position_m, world_from_body);
-                each(Source::Sweep { radius_m }, &slope, value, variance);
+                each(Source::Sweep { radius_m }, &jacobian, value, variance);
             }
         }
         for range in readings.ranges {
-            let (slope, value, variance) = self.range(range, position_m);
-            each(Source::To(Target::Anchor(range.anchor)), &[slope], value, variance);
+            let (jacobian, value, variance) = self.range(range, position_m);
+            each(Source::To(Target::Anchor(range.anchor)), &[jacobian], value, variance);
         }
         if let Some(measured_m) = readings.position_m {
             let left_m = measured_m - position_m;
@@ -284,14 +281,16 @@ impl Model {
             if !sensor.looks_down() {
                 each(source, &[Part::One(2, 1.0)], measured_m - position_m.z, variance);
             } else if cos_tilt >= LEAST_COS_TILT {
+                // d = (z − floor) / cos tilt. A turn changes the cosine by the other two entries of
+                // its row. The step test wants the floor last.
                 let expected_m = (position_m.z - self.floor_m) / cos_tilt;
                 let [x, y] = [0, 1].map(|axis| world_from_body[(2, axis)]);
                 let turn = Vector3::new(y, -x, 0.0) * (expected_m / cos_tilt);
                 let per_m = 1.0 / cos_tilt;
-                let slope =
+                let jacobian =
                     [Part::One(2, per_m), Part::Three(TURN, turn), Part::One(FLOOR, -per_m)];
-                let slope = &slope[..if self.floor_steps { 3 } else { 2 }];
-                each(source, slope, measured_m - expected_m, variance);
+                let jacobian = &jacobian[..if self.floor_steps { 3 } else { 2 }];
+                each(source, jacobian, measured_m - expected_m, variance);
             }
         }
     }

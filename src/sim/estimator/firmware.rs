@@ -1,20 +1,20 @@
 //! The Kalman filter of the Crazyflie's firmware, in double precision.
 //!
-//! Position in the world, velocity in the body, an attitude and its small error. 100 times a second
-//! they are moved by the mean of the inertial readings since; in flight the air is taken to push
-//! along the body's z axis alone. A measurement corrects at once, one scalar after the other, each
-//! linearized where the last one left the state; the turns of a tick are applied at its end. Which
-//! of these habits an estimator keeps is chosen by [`FirmwareOptions`].
+//! States: position in the world, velocity in the body, an attitude and its small error. 100 times
+//! a second they are predicted by the mean of the inertial readings since. In flight, force is
+//! assumed only along the body's z axis. A measurement corrects at once, one scalar after the
+//! other, each linearized at the corrected state. The turns of a tick are applied at its end.
+//! [`FirmwareOptions`] switch these differences from a textbook's filter.
 //!
 //! Sources: M. W. Mueller, M. Hamer, R. D'Andrea, "Fusing ultra-wideband range measurements with
-//! accelerometers and rate gyroscopes for quadrocopter state estimation", ICRA 2015; M. W. Mueller,
+//! accelerometers and rate gyroscopes for quadrocopter state estimation", ICRA 2015. M. W. Mueller,
 //! M. Hehn, R. D'Andrea, "Covariance correction step for Kalman filtering with an attitude",
-//! Journal of Guidance, Control, and Dynamics 40(9), 2017; bitcraze/crazyflie-firmware 2026.08:
-//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Its own C,
-//! compiled, gave the numbers that the tests here compare with (tests/firmware).
+//! Journal of Guidance, Control, and Dynamics 40(9), 2017. bitcraze/crazyflie-firmware 2026.08:
+//! `kalman_core.c`, `mm_*.c`, `estimator_kalman.c`, `lighthouse_position_est.c`. Tests compare with
+//! its compiled C (tests/firmware).
 //!
-//! Not modeled: single precision; the attitude's pull to level on the floor without a Lighthouse
-//! deck; the reset of a state beyond 100 m or 10 m/s; the start from 100 m of doubt, which is over
+//! Not modeled: single precision, the attitude's pull to level on the floor without a Lighthouse
+//! deck, the reset of a state beyond 100 m or 10 m/s, and the start with σ = 100 m, which is over
 //! when a drone is put down and waits.
 
 use std::array::from_fn;
@@ -35,7 +35,7 @@ use noctograph_core::random::Noise;
 
 /// Times are compared to within this.
 const TIME_TOLERANCE_S: f64 = 1e-9;
-/// The drone counts as flying for so long after its motors were driven (`supervisor.c`).
+/// Time after the motors were last driven for which the drone counts as flying (`supervisor.c`).
 const FLYING_S: f64 = 2.0;
 /// Largest variance of a state (`MAX_COVARIANCE`, `kalman_core.c`).
 const LARGEST_VARIANCE: f64 = 100.0;
@@ -48,7 +48,6 @@ const LEAST_COS_TILT: f64 = 0.1;
 /// Full angle of the cone in which the ranger takes the nearest point of the floor (`mm_tof.c`).
 const RANGER_CONE_RAD: f64 = 0.261_799_387_8;
 
-/// The filter.
 #[derive(Debug)]
 pub(super) struct Firmware {
     options: FirmwareOptions,
@@ -57,14 +56,14 @@ pub(super) struct Firmware {
     /// In the body.
     velocity_m_s: Vector3<f64>,
     attitude: Turned,
-    /// The attitude at the end of the last tick; the whole present tick uses it.
+    /// The attitude at the end of the last tick, which the whole present tick uses.
     world_from_body: Matrix3<f64>,
     /// Error of the attitude since.
     turn_rad: Vector3<f64>,
-    /// Errors of position, velocity and attitude; their mean is moved into the state at once.
+    /// Errors of position, velocity and attitude. Their mean is moved into the state at once.
     pub(super) normal: Normal,
     rate_rad_s: Vector3<f64>,
-    /// Sums of rates and forces since the last prediction, and their count; the last means.
+    /// Sums of rates and forces since the last prediction with their count, and the last means.
     sums: ([Vector3<f64>; 2], f64),
     means: [Vector3<f64>; 2],
     deck: Deck,
@@ -78,23 +77,24 @@ pub(super) struct Firmware {
 }
 
 impl Firmware {
-    /// A filter that believes in a level drone at rest at `position_m`. `noise` decides which
-    /// rotations are dropped.
+    /// A filter that begins with a level drone at rest. `noise` decides which rotations are
+    /// dropped.
     pub(super) fn new(
         observer: &ObserverOptions,
         sensors: &SensorOptions,
         position_m: Vector3<f64>,
+        yaw_rad: f64,
         noise: Noise,
     ) -> Self {
-        let options = observer.firmware.clone();
+        let (options, attitude) = (observer.firmware.clone(), Turned::facing(yaw_rad));
         Self {
             deck: Deck::new(&options, sensors, noise),
             options,
             model: Model::new(&observer.ekf, sensors),
             position_m,
             velocity_m_s: Vector3::zeros(),
-            attitude: Turned::level(),
-            world_from_body: Matrix3::identity(),
+            attitude,
+            world_from_body: attitude.matrix(),
             turn_rad: Vector3::zeros(),
             normal: Normal::of_drones(1, START, &[]),
             rate_rad_s: Vector3::zeros(),
@@ -123,6 +123,8 @@ impl Firmware {
         let (r, v) = (self.world_from_body, self.velocity_m_s);
         let up = r.row(2).transpose();
 
+        // The covariance first, at the old state. ṗ = R v, v̇ = f − ω × v − g Rᵀ e_z, and a turn θ
+        // of the attitude changes R v by −R [v]× θ and the acceleration by −g [up]× θ.
         let drift = Drift {
             position: [r * span_s, -r * v.cross_matrix() * span_s],
             velocity: [
@@ -132,6 +134,7 @@ impl Firmware {
         };
         self.transform(Some(&drift), &turned_back(&(rate * span_s)));
 
+        // Then the state, with constant force and rate over the span.
         let fall_m = Vector3::z() * (0.5 * GRAVITY_M_S2 * span_s * span_s);
         self.position_m += r * (v * span_s + force * (0.5 * span_s * span_s)) - fall_m;
         self.velocity_m_s += (force - rate.cross(&v) - up * GRAVITY_M_S2) * span_s;
@@ -150,61 +153,64 @@ impl Firmware {
     }
 
     fn correct_by_sweeps(&mut self, rotation: &Rotation) {
+        // Without the attitude the second part of the Jacobian, over the turn, is left out.
         let n_parts = if self.options.sweep_attitude == SweepAttitude::Slope { 2 } else { 1 };
         let variance = self.model.sweep_variance(rotation.station);
         for (k, lever) in DECK_SENSORS_M.map(Vector3::from).iter().enumerate() {
             for &(plane, angles_rad) in &rotation.planes {
-                let (slope, error_rad, radius_m) = self.model.angle(
+                let (jacobian, error_rad, radius_m) = self.model.angle(
                     (rotation.station, plane),
                     (lever, angles_rad[k]),
                     &self.position_m,
                     &self.world_from_body,
                 );
-                if self.sweep_filter.takes(radius_m * error_rad) {
-                    self.correct(&slope[..n_parts], error_rad, variance);
+                if self.sweep_filter.accepts(radius_m * error_rad) {
+                    self.correct(&jacobian[..n_parts], error_rad, variance);
                 }
             }
         }
     }
 
-    /// Yaw of the deck beyond the filter's, as one station sees it: its rays to the sensors meet
-    /// the plane of the deck as the filter believes it.
+    /// Yaw of the deck beyond the filter's, as one station sees it.
     fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
         if self.options.sweep_attitude == SweepAttitude::Slope {
             return None;
         }
+        // The station's rays to the four sensors meet the estimated plane of the deck.
         let station = &self.model.stations[rotation.station];
         let normal = self.world_from_body.column(2).into_owned();
-        let above = normal.dot(&(station.position_m - self.position_m));
+        let above_m = normal.dot(&(station.position_m - self.position_m));
         let both_rad = rotation.both_rad?;
         let seen_m = [0, 1, 2, 3].map(|k: usize| {
             let ray = station.ray(both_rad.map(|angles_rad| angles_rad[k]));
             let toward = -normal.dot(&ray);
-            (toward != 0.0).then(|| station.position_m + ray * (above / toward))
+            (toward != 0.0).then(|| station.position_m + ray * (above_m / toward))
         });
+        // The mean turn of both diagonals of the sensors against the estimated ones.
         let diagonals_rad = [(0, 3), (1, 2)].map(|(from, to)| {
             let [a, b] = [from, to].map(|k| Vector3::from(DECK_SENSORS_M[k]));
-            let believed = self.world_from_body * (b - a);
+            let estimated = self.world_from_body * (b - a);
             let seen = seen_m[to]? - seen_m[from]?;
-            let length = believed.norm() * seen.norm();
-            let angle_rad = libm::acos((believed.dot(&seen) / length).clamp(-1.0, 1.0));
-            let left = normal.dot(&believed.cross(&seen)) > 0.0;
+            let length = estimated.norm() * seen.norm();
+            let angle_rad = libm::acos((estimated.dot(&seen) / length).clamp(-1.0, 1.0));
+            let left = normal.dot(&estimated.cross(&seen)) > 0.0;
             (seen.norm() >= 1e-4).then_some(if left { -angle_rad } else { angle_rad })
         });
         Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }
 
     fn correct_by_range(&mut self, range: &Range) {
-        let (slope, error_m, variance) = self.model.range(range, &self.position_m);
+        let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
         if let Some(other) = range.minus {
+            // A difference is at most the distance between the anchors.
             let anchors_m = &self.model.anchors_m;
             let apart_m = (anchors_m[range.anchor] - anchors_m[other]).norm();
             let possible = range.distance_m.abs() < apart_m;
-            if !possible || !self.tdoa_filter.takes(error_m, variance.sqrt()) {
+            if !possible || !self.tdoa_filter.accepts(error_m, variance.sqrt()) {
                 return;
             }
         }
-        self.correct(&[slope], error_m, variance);
+        self.correct(&[jacobian], error_m, variance);
     }
 
     /// Corrects by positions and heights.
@@ -217,6 +223,7 @@ impl Firmware {
         }
         let cos_tilt = self.world_from_body[(2, 2)];
         for &(sensor, measured_m) in readings.heights {
+            // Distance per height: 1 / cos of the tilt beyond half of the ranger's cone.
             let mut per_m = 1.0;
             if sensor.looks_down() {
                 if cos_tilt <= LEAST_COS_TILT {
@@ -251,14 +258,14 @@ impl Firmware {
         self.bound();
     }
 
-    /// `P ← Φ P Φᵀ`, symmetric; Φ leaves positions and velocities as they are where nothing drifts.
+    /// `P ← Φ P Φᵀ`, symmetric. Without a drift, Φ only turns the errors of the attitude.
     fn transform(&mut self, drift: Option<&Drift>, turn: &Matrix3<f64>) {
         let columns = self.normal.covariance.as_mut_slice().as_chunks_mut().0;
         let p: &mut [[f64; 9]; 9] = columns.first_chunk_mut().expect("nine states");
         noctograph_core::dispatch!(|| {
-            // The columns of a symmetric matrix are its rows.
-            let twice = moved(&moved(p, drift, turn), drift, turn);
-            *p = from_fn(|i| from_fn(|j| (twice[i][j] + twice[j][i]) * 0.5));
+            // The columns of a symmetric matrix are its rows: Φ (Φ P)ᵀ = Φ P Φᵀ.
+            let next = multiplied(&multiplied(p, drift, turn), drift, turn);
+            *p = from_fn(|i| from_fn(|j| (next[i][j] + next[j][i]) * 0.5));
         });
     }
 
@@ -272,12 +279,8 @@ impl Firmware {
 }
 
 impl Estimator for Firmware {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.attitude = Turned::facing(yaw_rad);
-        self.world_from_body = self.attitude.matrix();
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
+        // The first tick is at time zero.
         let tick_s = if std::mem::replace(&mut self.begun, true) { tick_s } else { 0.0 };
         self.time_s += tick_s;
         self.sweep_filter.wait(tick_s);
@@ -285,11 +288,13 @@ impl Estimator for Firmware {
         if readings.throttle > 0.0 {
             self.driven_s = self.time_s;
         }
-        // The deck looks at the state of the tick before.
+        // The deck's driver computes yaw errors from the state of the last tick.
         let rotations = self.deck.hear(readings.sweeps, self.time_s);
         let yaw_errors_rad: Vec<Option<f64>> =
             rotations.iter().map(|rotation| self.yaw_error_rad(rotation)).collect();
 
+        // Prediction at its own rate, process noise at every tick, and then the measurements:
+        // sweeps, ranges, positions and heights.
         let span_s = self.time_s - self.predicted_s;
         let predicts = span_s + TIME_TOLERANCE_S >= 1.0 / self.options.prediction_hz;
         if predicts {
@@ -300,17 +305,18 @@ impl Estimator for Firmware {
             self.correct_by_sweeps(rotation);
             if let Some(yaw_error_rad) = yaw_error_rad {
                 let error_rad = self.turn_rad.z - yaw_error_rad;
-                let slope = [Part::One(TURN + 2, 1.0)];
-                self.correct(&slope, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
+                let jacobian = [Part::One(TURN + 2, 1.0)];
+                self.correct(&jacobian, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
             }
         }
         readings.ranges.iter().for_each(|range| self.correct_by_range(range));
         self.correct_by_place(readings);
+        // Inertial readings of this tick count for the next prediction.
         self.sums.0[0] += readings.rate_rad_s;
         self.sums.0[1] += readings.specific_force_m_s2;
         self.sums.1 += 1.0;
         self.rate_rad_s = readings.rate_rad_s;
-        if predicts || !rotations.is_empty() || readings.measures_place() {
+        if predicts || !rotations.is_empty() || readings.measures_position() {
             self.settle();
         }
     }
@@ -325,7 +331,7 @@ impl Estimator for Firmware {
     }
 }
 
-/// How errors of velocity and turn enter the position's, and how they change the velocity's.
+/// Blocks of `Φ − 1` by which errors of velocity and turn change those of position and velocity.
 struct Drift {
     position: [Matrix3<f64>; 2],
     velocity: [Matrix3<f64>; 2],
@@ -333,16 +339,17 @@ struct Drift {
 
 /// The columns of `Φ P` from the rows of P, without the products of Φ's zeros and ones.
 #[inline(always)]
-fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
-    let mut all = *p;
-    all[TURN..].fill([0.0; 9]);
+fn multiplied(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64; 9]; 9] {
+    // Rows that Φ leaves start as they are, and those that it replaces start from zero.
+    let mut product = *p;
+    product[TURN..].fill([0.0; 9]);
     if drift.is_some() {
-        all[VELOCITY..TURN].fill([0.0; 9]);
+        product[VELOCITY..TURN].fill([0.0; 9]);
     }
     let mut add = |to: usize, block: &Matrix3<f64>, from: usize| {
         for (i, k) in (0..9).map(|n| (n / 3, n % 3)) {
             let factor = block[(i, k)];
-            let sums = all[to + i].iter_mut().zip(&p[from + k]);
+            let sums = product[to + i].iter_mut().zip(&p[from + k]);
             sums.for_each(|(sum, value)| *sum += factor * value);
         }
     };
@@ -353,7 +360,7 @@ fn moved(p: &[[f64; 9]; 9], drift: Option<&Drift>, turn: &Matrix3<f64>) -> [[f64
         add(VELOCITY, &velocity[1], TURN);
     }
     add(TURN, turn, TURN);
-    from_fn(|j| from_fn(|i| all[i][j]))
+    from_fn(|j| from_fn(|i| product[i][j]))
 }
 
 /// The covariance of an attitude's error as its frame turns: `1 − [d]× + [d]×²/2` with half the

@@ -58,7 +58,7 @@ fn follow(
 ) {
     let mut readers =
         Sensors::new(sensors, &FloorOptions::default(), RATE_HZ, [seed; 2], &Fleet::alone(0));
-    let mut ekf = Ekf::new(observer, sensors, motion(0.0).0);
+    let mut ekf = Ekf::new(observer, sensors, motion(0.0).0, 0.0);
     for tick in 0..seconds * RATE_HZ {
         let time_s = f64::from(tick) * TICK_S;
         let (state, force) = truth(time_s);
@@ -107,9 +107,9 @@ const FILTERED: [Positioning; 4] =
 
 #[test]
 fn the_filters_covariance_is_consistent_with_its_errors() {
-    // normalized squared error of nine states: χ² with nine degrees of freedom. Forty flights, each
-    // looked at ten times; if all samples of a flight were equal, the mean would spread by
-    // √(18/40) = 0.67.
+    // Normalized squared error of nine states: χ² with nine degrees of freedom. Forty flights with
+    // ten samples each. If all samples of a flight were equal, the mean would spread by √(18/40) =
+    // 0.67.
     for positioning in FILTERED {
         let heights = vec![HeightSensor::TimeOfFlight, HeightSensor::Barometer];
         let sensors = SensorOptions { heights, ..white(positioning) };
@@ -182,8 +182,8 @@ fn outliers_are_rejected() {
     assert!(gated < 0.5 * open, "{gated} m with a gate, {open} m without");
 }
 
-/// One of two stations is behind a person, and all show in a mirror; or in a pane, whose image the
-/// deck does not hear from there.
+/// One of two stations is behind a person, and both show in a mirror. A pane instead of the mirror
+/// reflects too little for the deck.
 #[test]
 fn the_released_filter_follows_a_mirror_and_a_pane_is_not_heard() {
     fn worst_m(glass: bool, seed: u64) -> f64 {
@@ -258,9 +258,9 @@ fn lighthouse_errors_in_flight_are_those_measured() {
 
 #[test]
 fn lighthouse_jitter_at_rest_is_that_measured() {
-    // positioning_dataset, root mean square step from value to value: 0.36 mm by crossing beams;
-    // 0.59 mm by the filter in one log, in others with a spread of 0.7, 0.7 and 2.1 mm. The filter
-    // trembles as two stations that disagree pull it to and fro, how much is the room's luck: the
+    // positioning_dataset, root mean square step from value to value: 0.36 mm by crossing beams,
+    // 0.59 mm by the filter in one log, and a spread of 0.7, 0.7 and 2.1 mm in others. Two stations
+    // that disagree pull the filter to and fro, by chance more in one room than in another: the
     // median over nine rooms counts.
     let force = Vector3::z() * GRAVITY_M_S2;
     let start_m = Vector3::new(0.0, 0.0, 0.6);
@@ -278,7 +278,7 @@ fn lighthouse_jitter_at_rest_is_that_measured() {
         let fixes = (0..5000).filter_map(|_| beams.read(&body, force, &[]).position_m);
         beams_m.push(rms_step(&fixes.collect::<Vec<_>>()));
 
-        let mut ekf = Ekf::new(&EkfOptions::default(), &options[1], start_m);
+        let mut ekf = Ekf::new(&EkfOptions::default(), &options[1], start_m, 0.0);
         let mut places = Vec::new();
         for tick in 0..5000 {
             ekf.update(&sweeps.read(&body, force, &[]), TICK_S);
@@ -302,8 +302,8 @@ fn rms_step(places: &[Vector3<f64>]) -> f64 {
 
 #[test]
 fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
-    // Without the test, the gate refuses every range to the table, and the height rests on the
-    // anchors alone.
+    // Without the test, the gate refuses every range to the table, and the height rests only on the
+    // anchors.
     let mut options = SimOptions::cf21();
     options.sensors =
         SensorOptions { heights: vec![HeightSensor::TimeOfFlight], ..white(Positioning::UwbTwr) };
@@ -318,9 +318,8 @@ fn the_step_test_keeps_a_tables_edge_out_of_the_height() {
             let in_air = flight.samples.iter().filter(|s| s.letter.is_some());
             in_air.map(|s| s.position_m.z - s.estimate_m.z).collect::<Vec<f64>>()
         });
-        let all: Vec<f64> = errors_m.collect();
-        (all.iter().map(|e| e * e).sum::<f64>() / f64::from(u32::try_from(all.len()).unwrap()))
-            .sqrt()
+        let errors_m: Vec<f64> = errors_m.collect();
+        (errors_m.iter().map(|e| e * e).sum::<f64>() / errors_m.len() as f64).sqrt()
     };
     let flat_m = rms_m(&options);
     options.floor.steps = vec![table];

@@ -12,12 +12,11 @@ use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{Attitude, turned};
 
-/// Row of the yaw in [`Motion`]: no position shows it, so that the observer runs without it.
+/// Row of the yaw in [`Motion`]. It is not observable, and the observer runs without it.
 const YAW: usize = 3;
 
 /// `x̂̇ = A x̂ + B u − L (C x̂ − y)` with `x̂ = [o_x o_y o_z θ φ v_x v_y v_z]`,
-/// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position, by Euler's rule as in the
-/// firmware.
+/// `u = [w_x w_y w_z a_z − g]` and `y` the last measured position.
 #[derive(Clone, Debug)]
 pub(super) struct Observer {
     /// `A − L C`.
@@ -25,58 +24,54 @@ pub(super) struct Observer {
     b: SMatrix<f64, 8, 4>,
     l: SMatrix<f64, 8, 3>,
     measured_m: Vector3<f64>,
-    /// As if the nose had been put down along world x.
+    /// In a frame turned by the heading at the start.
     estimate: SVector<f64, 8>,
-    /// From this heading toward the left.
+    /// Turn from that heading toward the left.
     yaw_rad: f64,
     heading_rad: f64,
     rate_rad_s: Vector3<f64>,
 }
 
 impl Observer {
-    /// An observer that believes in a level drone at rest at `position_m`.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] where the weights have no gain.
-    pub(super) fn new(options: &LuenbergerOptions, position_m: Vector3<f64>) -> Result<Self> {
+    /// An observer that begins with a level drone at rest.
+    pub(super) fn new(
+        options: &LuenbergerOptions,
+        position_m: Vector3<f64>,
+        heading_rad: f64,
+    ) -> Result<Self> {
         let (a, b) = hover_model(linearize);
         let l = observer_gain(options, &a)?;
+        let measured_m = turned(&position_m, -heading_rad);
         let mut estimate = SVector::<f64, 8>::zeros();
-        estimate.fixed_rows_mut::<3>(0).copy_from(&position_m);
+        estimate.fixed_rows_mut::<3>(0).copy_from(&measured_m);
         Ok(Self {
             a: without_yaw(&a) - l * SMatrix::<f64, 3, 8>::identity(),
             b: b.remove_row(YAW),
             l,
-            measured_m: position_m,
+            measured_m,
             estimate,
             yaw_rad: 0.0,
-            heading_rad: 0.0,
+            heading_rad,
             rate_rad_s: Vector3::zeros(),
         })
     }
 }
 
 impl Estimator for Observer {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.heading_rad = yaw_rad;
-        self.measured_m = turned(&self.measured_m, -yaw_rad);
-        self.estimate.fixed_rows_mut::<3>(0).copy_from(&self.measured_m);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         let w = readings.rate_rad_s;
         if let Some(measured_m) = readings.position_m {
             self.measured_m = turned(&measured_m, -self.heading_rad);
         }
+        // Euler's rule, with the last position held between two fixes.
         let u = w.push(readings.specific_force_m_s2.z - GRAVITY_M_S2);
         self.estimate += (self.a * self.estimate + self.b * u + self.l * self.measured_m) * tick_s;
         self.yaw_rad += w.z * tick_s;
         self.rate_rad_s = w;
     }
 
-    /// The body rate is as the gyroscope read it.
     fn state(&self) -> State {
+        // The body rate is the gyroscope's last reading.
         let x = &self.estimate;
         let position_m = turned(&x.fixed_rows::<3>(0).into(), self.heading_rad);
         let yaw_rad = self.heading_rad + self.yaw_rad;
@@ -112,7 +107,7 @@ pub(crate) fn without_yaw(a: &SMatrix<f64, 9, 9>) -> SMatrix<f64, 8, 8> {
 type Linear = (SMatrix<f64, 9, 9>, SMatrix<f64, 9, 4>);
 type Derivative = fn(&Motion, &Vector4<f64>) -> Motion;
 
-/// `A` and `B` of all nine rows of [`Motion`] at hover, by a way to linearize.
+/// `A` and `B` of all nine rows of [`Motion`] at hover, by a method of linearization.
 pub(crate) fn hover_model(
     linearize: impl Fn(Derivative, &Motion, &Vector4<f64>) -> Linear,
 ) -> Linear {
@@ -135,10 +130,14 @@ mod tests {
         Readings { position_m, ..Readings::inertial(truth, rate_rad_s, force_m_s2) }
     }
 
+    fn observer() -> Observer {
+        Observer::new(&LuenbergerOptions::default(), Vector3::zeros(), 0.0).unwrap()
+    }
+
     #[test]
     fn a_wrong_start_is_forgotten() {
         let truth = Vector3::new(0.3, -0.2, 0.5);
-        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let mut observer = observer();
         let start = RigidBody::resting_at(Vector3::zeros());
         let readings = at_rest(&start, truth, Vector3::zeros());
         for _ in 0..2000 {
@@ -151,7 +150,7 @@ mod tests {
 
     #[test]
     fn yaw_is_the_integral_of_the_gyro() {
-        let mut observer = Observer::new(&LuenbergerOptions::default(), Vector3::zeros()).unwrap();
+        let mut observer = observer();
         let start = RigidBody::resting_at(Vector3::zeros());
         let readings = at_rest(&start, Vector3::zeros(), Vector3::z() * 0.5);
         for _ in 0..1000 {

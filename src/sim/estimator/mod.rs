@@ -35,8 +35,8 @@ use crate::vehicle::{RigidBody, State, state};
 use noctograph_core::error::Result;
 use noctograph_core::random::Noise;
 
-/// An estimator outside the program: what it makes of the readings of a tick and its duration in s,
-/// in the order of [`STATES`](crate::gain_design::STATES).
+/// An estimator outside the program: states, in the order of
+/// [`STATES`](crate::gain_design::STATES), from the readings of a tick and its duration in s.
 pub type Update = Box<dyn FnMut(&Readings<'_>, f64) -> [f64; 12] + Send>;
 
 /// An estimator outside the program, and its last estimate.
@@ -52,10 +52,6 @@ impl std::fmt::Debug for Outside {
 }
 
 impl Estimator for Outside {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        self.state[3] = yaw_rad;
-    }
-
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64) {
         self.state = (self.update)(readings, tick_s).into();
     }
@@ -67,37 +63,29 @@ impl Estimator for Outside {
 
 /// An estimator of the drone's motion.
 pub(super) trait Estimator: std::fmt::Debug + Send {
-    /// Sets the initial yaw, from world x toward y, before the first update.
-    fn set_yaw(&mut self, yaw_rad: f64);
-
     /// Updates the estimate by the readings at the end of a tick of `tick_s`.
     fn update(&mut self, readings: &Readings<'_>, tick_s: f64);
 
-    /// All twelve states.
     fn state(&self) -> State;
 
-    /// Covariance of the estimated position, world frame, where it has one to log.
+    /// Covariance of the estimated position, world frame, if it has one.
     fn covariance_m2(&self) -> Option<Matrix3<f64>> {
         None
     }
 
-    /// Its filter of the altitude.
+    /// Its filter of the altitude, if it has one.
     fn altitude(&self) -> Option<&AltitudeFilter> {
         None
     }
 
-    /// The filter over a fleet, where it is that.
+    /// The estimator as a filter over a fleet, if it is one.
     fn fleet_filter(&mut self) -> Option<&mut Cooperative> {
         None
     }
 }
 
-/// Cheats, for telling the controller's error from the estimator's: the true motion.
+/// The true motion, which separates the controller's error from the estimator's.
 impl Estimator for RigidBody {
-    fn set_yaw(&mut self, yaw_rad: f64) {
-        *self = self.facing(yaw_rad);
-    }
-
     fn update(&mut self, readings: &Readings<'_>, _: f64) {
         *self = *readings.truth;
     }
@@ -107,43 +95,44 @@ impl Estimator for RigidBody {
     }
 }
 
-/// All twelve states of a motion, at another velocity in the world.
+/// All twelve states of a motion, with another velocity in the world.
 fn state_at(motion: &Inertial, velocity_m_s: &Vector3<f64>) -> State {
     let world_from_body = motion.attitude.matrix();
     let velocity_m_s = world_from_body.tr_mul(velocity_m_s);
     state(&motion.position_m, angles(&world_from_body), &velocity_m_s, &motion.rate_rad_s)
 }
 
-/// The estimator of a flight, which starts with a level drone at rest at `position_m` that looks
-/// along world x. The seed decides which sweeps it drops by chance.
-///
-/// # Errors
-///
-/// [`noctograph_core::error::Error::Infeasible`] where the observer's weights have no gain.
+/// The estimator of a flight, which begins with a level drone at rest, turned from world x toward
+/// y. The seed decides which sweeps it drops by chance.
 pub(super) fn estimator(
     options: &SimOptions,
     position_m: Vector3<f64>,
+    yaw_rad: f64,
     fleet: &Fleet,
     seed: u64,
 ) -> Result<Box<dyn Estimator>> {
     let SimOptions { observer, sensors, .. } = options;
     Ok(match observer.kind {
-        EstimatorKind::Luenberger => Box::new(Observer::new(&observer.luenberger, position_m)?),
+        EstimatorKind::Luenberger => {
+            Box::new(Observer::new(&observer.luenberger, position_m, yaw_rad)?)
+        }
         EstimatorKind::Ekf => {
             let drone = fleet.members[fleet.place].index;
             let noise = Noise::new(seed, drone, "lighthouse deck");
-            Box::new(Firmware::new(observer, sensors, position_m, noise))
+            Box::new(Firmware::new(observer, sensors, position_m, yaw_rad, noise))
         }
-        EstimatorKind::EkfImproved => Box::new(Ekf::new(&observer.ekf, sensors, position_m)),
+        EstimatorKind::EkfImproved => {
+            Box::new(Ekf::new(&observer.ekf, sensors, position_m, yaw_rad))
+        }
         EstimatorKind::Altitude => {
             let hover = options.believed_hover_throttle();
             Box::new(Altitude {
-                horizontal: Ekf::new(&observer.ekf, sensors, position_m),
+                horizontal: Ekf::new(&observer.ekf, sensors, position_m, yaw_rad),
                 vertical: AltitudeFilter::new(&observer.altitude, hover, position_m.z),
                 has_satellites: sensors.positioning == Positioning::Gnss,
             })
         }
-        EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet)),
-        EstimatorKind::Truth => Box::new(RigidBody::resting_at(position_m)),
+        EstimatorKind::Cooperative => Box::new(Cooperative::new(observer, sensors, fleet, yaw_rad)),
+        EstimatorKind::Truth => Box::new(RigidBody::resting_at(position_m).facing(yaw_rad)),
     })
 }

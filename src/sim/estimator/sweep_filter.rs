@@ -1,10 +1,10 @@
 //! The firmware's outlier filter of Lighthouse sweeps.
 //!
 //! In: the error of a sweep at the deck, m: that of its angle times the distance from the rotor's
-//! axis. Out: whether the Kalman filter takes it in. Each sweep closes the filter for a time that
-//! grows by 4 ms with every good one, up to 40 ms, and shrinks by 8 ms with every bad one; while it
-//! is closed, only good ones are taken. An estimate that strayed thus finds back in some five
-//! bad sweeps, to a reflection if that is what it sees.
+//! axis. Out: true if the Kalman filter uses it. Each sweep closes the filter for a time that grows
+//! by 4 ms with every good one, up to 40 ms, and shrinks by 8 ms with every bad one. While it is
+//! closed, only good ones are used. A wrong estimate thus follows the sweeps again after some five
+//! bad ones, and follows a reflection likewise.
 //!
 //! Source: `outlierFilterLighthouse.c`, the same in every release of the firmware from 2023.11 to
 //! 2026.08, called by `mm_sweep_angles.c`.
@@ -13,9 +13,9 @@
 const BAD_M: f64 = 0.05;
 /// Bounds of the time for which a sweep closes the filter, ms: below 0 it stays open.
 const WINDOW_MS: [f64; 2] = [-16.0, 40.0];
-/// What a good and a bad sweep change it by, ms.
+/// Change of that time by a good and by a bad sweep, ms.
 const GOOD_MS: f64 = 4.0;
-const STRAY_MS: f64 = -8.0;
+const BAD_MS: f64 = -8.0;
 /// Times are compared to within this, ms.
 const TOLERANCE_MS: f64 = 1e-6;
 
@@ -34,15 +34,14 @@ impl Default for SweepFilter {
 }
 
 impl SweepFilter {
-    /// Lets a time pass.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.closed_ms -= 1e3 * time_s;
     }
 
-    /// Whether a sweep is taken in.
-    pub(super) fn takes(&mut self, error_m: f64) -> bool {
+    /// True if a sweep is used.
+    pub(super) fn accepts(&mut self, error_m: f64) -> bool {
         let is_good = error_m.abs() < BAD_M;
-        let change_ms = if is_good { GOOD_MS } else { STRAY_MS };
+        let change_ms = if is_good { GOOD_MS } else { BAD_MS };
         let [least_ms, most_ms] = WINDOW_MS;
         self.window_ms = (self.window_ms + change_ms).clamp(least_ms, most_ms);
         let closed = self.closed_ms > TOLERANCE_MS;
@@ -67,23 +66,23 @@ mod tests {
             filter.wait(1e-3 * f64::from(passed_ms));
             let bad = dice < if k / 50 % 2 == 1 { 160 } else { 40 };
             let error_m = if bad { 0.6 } else { 0.002 * f64::from(dice % 20) };
-            assert_eq!(filter.takes(error_m), want == '1', "sweep {k}");
+            assert_eq!(filter.accepts(error_m), want == '1', "sweep {k}");
         }
     }
 
     #[test]
     fn good_sweeps_close_it_and_bad_ones_open_it_again() {
         let mut filter = SweepFilter::default();
-        assert!(filter.takes(3.0), "open at first");
-        (0..20).for_each(|_| assert!(filter.takes(0.049)));
+        assert!(filter.accepts(3.0), "open at first");
+        (0..20).for_each(|_| assert!(filter.accepts(0.049)));
         assert_eq!(
-            [0; 7].map(|_| filter.takes(0.05)),
+            [0; 7].map(|_| filter.accepts(0.05)),
             [false, false, false, false, false, true, true]
         );
-        (0..20).for_each(|_| assert!(filter.takes(0.0)));
+        (0..20).for_each(|_| assert!(filter.accepts(0.0)));
         filter.wait(0.0398);
-        assert!(!filter.takes(-0.3), "closed for 40 ms");
+        assert!(!filter.accepts(-0.3), "closed for 40 ms");
         filter.wait(0.032);
-        assert!(filter.takes(-0.3), "and for 32 ms after a bad one");
+        assert!(filter.accepts(-0.3), "and for 32 ms after a bad one");
     }
 }

@@ -1,8 +1,8 @@
 //! The firmware's outlier filter of differences of ultra-wideband ranges.
 //!
-//! In: the error of a difference, and its standard deviation. Out: whether the Kalman filter takes
-//! it in. Good ones (within 2 σ) fill an integrator by the time that passed, others drain it; when
-//! nearly full it closes, and takes none beyond 2.5 σ, until it is nearly empty.
+//! In: the error of a difference, and its standard deviation. Out: true if the Kalman filter uses
+//! it. Good ones (within 2 σ) fill an integrator by the time that passed, and others drain it. When
+//! nearly full it closes, and refuses those beyond 2.5 σ, until it is nearly empty.
 //!
 //! Source: `outlierFilterTdoa.c`, firmware 2026.08.
 
@@ -12,9 +12,9 @@ const OPENS_MS: f64 = 0.1 * SIZE_MS;
 const CLOSES_MS: f64 = 0.9 * SIZE_MS;
 /// Most that one difference adds, ms.
 const LONGEST_MS: f64 = 0.1 * SIZE_MS;
-/// Bounds of a good difference, and of one that a closed filter takes, in standard deviations.
+/// Bounds of a good difference, and of one that a closed filter accepts, in standard deviations.
 const GOOD_SIGMAS: f64 = 2.0;
-const TAKEN_SIGMAS: f64 = 2.5;
+const ACCEPTED_SIGMAS: f64 = 2.5;
 
 /// Open at first.
 #[derive(Clone, Copy, Debug, Default)]
@@ -26,25 +26,23 @@ pub(super) struct TdoaFilter {
 }
 
 impl TdoaFilter {
-    /// Lets a time pass.
     pub(super) fn wait(&mut self, time_s: f64) {
         self.since_ms += 1e3 * time_s;
     }
 
-    /// The firmware's outlier filter: whether a measured difference of distances is used. Good and
-    /// bad measurements move an integrator, which closes and opens the gate.
-    pub(super) fn takes(&mut self, error_m: f64, sigma_m: f64) -> bool {
+    /// True if a difference is used.
+    pub(super) fn accepts(&mut self, error_m: f64, sigma_m: f64) -> bool {
         let passed_ms = std::mem::take(&mut self.since_ms).min(LONGEST_MS);
         let good = error_m.abs() < GOOD_SIGMAS * sigma_m;
         let added_ms = if good { passed_ms } else { -passed_ms };
         self.integrator_ms = (self.integrator_ms + added_ms).clamp(0.0, SIZE_MS);
-        let taken = !self.closed || error_m.abs() < TAKEN_SIGMAS * sigma_m;
-        if self.closed {
-            self.closed = self.integrator_ms >= OPENS_MS;
-        } else {
-            self.closed = self.integrator_ms > CLOSES_MS;
-        }
-        taken
+        let accepted = !self.closed || error_m.abs() < ACCEPTED_SIGMAS * sigma_m;
+        // Hysteresis: it opens at a lower level than it closes.
+        self.closed = match self.closed {
+            true => self.integrator_ms >= OPENS_MS,
+            false => self.integrator_ms > CLOSES_MS,
+        };
+        accepted
     }
 }
 
@@ -55,19 +53,19 @@ mod tests {
     #[test]
     fn it_closes_after_good_differences_and_opens_after_bad_ones() {
         let mut filter = TdoaFilter::default();
-        let mut takes = |error_m: f64| {
+        let mut accepts = |error_m: f64| {
             filter.wait(0.01);
-            filter.takes(error_m, 0.15)
+            filter.accepts(error_m, 0.15)
         };
-        assert!(takes(5.0), "open at first");
+        assert!(accepts(5.0), "open at first");
         let closes = (0..60).position(|_| {
-            takes(0.0);
-            !takes(5.0) || !takes(5.0)
+            accepts(0.0);
+            !accepts(5.0) || !accepts(5.0)
         });
         assert_eq!(closes, None, "as many bad ones as good ones keep it open");
-        (0..28).for_each(|_| assert!(takes(0.29)));
-        assert!(takes(0.37) && !takes(0.38), "closed: 2.5 standard deviations");
-        let opens = (0..60).position(|_| takes(5.0));
+        (0..28).for_each(|_| assert!(accepts(0.29)));
+        assert!(accepts(0.37) && !accepts(0.38), "closed: 2.5 standard deviations");
+        let opens = (0..60).position(|_| accepts(5.0));
         assert!((20..30).contains(&opens.unwrap()), "open again: {opens:?}");
     }
 }

@@ -133,7 +133,7 @@ fn a_drone_heavier_than_its_controller_believes_hangs_low() {
         fly(&hover, &drone, &mut |_| {}).unwrap()
     };
     let last = |flight: Flight| flight.samples.last().unwrap().position_m.z;
-    // Position error alone lifts 2 % of the weight, by K's 0.364 N/m.
+    // Only the position error lifts 2 % of the weight, by K's 0.364 N/m.
     let sag_m = 0.02 * 0.0351 * 9.81 / 0.364;
     let low_m = last(fly(&believed, &believed)) - last(fly(&believed, &actual));
     assert!((low_m - sag_m).abs() < 0.002, "{low_m} m instead of {sag_m} m");
@@ -143,7 +143,7 @@ fn a_drone_heavier_than_its_controller_believes_hangs_low() {
 
 #[test]
 fn each_index_has_its_own_noise_and_the_first_is_the_default() {
-    // At hover: in motion all estimates share the error of their model. Gusts and loops have
+    // At hover: in motion all estimates have a common error by their model. Gusts and loops have
     // correlation times of 1 to 3 s: over 200 s and three axes, chance correlates by 0.06.
     let hover = plan(&[(0.0, 0.0, 0.5), (200.0, 0.0, 0.5)]);
     for (positioning, kind) in [
@@ -183,7 +183,7 @@ fn hovering(below_m: f64, beside_m: f64, options: &SimOptions) -> Vec<Flight> {
 }
 
 #[test]
-fn a_drone_that_hovers_below_another_lifts_what_the_wake_takes() {
+fn a_drone_that_hovers_below_another_lifts_what_the_downwash_takes() {
     // Without integral action, or with errors of the positioning, they would not stay there.
     let mut options = SimOptions::default();
     options.controller.kind = ControllerKind::LqrIntegral;
@@ -210,12 +210,12 @@ fn a_drone_that_hovers_below_another_lifts_what_the_wake_takes() {
 }
 
 #[test]
-fn a_drone_at_the_edge_of_a_wake_is_turned_and_one_outside_flies_as_if_alone() {
+fn a_drone_at_the_edge_of_a_jet_is_turned_and_one_outside_flies_undisturbed() {
     let blowing = SimOptions::default();
     let mut still = blowing.clone();
     still.air.downwash = Downwash::None;
     assert!(hovering(0.5, 0.3, &blowing) == hovering(0.5, 0.3, &still), "0.3 m beside");
-    // The rotors on the wake's side lift less: the drone leans toward the wake.
+    // The rotors on the jet's side lift less: the drone leans toward the jet.
     fn moved_m(options: &SimOptions) -> f64 {
         let flight = hovering(0.3, 0.08, options).remove(1);
         flight.samples.iter().find(|s| s.time_s > 0.3).unwrap().position_m.x - 0.08
@@ -254,7 +254,7 @@ fn without_setpoints_a_drone_levels_out_and_falls_and_a_trajectory_on_board_flie
 }
 
 #[test]
-fn without_setpoints_lees_law_goes_on_as_the_last_one_said() {
+fn without_setpoints_lees_law_follows_the_last_one() {
     let mut options = SimOptions::default();
     options.controller.kind = ControllerKind::Geometric;
     (options.radio.drones, options.radio.loss_frac) = (1, 1.0);
@@ -322,7 +322,7 @@ fn a_plan_through_the_floor_is_refused_and_one_from_table_to_table_flies() {
     let from_table = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.7), (2.0, 0.2, 0.7), (4.0, 0.5, 0.7)];
     let mut there = from_table.to_vec();
     there.extend([(6.0, 0.5, 0.4), (8.0, 0.5, 0.0)]);
-    // On ramps it stands on the table, and within a letter it would be drawn through it.
+    // On ramps it rests on the table, and within a letter it would be drawn through it.
     let mut ramps = plan(&there);
     let error = flown(&ramps, &options, 1).unwrap_err().to_string();
     assert!(error.starts_with("plan, setpoint 4: found a height of 0.4 m"), "{error}");

@@ -6,7 +6,7 @@ fn default_design(motor_lag_s: f64) -> Design {
     design(&SimOptions::default(), motor_lag_s).unwrap()
 }
 
-/// References with sixty digits: see `control::lqr`; for L the same script on (Aᵀ, Cᵀ).
+/// References with sixty digits: see `control::lqr`, and for L the same script on (Aᵀ, Cᵀ).
 #[test]
 fn both_gains_are_those_of_sixty_digits() {
     let mut design = default_design(MOTOR_LAG_S);
@@ -70,7 +70,8 @@ fn the_teams_gain_tolerates_a_lag_of_a_tenth_of_a_second() {
     assert!((0.1..0.12).contains(&longest_s), "{longest_s} s");
     let design = default_design(0.12);
     assert!(design.lagging_margins.is_none());
-    assert!(design.warnings[0].contains("stable only without motor lag"));
+    assert_eq!(design.warnings[0].code, "lag-unstable");
+    assert!(design.warnings[0].message.contains("stable only without motor lag"));
 }
 
 #[test]
@@ -87,10 +88,9 @@ fn brysons_rule_is_the_motors_range() {
 
 #[test]
 fn a_gain_designed_for_its_rotors_tolerates_twice_their_lag() {
-    // With the rotors' own lag, by NumPy 2.4.6: 42.1° at the pitch, 46.8° at the yaw, any rise
-    // of the gain, a fall to 0.32 at the pitch; slowest pole −2.397; stable up to 2.6 times the
-    // lag.
-    // Of the drone without its drag.
+    // Without drag and with the rotors' own lag, by NumPy 2.4.6: 42.1° at the pitch, 46.8° at the
+    // yaw, any rise of the gain, a fall to 0.32 at the pitch, slowest pole −2.397, stable up to 2.6
+    // times the lag.
     let mut options = SimOptions::cf21();
     options.vehicle.body_drag_n_s_m = [0.0; 3];
     options.vehicle.rotor_drag_n_s2_m = 0.0;
@@ -127,7 +127,7 @@ fn the_model_slows_down_as_the_simulator_does() {
     options.air.gusts = crate::vehicle::Gusts::None;
     let plain = design(&SimOptions::default(), 0.072).unwrap();
     let dragged = design(&options, 0.072).unwrap();
-    // Hovering in a wind is moving through still air: what it does in 2 ms, per wind.
+    // Hover in a wind is motion through still air: the change of the state in 2 ms, per wind.
     let (dt_s, wind_m_s) = (0.002, 0.1);
     let after = |wind: [f64; 3]| {
         let mut options = options.clone();

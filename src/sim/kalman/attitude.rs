@@ -1,5 +1,5 @@
-//! An attitude that turns by small steps, as a unit quaternion. nalgebra's own exponential takes
-//! the platform's sine, whose last bits differ from machine to machine.
+//! An attitude that turns by small steps, as a unit quaternion. nalgebra's exponential calls the
+//! platform's sine, whose last bits differ from machine to machine.
 
 use nalgebra::{Matrix3, Quaternion, Vector3};
 
@@ -10,18 +10,13 @@ use noctograph_core::geometry::Attitude;
 pub struct Turned(Quaternion<f64>);
 
 impl Turned {
-    /// Level, looking along world x.
-    pub fn level() -> Self {
-        Self(Quaternion::identity())
-    }
-
     /// Level, turned from world x toward y.
     pub fn facing(yaw_rad: f64) -> Self {
         let half_yaw = 0.5 * yaw_rad;
         Self(Quaternion::new(libm::cos(half_yaw), 0.0, 0.0, libm::sin(half_yaw)))
     }
 
-    /// The attitude after a turn by a small rotation vector in the body frame; the error grows with
+    /// The attitude after a turn by a small rotation vector in the body frame. The error grows with
     /// its fifth power, below 1e-9 rad for a tenth of a radian.
     #[inline(always)]
     pub fn by(&self, turn_rad: &Vector3<f64>) -> Self {
@@ -39,34 +34,39 @@ impl Turned {
     /// As a matrix.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<f64> {
-        let (w, x, y, z) = (self.0.w, self.0.i, self.0.j, self.0.k);
-        Matrix3::new(
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        )
+        rotation([self.0.w, self.0.i, self.0.j, self.0.k])
     }
+}
+
+/// The matrix of a unit quaternion.
+#[inline(always)]
+pub(crate) fn rotation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
+    Matrix3::new(
+        (y * y + z * z) * -2.0 + 1.0,
+        (x * y - w * z) * 2.0,
+        (x * z + w * y) * 2.0,
+        (x * y + w * z) * 2.0,
+        (x * x + z * z) * -2.0 + 1.0,
+        (y * z - w * x) * 2.0,
+        (x * z - w * y) * 2.0,
+        (y * z + w * x) * 2.0,
+        (x * x + y * y) * -2.0 + 1.0,
+    )
 }
 
 /// A small turn: the first terms of the sine's and the cosine's series.
 #[inline(always)]
 fn small(turn_rad: &Vector3<f64>) -> Quaternion<f64> {
+    // sin(θ/2)/θ = 1/2 − θ²/48 and cos(θ/2) = 1 − θ²/8 + θ⁴/384.
     let square = turn_rad.norm_squared();
     let vector = turn_rad * (0.5 - square / 48.0);
     Quaternion::from_parts(1.0 - square / 8.0 + square * square / 384.0, vector)
 }
 
-/// Normalizes; near length one by a step of Newton's method, which squares the error, without a
-/// root.
 #[inline(always)]
 fn unit(q: Quaternion<f64>) -> Quaternion<f64> {
     let square = q.norm_squared();
+    // Near length one a step of Newton's method squares the error, without a root.
     let near = (square - 1.0).abs() < 1e-8;
     q * if near { 1.5 - 0.5 * square } else { 1.0 / square.sqrt() }
 }
@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn small_turns_add_up_to_a_large_one() {
-        let mut turned = Turned::level();
+        let mut turned = Turned::facing(0.0);
         for _ in 0..100 {
             turned = turned.by(&(Vector3::z() * 0.01));
         }

@@ -1,21 +1,21 @@
 //! Gates: which measurements a filter refuses.
 //!
-//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong refuses
-//! what is right: after [`MOST_REFUSALS`] refusals in a row the next measurement of the same source
-//! is believed with the variance that it asks for, so that the truth cannot be locked out. And a
-//! filter takes a step of the floor for motion of the drone: the second range to the floor beyond a
-//! [`StepTest`] is one, and the floor moves by the mean of both innovations.
+//! A measurement far beyond its expected spread (χ²) is refused. A filter that is wrong would
+//! refuse right measurements for ever: after [`MOST_REFUSALS`] refusals in a row the next
+//! measurement of the same source is accepted with a variance as large as its innovation. A filter
+//! would also take a step of the floor for motion of the drone. The second range beyond a
+//! [`StepTest`] in a row counts as a step, and the floor moves by the mean of both innovations.
 
 use std::collections::BTreeMap;
 
 use super::normal::{Innovation, Measurement, Normal, Part};
 
-/// Refusals in a row after which a source is believed again.
+/// Refusals in a row after which a source is accepted again.
 const MOST_REFUSALS: u32 = 5;
 /// Consecutive ranges beyond the gate that are a step.
 const STEP_READINGS: usize = 2;
 
-/// A gate for sources of measurements that cannot lock the truth out.
+/// A gate for sources of measurements that reopens after refusals in a row.
 #[derive(Clone, Debug)]
 pub struct Gate<K> {
     sq: f64,
@@ -24,12 +24,12 @@ pub struct Gate<K> {
 }
 
 impl<K: Ord> Gate<K> {
-    /// A gate at so many standard deviations of the innovation.
+    /// A gate with this threshold, in standard deviations of the innovation.
     pub fn new(sigmas: f64) -> Self {
         Self { sq: sigmas * sigmas, refused: BTreeMap::new() }
     }
 
-    /// [`Normal::correct`] by a measurement of a source; `None` where it was refused.
+    /// [`Normal::correct`] by a measurement of a source. `None` if it was refused.
     pub fn correct(
         &mut self,
         normal: &mut Normal,
@@ -37,18 +37,20 @@ impl<K: Ord> Gate<K> {
         measurement: &Measurement<'_>,
     ) -> Option<Innovation> {
         let refused = self.refused.entry(source).or_default();
+        // After refusals in a row the innovation itself is the standard deviation of the noise, and
+        // passes any gate.
         let mut measurement = *measurement;
         if *refused >= MOST_REFUSALS {
             let left = normal.innovation(&measurement).value;
             measurement.variance = measurement.variance.max(left * left);
         }
-        let mut taken = None;
+        let mut accepted = None;
         normal.correct(&measurement, |innovation| {
-            taken = (!innovation.is_beyond(self.sq)).then_some(*innovation);
-            taken.is_some()
+            accepted = (!innovation.is_beyond(self.sq)).then_some(*innovation);
+            accepted.is_some()
         });
-        *refused = if taken.is_some() { 0 } else { *refused + 1 };
-        taken
+        *refused = if accepted.is_some() { 0 } else { *refused + 1 };
+        accepted
     }
 }
 
@@ -62,31 +64,31 @@ pub struct StepTest {
     beyond_m: Vec<f64>,
 }
 
-/// What a range says about the floor.
+/// Result of testing a floor range against the step hypothesis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Floor {
-    /// The floor is where it was: the range is taken in.
+    /// No step: the range is used.
     Still,
     /// Not decided yet: the range is left out.
     Open,
-    /// The distance to the floor stepped by this much: the range is left out.
+    /// The distance to the floor stepped by this length, m: the range is left out.
     Stepped(f64),
 }
 
 impl StepTest {
-    /// A test with a gate in standard deviations; smaller innovations than `least_m` are no step. A
+    /// A test with a gate in standard deviations. Innovations below `least_m` are not a step. A
     /// step widens the floor's height by `sigma_m`.
     pub fn new(gate_sigmas: f64, least_m: f64, sigma_m: f64) -> Self {
         Self { gate_sigmas, least_m, sigma_m, beyond_m: Vec::new() }
     }
 
-    /// [`Normal::correct`] by a range to a floor, whose state is the last part of the slope, unless
-    /// the floor steps: then its state is moved and widened. Ranges that are not a step's are
-    /// refused beyond `gate_sq`.
+    /// [`Normal::correct`] by a range to a floor, whose state is the last part of the Jacobian. If
+    /// the floor steps, its state is moved and widened instead. Other ranges are refused beyond
+    /// `gate_sq`.
     ///
     /// # Panics
     ///
-    /// If the last part of the slope is not that of one state.
+    /// If the last part of the Jacobian is not that of one state.
     pub fn correct(
         &mut self,
         normal: &mut Normal,
@@ -108,7 +110,6 @@ impl StepTest {
         floor
     }
 
-    /// Looks at the next range.
     fn look(&mut self, innovation: &Innovation) -> Floor {
         let within = innovation.sigmas() <= self.gate_sigmas;
         if within || innovation.value.abs() < self.least_m {
@@ -131,21 +132,21 @@ mod tests {
     #[test]
     fn five_refusals_in_a_row_widen_the_variance_and_fewer_do_not() {
         let mut gate = Gate::new(4.0);
-        let mut taken = |source, value| {
+        let mut accepted = |source, value| {
             let mut normal = Normal::independent(&[0.1]);
             let slope = &[Part::One(0, 1.0)];
             gate.correct(&mut normal, source, &Measurement { slope, value, variance: 0.01 })
         };
         for refusals in 0..5 {
-            assert_eq!(taken(1, 3.0), None, "after {refusals}");
+            assert_eq!(accepted(1, 3.0), None, "after {refusals}");
         }
-        assert_eq!(taken(2, 3.0), None, "another source");
-        assert_eq!(taken(1, 3.0).map(|innovation| innovation.variance), Some(9.0 + 0.1 * 0.1));
-        assert_eq!(taken(1, 3.0), None, "in a row");
+        assert_eq!(accepted(2, 3.0), None, "another source");
+        assert_eq!(accepted(1, 3.0).map(|innovation| innovation.variance), Some(9.0 + 0.1 * 0.1));
+        assert_eq!(accepted(1, 3.0), None, "in a row");
     }
 
     #[test]
-    fn one_stray_range_is_left_out_and_two_in_a_row_are_a_step() {
+    fn one_outlier_is_left_out_and_two_in_a_row_are_a_step() {
         let mut test = StepTest::new(4.0, 0.1, 0.5);
         let mut look = |value: f64| test.look(&Innovation { value, variance: 0.0025 });
         assert_eq!([0.19, 0.5, 0.1].map(&mut look), [Floor::Still, Floor::Open, Floor::Still]);

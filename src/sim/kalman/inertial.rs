@@ -1,8 +1,8 @@
 //! A drone that flies on its gyroscope and accelerometer: its motion, and nine small errors of it.
 //!
 //! The errors are position and velocity in the world and a turn in the body's frame. A [`Normal`]
-//! holds them for each drone in turn, other states after those of all drones; its covariance is
-//! carried by blocks of three, which saves the products with zeros.
+//! holds them for each drone in turn, and other states after those of all drones. Its covariance is
+//! propagated by blocks of three, which saves the products with zeros.
 //!
 //! Source: J. Solà, "Quaternion kinematics for the error-state Kalman filter", arXiv 1711.02508.
 //!
@@ -22,7 +22,7 @@ pub const VELOCITY: usize = 3;
 /// and three of the turn.
 pub const TURN: usize = 6;
 
-/// The covariance is carried at least this often.
+/// The covariance is propagated at least this often.
 const LONGEST_SPAN_S: f64 = 0.01;
 
 /// Position, velocity and attitude by inertial sensors.
@@ -34,16 +34,16 @@ pub struct Inertial {
     pub velocity_m_s: Vector3<f64>,
     /// The attitude.
     pub attitude: Turned,
-    /// The attitude as a matrix, since the covariance was carried last.
+    /// The attitude as a matrix, when the covariance was last propagated.
     pub world_from_body: Matrix3<f64>,
     /// Body rate at the end of the last tick.
     pub rate_rad_s: Vector3<f64>,
-    /// Time and turn since the covariance was carried last.
+    /// Time and turn since the covariance was last propagated.
     span_s: f64,
     turn_rad: Vector3<f64>,
 }
 
-/// A span over which a covariance is carried.
+/// A span over which a covariance is propagated.
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
     /// Its length.
@@ -71,33 +71,30 @@ pub struct Density {
 }
 
 impl Inertial {
-    /// A level drone at rest that looks along world x.
-    pub fn level_at(position_m: Vector3<f64>) -> Self {
+    /// A level drone at rest, turned from world x toward y.
+    pub fn level_at(position_m: Vector3<f64>, yaw_rad: f64) -> Self {
+        let attitude = Turned::facing(yaw_rad);
         Self {
             position_m,
             velocity_m_s: Vector3::zeros(),
-            attitude: Turned::level(),
-            world_from_body: Matrix3::identity(),
+            attitude,
+            world_from_body: attitude.matrix(),
             rate_rad_s: Vector3::zeros(),
             span_s: 0.0,
             turn_rad: Vector3::zeros(),
         }
     }
 
-    /// Turns it, level, from world x toward y.
-    pub fn set_yaw(&mut self, yaw_rad: f64) {
-        self.attitude = Turned::facing(yaw_rad);
-        self.world_from_body = self.attitude.matrix();
-    }
-
     /// Moves the state over a tick with the mean of the body rates at its ends and the specific
-    /// force along it; returns the acceleration.
+    /// force during it. Returns the acceleration.
     pub fn predict(
         &mut self,
         rate_rad_s: &Vector3<f64>,
         force_m_s2: &Vector3<f64>,
         tick_s: f64,
     ) -> Vector3<f64> {
+        // The force is turned into the world by the attitude midway, and the acceleration is
+        // constant over the tick.
         let turn_rad = (self.rate_rad_s + rate_rad_s) * (0.5 * tick_s);
         let [midway, after] = self.attitude.halfway_and_by(&turn_rad);
         let acceleration = midway.matrix() * force_m_s2 - Vector3::z() * GRAVITY_M_S2;
@@ -110,12 +107,12 @@ impl Inertial {
         acceleration
     }
 
-    /// Whether the covariance is to be carried now: for a measurement, or after a while without.
+    /// True if the covariance is to be propagated now: for a measurement, or after a while without.
     pub fn is_due(&self, measured: bool) -> bool {
         measured || self.span_s >= LONGEST_SPAN_S
     }
 
-    /// The span since the covariance was carried last; the next one begins.
+    /// The span since the covariance was last propagated. The next one begins.
     pub fn span(&mut self, force_m_s2: &Vector3<f64>) -> Span {
         self.world_from_body = self.attitude.matrix();
         Span {
@@ -125,7 +122,7 @@ impl Inertial {
         }
     }
 
-    /// Takes off the mean errors of a drone, which begin anew.
+    /// Applies the mean errors of a drone to its motion, and zeroes them.
     pub fn settle(&mut self, normal: &mut Normal, drone: usize) {
         let [position_m, velocity_m_s, turn_rad] = normal.take_errors(drone);
         self.position_m += position_m;
@@ -143,7 +140,7 @@ impl Normal {
         Self::independent(&sigmas)
     }
 
-    /// Mean errors of a drone, position, velocity and turn, which begin anew.
+    /// Mean errors of a drone, position, velocity and turn, which are zeroed.
     pub fn take_errors(&mut self, drone: usize) -> [Vector3<f64>; 3] {
         let first = ERRORS * drone;
         let errors = [0, VELOCITY, TURN].map(|row| self.three(first + row));
@@ -151,10 +148,11 @@ impl Normal {
         errors
     }
 
-    /// Carries the errors of a drone over a span: `P ← Φ P Φᵀ + Q` with
+    /// Propagates the errors of a drone over a span: `P ← Φ P Φᵀ + Q` with
     /// `ṗ = v`, `v̇ = −R [f]× θ`, `θ̇ = −[ω]× θ`. The other states rest.
     #[inline(always)]
     pub fn carry(&mut self, drone: usize, span: &Span, density: &Density) {
+        // `Φ = [1 τ c; 0 1 b; 0 0 T]` over position, velocity and turn.
         let first = ERRORS * drone;
         let Span { span_s, lever, turn_rad } = *span;
         let b = lever * span_s;
@@ -162,21 +160,27 @@ impl Normal {
         let cross = turn_rad.cross_matrix();
         let t_transposed = Matrix3::identity() + cross + cross * cross * 0.5;
 
+        // Rows: the blocks of Φ P, of which those below the diagonal are not needed.
         let rows = [first, first + VELOCITY, first + TURN];
         let [pp, pv, pt] = rows.map(|column| self.block(rows[0], column));
         let [vv, vt] = [rows[1], rows[2]].map(|column| self.block(rows[1], column));
         let tt = self.block(rows[2], rows[2]);
         let b_tt = b * tt;
-        let pt_next = pt + vt * span_s + b_tt * (0.5 * span_s);
-        let vt_next = vt + b_tt;
-        let pv_old = pv + vv * span_s + c * vt.transpose();
-        let pp_old = pp + pv.transpose() * span_s + c * pt.transpose();
-        let mut pp = pp_old + pv_old * span_s + pt_next * c.transpose();
-        let mut pv = pv_old + pt_next * b.transpose();
-        let mut vv = vv + (b * vt.transpose() + vt_next * b.transpose());
-        let pt = pt_next * t_transposed;
-        let vt = vt_next * t_transposed;
+        let row_pt = pt + vt * span_s + b_tt * (0.5 * span_s);
+        let row_vt = vt + b_tt;
+        let row_pv = pv + vv * span_s + c * vt.transpose();
+        let row_pp = pp + pv.transpose() * span_s + c * pt.transpose();
+
+        // Columns: (Φ P) Φᵀ.
+        let mut pp = row_pp + row_pv * span_s + row_pt * c.transpose();
+        let mut pv = row_pv + row_pt * b.transpose();
+        let mut vv = vv + (b * vt.transpose() + row_vt * b.transpose());
+        let pt = row_pt * t_transposed;
+        let vt = row_vt * t_transposed;
         let mut tt = t_transposed.transpose() * tt * t_transposed;
+
+        // Q of white noise q of the acceleration: q τ³/3, q τ²/2 and q τ. That of the rate adds to
+        // the turn only.
         for (i, density_m_s2) in density.acceleration.into_iter().enumerate() {
             let velocity = density_m_s2 * span_s;
             pp[(i, i)] += velocity * span_s * span_s / 3.0;
@@ -184,6 +188,7 @@ impl Normal {
             vv[(i, i)] += velocity;
             tt[(i, i)] += density.rate * span_s;
         }
+        // Back into P, exactly symmetric.
         for (k, block) in [pp, vv, tt].iter().enumerate() {
             self.set(rows[k], rows[k], &((block + block.transpose()) * 0.5));
         }
@@ -192,16 +197,22 @@ impl Normal {
             self.set(rows[column], rows[row], &block.transpose());
         }
 
-        let t = t_transposed.transpose();
+        self.carry_others(first, span_s, &[b, c, t_transposed.transpose()]);
+    }
+
+    /// Propagates the covariances of a drone's errors with the other states, which rest: their
+    /// columns are multiplied by Φ.
+    #[inline(always)]
+    fn carry_others(&mut self, first: usize, span_s: f64, [b, c, t]: &[Matrix3<f64>; 3]) {
         let (n, states) = (self.mean.len(), self.covariance.as_mut_slice());
         for other in (0..first).chain(first + ERRORS..n) {
-            let with = &states[other * n + first..][..ERRORS];
+            let column = &states[other * n + first..][..ERRORS];
             let [p, v, turn] =
-                [0, VELOCITY, TURN].map(|i| Vector3::new(with[i], with[i + 1], with[i + 2]));
-            let carried = [p + v * span_s + c * turn, v + b * turn, t * turn];
-            for (i, with) in carried.iter().flatten().enumerate() {
-                states[other * n + first + i] = *with;
-                states[(first + i) * n + other] = *with;
+                [0, VELOCITY, TURN].map(|i| Vector3::new(column[i], column[i + 1], column[i + 2]));
+            let propagated = [p + v * span_s + c * turn, v + b * turn, t * turn];
+            for (i, covariance) in propagated.iter().flatten().enumerate() {
+                states[other * n + first + i] = *covariance;
+                states[(first + i) * n + other] = *covariance;
             }
         }
     }
@@ -220,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_are_carried_as_the_whole_matrix_is() {
+    fn blocks_are_propagated_as_the_whole_matrix_is() {
         // Two drones and the floor.
         let mut normal = Normal::of_drones(2, [0.3, 0.2, 0.1], &[0.4]);
         let density = Density { acceleration: [0.3, 0.2, 0.1], rate: 0.04 };
@@ -251,7 +262,7 @@ mod tests {
             }
             let apart = (&normal.covariance - &p).norm() / p.norm();
             assert!(apart < 1e-13, "{apart}");
-            // What the drones and the floor have in common.
+            // A measurement that correlates the drones and the floor.
             let slope =
                 [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
             let measurement = Measurement { slope: &slope, value: 0.0, variance: 0.01 };

@@ -1,17 +1,17 @@
 //! Estimation: measurements → states. It knows no plant and no file.
 //!
 //! One filter: a [`Normal`] distribution over the small errors of any number of drones and over
-//! further states (the floor's height, biases), carried along by inertial sensors ([`Inertial`]) or
-//! by a linear motion, and corrected by one scalar measurement after the other, each through a gate
-//! ([`Gate`], [`StepTest`]). The simulated drones run it, the bound of Cramér and Rao is the same
-//! filter at the truth, and the crate `locate` runs it over a log of ranges, with the smoother that
-//! goes back over its steps.
+//! further states (the floor's height, biases). Inertial sensors ([`Inertial`]) or a linear motion
+//! propagate it. One scalar measurement after the other corrects it, each through a gate ([`Gate`],
+//! [`StepTest`]). The simulated drones run it, the Cramér–Rao bound is the same filter at the
+//! truth, and the crate `locate` runs it over a log of ranges, with a smoother over its steps.
 
 mod attitude;
 mod gate;
 mod inertial;
 mod normal;
 
+pub(crate) use attitude::rotation;
 pub use attitude::{Turned, angles};
 pub use gate::{Floor, Gate, StepTest};
 pub use inertial::{Density, ERRORS, GRAVITY_M_S2, Inertial, Span, TURN, VELOCITY, variance_rate};

@@ -1,18 +1,17 @@
 //! A normal distribution of states, and the one correction by a measurement.
 //!
 //! The prediction is `x ← Φ x`, `P ← Φ P Φᵀ + Q`. A scalar measurement `y = hᵀ x + noise` of
-//! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`; with the gain
+//! variance `r` has the innovation `ν = y − hᵀ x` of variance `s = hᵀ P h + r`. With the gain
 //! `k = P h / √s` it corrects `x ← x + k ν / √s` and `P ← P − k kᵀ`. A scalar correction subtracts
-//! one square from a matrix that stays exactly symmetric, which at the ratios of variance that
-//! occur here (1e-6 and more) is as safe as Joseph's form and half the work. Independent
-//! measurements are taken in one after the other, which is the same as at once.
+//! one square from a matrix that stays exactly symmetric. At the ratios of variance that occur here
+//! (1e-6 and more) that is as safe as Joseph's form and half the work. Independent measurements are
+//! used one after the other, which is the same as at once.
 //!
-//! Slopes are sparse: a measurement sees a place, a turn and at most a few biases. All loops are
-//! over plain columns, so that no product picks another kernel on another CPU.
+//! Jacobians are sparse: a measurement depends on a position, a turn and at most a few biases. All
+//! loops are over plain columns, so that no product picks another kernel on another CPU.
 //!
 //! Source: Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and
-//! Navigation*, Wiley 2001, sections 5.2 and 5.4 (consistency by the normalized innovation
-//! squared).
+//! Navigation*, Wiley 2001, sections 5.2 and 5.4 (normalized innovation squared).
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -27,21 +26,21 @@ pub struct Normal {
     gain: Vec<f64>,
 }
 
-/// Slope of a measurement over one or three of the states.
+/// Part of a measurement's Jacobian: its derivative with respect to one or three of the states.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
-    /// Over the state of an index.
+    /// The state of an index.
     One(usize, f64),
-    /// Over three states from an index on.
+    /// Three states from an index on.
     Three(usize, Vector3<f64>),
 }
 
-/// A scalar measurement `y = hᵀ x + noise`, or what it becomes linearized.
+/// A scalar measurement `y = hᵀ x + noise`, linearized if it has to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement<'a> {
     /// h, each state in one part at most.
     pub slope: &'a [Part],
-    /// y: measured less what is expected where all states are zero.
+    /// y: measured less the value expected if all states are zero.
     pub value: f64,
     /// Variance of its noise.
     pub variance: f64,
@@ -65,13 +64,12 @@ impl Innovation {
         self.value.abs() / self.variance.sqrt()
     }
 
-    /// Normalized innovation squared (NIS): 1 on average where the filter is consistent.
+    /// Normalized innovation squared (NIS): 1 on average for a consistent filter.
     pub fn nis(&self) -> f64 {
         self.value * self.value / self.variance
     }
 
-    /// Whether it is farther from the prediction than the root of `gate_sq` standard deviations
-    /// (χ²).
+    /// True if its NIS is above `gate_sq` (χ²).
     pub fn is_beyond(&self, gate_sq: f64) -> bool {
         self.value * self.value > gate_sq * self.variance
     }
@@ -108,22 +106,23 @@ impl Normal {
     }
 
     /// Propagates by a transition `Φ` and a covariance `Q` of noise. `Φ` is given as the entries of
-    /// `Φ − 1`; a row must not change before another row reads it. `Q` is given as its upper
-    /// triangle.
+    /// `Φ − 1`, with a row after the rows that read it. `Q` is given as its upper triangle.
     pub fn predict(&mut self, transition: &[Entry], noise: &[Entry]) {
         for &(row, column, value) in transition {
             self.mean[row] += value * self.mean[column];
         }
+        // Φ P, column by column of P, then (Φ P) Φᵀ, entry by entry of Φ.
         let n = self.mean.len();
         let p = self.covariance.as_mut_slice();
         for states in p.chunks_exact_mut(n) {
-            transition
-                .iter()
-                .for_each(|&(row, column, value)| states[row] += value * states[column]);
+            for &(row, column, value) in transition {
+                states[row] += value * states[column];
+            }
         }
         for &(row, column, value) in transition {
             (0..n).for_each(|i| p[row * n + i] += value * p[column * n + i]);
         }
+        // Rounding leaves the triangles apart: their mean counts.
         for i in 0..n {
             for j in 0..i {
                 p[i * n + j] = 0.5 * (p[i * n + j] + p[j * n + i]);
@@ -150,14 +149,12 @@ impl Normal {
         }
         Innovation {
             value: value - along(slope, self.mean.as_slice()),
-            // Rounding may leave less than nothing where a measurement is far sharper than the
-            // rest.
+            // Rounding may leave less than zero if the states are far better known than measured.
             variance: along(slope, &self.gain).max(0.0) + variance,
         }
     }
 
-    /// Corrects by a measurement unless the gate, which is shown its innovation, refuses it; says
-    /// whether it was taken.
+    /// Corrects by a measurement unless the gate refuses its innovation. True if it was used.
     #[inline(always)]
     pub fn correct(
         &mut self,
@@ -168,6 +165,7 @@ impl Normal {
         if !gate(&innovation) {
             return false;
         }
+        // `innovation` has left P h in the gain. Scaled by 1/√s it corrects mean and covariance.
         let scale = 1.0 / innovation.variance.sqrt();
         self.gain.iter_mut().for_each(|gain| *gain *= scale);
         let states = self.mean.as_mut_slice().iter_mut();
@@ -212,7 +210,7 @@ fn reduce(p: &mut [f64], k: &[f64], n: usize) {
     }
 }
 
-/// Change of a measurement with states.
+/// Change of a measurement with states: `hᵀ x`.
 #[inline(always)]
 pub fn along(slope: &[Part], states: &[f64]) -> f64 {
     let changes = slope.iter().map(|part| match *part {
@@ -237,23 +235,24 @@ pub struct Step {
 
 impl Step {
     /// The states of this step by all measurements, from the step after it and that step's smoothed
-    /// states (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965); `None` where its
-    /// predicted covariance is not positive.
+    /// states (Rauch, Tung, Striebel, AIAA Journal 3(8), 1965). `None` if its predicted covariance
+    /// is not positive definite.
     pub fn smoothed(&self, after: &Self, smooth: &Normal) -> Option<Normal> {
+        // G = P Φᵀ P'⁻¹ with the covariance P' predicted for the step after.
         let (updated, predicted) = (&self.updated, &after.predicted);
         let inverse = predicted.covariance.clone().cholesky()?;
-        let mut carried = updated.covariance.clone();
+        let mut phi_p = updated.covariance.clone();
         for &(row, column, value) in &after.transition {
-            (0..carried.ncols()).for_each(|i| carried[(row, i)] += value * carried[(column, i)]);
+            (0..phi_p.ncols()).for_each(|i| phi_p[(row, i)] += value * phi_p[(column, i)]);
         }
-        let gain = inverse.solve(&carried).transpose();
+        let gain = inverse.solve(&phi_p).transpose();
         let mean = &updated.mean + &gain * (&smooth.mean - &predicted.mean);
         let change = &gain * (&smooth.covariance - &predicted.covariance) * gain.transpose();
         Some(Normal::new(mean, &updated.covariance + change))
     }
 }
 
-/// Direction and length of a way: the slope of its length over its end.
+/// Direction and length of a vector. The direction is the gradient of the length.
 #[inline]
 pub fn toward(away_m: &Vector3<f64>) -> (Vector3<f64>, f64) {
     let length_m = away_m.norm();
@@ -266,7 +265,7 @@ mod tests {
 
     use super::*;
 
-    /// A slope as a column.
+    /// A Jacobian as a column.
     fn column(slope: &[Part], n: usize) -> DVector<f64> {
         let mut h = DVector::zeros(n);
         for part in slope {

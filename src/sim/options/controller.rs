@@ -20,7 +20,7 @@ settings! {
             for "controller.kind" = "altitude";
         /// The firmware's cascade of PID loops.
         pid: PidOptions = PidOptions::default(), for "controller.kind" = "pid";
-        /// What the host sends while the drone writes (`--mode` of the exported script).
+        /// Setpoints that the host sends while the drone writes (`--mode` of the exported script).
         setpoints: SetpointKind = SetpointKind::Position, for "controller.kind" = "pid";
     }
 
@@ -28,8 +28,8 @@ settings! {
     pub enum SetpointKind {
         /// Positions. The firmware's own landing is of the same kind.
         "position" => Position,
-        /// Positions, velocities and accelerations; the cascade uses the positions alone. The
-        /// landing is of another kind: since release 2026.08 all loops begin anew at it, and the
+        /// Positions, velocities and accelerations, of which the cascade only uses the positions.
+        /// The landing is of another kind: since release 2026.08 all loops reset at it, and the
         /// drone drops by 12 to 18 cm.
         "full-state" => FullState,
     }
@@ -53,16 +53,16 @@ settings! {
 
     /// Linear-quadratic regulators: cost `∫ sᵀQs + iᵀRi dt` about the setpoint, Q and R diagonal.
     ///
-    /// Default: the team's weights, from Bryson's rule and then by hand; integrals that remove a
-    /// standing error in about two seconds.
+    /// Default: the team's weights, from Bryson's rule and then by hand, and integrals that remove
+    /// a steady error in about two seconds.
     pub struct LqrOptions {
         /// Gain K in `u = u_ref − K (x̂ − x_ref)`, for example from SciPy, in place of the one
         /// designed from the weights.
         ///
         /// Rows: torque x y z (N m) and thrust (N). Columns: the twelve states in the order of `q`,
-        /// and for lqr-integral the integrals of the position error x y z (m s). Where the motors
-        /// lag, four more may follow, as `noctograph gains` prints them: the torques and the thrust
-        /// of the modeled rotors.
+        /// and for lqr-integral the integrals of the position error x y z (m s). With lagging
+        /// motors, four more may follow, as `noctograph gains` prints them: the torques and the
+        /// thrust of the modeled rotors.
         k: Option<Vec<Vec<f64>>> = None, in -1e6..=1e6;
         /// Weights of position x y z (1/m²), yaw pitch roll (1/rad²), body velocity x y z (s²/m²)
         /// and body rate x y z (s²/rad²). Larger weights hold tighter and move the motors more.
@@ -91,8 +91,7 @@ settings! {
         "ignored" => Ignored,
     }
 
-    /// Altitude hold: the linear-quadratic regulator of a double integrator, weighed by Bryson's
-    /// rule.
+    /// Altitude hold: the regulator of a double integrator, with weights by Bryson's rule.
     pub struct AltitudeHoldOptions {
         /// Error of the altitude that weighs as much as the other two.
         error_m: f64 = 0.2, in 0.001..=100.0;
@@ -159,27 +158,35 @@ settings! {
 }
 
 impl ControllerOptions {
-    /// Checks that a given gain has a row for each input and a column for each state, and for each
-    /// of the rotors that lag where it has those, too.
+    /// Checks that a given gain has a row for each input and a column for each state. Columns for
+    /// lagging rotors may follow.
     pub(super) fn check_gain(&self, rotors_lag: bool) -> Result<()> {
         let (Some(k), kind) = (&self.lqr.k, self.kind) else { return Ok(()) };
         let n_states = if kind.integrates() { 15 } else { 12 };
-        let fits = |n| k.len() == 4 && k.iter().all(|row| row.len() == n);
-        if fits(n_states) || rotors_lag && fits(n_states + 4) {
+        let lengths: Vec<usize> = k.iter().map(Vec::len).collect();
+        if lengths == [n_states; 4] || rotors_lag && lengths == [n_states + 4; 4] {
             return Ok(());
         }
-        let n_columns = k.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
+        let n_columns = lengths.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
         let given = format!("{} rows of {n_columns} numbers", k.len());
         let more = if rotors_lag { ", or 4 more for the rotors" } else { "" };
         let wanted = format!("4 rows of {n_states} numbers for {}{more}", kind.name());
         let hint = "rows are torque x y z and thrust, columns the states in the order of lqr.q";
         Err(Error::input("controller.lqr.k", given, wanted, hint))
     }
+
+    /// Setpoints that the host sends while the drone writes, and that every check flies.
+    pub fn sends(&self) -> SetpointKind {
+        match self.kind {
+            ControllerKind::Pid => self.setpoints,
+            kind if kind.follows_design() => SetpointKind::FullState,
+            _ => SetpointKind::Position,
+        }
+    }
 }
 
 impl PidOptions {
-    /// The gains P, I, D of all loops: position, velocity, attitude and rate, each about three
-    /// axes.
+    /// The gains P, I, D of all loops: position, velocity, attitude and rate, each of three axes.
     pub fn gains(&self) -> [[[f64; 3]; 3]; 4] {
         [
             [self.pos_x, self.pos_y, self.pos_z],
@@ -190,33 +197,22 @@ impl PidOptions {
     }
 }
 
-/// How a controller makes its commands: what analysis, tuning and exports ask of it.
+/// Control law of a controller, for analysis, tuning and exports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
     /// A gain matrix, designed by weights or given (`controller.lqr`).
     StateFeedback {
-        /// Whether it integrates the position error.
+        /// True if it integrates the position error.
         integrates: bool,
-        /// Whether its thrust follows an estimated map instead.
+        /// True if its thrust follows an estimated map instead.
         by_thrust_map: bool,
     },
     /// The firmware's cascade of PID loops.
     Cascade,
     /// The firmware's geometric controller.
     Geometric,
-    /// One that is in no firmware and has gains of its own.
+    /// Another one, which the firmware lacks.
     Own,
-}
-
-impl ControllerOptions {
-    /// What the host sends while the drone writes, and every check flies.
-    pub fn sends(&self) -> SetpointKind {
-        match self.kind {
-            ControllerKind::Pid => self.setpoints,
-            kind if kind.follows_design() => SetpointKind::FullState,
-            _ => SetpointKind::Position,
-        }
-    }
 }
 
 impl ControllerKind {
@@ -232,7 +228,7 @@ impl ControllerKind {
         }
     }
 
-    /// Whether a gain matrix feeds back the integral of the position error.
+    /// True if a gain matrix feeds back the integral of the position error.
     pub(crate) fn integrates(self) -> bool {
         self.law() == Law::StateFeedback { integrates: true, by_thrust_map: false }
     }
@@ -247,8 +243,7 @@ impl ControllerKind {
         }
     }
 
-    /// Whether the controller follows the design's velocity and acceleration, and not held
-    /// positions.
+    /// True if the controller follows velocity and acceleration of the reference.
     pub fn follows_design(self) -> bool {
         match self {
             Self::Lqr | Self::Pid => false,

@@ -3,7 +3,7 @@
 use super::{ControllerKind, EstimatorKind, SimOptions};
 use crate::sensors::Positioning;
 
-/// Tables of a scene that the simulator has, but for the air, which is still.
+/// Tables of a scene that the simulator reads, without the air, which is still.
 const TABLES: [&str; 8] =
     ["rates", "vehicle", "battery", "floor", "radio", "controller", "observer", "sensors"];
 
@@ -11,7 +11,7 @@ const CF21: &str = include_str!("../../pipeline/scene/presets/cf21.toml");
 const CF_BRUSHLESS: &str = include_str!("../../pipeline/scene/presets/cf-brushless.toml");
 const BZZZ: &str = include_str!("../../pipeline/scene/presets/bzzz.toml");
 
-/// The drone of a scene file that begins with another one's keys, as every preset but `cf21` does.
+/// The drone of a scene file that begins with the keys of another one.
 fn preset(begin_toml: &str, scene_toml: &str) -> SimOptions {
     let [mut scene, keys] =
         [begin_toml, scene_toml].map(|toml| toml.parse::<toml::Table>().expect("TOML"));

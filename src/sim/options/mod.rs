@@ -54,16 +54,16 @@ settings! {
         ///
         /// The firmware's runs at 1000.
         control_hz: u32 = 500, in 50.0..=2000.0;
-        /// Motor commands per second; divides `control_hz`, which also caps it. Motors hold their
-        /// command in between.
+        /// Motor commands per second. It divides `control_hz`, which also caps it. Motors hold
+        /// their command in between.
         ///
         /// Regulators, and the attitude and rate loops of the cascade.
         attitude_hz: u32 = 500, in 50.0..=2000.0;
-        /// Samples per second of the flight's log; divides `control_hz`.
+        /// Samples per second of the flight's log. It divides `control_hz`.
         log_hz: u32 = 250, in 1.0..=2000.0;
         fixed {
-            /// Runs per second of the cascade's position and velocity loops; divides `attitude_hz`,
-            /// which also caps it.
+            /// Runs per second of the cascade's position and velocity loops. It divides
+            /// `attitude_hz`, which also caps it.
             position_hz: u32 = 100;
             /// Runge-Kutta steps per control tick.
             ///
@@ -76,26 +76,26 @@ settings! {
     ///
     /// A Crazyradio serves its drones in turn, each with its newest setpoint: 0.7 ms for a packet
     /// and its answer, and 2.5 ms to switch to another drone's address (`crazyradio2-firmware`
-    /// issue 9). What is not answered is sent again in the next turn.
+    /// issue 9). A packet without an answer is sent again in the next turn.
     ///
     /// Loss: 1 to 4 % with cflib (`crazyflie_ros` issue 73). Outages: when other senders fill the
-    /// band; the log of the reference flight has gaps of up to 0.73 s in 59 s.
+    /// band. The log of the reference flight has gaps of up to 0.73 s in 59 s.
     pub struct RadioOptions {
-        /// Drones that share one radio; 0: every command arrives at once.
+        /// Drones that one radio serves. 0: every command arrives at once.
         drones: u32 = 0, in 0.0..=64.0;
-        /// Share of packets that get no answer.
+        /// Fraction of packets that get no answer.
         loss_frac: f64 = 0.02, in 0.0..=1.0, for "radio.drones";
-        /// Mean time from one outage to the next, exponential; 0: none.
+        /// Mean time from one outage to the next, exponential. 0: none.
         outage_every_s: f64 = 0.0, in 0.0..=1e5, for "radio.drones";
         /// Mean duration of an outage, exponential.
         outage_s: f64 = 0.1, in 0.0..=1e3, for "radio.outage_every_s";
-        /// What the radio carries.
+        /// Source of the setpoints.
         setpoints: Setpoints = Setpoints::Streamed, for "radio.drones";
     }
 
-    /// Where setpoints come from.
+    /// Source of setpoints.
     pub enum Setpoints {
-        /// From the host, one after the other; without them the firmware levels the drone out after
+        /// From the host, one after the other. Without them the firmware levels the drone out after
         /// 0.5 s and stops its motors after 2 s.
         "streamed" => Streamed,
         /// From a trajectory on board: only light commands are late.
@@ -123,14 +123,14 @@ impl SimOptions {
         self.rates.check_ratios()
     }
 
-    /// What the plant is made of.
+    /// Options of the plant.
     pub fn plant(&self) -> PlantOptions<'_> {
         let Self { vehicle, battery, air, floor, .. } = self;
         PlantOptions { vehicle, battery, air, floor }
     }
 
-    /// Largest command that the firmware gives a motor: none where it compensates the battery
-    /// first, and the battery caps what it drives.
+    /// Largest command that the firmware gives a motor. With compensation of the battery there is
+    /// none: the battery caps the thrust.
     pub(crate) fn most_command(&self) -> f64 {
         match self.battery.is_compensated() {
             true => f64::INFINITY,
@@ -141,6 +141,34 @@ impl SimOptions {
     /// Hover throttle that the altitude filter believes before the flight.
     pub fn believed_hover_throttle(&self) -> f64 {
         self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
+    }
+
+    /// The undisturbed drone: still air, center of mass in the middle, ideal sensors.
+    pub fn rehearsal(&self) -> Self {
+        let mut options = self.clone();
+        // The estimator of any other positioning need not take ideal positions.
+        if options.sensors.positioning != Positioning::Position {
+            options.observer.kind = EstimatorKind::Truth;
+        }
+        options.sensors = SensorOptions::ideal();
+        options.air.gusts = Gusts::None;
+        options.air.wind_m_s = [0.0; 3];
+        options.vehicle.center_of_mass_m = [0.0; 2];
+        options.radio = RadioOptions::default();
+        options
+    }
+
+    /// The rehearsal with the firmware's filter on ideal sweeps of its stations, since the filter's
+    /// error by drag is the same in every flight. `None` for other estimators and sensors.
+    pub fn rehearsal_by_filter(&self) -> Option<Self> {
+        let positioning = self.sensors.positioning;
+        (positioning.is_by_light() && self.observer.kind == EstimatorKind::Ekf).then(|| {
+            let mut options = self.rehearsal();
+            options.observer.kind = EstimatorKind::Ekf;
+            options.sensors.positioning = positioning;
+            options.sensors.lighthouse.stations = self.sensors.lighthouse.stations.clone();
+            options
+        })
     }
 }
 
@@ -174,37 +202,6 @@ impl RateOptions {
     }
 }
 
-impl SimOptions {
-    /// The undisturbed drone: in still air, with its center of mass in the middle and ideal
-    /// sensors.
-    pub fn rehearsal(&self) -> Self {
-        let mut options = self.clone();
-        // The estimator of any other positioning need not take ideal positions.
-        if options.sensors.positioning != Positioning::Position {
-            options.observer.kind = EstimatorKind::Truth;
-        }
-        options.sensors = SensorOptions::ideal();
-        options.air.gusts = Gusts::None;
-        options.air.wind_m_s = [0.0; 3];
-        options.vehicle.center_of_mass_m = [0.0; 2];
-        options.radio = RadioOptions::default();
-        options
-    }
-
-    /// The rehearsal with the firmware's filter on ideal sweeps of its stations, since the filter's
-    /// error by drag is the same in every flight. `None` for other estimators and sensors.
-    pub fn rehearsal_by_filter(&self) -> Option<Self> {
-        let positioning = self.sensors.positioning;
-        (positioning.is_by_light() && self.observer.kind == EstimatorKind::Ekf).then(|| {
-            let mut options = self.rehearsal();
-            options.observer.kind = EstimatorKind::Ekf;
-            options.sensors.positioning = positioning;
-            options.sensors.lighthouse.stations = self.sensors.lighthouse.stations.clone();
-            options
-        })
-    }
-}
-
 /// A simulated drone.
 #[derive(Clone, Copy, Debug)]
 pub struct Drone<'a> {
@@ -214,15 +211,15 @@ pub struct Drone<'a> {
     pub actual: &'a SimOptions,
     /// Seed of all noise but the room's.
     pub seed: u64,
-    /// Seed of what is wrong with the room and stays so: places of its stations and anchors, and
-    /// distortion. All drones in one room share it.
+    /// Seed of the lasting errors of the room, in the poses of its stations and anchors. It is the
+    /// same for all drones in one room.
     pub room_seed: u64,
     /// Index among the drones that fly together. Each index has its own noise, in sensors and air.
     pub index: u64,
 }
 
 impl<'a> Drone<'a> {
-    /// The drone of index 0, exactly as its controller believes it to be.
+    /// The drone of index 0, with a controller that is designed for it.
     pub fn new(options: &'a SimOptions, seed: u64) -> Self {
         Self { believed: options, actual: options, seed, room_seed: seed, index: 0 }
     }

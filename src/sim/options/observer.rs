@@ -31,9 +31,9 @@ settings! {
         /// Extended Kalman filter of the Crazyflie's firmware, on any measurement.
         "ekf" => Ekf,
         /// Extended Kalman filter that uses all three axes of the accelerometer, every sweep at its
-        /// time and its whole slope: what an improved estimator would bring.
+        /// time and its whole Jacobian: an improved estimator.
         "ekf-improved" => EkfImproved,
-        /// Altitude, thrust map and biases of ranger and barometer by a filter of their own; all
+        /// Altitude, thrust map and biases of ranger and barometer by a separate filter, and all
         /// else by the improved extended Kalman filter.
         "altitude" => Altitude,
         /// Extended Kalman filter on each drone over all drones of the fleet, on ultra-wideband
@@ -47,20 +47,20 @@ settings! {
     pub struct CooperativeOptions {
         /// Data that the drones exchange.
         share: Share = Share::Measurements;
-        /// Standard deviation of the place where a drone starts, per axis.
+        /// Standard deviation of a drone's position at the start, per axis.
         start_sigma_m: f64 = 0.02, in 1e-4..=10.0;
         /// Standard deviation of the tilt at the start, per axis.
         start_tilt_rad: f64 = 0.02, in 1e-5..=1.0;
     }
 
-    /// What the drones of a fleet tell each other.
+    /// Content of the messages between the drones of a fleet.
     pub enum Share {
         /// Their motion, ranges and heights: every drone estimates all drones from them.
         "measurements" => Measurements,
         /// Their estimates. Information common to two drones is counted twice: worse, for
         /// comparison.
         "estimates" => Estimates,
-        /// Nothing: every drone has its own anchors alone.
+        /// Nothing: every drone only has its own anchors.
         "nothing" => Nothing,
     }
 
@@ -80,11 +80,10 @@ settings! {
     /// Extended Kalman filter: assumed errors of its sensors.
     ///
     /// Default: the firmware (`kalman_core_params_defaults.h`, `lighthouse_position_est.c`,
-    /// `tdoaEngine.h`, `lpsTwrTag.c`): 0.5 m/s² (1.0 along z) and 0.1 rad/s a tick of 1 ms, which
-    /// are densities of 0.02236 (0.04472) and 0.004472; sweeps 1 mrad (0.4 mrad of the first
-    /// generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air pressure 2 m.
-    /// Release 2026.08. Sweeps pass the firmware's own outlier filter
-    /// (`outlierFilterLighthouse.c`).
+    /// `tdoaEngine.h`, `lpsTwrTag.c`) of release 2026.08: 0.5 m/s² (1.0 along z) and 0.1 rad/s a
+    /// tick of 1 ms, which are densities of 0.02236 (0.04472) and 0.004472. Sweeps 1 mrad (0.4 mrad
+    /// of the first generation), positions 1 cm, differences of ranges 15 cm, ranges 25 cm, air
+    /// pressure 2 m. Sweeps pass the firmware's outlier filter (`outlierFilterLighthouse.c`).
     pub struct EkfOptions {
         /// Noise density of the measured acceleration, (m/s²)/√Hz.
         ///
@@ -105,13 +104,13 @@ settings! {
         barometer_sigma_m: f64 = 2.0, in 1e-3..=100.0,
             for "sensors.heights" = "barometer", unless "observer.kind" = "altitude";
         /// Outlier gate: a position, range or height is rejected if its innovation exceeds this
-        /// many standard deviations; the firmware has no gate.
+        /// number of standard deviations. The firmware has no gate.
         ///
         /// χ² with one degree of freedom. If it is too low, measurements that disagree by several
         /// times the σ above, as those of real rooms do, are ignored.
         gate_sigmas: f64 = 10.0, in 1.0..=1e6,
             for "observer.kind" = "ekf-improved" | "altitude" | "cooperative";
-        /// Whether the floor below the ranger may have steps, such as the edge of a table.
+        /// Allow steps of the floor below the ranger, such as the edge of a table.
         ///
         /// Two ranges in a row beyond 4 standard deviations and 5 cm are then a step of the floor,
         /// and not motion of the drone.
@@ -134,21 +133,21 @@ settings! {
         /// Noise density of the vertical acceleration beside the gusts, (m/s²)/√Hz: gusts within a
         /// step, lag of the motors.
         acceleration_noise_m_s2_sqrt_hz: f64 = 0.04243, in 0.0001..=100.0;
-        /// Assumed hover throttle at the start; by default the vehicle's.
+        /// Assumed hover throttle at the start, by default the vehicle's.
         hover_throttle: Option<f64> = None, in 0.01..=0.99;
         fixed {
             /// Random walk of α¹.
             ///
             /// A battery that loses 25 % of its lift in a minute takes 0.16 m/s² a second from α¹:
-            /// with a walk of 0.1 the drone sinks by 6 cm meanwhile. A walk that no flight has
-            /// (0.8) follows the noise of the sensors: α¹ is known less well than it could be, and
-            /// where α⁰ is free as well (1.4 m/s²), both drift apart by more than their σ.
+            /// with a walk of 0.1 the drone sinks by 6 cm meanwhile. Too large a walk (0.8) follows
+            /// the noise of the sensors, and with a free α⁰ (1.4 m/s²) both drift apart by more
+            /// than their σ.
             gain_walk_m_s2_sqrt_s: f64 = 0.3;
-            /// Innovation of the ranger beyond which a range is not taken in, in standard
-            /// deviations; two in a row are a step of the floor.
+            /// Innovation of the ranger beyond which a range is not used, in standard deviations.
+            /// Two in a row are a step of the floor.
             step_gate_sigmas: f64 = 4.0;
-            /// Standard deviation of α⁰ before the flight. Gravity is known: what is not is the
-            /// lift at no throttle, and a steady draft.
+            /// Standard deviation of α⁰ before the flight: that of the lift at no throttle, and of
+            /// a steady draft.
             offset_sigma_m_s2: f64 = 0.1;
             /// Standard deviation of α¹ before the flight: 5 % of that of `bzzz`.
             gain_sigma_m_s2: f64 = 1.9;
@@ -168,22 +167,22 @@ settings! {
         /// Attitude information taken from sweep angles.
         sweep_attitude: SweepAttitude = SweepAttitude::YawError,
             for "sensors.positioning" = "sweeps";
-        /// Whether a rotation's two sweeps are used together at the second one, and dropped if one
-        /// is missing; otherwise each is used when it arrives.
+        /// Use a rotation's two sweeps together at the second one, and drop them if one is missing.
+        /// Otherwise each is used when it arrives.
         paired_sweeps: bool = true, for "sensors.positioning" = "sweeps";
-        /// Greatest number of rotations used per second, over all second-generation stations; 0:
+        /// Greatest number of rotations used per second, over all second-generation stations. 0:
         /// all.
         rotations_hz: f64 = 50.0, in 0.0..=1e4, for "sensors.positioning" = "sweeps";
         /// Least variance of each state: of position (m²), velocity (m²/s²) and attitude (rad²).
         least_variance: f64 = 1e-6, in 0.0..=1.0;
     }
 
-    /// Specific force across the body's z axis in flight, as the firmware's filter has it.
+    /// Specific force across the body's z axis in flight, in the firmware's filter.
     pub enum HorizontalForce {
-        /// None, as on a drone without drag; with drag, the estimates of tilt and velocity are
+        /// None, as on a drone without drag. With drag, the estimates of tilt and velocity are
         /// wrong.
         "zero" => Zero,
-        /// What the accelerometer reads.
+        /// Readings of the accelerometer.
         "measured" => Measured,
     }
 
@@ -191,7 +190,7 @@ settings! {
     pub enum SweepAttitude {
         /// The yaw, by the diagonals of the deck's sensors as one station sees them.
         "yaw-error" => YawError,
-        /// The turn about all axes, by the slope of each sensor's angle.
+        /// The turn about all axes, by the Jacobian of each sensor's angle.
         "slope" => Slope,
     }
 }
@@ -202,6 +201,7 @@ impl ObserverOptions {
         let gives_positions = sensors.positioning.gives_positions();
         let measures_altitude =
             sensors.positioning == Positioning::Gnss || !sensors.heights.is_empty();
+        // The Kalman filters use any measurement, and the others need a certain one.
         let (kind, wanted) = match self.kind {
             EstimatorKind::Altitude if !measures_altitude => {
                 ("altitude, with no sensor of the altitude", "satellites, a ranger or a barometer")

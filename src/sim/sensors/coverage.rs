@@ -1,11 +1,11 @@
-//! Coverage: where Lighthouse base stations see a drone, and how well they place it there.
+//! Coverage: visibility of Lighthouse base stations, and accuracy of a position by them.
 //!
 //! In: the sensors' stations and their errors, and a rectangle of the writing plane (x-z, at one
 //! y). Out: [`Coverage`], a grid. Method: each plane of light of each station that sees a level
-//! drone says `hᵀ δp = δα`; the least error that follows is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and Rao). σ
-//! is the whole error of an angle: its white noise, its distortion, and the station's own place and
-//! turn; the distortion that all stations share is added. People in the way and mirrors are those
-//! of the sensors. Not modeled: walls, the tilt of the drone, what a reflection does to the error.
+//! drone measures `hᵀ δp = δα`. The least error of the position is `√tr (Σ h hᵀ/σ²)⁻¹` (Cramér and
+//! Rao). σ is the whole error of an angle: its white noise, its distortion, and the error of the
+//! station's pose. The common distortion of all stations is added. People and mirrors are those of
+//! the sensors. Not modeled: walls, the tilt of the drone, the error by a reflection.
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -17,36 +17,35 @@ use noctograph_core::settings::Described;
 
 /// Finest and coarsest grid.
 const STEPS_M: [f64; 2] = [0.001, 10.0];
-/// Most places of a grid.
-const MAX_PLACES: f64 = 1e6;
+/// Most points of a grid.
+const MAX_POINTS: f64 = 1e6;
 
 /// A grid over a rectangle of the writing plane.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Coverage {
-    /// Where the columns are, rising.
+    /// Coordinates of the columns, rising.
     pub x_m: Vec<f64>,
     /// Depth of the plane.
     pub y_m: f64,
-    /// Where the rows are, rising.
+    /// Coordinates of the rows, rising.
     pub z_m: Vec<f64>,
     /// Row by row from the lowest, left to right.
     pub places: Vec<CoveredPlace>,
 }
 
-/// Visibility and accuracy at one place.
+/// Visibility and accuracy at one point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CoveredPlace {
     /// Stations that see a level drone there.
     pub n_stations: usize,
     /// Stations whose image in a mirror it sees.
     pub n_reflected: usize,
-    /// Expected error of the position over all three axes, 1 σ; none where the angles of the
-    /// stations that see it leave it open.
+    /// Expected error of the position over all three axes, 1 σ. None if the angles of the stations
+    /// that see it leave a direction open.
     pub error_m: Option<f64>,
 }
 
-/// Looks from every base station at a rectangle `[left, bottom, right, top]` of the plane at `y_m`,
-/// every `step_m`.
+/// Coverage of a rectangle `[left, bottom, right, top]` of the plane at `y_m`, every `step_m`.
 ///
 /// # Errors
 ///
@@ -63,64 +62,68 @@ pub fn coverage(
     for bound in bounds_m {
         within("bounds", bound, -1e4, 1e4)?;
     }
+    // The rectangle must have an inside, the grid a bounded size, and the room a station.
     let [left, bottom, right, top] = bounds_m;
     let hint = "name left, bottom, right and top in meters, such as -1,0,1,2";
     if left >= right || bottom >= top {
         let bounds = format!("{left},{bottom},{right},{top}");
         return Err(Error::input("bounds", bounds, "left below right, bottom below top", hint));
     }
-    if (right - left) / step_m * (top - bottom) / step_m > MAX_PLACES {
-        let wanted = format!("a step that makes at most {MAX_PLACES} places");
+    if (right - left) / step_m * (top - bottom) / step_m > MAX_POINTS {
+        let wanted = format!("a step that makes at most {MAX_POINTS} places");
         return Err(Error::input("step", format!("{step_m} m"), wanted, "take a larger step"));
     }
     if options.lighthouse.stations.is_empty() {
         let hint = "list the room's base stations";
         return Err(Error::input("sensors.lighthouse.stations", "none", "at least one", hint));
     }
-    let (x_m, z_m) = (places_m(left, right, step_m), places_m(bottom, top, step_m));
-    let rows = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
-    let places = rows.map(|place| look(&options.lighthouse, &place)).collect();
+    let (x_m, z_m) = (grid_m(left, right, step_m), grid_m(bottom, top, step_m));
+    let points_m = z_m.iter().flat_map(|z| x_m.iter().map(move |x| Vector3::new(*x, y_m, *z)));
+    let places = points_m.map(|point_m| look(&options.lighthouse, &point_m)).collect();
     Ok(Coverage { x_m, y_m, z_m, places })
 }
 
 impl Coverage {
-    /// Share of the places that at least two stations see.
+    /// Fraction of the points that at least two stations see.
     pub fn seen_frac(&self) -> f64 {
-        let seen = self.places.iter().filter(|place| place.n_stations >= 2).count();
-        seen as f64 / self.places.len() as f64
+        self.seen().count() as f64 / self.places.len() as f64
     }
 
-    /// Errors where at least two stations see the drone, rising.
+    /// Errors at the points that at least two stations see, rising.
     pub fn errors_m(&self) -> Vec<f64> {
-        let seen = self.places.iter().filter(|place| place.n_stations >= 2);
-        let mut errors_m: Vec<f64> = seen.filter_map(|place| place.error_m).collect();
+        let mut errors_m: Vec<f64> = self.seen().filter_map(|place| place.error_m).collect();
         errors_m.sort_by(f64::total_cmp);
         errors_m
     }
+
+    fn seen(&self) -> impl Iterator<Item = &CoveredPlace> {
+        self.places.iter().filter(|place| place.n_stations >= 2)
+    }
 }
 
-/// Places from one end to the other, both included, no further apart than `step_m`.
-fn places_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
+/// Coordinates from one end to the other, both included, no further apart than `step_m`.
+fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
     #[expect(clippy::cast_possible_truncation, reason = "at most 2e7")]
     let n = ((to_m - from_m) / step_m - 1e-9).ceil() as u32;
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
 }
 
-/// Visibility and accuracy of a level drone at a place.
-fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> CoveredPlace {
+/// Visibility and accuracy of a level drone at a point.
+fn look(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPlace {
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
     for station in &options.stations {
         let pose = StationPose::new(station);
         n_reflected += usize::from(room.mirrors.iter().any(|mirror| {
-            mirror.shows(&pose.position_m, place_m)
-                && pose.sees(&mirror.image_m(place_m), &(mirror.turn() * Vector3::z()))
+            mirror.shows(&pose.position_m, point_m)
+                && pose.sees(&mirror.image_m(point_m), &(mirror.turn() * Vector3::z()))
         }));
-        if !pose.sees(place_m, &Vector3::z()) || room.hides(&pose.position_m, place_m, &[]) {
+        if !pose.sees(point_m, &Vector3::z()) || room.hides(&pose.position_m, point_m, &[]) {
             continue;
         }
         n_stations += 1;
-        let distance_m = (place_m - pose.position_m).norm();
+        // Independent errors of an angle: an offset of the station counts less from afar.
+        let distance_m = (point_m - pose.position_m).norm();
         let sigmas_rad = [
             options.sweep_noise_rad[usize::from(station.generation == Generation::V2)],
             options.sweep_distortion_rad,
@@ -128,16 +131,18 @@ fn look(options: &LighthouseOptions, place_m: &Vector3<f64>) -> CoveredPlace {
             options.station_position_error_m / distance_m,
         ];
         let variance = sigmas_rad.iter().fold(0.0, |sum, sigma_rad| sum + sigma_rad * sigma_rad);
+        // Fisher information of both planes: Σ h hᵀ / σ².
         for plane in 0..2 {
-            let slope = pose.crossing(plane, place_m).slope_rad_m;
-            information += slope * slope.transpose() / variance.max(f64::MIN_POSITIVE);
+            let gradient = pose.crossing(plane, point_m).gradient_rad_m;
+            information += gradient * gradient.transpose() / variance.max(f64::MIN_POSITIVE);
         }
     }
-    // One station's two angles leave its distance open; so do two stations in one line.
+    // One station's two angles leave its distance open, and so do two stations in one line: the
+    // information has no inverse.
     let scale = information.trace() / 3.0;
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
-    let bent = 3.0 * (options.distortion_m * options.distortion_m);
-    let error_m = inverse.map(|inverse| (inverse.trace() / scale + bent).sqrt());
+    let common_m2 = 3.0 * (options.distortion_m * options.distortion_m);
+    let error_m = inverse.map(|inverse| (inverse.trace() / scale + common_m2).sqrt());
     CoveredPlace { n_stations, n_reflected, error_m: error_m.filter(|error_m| error_m.is_finite()) }
 }
 

@@ -1,8 +1,7 @@
-//! Positions from the crossing of beams: the point nearest to the rays of all stations that were
-//! heard of lately.
+//! Positions from crossing beams: the point nearest to the rays of all stations heard lately.
 //!
-//! For each sensor of the deck, `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays from `o` along `d`;
-//! for two rays that is the middle of their shortest connection, as in the firmware
+//! For each sensor of the deck, `Σ (I − d dᵀ) p = Σ (I − d dᵀ) o` over the rays from `o` along `d`.
+//! For two rays that is the middle of their shortest connection, as in the firmware
 //! (`lighthouse_position_est.c`, `estimatePositionCrossingBeams`). The deck's middle is the mean of
 //! its sensors.
 
@@ -12,8 +11,7 @@ use super::Station;
 use super::lighthouse::{DECK_SENSORS_M, Sweep};
 use super::station::StationPose;
 
-/// Angles older than this are no longer crossed: a turn and a half of the slowest rotor, so that
-/// one lost sweep costs one fix.
+/// Greatest age of an angle: 1.5 turns of the slowest rotor, so that a lost sweep costs one fix.
 const FRESH_S: f64 = 0.03;
 
 /// Joins sweeps to positions.
@@ -27,6 +25,12 @@ struct Heard {
     pose: StationPose,
     angles_rad: [[f64; 4]; 2],
     times_s: [f64; 2],
+}
+
+impl Heard {
+    fn is_fresh(&self, time_s: f64) -> bool {
+        self.times_s.iter().all(|t| time_s - t <= FRESH_S)
+    }
 }
 
 impl CrossingBeams {
@@ -47,17 +51,19 @@ impl CrossingBeams {
             heard.angles_rad[sweep.plane] = sweep.angles_rad;
             heard.times_s[sweep.plane] = time_s;
         }
+        // A fix comes with a second plane, if two stations were heard with both of theirs.
         if !sweeps.iter().any(|sweep| sweep.plane == 1) {
             return None;
         }
-        let fresh = |heard: &&Heard| heard.times_s.iter().all(|t| time_s - t <= FRESH_S);
-        if self.stations.iter().filter(fresh).count() < 2 {
+        let fresh = self.stations.iter().filter(|heard| heard.is_fresh(time_s));
+        if fresh.clone().count() < 2 {
             return None;
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
+            // Normal equations of the least squares distance to all rays of this sensor.
             let (mut left, mut right) = (Matrix3::zeros(), Vector3::zeros());
-            for heard in self.stations.iter().filter(fresh) {
+            for heard in fresh.clone() {
                 let [first, second] = heard.angles_rad;
                 let ray = heard.pose.ray([first[sensor], second[sensor]]);
                 let across = Matrix3::identity() - ray * ray.transpose();

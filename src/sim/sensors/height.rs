@@ -10,7 +10,7 @@ use noctograph_core::random::Noise;
 /// Beyond this the ranger sees no floor (`zranger2.c`: readings above 5 m are thrown away).
 const TIME_OF_FLIGHT_RANGE_M: f64 = 5.0;
 
-/// What the noise of the ranger grows by at 2.5 m.
+/// Growth of the ranger's noise at 2.5 m.
 const FAR_NOISE_M: f64 = 0.0025;
 
 /// Standard deviation of a ranger at a distance: `noise_m + 0.0025 exp(c (d − 2.5))` with
@@ -38,13 +38,13 @@ impl TimeOfFlight {
     ) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
-            noise: streams.own("time of flight"),
+            noise: streams.drone_noise("time of flight"),
             noise_m: options.noise_m,
             floor: floor.clone(),
         }
     }
 
-    /// Distance to the floor; none where it is too far.
+    /// Distance to the floor. None if it is too far or the ranger looks up.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -52,7 +52,7 @@ impl TimeOfFlight {
         time_s: f64,
     ) -> Option<f64> {
         self.clock.due(time_s)?;
-        // Without noise nearby there is none far off.
+        // Drawn at every reading, also of no floor. A ranger without noise nearby has none far off.
         let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
         let down = -world_from_body().column(2);
         if down.z >= 0.0 {
@@ -70,35 +70,32 @@ impl TimeOfFlight {
 pub(super) struct Barometer {
     clock: Clock,
     noise: Noise,
-    noise_m: f64,
     walk: Noise,
-    step_m: f64,
     walked_m: f64,
-    drift_m_s: f64,
+    options: BarometerOptions,
 }
 
 impl Barometer {
     pub(super) fn new(options: &BarometerOptions, streams: &Streams) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
-            noise: streams.own("barometer"),
-            noise_m: options.noise_m,
-            walk: streams.own("barometer drift"),
-            step_m: options.drift_m_sqrt_s / options.rate_hz.sqrt(),
+            noise: streams.drone_noise("barometer"),
+            walk: streams.drone_noise("barometer drift"),
             walked_m: 0.0,
-            drift_m_s: options.drift_m_s,
+            options: options.clone(),
         }
     }
 
-    /// Error of the height but for its white noise.
+    /// Error of the height without its white noise.
     pub(super) fn bias_m(&self, time_s: f64) -> f64 {
-        self.walked_m + self.drift_m_s * time_s
+        self.walked_m + self.options.drift_m_s * time_s
     }
 
     pub(super) fn read(&mut self, height_m: f64, time_s: f64) -> Option<f64> {
         self.clock.due(time_s)?;
-        self.walked_m += self.walk.normal() * self.step_m;
-        Some(height_m + self.bias_m(time_s) + self.noise.normal() * self.noise_m)
+        let BarometerOptions { noise_m, drift_m_sqrt_s, rate_hz, .. } = self.options;
+        self.walked_m += self.walk.normal() * (drift_m_sqrt_s / rate_hz.sqrt());
+        Some(height_m + self.bias_m(time_s) + self.noise.normal() * noise_m)
     }
 }
 
@@ -111,7 +108,7 @@ pub(super) struct Gnss {
 }
 
 impl GnssOptions {
-    /// Whether there is no fix at a time.
+    /// True if there is no fix at a time.
     pub fn is_silent(&self, time_s: f64) -> bool {
         self.silent_s.iter().any(|[from_s, to_s]| (*from_s..*to_s).contains(&time_s))
     }
@@ -121,7 +118,7 @@ impl Gnss {
     pub(super) fn new(options: &GnssOptions, streams: &Streams) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
-            noise: streams.own("gnss"),
+            noise: streams.drone_noise("gnss"),
             options: options.clone(),
         }
     }
@@ -149,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn ranger_spreads_as_the_firmware_says() {
+    fn ranger_has_the_firmwares_noise() {
         assert!((time_of_flight_sigma_m(0.0025, 4.0) / 0.2025 - 1.0).abs() < 1e-12, "0.2 m at 4 m");
         let options = TimeOfFlightOptions::default();
         for distance_m in [0.5, 2.5, 3.5] {
@@ -193,21 +190,21 @@ mod tests {
     }
 
     #[test]
-    fn a_barometer_drifts_steadily_and_satellites_are_silent_when_told() {
+    fn a_barometer_drifts_steadily_and_satellites_have_silences() {
         let options = BarometerOptions { noise_m: 0.0, drift_m_sqrt_s: 0.0, ..Default::default() };
         let mut barometer =
             Barometer::new(&BarometerOptions { drift_m_s: 0.02, ..options }, &STREAMS);
         assert_eq!([0.0, 50.0].map(|t| barometer.read(0.7, t)), [Some(0.7), Some(1.7)]);
 
         let silent = GnssOptions { silent_s: vec![[1.0, 2.0], [3.0, 3.5]], ..Default::default() };
-        let [all, some] = [GnssOptions::default(), silent].map(|options| {
+        let [steady, broken] = [GnssOptions::default(), silent].map(|options| {
             let mut gnss = Gnss::new(&options, &STREAMS);
             (0..50).map(|k| gnss.read(Vector3::zeros(), f64::from(k) * 0.1)).collect::<Vec<_>>()
         });
-        assert!(all.iter().all(Option::is_some));
-        for (k, (all, some)) in all.iter().zip(&some).enumerate() {
+        assert!(steady.iter().all(Option::is_some));
+        for (k, (steady, broken)) in steady.iter().zip(&broken).enumerate() {
             let heard = !(10..20).contains(&k) && !(30..35).contains(&k);
-            assert_eq!(*some, all.filter(|_| heard), "fix {k}: the others stay as they are");
+            assert_eq!(*broken, steady.filter(|_| heard), "fix {k}: the others are unchanged");
         }
     }
 }

@@ -1,18 +1,19 @@
 //! Lighthouse as raw sweeps: planes of light that pass over the deck, one after the other.
 //!
 //! A second-generation rotor turns freely at the rate of its channel and passes both planes a third
-//! of a turn apart; first-generation stations take turns within a cycle of 120 Hz. A sweep falls on
-//! the tick that follows it, and all four sensors of the deck are read together: the firmware
-//! throws away a sweep that one of them missed (`pulse_processor_v2.c`).
+//! of a turn apart. First-generation stations take turns within a cycle of 120 Hz. A sweep counts
+//! at the tick that follows it, and all four sensors of the deck are read together: the firmware
+//! discards a sweep that one of them missed (`pulse_processor_v2.c`).
 //!
 //! Not modeled: the drone's motion within a tick, walls.
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::options::count_v1;
 use super::room::Room;
 use super::station::StationPose;
 use super::streams::Streams;
-use super::{Generation, LighthouseOptions};
+use super::{Generation, LighthouseOptions, Station};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::random::{Field, Noise, Normals};
 
@@ -30,10 +31,9 @@ const V2_PERIODS: [u32; 16] = [
 /// Sweeps per second of all first-generation stations together.
 const V1_SWEEPS_HZ: f64 = 120.0;
 
-/// The room's distortion is looked up anew after this time: at 0.5 m/s it has changed by a tenth of
-/// a millimeter.
+/// Interval at which the common distortion is computed. At 0.5 m/s it changes by 0.1 mm.
 const BEND_S: f64 = 0.02;
-/// A station that was not seen for so long is hidden: chance alone loses no five turns in a row.
+/// Time after which an unseen station counts as hidden: chance hardly loses five turns in a row.
 const BLIND_S: f64 = 0.1;
 /// Change of direction over which the error of a station's calibration changes.
 const SWEEP_DISTORTION_LENGTH_RAD: f64 = 0.13;
@@ -56,11 +56,10 @@ pub(super) struct Lighthouse {
     /// From the room into the stations' frame, and the scale of that frame.
     turn: Matrix3<f64>,
     scale: f64,
-    /// Where all stations alike take the drone to be, from where it is: they were placed together,
-    /// so that their beams cross, in a room that their solution bends.
+    /// Common distortion of all stations: their joint solution bends the room.
     bend: Field<3>,
     bend_m: Vector3<f64>,
-    /// When that was looked up.
+    /// When that was computed.
     bent_s: f64,
     loss_frac: f64,
     room: Room,
@@ -77,11 +76,11 @@ struct Rotor {
     /// Over the direction from the station, one component a plane.
     distortion: Field<2>,
     noise: Normals,
-    /// Of the sweeps that get lost.
+    /// Noise that decides which sweeps are lost.
     chance: Noise,
     /// Turns (of a cycle, for the first generation) per second.
     turn_hz: f64,
-    /// When each plane passes, in turns.
+    /// Phases at which the planes pass, in turns.
     phases: [f64; 2],
     /// Sweeps of both planes so far.
     passed: u32,
@@ -114,6 +113,7 @@ impl Lighthouse {
         fleet_m: &[Vector3<f64>],
     ) -> &[Sweep] {
         self.sweeps.clear();
+        // The position in the stations' frame, with the common distortion.
         if time_s - self.bent_s >= BEND_S {
             (self.bend_m, self.bent_s) = (self.bend.value_at(position_m), time_s);
         }
@@ -121,7 +121,7 @@ impl Lighthouse {
         let bent_m = turn * position_m * self.scale + self.bend_m;
         for (station, rotor) in self.rotors.iter_mut().enumerate() {
             while let Some(plane) = rotor.due(time_s) {
-                // Drawn for every sweep, seen or not.
+                // Noise is drawn for every sweep, seen or not, so that none shifts another's.
                 let lost = rotor.chance.uniform() < self.loss_frac;
                 let errors = rotor.errors_rad();
                 let world_from_body = world_from_body();
@@ -129,6 +129,7 @@ impl Lighthouse {
                 if lost || self.room.is_silent(station, time_s) {
                     continue;
                 }
+                // The deck also receives the sweep that meets its image in a mirror.
                 let attitude = turn * world_from_body;
                 for mirror in &self.room.mirrors {
                     let seen_m = mirror.image_m(position_m);
@@ -139,6 +140,7 @@ impl Lighthouse {
                         self.sweeps.push(Sweep { station, plane, angles_rad });
                     }
                 }
+                // The direct sweep, unless the view is blocked.
                 let station_m = &rotor.truth.position_m;
                 if !rotor.truth.sees(position_m, &up)
                     || self.room.hides(station_m, position_m, fleet_m)
@@ -155,15 +157,15 @@ impl Lighthouse {
         &self.sweeps
     }
 
-    /// Ticks at which fewer than two stations had been seen lately.
+    /// Ticks at which fewer than two stations were seen lately.
     pub(super) fn blind_ticks(&self) -> u32 {
         self.blind_ticks
     }
 }
 
-/// The distortion that all stations share.
+/// The common distortion of all stations.
 pub(super) fn bend(options: &LighthouseOptions, streams: &Streams) -> Field<3> {
-    let mut noise = streams.shared_by_room("lighthouse distortion");
+    let mut noise = streams.room_noise("lighthouse distortion");
     Field::new(&mut noise, options.distortion_m, options.distortion_length_m)
 }
 
@@ -175,40 +177,29 @@ pub(super) fn turn(options: &LighthouseOptions) -> Matrix3<f64> {
 
 impl Rotor {
     fn new(options: &LighthouseOptions, i: usize, streams: &Streams) -> Self {
+        // The true pose is off the believed one by an error of the room.
         let station = &options.stations[i];
-        let mut error = streams.shared_by_room(&format!("station {i} pose"));
+        let mut error = streams.room_noise(&format!("station {i} pose"));
         let mut truth = StationPose::new(station);
         truth.position_m += error.normals() * options.station_position_error_m;
         let turned = error.normals() * options.station_rotation_error_rad;
         let turned = Attitude { yaw_rad: turned.z, pitch_rad: turned.y, roll_rad: turned.x };
         truth.world_from_station *= turned.world_from_body();
 
-        let mut chance = streams.own(&format!("station {i} sweeps"));
-        let (turn_hz, phases, generation) = match station.generation {
-            Generation::V1 => {
-                // First-generation stations take turns; the others sweep on their own.
-                let v1 = options.stations.iter().map(|other| other.generation == Generation::V1);
-                let slots = 2.0 * v1.clone().filter(|is_v1| *is_v1).count() as f64;
-                let first = 2.0 * v1.take(i).filter(|is_v1| *is_v1).count() as f64 / slots;
-                (V1_SWEEPS_HZ / slots, [first, first + 1.0 / slots], 0)
-            }
-            Generation::V2 => {
-                let phase = chance.uniform();
-                let period = f64::from(V2_PERIODS[i % V2_PERIODS.len()]);
-                (48e6 / period, [phase, phase + 1.0 / 3.0], 1)
-            }
-        };
+        let mut chance = streams.drone_noise(&format!("station {i} sweeps"));
+        let (turn_hz, phases) = schedule(&options.stations, i, &mut chance);
+        let generation = usize::from(station.generation == Generation::V2);
         let (shared, sigma_rad) =
             (options.sweep_noise_shared_frac, options.sweep_noise_rad[generation]);
         Self {
             truth,
             sigmas_rad: [shared, 1.0 - shared].map(|part| part.sqrt() * sigma_rad),
             distortion: Field::new(
-                &mut streams.shared_by_room(&format!("station {i} distortion")),
+                &mut streams.room_noise(&format!("station {i} distortion")),
                 options.sweep_distortion_rad,
                 SWEEP_DISTORTION_LENGTH_RAD,
             ),
-            noise: Normals::new(streams.own(&format!("station {i} sweep angles"))),
+            noise: Normals::new(streams.drone_noise(&format!("station {i} sweep angles"))),
             chance,
             turn_hz,
             phases,
@@ -217,7 +208,7 @@ impl Rotor {
         }
     }
 
-    /// The plane that passes next, where it does so by `time_s`.
+    /// The plane that passes next, if it does so by `time_s`.
     fn due(&mut self, time_s: f64) -> Option<usize> {
         let plane = (self.passed % 2) as usize;
         let turns = f64::from(self.passed / 2) + self.phases[plane];
@@ -229,11 +220,12 @@ impl Rotor {
 
     /// White noise of a sweep at each sensor.
     fn errors_rad(&mut self) -> [f64; 4] {
-        let [of_all, of_each] = self.sigmas_rad;
-        let shared = of_all * self.noise.next();
-        std::array::from_fn(|_| shared + of_each * self.noise.next())
+        let [common, separate] = self.sigmas_rad;
+        let common_rad = common * self.noise.next();
+        std::array::from_fn(|_| common_rad + separate * self.noise.next())
     }
 
+    /// Angles at which a sweep meets the four sensors of a deck.
     fn angles_rad(
         &self,
         plane: usize,
@@ -244,8 +236,25 @@ impl Rotor {
         let direction = self.truth.station_from_world(position_m).normalize();
         let distortion_rad = self.distortion.component(plane, &direction);
         std::array::from_fn(|i| {
-            let place_m = position_m + world_from_body * Vector3::from(DECK_SENSORS_M[i]);
-            self.truth.crossing(plane, &place_m).angle_rad + distortion_rad + errors_rad[i]
+            let sensor_m = position_m + world_from_body * Vector3::from(DECK_SENSORS_M[i]);
+            self.truth.crossing(plane, &sensor_m).angle_rad + distortion_rad + errors_rad[i]
         })
+    }
+}
+
+/// Turns per second of a station, and the phases at which its planes pass.
+fn schedule(stations: &[Station], i: usize, chance: &mut Noise) -> (f64, [f64; 2]) {
+    match stations[i].generation {
+        // First-generation stations take turns among themselves, each with both planes.
+        Generation::V1 => {
+            let slots = 2.0 * count_v1(stations) as f64;
+            let first = 2.0 * count_v1(&stations[..i]) as f64 / slots;
+            (V1_SWEEPS_HZ / slots, [first, first + 1.0 / slots])
+        }
+        Generation::V2 => {
+            let phase = chance.uniform();
+            let period = f64::from(V2_PERIODS[i % V2_PERIODS.len()]);
+            (48e6 / period, [phase, phase + 1.0 / 3.0])
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! Sensors: measurements of the drone's motion. One file a sensor.
 //!
 //! In: the true state and the specific force at a tick. Out: readings. Every sensor has its own
-//! streams of noise and draws a fixed number from them at each of its measurements, so that none
-//! can shift another's.
+//! streams of noise and draws the same number of values at each measurement, so that none can shift
+//! another's.
 
 mod coverage;
 mod crossing_beams;
@@ -43,26 +43,26 @@ pub use self::options::{
     PeerOptions, Positioning, SensorOptions, Station, TimeOfFlightOptions, UwbOptions,
 };
 pub use self::peers::Target;
-pub(crate) use self::peers::{Air, Fleet, Leg, Member, Message, Reckoning, Shared};
+pub(crate) use self::peers::{Air, Fleet, Member, Message, Reckoning, Segment, Shared};
 pub(crate) use self::station::StationPose;
 pub(crate) use self::streams::Clock;
 pub use self::uwb::Range;
 pub(crate) use self::uwb::{PeerRange, Turn, turns};
 #[cfg(not(target_family = "wasm"))]
-pub use self::yaml::{LighthouseConfig, read_anchors, read_lighthouse_config};
+pub use self::yaml::{read_anchors, read_lighthouse_config};
 
 /// Readings of one tick. Inertial readings come at every tick, the others when they are due.
 #[derive(Clone, Copy, Debug)]
 pub struct Readings<'a> {
-    /// The true motion, for the estimator `truth` alone.
+    /// The true motion, only for the estimator `truth`.
     pub truth: &'a RigidBody,
-    /// Mean command of the motors since the last tick, as a share of the largest.
+    /// Mean command of the motors since the last tick, as a fraction of the largest.
     pub throttle: f64,
     /// Gyroscope, body frame.
     pub rate_rad_s: Vector3<f64>,
     /// Accelerometer, body frame: acceleration less gravity, `(0, 0, g)` at rest.
     pub specific_force_m_s2: Vector3<f64>,
-    /// Position in the world, where the positioning gives positions.
+    /// Position in the world, if the positioning gives positions.
     pub position_m: Option<Vector3<f64>>,
     /// Lighthouse sweeps.
     pub sweeps: &'a [Sweep],
@@ -70,12 +70,11 @@ pub struct Readings<'a> {
     pub ranges: &'a [Range],
     /// Ultra-wideband ranges to other drones.
     pub(crate) peer_ranges: &'a [PeerRange],
-    /// Heights that are due, m: what each sensor measures.
+    /// Heights that are due, m, each by its sensor.
     pub heights: &'a [(HeightSensor, f64)],
 }
 
 impl<'a> Readings<'a> {
-    /// Inertial readings alone.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -94,8 +93,8 @@ impl<'a> Readings<'a> {
         }
     }
 
-    /// Whether anything besides the inertial readings is due.
-    pub(crate) fn measures_place(&self) -> bool {
+    /// True if a position, sweep, range or height is due.
+    pub(crate) fn measures_position(&self) -> bool {
         !self.sweeps.is_empty()
             || !self.ranges.is_empty()
             || self.position_m.is_some()
@@ -120,8 +119,8 @@ pub struct Sensors {
 #[expect(clippy::large_enum_variant, reason = "one a drone")]
 enum Locator {
     Position(PositionSensor),
-    CrossingBeams(Lighthouse, CrossingBeams),
-    Sweeps(Lighthouse),
+    /// Sweeps, and the crossing of their beams for positions.
+    Lighthouse(Lighthouse, Option<CrossingBeams>),
     Uwb(Uwb),
     Gnss(Gnss),
 }
@@ -135,12 +134,7 @@ enum Altimeter {
 }
 
 impl Sensors {
-    /// Sensors of a drone above a floor, read `rate_hz` times a second, with a seed of their noise
-    /// and one of the room.
-    ///
-    /// # Panics
-    ///
-    /// As `Uwb::new`.
+    /// Sensors of a drone, read `rate_hz` times a second, with seeds of noise and room.
     pub(crate) fn new(
         options: &SensorOptions,
         floor: &FloorOptions,
@@ -151,6 +145,7 @@ impl Sensors {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
         let lighthouse = &options.lighthouse;
+        // In the order of the kinds, whatever that of the list is.
         let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
         let altimeters = carried.map(|sensor| match sensor {
             HeightSensor::TimeOfFlight => {
@@ -167,11 +162,13 @@ impl Sensors {
                 Positioning::Position => {
                     Locator::Position(PositionSensor::new(lighthouse, rate_hz, streams))
                 }
-                Positioning::CrossingBeams => Locator::CrossingBeams(
+                Positioning::CrossingBeams => Locator::Lighthouse(
                     Lighthouse::new(lighthouse, streams),
-                    CrossingBeams::new(&lighthouse.stations),
+                    Some(CrossingBeams::new(&lighthouse.stations)),
                 ),
-                Positioning::Sweeps => Locator::Sweeps(Lighthouse::new(lighthouse, streams)),
+                Positioning::Sweeps => {
+                    Locator::Lighthouse(Lighthouse::new(lighthouse, streams), None)
+                }
                 Positioning::UwbTwr | Positioning::UwbTdoa => {
                     Locator::Uwb(Uwb::new(options, fleet, streams))
                 }
@@ -184,20 +181,17 @@ impl Sensors {
         }
     }
 
-    /// Initial estimate of the position of a drone at rest: the true one, and for positions with a
+    /// Initial estimate of the position of a drone at rest: the true one, or for positions with a
     /// distortion the distorted one.
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
-            Locator::CrossingBeams(..)
-            | Locator::Sweeps(_)
-            | Locator::Uwb(_)
-            | Locator::Gnss(_) => position_m,
+            Locator::Lighthouse(..) | Locator::Uwb(_) | Locator::Gnss(_) => position_m,
         }
     }
 
-    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet;
-    /// a drone alone needs none.
+    /// Reads every sensor that is due, once a tick. `fleet_m` are the true positions of the fleet.
+    /// A single drone needs none.
     pub(crate) fn read<'a>(
         &'a mut self,
         body: &'a RigidBody,
@@ -207,7 +201,7 @@ impl Sensors {
         let (tick, time_s) = (self.ticks, f64::from(self.ticks) * self.tick_s);
         self.ticks += 1;
         let position_m = body.position_m;
-        // Not needed at most ticks.
+        // A closure, because most ticks need no matrix.
         let world_from_body = || body.matrix();
         let mut readings = Readings::inertial(
             body,
@@ -216,12 +210,12 @@ impl Sensors {
         );
         match &mut self.locator {
             Locator::Position(sensor) => readings.position_m = Some(sensor.read(position_m, tick)),
-            Locator::CrossingBeams(lighthouse, beams) => {
+            Locator::Lighthouse(lighthouse, beams) => {
                 let sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
-                readings.position_m = beams.fix_m(sweeps, time_s);
-            }
-            Locator::Sweeps(lighthouse) => {
-                readings.sweeps = lighthouse.read(&position_m, world_from_body, time_s, fleet_m);
+                match beams {
+                    Some(beams) => readings.position_m = beams.fix_m(sweeps, time_s),
+                    None => readings.sweeps = sweeps,
+                }
             }
             Locator::Uwb(uwb) => {
                 (readings.ranges, readings.peer_ranges) = uwb.read(&position_m, fleet_m, time_s);
@@ -243,7 +237,7 @@ impl Sensors {
         readings
     }
 
-    /// Bias of the barometer at its last reading; 0 without one.
+    /// Bias of the barometer at its last reading. 0 without one.
     pub fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
         let bias_m = self.altimeters.iter().find_map(|altimeter| match altimeter {
@@ -255,10 +249,7 @@ impl Sensors {
 
     /// A warning about the base stations.
     pub fn warning(&self) -> Option<Diagnostic> {
-        let (Locator::CrossingBeams(lighthouse, _) | Locator::Sweeps(lighthouse)) = &self.locator
-        else {
-            return None;
-        };
+        let Locator::Lighthouse(lighthouse, _) = &self.locator else { return None };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;
         (blind_s > 0.0).then(|| warning::unseen(blind_s))
     }
@@ -279,7 +270,6 @@ mod tests {
         }
     }
 
-    /// Readings as owned values.
     #[derive(Debug, PartialEq)]
     struct Written {
         inertial: [Vector3<f64>; 2],
@@ -322,7 +312,7 @@ mod tests {
         });
         assert_ne!(first_m[0], first_m[1], "each has jitter of its own");
 
-        // Base stations that are not where the estimator has them, without any noise.
+        // Base stations with errors of their poses, without any noise.
         let mut sweeps =
             SensorOptions { positioning: Positioning::CrossingBeams, ..SensorOptions::default() };
         sweeps.lighthouse.sweep_noise_rad = [0.0; 2];
@@ -362,9 +352,9 @@ mod tests {
     #[test]
     fn a_further_sensor_leaves_the_others_as_they_are() {
         for &positioning in Positioning::ALL {
-            let all = HeightSensor::ALL.to_vec();
+            let heights = HeightSensor::ALL.to_vec();
             let carried =
-                [(positioning, vec![]), (positioning, all), (Positioning::Position, vec![])];
+                [(positioning, vec![]), (positioning, heights), (Positioning::Position, vec![])];
             let [alone, beside, gyro] = carried.map(|(positioning, heights)| {
                 readings(&SensorOptions { positioning, heights, ..Default::default() }, 200)
             });
@@ -417,7 +407,7 @@ mod tests {
     }
 
     #[test]
-    fn positions_are_white_where_the_drone_stands() {
+    fn positions_are_white_at_rest() {
         let readings = readings(&SensorOptions::default(), 1 << 16);
         let heights_m: Vec<f64> = readings.iter().map(|r| r.position_m.unwrap().z).collect();
         for density in white_density(&heights_m, 500.0) {
@@ -427,7 +417,7 @@ mod tests {
     }
 
     #[test]
-    fn distortion_stands_still_where_the_drone_does() {
+    fn distortion_is_constant_at_rest() {
         let mut options = SensorOptions::default();
         options.lighthouse.jitter_m = 0.0;
         let readings = readings(&options, 50);

@@ -46,8 +46,8 @@ settings! {
 
     /// Measurement of the position.
     pub enum Positioning {
-        /// Lighthouse, a position at every tick with white jitter and a smooth distortion, as the
-        /// log of the reference flight shows it; without stations.
+        /// Lighthouse without stations: a position at every tick with white jitter and a smooth
+        /// distortion, as in the log of the reference flight.
         "position" => Position,
         /// Lighthouse, positions from the crossing of two stations' beams (lighthouse.method 0).
         "crossing-beams" => CrossingBeams,
@@ -70,7 +70,7 @@ settings! {
         "barometer" => Barometer,
     }
 
-    /// Gyroscope and accelerometer; 0 switches a term off.
+    /// Gyroscope and accelerometer. 0 switches a term off.
     ///
     /// Default: data sheet of the BMI088, 0.014 °/s/√Hz and 190 µg/√Hz along z.
     pub struct ImuOptions {
@@ -79,38 +79,29 @@ settings! {
         /// Noise density of the accelerometer per axis, (m/s²)/√Hz.
         accelerometer_noise_m_s2_sqrt_hz: f64 = 1.86e-3, in 0.0..=10.0;
         fixed {
-            /// Steady bias of the gyroscope about body x, y, z: what the firmware's calibration at
-            /// rest leaves, and what the sensor drifts by as it warms.
+            /// Steady bias of the gyroscope about body x, y, z: the rest of the firmware's
+            /// calibration, and the drift as the sensor warms.
             gyro_bias_rad_s: [f64; 3] = [0.0; 3];
-            /// Random walk of the gyroscope's bias per axis: density of its derivative,
-            /// (rad/s²)/√Hz.
-            ///
-            /// The firmware removes the bias at rest before take-off, so that the walk begins at
-            /// zero.
-            gyro_bias_walk_rad_s2_sqrt_hz: f64 = 0.0;
-            /// Random walk of the accelerometer's bias per axis: density of its derivative,
-            /// (m/s³)/√Hz.
-            accelerometer_bias_walk_m_s3_sqrt_hz: f64 = 0.0;
         }
     }
 
-    /// Lighthouse; 0 switches a term off.
+    /// Lighthouse. 0 switches a term off.
     ///
-    /// Default: `positioning_dataset` of Bitcraze (Taffanel et al., arXiv 2104.11523): crossing
-    /// beams at rest jitter by 0.3 mm at 50 fixes a second, which is 1 mm at 500; slow error in
-    /// flight 13 mm rms over three axes, with a correlation of 0.6 to 3.4 s at 0.5 m/s. Sweeps
+    /// Default: `positioning_dataset` of Bitcraze (Taffanel et al., arXiv 2104.11523). Crossing
+    /// beams at rest jitter by 0.3 mm at 50 fixes a second, which is 1 mm at 500. The slow error in
+    /// flight is 13 mm rms over three axes, with a correlation of 0.6 to 3.4 s at 0.5 m/s. Sweeps
     /// spread by 60 µrad (first generation) and 28 µrad (second), and 45 of 52 a second arrive.
-    /// That the rotor makes most of that noise, for all sensors alike, follows from the crossing
-    /// beams' jitter: independent noise of the sensors would average out to a third of it.
+    /// The rotor makes most of that noise, for all sensors alike: independent noise of the sensors
+    /// would average out to a third of the crossing beams' jitter.
     ///
-    /// Most of the error in flight, 13.5 mm mean, is distortion that the stations share: were it
-    /// all each station's own, the filter would tremble at rest by more than the measured 0.59 mm
-    /// as they pull it to and fro. The part by which they disagree is chosen so that both come out
-    /// as measured. Two stations in opposite corners, some 4 m from the word.
+    /// Most of the error in flight, 13.5 mm mean, is distortion common to the stations. If each
+    /// station had its own, the filter would tremble at rest by more than the measured 0.59 mm. The
+    /// separate part is chosen so that both figures are as measured. Two stations in opposite
+    /// corners, some 4 m from the word.
     pub struct LighthouseOptions {
-        /// Smooth error that depends on the drone's place, per axis, σ.
+        /// Smooth error that depends on the drone's position, per axis, σ.
         ///
-        /// It is left by the joint solution for the stations' places: they agree on a bent room.
+        /// The joint solution for the stations' poses leaves it: they agree on a bent room.
         distortion_m: f64 = 0.0075, in 0.0..=1.0;
         /// Distance l over which that error changes: the correlation falls as `exp(−d²/2l²)`.
         distortion_length_m: f64 = 0.7, in 0.01..=1000.0;
@@ -125,10 +116,10 @@ settings! {
         /// `check` keeps the flight away from them with any positioning.
         mirrors_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4;
         /// Panes of glass: a point and the normal of each. They reflect 8 % at normal incidence and
-        /// more at grazing incidence; the deck receives a reflection up to 6 m times the root of
+        /// more at grazing incidence. The deck receives a reflection up to 6 m times the root of
         /// the reflectance.
         panes_m: Vec<[[f64; 3]; 2]> = Vec::new(), in -1e4..=1e4;
-        /// People in the room, 1.8 m high: x, y and radius of each. They take the light of
+        /// People in the room, 1.8 m high: x, y and radius of each. They block the light of
         /// `sweeps` and `crossing-beams`. `check` keeps the flight away from them with any
         /// positioning.
         people_m: Vec<[f64; 3]> = Vec::new(), in -1e4..=1e4;
@@ -136,26 +127,25 @@ settings! {
         silent: Vec<[f64; 3]> = Vec::new(), in 0.0..=1e5,
             for "sensors.positioning" = "crossing-beams" | "sweeps";
         fixed {
-            /// White noise of the measured position per axis and tick, σ; for `position`.
+            /// White noise of the measured position per axis and tick, σ, for `position`.
             jitter_m: f64 = 0.001;
             /// Turn of the Lighthouse's frame against the room, about x, y and z.
             ///
-            /// The frame is where the drone was put by hand when the stations' geometry was
-            /// estimated: the origin, a place on the x-axis one meter off, a place on the floor
-            /// (cflib, `examples/lighthouse/multi_bs_geometry_estimation.py`).
+            /// The frame is defined by positions at which the drone was put by hand when the
+            /// stations' geometry was estimated: the origin, a point on the x-axis at one meter,
+            /// and one on the floor (cflib, `examples/lighthouse/multi_bs_geometry_estimation.py`).
             frame_turn_rad: [f64; 3] = [0.0; 3];
-            /// Share by which the Lighthouse's meter is short: that place on the x-axis fixes the
-            /// scale.
+            /// Relative error of the Lighthouse's meter: that point on the x-axis fixes the scale.
             frame_scale_error: f64 = 0.0;
             /// White noise of a sweep angle per deck sensor, σ, of a first- and a second-generation
             /// station.
             sweep_noise_rad: [f64; 2] = [60e-6, 28e-6];
-            /// Share of that noise's variance that is common to all four sensors in a sweep.
+            /// Fraction of that noise's variance that is common to all four sensors in a sweep.
             sweep_noise_shared_frac: f64 = 0.8;
-            /// Share of sweeps that are lost.
+            /// Fraction of sweeps that are lost.
             sweep_loss_frac: f64 = 0.13;
-            /// Distance between a station's true and believed place, per axis, σ, beside the common
-            /// distortion: the disagreement of the stations.
+            /// Distance between a station's true and believed position, per axis, σ, beside the
+            /// common distortion.
             station_position_error_m: f64 = 0.0015;
             /// Angle between a station's true and believed attitude, per axis, σ.
             station_rotation_error_rad: f64 = 0.0007;
@@ -166,16 +156,17 @@ settings! {
 
     /// Generation of a base station.
     pub enum Generation {
-        /// One rotor with two planes, slanted by ±30°; 150° × 110°.
+        /// One rotor with two planes, slanted by ±30°. Field of view 150° × 110°.
         "v2" => V2,
-        /// Two rotors, one with an upright plane of light and one with a flat one; 120° × 120°.
+        /// Two rotors, one with a vertical plane of light and one with a horizontal one. Field of
+        /// view 120° × 120°.
         "v1" => V1,
     }
 
     /// Ultra-wideband ranging.
     ///
     /// Default: firmware fixture `log05` at rest (180 differences a second, 6 cm white, bias of a
-    /// pair 20 cm, 14 % beyond 0.45 m); anchors in the corners of a room.
+    /// pair 20 cm, 14 % beyond 0.45 m), with anchors in the corners of a room.
     pub struct UwbOptions {
         /// Places of the anchors.
         anchors_m: Vec<[f64; 3]> = [[-2.5, -2.5], [-2.5, 2.5], [2.5, -2.5], [2.5, 2.5]]
@@ -186,30 +177,30 @@ settings! {
         ///
         /// Empty: all drones hear all anchors.
         heard: Vec<Vec<usize>> = Vec::new(), in 0.0..=63.0;
-        /// Ranges per second, over all anchors. Drones with the estimator `cooperative` share them:
-        /// over all their anchors and all pairs of drones.
+        /// Ranges per second, over all anchors. With the estimator `cooperative`, over all anchors
+        /// of all drones and all pairs of drones.
         rate_hz: f64 = 180.0, in 1.0..=2000.0;
         /// White noise of a range, σ.
         noise_m: f64 = 0.06, in 0.0..=10.0;
-        /// Bias of a link (an anchor, or a pair of anchors), which varies with the drone's place,
-        /// σ.
+        /// Bias of a link (an anchor, or a pair of anchors), which varies with the drone's
+        /// position, σ.
         bias_m: f64 = 0.2, in 0.0..=10.0;
-        /// Share of ranges that are outliers.
+        /// Fraction of ranges that are outliers.
         outlier_frac: f64 = 0.1, in 0.0..=1.0;
-        /// Error of the starting place that a drone is given, per axis, σ.
+        /// Error of a drone's believed position at the start, per axis, σ.
         start_error_m: f64 = 0.0, in 0.0..=10.0;
     }
 
     /// Ranges and messages between the drones of a fleet, for the estimator `cooperative`.
     ///
-    /// A message holds the motion since the start as the inertial sensors have it, and the ranges
-    /// and heights measured since the last message: 24 bytes and 3 for each of them.
+    /// A message holds the motion since the start by the inertial sensors, and the ranges and
+    /// heights measured since the last message: 24 bytes and 3 for each of them.
     pub struct PeerOptions {
-        /// Whether the drones measure the distances between each other, as they do to anchors.
+        /// Measure the distances between the drones, like those to anchors.
         ranging: bool = false;
         /// Messages per second of each drone.
         rate_hz: f64 = 20.0, in 0.1..=500.0;
-        /// Share of messages that are lost, for each receiver on its own.
+        /// Fraction of messages that are lost, for each receiver independently.
         loss_frac: f64 = 0.0, in 0.0..=1.0;
         /// Latency of a message.
         delay_s: f64 = 0.02, in 0.0..=10.0;
@@ -228,7 +219,7 @@ settings! {
 
     /// Barometer.
     ///
-    /// Default: 9 cm at 50 Hz in the firmware's fixture `log05`; the drift is an assumption (30 cm
+    /// Default: 9 cm at 50 Hz in the firmware's fixture `log05`. The drift is an assumption (30 cm
     /// in ten minutes).
     pub struct BarometerOptions {
         /// White noise of a height, σ.
@@ -257,17 +248,17 @@ settings! {
     }
 }
 
-/// A Lighthouse base station at its believed place.
+/// A Lighthouse base station at its believed pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {
     /// Generation.
     pub generation: Generation,
-    /// Place, world frame.
+    /// Position, world frame.
     pub position_m: [f64; 3],
-    /// Rotation about world z; 0 looks along world x.
+    /// Rotation about world z. At 0 it looks along world x.
     pub yaw_rad: f64,
-    /// Rotation about the yawed y axis; positive looks down.
+    /// Rotation about the yawed y axis, positive downward.
     pub pitch_rad: f64,
     /// Rotation about the forward axis.
     pub roll_rad: f64,
@@ -316,23 +307,28 @@ impl Described for Station {
 }
 
 impl Positioning {
-    /// Whether the positioning uses ultra-wideband ranges.
+    /// Least number of base stations, and of anchors.
+    fn least(self) -> [usize; 2] {
+        match self {
+            Self::Position | Self::Gnss => [0, 0],
+            Self::CrossingBeams => [2, 0],
+            Self::Sweeps => [1, 0],
+            Self::UwbTwr => [0, 1],
+            Self::UwbTdoa => [0, 2],
+        }
+    }
+
+    /// True if the positioning uses ultra-wideband ranges.
     pub fn is_by_ranges(self) -> bool {
-        match self {
-            Self::UwbTwr | Self::UwbTdoa => true,
-            Self::Position | Self::CrossingBeams | Self::Sweeps | Self::Gnss => false,
-        }
+        self.least()[1] > 0
     }
 
-    /// Whether it is by the angles of a Lighthouse's beams.
+    /// True if the positioning uses the angles of a Lighthouse's beams.
     pub(crate) fn is_by_light(self) -> bool {
-        match self {
-            Self::CrossingBeams | Self::Sweeps => true,
-            Self::Position | Self::UwbTwr | Self::UwbTdoa | Self::Gnss => false,
-        }
+        self.least()[0] > 0
     }
 
-    /// Whether the positioning measures positions, rather than angles or distances.
+    /// True if the positioning measures positions, not angles or distances.
     pub(crate) fn gives_positions(self) -> bool {
         match self {
             Self::Position | Self::CrossingBeams | Self::Gnss => true,
@@ -342,8 +338,7 @@ impl Positioning {
 }
 
 impl HeightSensor {
-    /// Whether it measures the distance to the floor along the body's z axis, which tilts and steps
-    /// of the floor change, rather than the height over the starting place.
+    /// True if it measures the distance to the floor, and not the height above the start.
     pub(crate) fn looks_down(self) -> bool {
         match self {
             Self::TimeOfFlight => true,
@@ -359,10 +354,6 @@ impl UwbOptions {
     }
 
     /// The anchors that a drone hears, by index.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] for a drone that the list leaves out.
     pub(crate) fn heard_by(&self, drone: u64) -> Result<Vec<usize>> {
         match usize::try_from(drone).ok().and_then(|drone| self.heard.get(drone)) {
             Some(heard) => Ok(heard.clone()),
@@ -379,7 +370,8 @@ impl UwbOptions {
         }
     }
 
-    /// Refuses two anchors at one place, and lists of those heard that are not of `least` to all.
+    /// Checks that no two anchors are at one position, and that each drone hears `least` or more of
+    /// them, each once.
     fn check_anchors(&self, least: usize) -> Result<()> {
         for (i, anchor) in self.anchors_m.iter().enumerate() {
             if self.anchors_m[..i].contains(anchor) {
@@ -392,6 +384,7 @@ impl UwbOptions {
                 .of_item("sensors.uwb.anchors_m", i));
             }
         }
+        // The lists of heard anchors: their lengths, and then their indices.
         let n = self.anchors_m.len();
         for (drone, heard) in self.heard.iter().enumerate() {
             let list = "sensors.uwb.heard";
@@ -415,6 +408,11 @@ impl UwbOptions {
     }
 }
 
+/// Number of first-generation stations.
+pub(super) fn count_v1(stations: &[Station]) -> usize {
+    stations.iter().filter(|station| station.generation == Generation::V1).count()
+}
+
 fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Result<()> {
     if (least..=most).contains(&n) {
         return Ok(());
@@ -425,44 +423,32 @@ fn check_count(key: &str, n: usize, [least, most]: [usize; 2], hint: &str) -> Re
 impl SensorOptions {
     /// Sensors without any error.
     pub fn ideal() -> Self {
-        Self {
-            positioning: Positioning::Position,
-            heights: Vec::new(),
-            imu: ImuOptions {
-                gyro_bias_rad_s: [0.0; 3],
-                gyro_noise_rad_s_sqrt_hz: 0.0,
-                accelerometer_noise_m_s2_sqrt_hz: 0.0,
-                gyro_bias_walk_rad_s2_sqrt_hz: 0.0,
-                accelerometer_bias_walk_m_s3_sqrt_hz: 0.0,
-            },
-            lighthouse: LighthouseOptions {
-                jitter_m: 0.0,
-                distortion_m: 0.0,
-                sweep_noise_rad: [0.0; 2],
-                sweep_loss_frac: 0.0,
-                station_position_error_m: 0.0,
-                station_rotation_error_rad: 0.0,
-                sweep_distortion_rad: 0.0,
-                ..LighthouseOptions::default()
-            },
-            uwb: UwbOptions {
-                noise_m: 0.0,
-                bias_m: 0.0,
-                outlier_frac: 0.0,
-                ..UwbOptions::default()
-            },
-            time_of_flight: TimeOfFlightOptions { noise_m: 0.0, ..TimeOfFlightOptions::default() },
-            peers: PeerOptions::default(),
-            barometer: BarometerOptions {
-                noise_m: 0.0,
-                drift_m_sqrt_s: 0.0,
-                ..BarometerOptions::default()
-            },
-            gnss: GnssOptions { noise_m: 0.0, ..GnssOptions::default() },
-        }
+        // The defaults of all other errors are zero.
+        let mut ideal = Self::default();
+        let Self { imu, lighthouse, uwb, time_of_flight, barometer, gnss, .. } = &mut ideal;
+        lighthouse.sweep_noise_rad = [0.0; 2];
+        let errors = [
+            &mut imu.gyro_noise_rad_s_sqrt_hz,
+            &mut imu.accelerometer_noise_m_s2_sqrt_hz,
+            &mut lighthouse.jitter_m,
+            &mut lighthouse.distortion_m,
+            &mut lighthouse.sweep_loss_frac,
+            &mut lighthouse.station_position_error_m,
+            &mut lighthouse.station_rotation_error_rad,
+            &mut lighthouse.sweep_distortion_rad,
+            &mut uwb.noise_m,
+            &mut uwb.bias_m,
+            &mut uwb.outlier_frac,
+            &mut time_of_flight.noise_m,
+            &mut barometer.noise_m,
+            &mut barometer.drift_m_sqrt_s,
+            &mut gnss.noise_m,
+        ];
+        errors.into_iter().for_each(|error| *error = 0.0);
+        ideal
     }
 
-    /// Readings a second of a sensor of the height.
+    /// Readings per second of a height sensor.
     pub(crate) fn height_rate_hz(&self, sensor: HeightSensor) -> f64 {
         match sensor {
             HeightSensor::TimeOfFlight => self.time_of_flight.rate_hz,
@@ -470,7 +456,7 @@ impl SensorOptions {
         }
     }
 
-    /// Standard deviation of the white noise of a sensor of the height where it measures so much.
+    /// Standard deviation of the white noise of a height sensor at a reading.
     pub(crate) fn height_sigma_m(&self, sensor: HeightSensor, measured_m: f64) -> f64 {
         match sensor {
             HeightSensor::TimeOfFlight => {
@@ -502,20 +488,13 @@ impl SensorOptions {
 
     /// Checks the numbers of base stations and anchors.
     pub(crate) fn check_counts(&self) -> Result<()> {
-        let (stations, anchors) = match self.positioning {
-            Positioning::Position | Positioning::Gnss => (0, 0),
-            Positioning::CrossingBeams => (2, 0),
-            Positioning::Sweeps => (1, 0),
-            Positioning::UwbTwr => (0, 1),
-            Positioning::UwbTdoa => (0, 2),
-        };
+        let [stations, anchors] = self.positioning.least();
         let known = &self.lighthouse.stations;
-        let n_v1 = known.iter().filter(|s| s.generation == Generation::V1).count();
         let hint = "list the room's base stations";
         let place = "sensors.lighthouse.stations";
         check_count(place, known.len(), [stations, MAX_STATIONS], hint)?;
         let hint = "the first generation takes turns: one or two stations; use v2 for more";
-        check_count(&format!("{place}, generation v1"), n_v1, [0, 2], hint)?;
+        check_count(&format!("{place}, generation v1"), count_v1(known), [0, 2], hint)?;
         let (place, hint) = ("sensors.uwb.anchors_m", "list the places of the anchors");
         check_count(place, self.uwb.anchors_m.len(), [anchors, MAX_ANCHORS], hint)?;
         if anchors == 0 { Ok(()) } else { self.uwb.check_anchors(anchors) }

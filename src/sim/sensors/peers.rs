@@ -17,12 +17,11 @@ pub(crate) struct Fleet {
     pub place: usize,
 }
 
-/// A drone of a fleet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Member {
     /// Index of its noise and of its anchors.
     pub index: u64,
-    /// Where it believes to start: the true place but for an error.
+    /// Believed position at the start: the true one with an error.
     pub start_m: Vector3<f64>,
 }
 
@@ -44,7 +43,7 @@ impl Member {
     }
 }
 
-/// What a distance was measured to.
+/// Target of a measured distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Target {
     /// An anchor, by index.
@@ -64,8 +63,8 @@ pub(crate) struct Shared {
     pub variance: f64,
 }
 
-/// The motion since the start by inertial sensors alone. A lost message costs no more than time:
-/// the next one holds the motion since the last that was heard.
+/// The motion since the start by inertial sensors. A lost message only costs time: the next one
+/// holds the motion since the last that was heard.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Reckoning {
     pub time_s: f64,
@@ -75,10 +74,10 @@ pub(crate) struct Reckoning {
 
 /// The motion between two moments.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Leg {
+pub(crate) struct Segment {
     pub span_s: f64,
     pub(crate) gained_m_s: Vector3<f64>,
-    /// Beyond what the velocity at the beginning explains.
+    /// Displacement beyond that by the velocity at the beginning.
     pub moved_m: Vector3<f64>,
     /// Integral of the specific force, world frame.
     pub(crate) force_m_s: Vector3<f64>,
@@ -86,10 +85,10 @@ pub(crate) struct Leg {
 
 impl Reckoning {
     /// The motion since an earlier moment.
-    pub(crate) fn since(&self, then: &Self) -> Leg {
+    pub(crate) fn since(&self, then: &Self) -> Segment {
         let span_s = self.time_s - then.time_s;
         let gained_m_s = self.velocity_m_s - then.velocity_m_s;
-        Leg {
+        Segment {
             span_s,
             gained_m_s,
             moved_m: self.position_m - then.position_m - then.velocity_m_s * span_s,
@@ -98,16 +97,16 @@ impl Reckoning {
     }
 }
 
-/// What a drone tells the others.
+/// A message from a drone to all others.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Message {
     /// Place of the sender in the fleet.
     pub from: usize,
     pub motion: Reckoning,
-    /// Since the last message.
+    /// Measurements since the last message.
     pub ranges: Vec<Shared>,
     pub heights: Vec<Shared>,
-    /// Estimated position and velocity, and covariance of the position: for `share = "estimates"`.
+    /// Estimated position and velocity, and covariance of the position, for `Share::Estimates`.
     pub estimate: (Vector3<f64>, Vector3<f64>, Matrix3<f64>),
 }
 
@@ -115,8 +114,8 @@ pub(crate) struct Message {
 #[derive(Debug)]
 pub(crate) struct Air {
     options: PeerOptions,
-    /// Of each pair of a sender and a receiver, by their places.
-    luck: Vec<Vec<Noise>>,
+    /// Noise that decides on losses, by the places of sender and receiver.
+    losses: Vec<Vec<Noise>>,
     /// Messages on their way with the time of arrival and the receiver, in the order of sending.
     under_way: VecDeque<(f64, usize, Message)>,
     clock: Clock,
@@ -125,28 +124,28 @@ pub(crate) struct Air {
 impl Air {
     /// The air between drones with these indices.
     pub(crate) fn new(options: &PeerOptions, seed: u64, indices: &[u64]) -> Self {
-        let luck = indices.iter().map(|from| {
-            let each = indices.iter();
-            each.map(|to| Noise::new(seed, *from, &format!("message loss to {to}"))).collect()
+        let losses = indices.iter().map(|from| {
+            let receivers = indices.iter();
+            receivers.map(|to| Noise::new(seed, *from, &format!("message loss to {to}"))).collect()
         });
         Self {
             options: options.clone(),
-            luck: luck.collect(),
+            losses: losses.collect(),
             under_way: VecDeque::new(),
             clock: Clock::new(options.rate_hz),
         }
     }
 
-    /// Whether messages are due by `time_s`; they count as sent.
+    /// True if messages are due by `time_s`, which then count as sent.
     pub(crate) fn is_due(&mut self, time_s: f64) -> bool {
         self.clock.due(time_s).is_some()
     }
 
-    /// Sends a message to all others; each hears it or not.
+    /// Sends a message to all others, each of which may lose it.
     pub(crate) fn send(&mut self, message: &Message) {
         let arrives_s = message.motion.time_s + self.options.delay_s;
-        for (to, luck) in self.luck[message.from].iter_mut().enumerate() {
-            if luck.uniform() >= self.options.loss_frac && to != message.from {
+        for (to, loss) in self.losses[message.from].iter_mut().enumerate() {
+            if loss.uniform() >= self.options.loss_frac && to != message.from {
                 self.under_way.push_back((arrives_s, to, message.clone()));
             }
         }
@@ -164,7 +163,7 @@ mod tests {
     use super::*;
 
     impl Fleet {
-        /// A drone alone, at the origin.
+        /// A single drone at the origin.
         pub(crate) fn alone(index: u64) -> Self {
             Self { members: vec![Member { index, start_m: Vector3::zeros() }], place: 0 }
         }
@@ -198,6 +197,6 @@ mod tests {
         }
         assert_eq!(heard[0], 0, "not to itself");
         assert!(heard[1..].iter().all(|n| (2700..2900).contains(n)), "{heard:?} of 4000");
-        assert_ne!(heard[1], heard[2], "each has its own luck");
+        assert_ne!(heard[1], heard[2], "losses are independent");
     }
 }

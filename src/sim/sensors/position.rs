@@ -8,10 +8,10 @@ use super::streams::Streams;
 use noctograph_core::random::{Field, Normals};
 
 /// Fixes per second of a Lighthouse: one turn of a second-generation rotor (50.05 Hz, firmware
-/// `pulse_processor_v2.c`). Only the distortion keeps to it; it hardly changes in between.
+/// `pulse_processor_v2.c`). Only the distortion is computed at this rate.
 const FIX_RATE_HZ: u32 = 50;
 
-/// The reference flight's Lighthouse as its log shows it.
+/// The reference flight's Lighthouse, by the errors in its log.
 #[derive(Debug)]
 pub(super) struct PositionSensor {
     /// From the room into the Lighthouse's frame.
@@ -28,14 +28,14 @@ impl PositionSensor {
         Self {
             frame: turn(options) * (1.0 + options.frame_scale_error),
             jitter_m: options.jitter_m,
-            jitter: Normals::new(streams.own("lighthouse jitter")),
+            jitter: Normals::new(streams.drone_noise("lighthouse jitter")),
             distortion: bend(options, streams),
             distortion_m: Vector3::zeros(),
             ticks_per_fix: (rate_hz / FIX_RATE_HZ).max(1),
         }
     }
 
-    /// Position that a drone at rest is believed to be at, once the jitter has averaged out.
+    /// Measured position of a drone at rest, once the jitter has averaged out.
     pub(super) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         self.frame * position_m + self.distortion.value_at(&position_m)
     }

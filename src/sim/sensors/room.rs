@@ -1,14 +1,15 @@
-//! What stands in the light of the base stations: people, other drones, mirrors and panes.
+//! Objects in the light of the base stations: people, other drones, mirrors and panes.
 //!
-//! A person is a standing cylinder, a drone a ball; they take the light away. A mirror shows each
-//! station a second time: the deck hears the sweep that meets its own image behind the mirror, with
-//! that image's angle. Which of these sweeps are believed is up to the filter of the estimator. A
-//! pane of glass does so where it reflects enough: a deck that hears a station from 6 m hears a
-//! share R of its light from 6 m times √R. Both surfaces of the pane reflect, by Fresnel's
+//! A person is an upright cylinder and a drone a ball, which block the light. A mirror shows each
+//! station a second time: the deck receives the sweep that meets its image behind the mirror, with
+//! that image's angle. The estimator's filter accepts or refuses such sweeps. A pane of glass
+//! reflects if the light is strong enough: a deck that receives a station from 6 m receives a
+//! fraction R of its light from 6 m times √R. Both surfaces of the pane reflect, by Fresnel's
 //! equations for unpolarized light and a refractive index of 1.52.
 //!
-//! Not modeled: edges of mirrors; light over two mirrors, or over one past a person; the time
-//! between a sweep and its reflection: the firmware's pulse processor drops some sweeps by it.
+//! Not modeled: edges of mirrors, light over two mirrors, light that passes a person after a
+//! mirror, and the time between a sweep and its reflection, by which the firmware drops some
+//! sweeps.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -23,7 +24,7 @@ const DRONE_M: f64 = 0.046;
 /// Refractive index of glass.
 const GLASS: f64 = 1.52;
 
-/// All of it.
+/// People, mirrors and outages of a room.
 #[derive(Debug)]
 pub(super) struct Room {
     /// Axis in x and y, and radius.
@@ -55,14 +56,14 @@ impl Room {
         }
     }
 
-    /// Whether a station sends nothing at a time.
+    /// True if a station sends nothing at a time.
     pub(super) fn is_silent(&self, station: usize, time_s: f64) -> bool {
         self.silent.iter().any(|[silent, from_s, to_s]| {
             *silent == station as f64 && (*from_s..*to_s).contains(&time_s)
         })
     }
 
-    /// Whether something stands between a station and a deck. The deck's own drone may be among
+    /// True if something is between a station and a deck. The deck's own drone may be among
     /// `drones_m`: it does not hide its deck.
     pub(super) fn hides(
         &self,
@@ -70,37 +71,41 @@ impl Room {
         deck_m: &Vector3<f64>,
         drones_m: &[Vector3<f64>],
     ) -> bool {
-        let way_m = deck_m - station_m;
+        let path_m = deck_m - station_m;
+        // The point of the path nearest to the cylinder's axis, as a fraction of the path, is
+        // within the cylinder and below its top.
         let by_person = self.people_m.iter().any(|[x, y, radius]| {
-            let axis_m = Vector3::new(*x, *y, 0.0) - station_m;
-            let share = (axis_m.xy().dot(&way_m.xy()) / way_m.xy().norm_squared()).clamp(0.0, 1.0);
-            (axis_m.xy() - way_m.xy() * share).norm() < *radius
-                && station_m.z + way_m.z * share < PERSON_M
+            let axis_m = (Vector3::new(*x, *y, 0.0) - station_m).xy();
+            let level_m = path_m.xy();
+            let fraction = (axis_m.dot(&level_m) / level_m.norm_squared()).clamp(0.0, 1.0);
+            (axis_m - level_m * fraction).norm() < *radius
+                && station_m.z + path_m.z * fraction < PERSON_M
         });
+        // The point of the path nearest to the ball's center is within the ball.
         let by_drone = drones_m.iter().any(|drone_m| {
             let to_m = drone_m - station_m;
-            let share = to_m.dot(&way_m) / way_m.norm_squared();
+            let fraction = to_m.dot(&path_m) / path_m.norm_squared();
             (drone_m - deck_m).norm() > DRONE_M
-                && (0.0..1.0).contains(&share)
-                && (to_m - way_m * share).norm() < DRONE_M
+                && (0.0..1.0).contains(&fraction)
+                && (to_m - path_m * fraction).norm() < DRONE_M
         });
         by_person || by_drone
     }
 }
 
 impl Mirror {
-    /// Whether it reflects a station to a deck; both are in front of it.
+    /// True if it reflects a station to a deck.
     pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
-        let ends_m = [station_m, deck_m];
-        if !ends_m.iter().all(|end_m| (*end_m - self.point_m).dot(&self.facing) > 0.0) {
+        // Both are in front of it, and a pane reflects enough at this angle.
+        if ![station_m, deck_m].iter().all(|m| (*m - self.point_m).dot(&self.facing) > 0.0) {
             return false;
         }
-        let way_m = self.image_m(deck_m) - station_m;
-        let cosine = -way_m.dot(&self.facing) / way_m.norm();
-        !self.is_glass || way_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
+        let path_m = self.image_m(deck_m) - station_m;
+        let cosine = -path_m.dot(&self.facing) / path_m.norm();
+        !self.is_glass || path_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
     }
 
-    /// The image of a place.
+    /// The image of a point.
     pub(super) fn image_m(&self, place_m: &Vector3<f64>) -> Vector3<f64> {
         self.point_m + self.turn() * (place_m - self.point_m)
     }
@@ -111,8 +116,10 @@ impl Mirror {
     }
 }
 
-/// Share of the light that a pane reflects at a cosine of the angle to its normal.
+/// Fraction of the light that a pane reflects at a cosine of the angle to its normal.
 fn reflected_frac(cosine: f64) -> f64 {
+    // Fresnel's amplitudes across and along the plane of incidence, and then the sum over all
+    // reflections between both surfaces.
     let inside = (1.0 - (1.0 - cosine * cosine) / (GLASS * GLASS)).sqrt();
     let across = (cosine - GLASS * inside) / (cosine + GLASS * inside);
     let along = (GLASS * cosine - inside) / (GLASS * cosine + inside);
@@ -134,7 +141,7 @@ mod tests {
         };
         let room = Room::new(&options);
         let (station_m, deck_m) = (Vector3::new(3.0, 0.0, 2.4), Vector3::new(-1.0, 0.0, 0.5));
-        assert!(room.hides(&station_m, &deck_m, &[]), "the way passes 1.45 m up, at the middle");
+        assert!(room.hides(&station_m, &deck_m, &[]), "the path passes 1.45 m up, at the middle");
         let high_m = Vector3::new(-1.0, 0.0, 1.6);
         assert!(!room.hides(&station_m, &high_m, &[]), "over the head");
         let beside_m = Vector3::new(-1.0, 1.5, 0.5);
@@ -170,6 +177,6 @@ mod tests {
         assert!((image_m - Vector3::new(3.7, 0.1, 0.8)).norm() < 1e-12);
         let direct = (pose.position_m - image_m).norm();
         let reflected = (mirror.image_m(&pose.position_m) - deck_m).norm();
-        assert!((direct - reflected).abs() < 1e-12, "one way");
+        assert!((direct - reflected).abs() < 1e-12, "one length");
     }
 }

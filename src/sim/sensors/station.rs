@@ -1,10 +1,10 @@
 //! A Lighthouse base station: its pose, its field of view, and the angle at which its planes of
 //! light cross a point.
 //!
-//! A station's frame is x forward (out of the front), y left, z up. Angles are those that the
-//! firmware has after it applied the factory calibration, which is why the calibrations of a
-//! configuration file have no effect; the remaining error is the `sweep_distortion` of the sensors.
-//! Model: `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware; fields of view:
+//! A station's frame is x forward (out of the front), y left, z up. Angles are those of the
+//! firmware after it applied the factory calibration, so that the calibrations of a configuration
+//! file have no effect. The remaining error is the `sweep_distortion` of the sensors. Model:
+//! `lighthouse_position_est.c` and `lighthouse_geometry.c` of the firmware. Fields of view:
 //! Bitcraze's documentation of the Lighthouse deck.
 
 use nalgebra::{Matrix3, Vector3};
@@ -22,7 +22,7 @@ pub(super) const RANGE_M: f64 = 6.0;
 /// Sine of the lowest height of a station above the deck's plane at which the deck's sensors, which
 /// look up, still see it. An assumption: 6°. Bitcraze asks for half a meter above the drone.
 const LOWEST_SINE: f64 = 0.1;
-/// Largest sine that a slanted plane's lead may have; a station sees nothing that far up.
+/// Largest sine of a slanted plane's lead. A station sees nothing that far up.
 const LARGEST_LEAD: f64 = 0.99;
 
 /// A base station's pose, ready to compute with.
@@ -36,16 +36,15 @@ pub(crate) struct StationPose {
 /// One crossing of a plane of light and a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Crossing {
-    /// Angle of the rotor; 0 is straight ahead.
+    /// Angle of the rotor, 0 straight ahead.
     pub angle_rad: f64,
     /// Distance of the point from the rotor's axis.
     pub radius_m: f64,
     /// Gradient of the angle with respect to the point, world frame.
-    pub(crate) slope_rad_m: Vector3<f64>,
+    pub(crate) gradient_rad_m: Vector3<f64>,
 }
 
 impl StationPose {
-    /// The pose of a station.
     pub(crate) fn new(station: &Station) -> Self {
         let Station { yaw_rad, pitch_rad, roll_rad, .. } = *station;
         Self {
@@ -60,7 +59,7 @@ impl StationPose {
         self.world_from_station.tr_mul(&(point_m - self.position_m))
     }
 
-    /// Whether a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
+    /// True if a deck at `deck_m` that faces `up` sees this station's sweeps: within its range and
     /// its field of view, and above the deck. Walls are not modeled.
     pub(crate) fn sees(&self, deck_m: &Vector3<f64>, up: &Vector3<f64>) -> bool {
         let u = self.station_from_world(deck_m);
@@ -76,9 +75,9 @@ impl StationPose {
             && (self.position_m - deck_m).dot(up) >= LOWEST_SINE * distance_m
     }
 
-    /// The crossing of plane 0 or 1 with a point:
-    /// `α = atan2(y, x) + asin(z tan t / √(x² + y²))` with `t = ∓π/6` for the second generation;
-    /// for the first `atan2(y, x)` and `atan2(z, x)`.
+    /// The crossing of plane 0 or 1 with a point: `α = atan2(y, x) + asin(z tan t / √(x² + y²))`
+    /// with `t = ∓π/6` for the second generation, and `atan2(y, x)` and `atan2(z, x)` for the
+    /// first.
     pub(crate) fn crossing(&self, plane: usize, point_m: &Vector3<f64>) -> Crossing {
         let u = self.station_from_world(point_m);
         let crossing = match (self.generation, plane) {
@@ -86,15 +85,15 @@ impl StationPose {
             (Generation::V2, 0) => slanted(&u, -TAN_TILT),
             (Generation::V2, _) => slanted(&u, TAN_TILT),
         };
-        let slope_rad_m = self.world_from_station * crossing.slope_rad_m;
-        Crossing { slope_rad_m, ..crossing }
+        let gradient_rad_m = self.world_from_station * crossing.gradient_rad_m;
+        Crossing { gradient_rad_m, ..crossing }
     }
 
-    /// The direction in the world, a unit vector, in which both planes cross a point at these
-    /// angles.
+    /// The direction, a unit vector in the world, in which both planes cross a point.
     pub(crate) fn ray(&self, angles_rad: [f64; 2]) -> Vector3<f64> {
         let direction = match self.generation {
             Generation::V1 => Vector3::new(1.0, libm::tan(angles_rad[0]), libm::tan(angles_rad[1])),
+            // The mean of both angles is the azimuth, and half their difference the lead.
             Generation::V2 => {
                 let azimuth = 0.5 * (angles_rad[0] + angles_rad[1]);
                 let lead = libm::sin(0.5 * (angles_rad[1] - angles_rad[0]));
@@ -106,17 +105,18 @@ impl StationPose {
     }
 }
 
-/// `atan2(y, x)` or `atan2(z, x)`, and its slope in the station's frame.
+/// `atan2(y, x)` or `atan2(z, x)`, and its gradient in the station's frame.
 fn upright(u: &Vector3<f64>, axis: usize) -> Crossing {
     let (ahead, aside) = (u.x, u[axis]);
     let square = ahead * ahead + aside * aside;
-    let mut slope_rad_m = Vector3::zeros();
-    (slope_rad_m.x, slope_rad_m[axis]) = (-aside / square, ahead / square);
-    Crossing { angle_rad: libm::atan2(aside, ahead), radius_m: square.sqrt(), slope_rad_m }
+    let mut gradient_rad_m = Vector3::zeros();
+    (gradient_rad_m.x, gradient_rad_m[axis]) = (-aside / square, ahead / square);
+    Crossing { angle_rad: libm::atan2(aside, ahead), radius_m: square.sqrt(), gradient_rad_m }
 }
 
-/// Angle of a slanted plane, and its slope in the station's frame.
+/// Angle of a slanted plane, and its gradient in the station's frame.
 fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
+    // d asin(s) = ds / √(1 − s²) with the sine s = z tan t / r, which falls with the radius r.
     let square = u.x * u.x + u.y * u.y;
     let radius = square.sqrt();
     let lead = (u.z * tan_tilt / radius).clamp(-LARGEST_LEAD, LARGEST_LEAD);
@@ -125,7 +125,7 @@ fn slanted(u: &Vector3<f64>, tan_tilt: f64) -> Crossing {
     Crossing {
         angle_rad: libm::atan2(u.y, u.x) + libm::asin(lead),
         radius_m: radius,
-        slope_rad_m: Vector3::new(
+        gradient_rad_m: Vector3::new(
             -u.y / square - u.x * outward,
             u.x / square - u.y * outward,
             tan_tilt / (radius * root),
@@ -190,18 +190,18 @@ mod tests {
     }
 
     #[test]
-    fn the_slope_is_the_derivative() {
+    fn the_gradient_is_the_derivative() {
         let point = Vector3::new(0.3, -0.2, 0.9);
         for (generation, plane) in BOTH.into_iter().flat_map(|g| [(g, 0), (g, 1)]) {
             let station = station(generation);
-            let slope = station.crossing(plane, &point).slope_rad_m;
+            let gradient = station.crossing(plane, &point).gradient_rad_m;
             for axis in 0..3 {
                 let mut step = Vector3::zeros();
                 step[axis] = 1e-5;
                 let [ahead, behind] =
                     [point + step, point - step].map(|p| station.crossing(plane, &p).angle_rad);
                 let want = (ahead - behind) / 2e-5;
-                assert!((slope[axis] - want).abs() < 1e-9, "{generation:?} {plane} {axis}");
+                assert!((gradient[axis] - want).abs() < 1e-9, "{generation:?} {plane} {axis}");
             }
         }
     }

@@ -1,10 +1,10 @@
 //! Ultra-wideband ranges: two-way, or differences between two anchors.
 //!
-//! White noise, an error of each link that depends on the drone's place, and strays. Anchors are
-//! asked in turn; a difference is taken between an anchor and the next one that is heard. In a
+//! White noise, a bias of each link that depends on the drone's position, and outliers. Anchors are
+//! asked in turn, and a difference is taken between an anchor and the next one that is heard. In a
 //! fleet all links take turns: those of each drone to its anchors, then the pairs of drones. Both
-//! drones of a pair read the same range. Walls, antennas' patterns and collisions of packets are
-//! not modeled.
+//! drones of a pair read the same range. Walls, antenna patterns and collisions of packets are not
+//! modeled.
 
 use nalgebra::Vector3;
 
@@ -13,9 +13,9 @@ use super::{Fleet, Positioning, SensorOptions, UwbOptions};
 use noctograph_core::error::Result;
 use noctograph_core::random::{Field, Noise};
 
-/// Distance over which a link's error changes: an assumption, of the size of the furniture.
+/// Distance over which a link's bias changes: an assumption, the size of furniture.
 const BIAS_LENGTH_M: f64 = 1.5;
-/// Mean error of an outlier: too long for two-way ranging, either way for differences.
+/// Mean error of an outlier: positive for two-way ranging, of either sign for differences.
 const OUTLIER_M: f64 = 1.0;
 
 /// One measured distance, or difference of two.
@@ -40,7 +40,7 @@ pub(crate) struct PeerRange {
 /// A link in the round of all, with drones by their places in the fleet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Turn {
-    /// To an anchor, less the distance to another one where differences are measured.
+    /// To an anchor, less the distance to another one for differences.
     Anchor {
         drone: usize,
         anchor: usize,
@@ -53,11 +53,11 @@ pub(crate) enum Turn {
 /// the pairs of drones.
 pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
     let differences = options.positioning == Positioning::UwbTdoa;
-    // In the order of the indices: the names of the drones do not matter.
-    let mut places: Vec<usize> = (0..indices.len()).collect();
-    places.sort_by_key(|place| indices[*place]);
+    // In the order of the indices, so that the order of the drones does not matter.
+    let mut drones: Vec<usize> = (0..indices.len()).collect();
+    drones.sort_by_key(|drone| indices[*drone]);
     let mut turns = Vec::new();
-    for &drone in &places {
+    for &drone in &drones {
         let heard = options.uwb.heard_by(indices[drone])?;
         let next = heard.iter().cycle().skip(1);
         turns.extend(heard.iter().zip(next).map(|(&anchor, &next)| {
@@ -65,32 +65,33 @@ pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn
             Turn::Anchor { drone, anchor, minus }
         }));
     }
-    for (k, &first) in places.iter().enumerate().filter(|_| options.peers.ranging) {
-        turns.extend(places[k + 1..].iter().map(|second| Turn::Drones(first, *second)));
+    for (k, &first) in drones.iter().enumerate().filter(|_| options.peers.ranging) {
+        turns.extend(drones[k + 1..].iter().map(|second| Turn::Drones(first, *second)));
     }
     Ok(turns)
 }
 
-/// White noise and strays of ranges.
+/// White noise and outliers of ranges.
 #[derive(Debug)]
 struct Errors {
     noise: Noise,
-    strays: Noise,
+    outliers: Noise,
 }
 
 impl Errors {
-    /// A distance with its errors. Those of outliers are exponential; a difference strays either
-    /// way.
+    /// A distance with its errors. Outliers are exponential, of either sign for differences.
     fn added_to(&mut self, distance_m: f64, options: &UwbOptions, differences: bool) -> f64 {
+        // A Laplace distribution by the inverse of its distribution function, whose upper half is
+        // the exponential one. Both numbers are drawn at every range.
         let white_m = self.noise.normal() * options.noise_m;
-        let [luck, size] = [self.strays.uniform(), self.strays.uniform()];
-        let either = if differences { size } else { 0.5 + 0.5 * size };
-        let astray_m = match luck < options.outlier_frac {
-            true if either < 0.5 => OUTLIER_M * libm::log(1.0 - 2.0 * either),
-            true => -OUTLIER_M * libm::log(2.0 * (1.0 - either)),
+        let [chance, size] = [self.outliers.uniform(), self.outliers.uniform()];
+        let quantile = if differences { size } else { 0.5 + 0.5 * size };
+        let outlier_m = match chance < options.outlier_frac {
+            true if quantile < 0.5 => OUTLIER_M * libm::log(1.0 - 2.0 * quantile),
+            true => -OUTLIER_M * libm::log(2.0 * (1.0 - quantile)),
             false => 0.0,
         };
-        distance_m + white_m + astray_m
+        distance_m + white_m + outlier_m
     }
 }
 
@@ -100,11 +101,11 @@ pub(super) struct Uwb {
     options: UwbOptions,
     differences: bool,
     /// Its place in the fleet.
-    own: usize,
+    place: usize,
     anchors_m: Vec<Vector3<f64>>,
     turns: Vec<Turn>,
     clock: Clock,
-    /// Of each link: an anchor, or the pair that begins with it.
+    /// Bias of each link: to an anchor, or to the pair that begins with it.
     biases: Vec<Field<1>>,
     errors: Errors,
     /// Bias and errors of the link to each drone of the fleet.
@@ -114,31 +115,30 @@ pub(super) struct Uwb {
 }
 
 impl Uwb {
-    /// The tag of a drone.
-    ///
-    /// # Panics
-    ///
-    /// If the options leave out the anchors of the drone, see [`UwbOptions::heard_by`].
     pub(super) fn new(options: &SensorOptions, fleet: &Fleet, streams: &Streams) -> Self {
         let indices: Vec<u64> = fleet.members.iter().map(|member| member.index).collect();
         let uwb = &options.uwb;
         let bias = |mut noise: Noise| Field::new(&mut noise, uwb.bias_m, BIAS_LENGTH_M);
-        let own = indices[fleet.place];
+        // Both drones of a pair draw from the streams of the pair, and so read the same.
+        let index = indices[fleet.place];
         let peers = indices.iter().map(|other| {
-            let (first, second) = (own.min(*other), own.max(*other));
-            let [noise, strays, link] = ["noise", "strays", "link"]
-                .map(|what| streams.of_drone(first, &format!("uwb peer {second} {what}")));
-            (bias(link), Errors { noise, strays })
+            let (first, second) = (index.min(*other), index.max(*other));
+            let [noise, outliers, link] = ["noise", "strays", "link"]
+                .map(|what| streams.noise_of(first, &format!("uwb peer {second} {what}")));
+            (bias(link), Errors { noise, outliers })
         });
         let anchors_m = uwb.anchors();
         let links = 0..anchors_m.len();
         Self {
             differences: options.positioning == Positioning::UwbTdoa,
-            own: fleet.place,
+            place: fleet.place,
             turns: turns(options, &indices).expect("checked before"),
             clock: Clock::new(uwb.rate_hz),
-            biases: links.map(|i| bias(streams.shared_by_room(&format!("uwb link {i}")))).collect(),
-            errors: Errors { noise: streams.own("uwb noise"), strays: streams.own("uwb strays") },
+            biases: links.map(|i| bias(streams.room_noise(&format!("uwb link {i}")))).collect(),
+            errors: Errors {
+                noise: streams.drone_noise("uwb noise"),
+                outliers: streams.drone_noise("uwb strays"),
+            },
             peers: peers.collect(),
             // A rate of 2 kHz on a control loop of 50 Hz.
             ranges: Vec::with_capacity(64),
@@ -159,7 +159,7 @@ impl Uwb {
         self.peer_ranges.clear();
         while let Some(k) = self.clock.due(time_s) {
             match self.turns[k % self.turns.len()] {
-                Turn::Anchor { drone, anchor, minus } if drone == self.own => {
+                Turn::Anchor { drone, anchor, minus } if drone == self.place => {
                     let distance = |i: usize| (position_m - self.anchors_m[i]).norm();
                     let true_m = distance(anchor) - minus.map_or(0.0, distance);
                     let biased_m = true_m + self.biases[anchor].component(0, position_m);
@@ -167,10 +167,10 @@ impl Uwb {
                         self.errors.added_to(biased_m, &self.options, self.differences);
                     self.ranges.push(Range { anchor, minus, distance_m });
                 }
-                Turn::Drones(i, j) if i == self.own || j == self.own => {
-                    let drone = if i == self.own { j } else { i };
+                Turn::Drones(i, j) if i == self.place || j == self.place => {
+                    let drone = if i == self.place { j } else { i };
                     let (bias, errors) = &mut self.peers[drone];
-                    // Midway, so that both ends read the same.
+                    // The bias midway, so that both ends read the same.
                     let middle_m = (position_m + fleet_m[drone]) * 0.5;
                     let true_m = (position_m - fleet_m[drone]).norm();
                     let biased_m = true_m + bias.component(0, &middle_m);
@@ -236,19 +236,20 @@ mod tests {
     }
 
     #[test]
-    fn strays_are_as_many_and_as_large_as_stated() {
+    fn outliers_are_as_many_and_as_large_as_stated() {
         let options =
             UwbOptions { noise_m: 0.0, bias_m: 0.0, outlier_frac: 0.14, ..UwbOptions::default() };
         for differences in [false, true] {
-            let all: Vec<f64> = errors(&options, differences).concat();
-            let strays: Vec<f64> = all.iter().copied().filter(|e| e.abs() > 1e-9).collect();
-            let share = strays.len() as f64 / all.len() as f64;
-            assert!((share - 0.14).abs() < 0.005, "share {share}");
-            let size = mean(strays.iter().map(|e| e.abs()));
+            let errors: Vec<f64> = errors(&options, differences).concat();
+            let outliers: Vec<f64> = errors.iter().copied().filter(|e| e.abs() > 1e-9).collect();
+            let n = outliers.len();
+            let fraction = n as f64 / errors.len() as f64;
+            assert!((fraction - 0.14).abs() < 0.005, "fraction {fraction}");
+            let size = mean(outliers.iter().map(|e| e.abs()));
             assert!((size / OUTLIER_M - 1.0).abs() < 0.05, "mean size {size}");
-            let shorter = strays.iter().filter(|e| **e < 0.0).count();
-            let want = if differences { strays.len() / 2 } else { 0 };
-            assert!(shorter.abs_diff(want) < strays.len() / 50, "{shorter} of {}", strays.len());
+            let shorter = outliers.iter().filter(|e| **e < 0.0).count();
+            let want = if differences { n / 2 } else { 0 };
+            assert!(shorter.abs_diff(want) < n / 50, "{shorter} of {n}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! YAML as Bitcraze's programs write it, read into plain structs.
+//! YAML of Bitcraze's programs, read into plain structs.
 
 mod anchors;
 mod lighthouse;
@@ -8,18 +8,14 @@ use serde::de::DeserializeOwned;
 use noctograph_core::error::{Error, Result};
 
 pub use self::anchors::read_anchors;
-pub use self::lighthouse::{LighthouseConfig, read_lighthouse_config};
+pub use self::lighthouse::read_lighthouse_config;
 
 /// Most letters of a line that a message shows.
 const MOST_SHOWN: usize = 60;
 
-/// Reads a text with one document; `file` is its name in messages.
-///
-/// # Errors
-///
-/// [`Error::Input`] with the line where it is not YAML, or not of this form. Keys twice, anchors
-/// that multiply and deep nesting are refused by the library.
+/// Reads a text with one document. `file` is its name in messages.
 fn from_yaml<T: DeserializeOwned>(text: &str, file: &str, hint: &str) -> Result<T> {
+    // The library refuses duplicate keys, anchors that multiply, and deep nesting.
     serde_saphyr::from_str(text).map_err(|error| {
         let line = error.location().map_or(1, |location| location.line()).max(1);
         let text = usize::try_from(line - 1).ok().and_then(|row| text.lines().nth(row));

@@ -9,8 +9,7 @@ const SECONDS_PER_HOUR: f64 = 3600.0;
 /// `pm_stm32f4.c` of firmware 2026.08): a sag at take-off empties no battery.
 const CUT_OFF_S: f64 = 5.0;
 
-/// Highest voltage of a motor that is looked for, in those of the battery, and bisections: to 1e-9
-/// V.
+/// Upper end of the bisection of a motor's voltage, in battery voltages, and its steps: to 1e-9 V.
 const HIGHEST_V: f64 = 8.0;
 const BISECTIONS: u32 = 36;
 
@@ -24,7 +23,7 @@ pub(super) struct Battery {
     pub(super) voltage_v: f64,
     /// Delivered so far.
     pub(super) energy_j: f64,
-    /// For how long the voltage has been below the cut-off.
+    /// Time for which the voltage has been below the cut-off.
     low_s: f64,
 }
 
@@ -42,7 +41,7 @@ pub(super) struct Limit {
 }
 
 impl Battery {
-    /// A battery under its idle current; `None` without a capacity: its voltage never sags.
+    /// A battery under its idle current. `None` without a capacity: its voltage never sags.
     pub(super) fn new(options: &BatteryOptions) -> Option<Self> {
         let mut battery = Self {
             options: options.clone(),
@@ -56,8 +55,7 @@ impl Battery {
         (options.capacity_ah > 0.0).then_some(battery)
     }
 
-    /// Whether the voltage has been below the cut-off for too long; the motors stay off from then
-    /// on.
+    /// True once the voltage was below the cut-off for too long. The motors then stay off.
     pub(super) fn is_cut_off(&self) -> bool {
         self.low_s >= CUT_OFF_S
     }
@@ -65,6 +63,7 @@ impl Battery {
     /// Supplies a total thrust of all rotors for `dt_s`.
     #[inline(always)]
     pub(super) fn drain(&mut self, thrust_n: f64, dt_s: f64) {
+        // U = U₀(charge) − R I, with a current that is linear in the thrust.
         let options = &self.options;
         let current_a = options.idle_current_a + options.current_a_per_n * thrust_n;
         let spent = current_a * dt_s / self.capacity_a_s;
@@ -79,7 +78,7 @@ impl Battery {
         }
     }
 
-    /// Limits at the present voltage; `full_n` is the thrust of a motor's largest command.
+    /// Limits at the present voltage. `full_n` is the thrust of a motor's largest command.
     #[inline(always)]
     pub(super) fn limit(&self, full_n: f64) -> Limit {
         if self.is_cut_off() {
@@ -97,11 +96,11 @@ impl Battery {
         }
     }
 
-    /// Thrusts that a battery gives that cannot give those wanted: with the firmware's
-    /// compensation, duty cycles lowered by what the largest one exceeds a full one, but not below
-    /// idling; else each motor full.
+    /// Thrusts of the motors if the battery cannot give those wanted.
     #[inline(never)]
     pub(super) fn lowered(&self, wanted_n: &Vector4<f64>, max_n: f64) -> Vector4<f64> {
+        // Without compensation each motor is limited by itself. With it, the duty cycles of all
+        // four are lowered by the excess of the largest one, but not below idling.
         if self.is_cut_off() || self.options.compensation == Compensation::None {
             return wanted_n.map(|wanted_n| wanted_n.min(max_n));
         }
@@ -130,7 +129,7 @@ impl Battery {
         (a + motor_v * (b + motor_v * (c + motor_v * d))).max(0.0)
     }
 
-    /// Voltage of a motor that gives a thrust, by bisection; 0 for none.
+    /// Voltage of a motor that gives a thrust, by bisection. 0 for no thrust.
     fn motor_v(&self, thrust_n: f64) -> f64 {
         let [mut below_v, mut above_v] = [0.0, HIGHEST_V * self.voltage_v];
         if thrust_n <= 0.0 {
@@ -213,14 +212,14 @@ mod tests {
         let given_n = battery.lowered(&wanted_n, max_n);
         assert!((given_n[0] - max_n).abs() < 1e-6, "the strongest is full");
         let [motors_v, lowered_v] =
-            [wanted_n, given_n].map(|all_n| all_n.map(|thrust_n| battery.motor_v(thrust_n)));
+            [wanted_n, given_n].map(|n| n.map(|thrust_n| battery.motor_v(thrust_n)));
         for motor in 1..3 {
             let by_v = [0, motor].map(|motor: usize| motors_v[motor] - lowered_v[motor]);
             assert!((by_v[0] - by_v[1]).abs() < 1e-6, "alike: {by_v:?}");
         }
         assert_eq!(given_n[3], 0.0);
         battery.options.compensation = Compensation::None;
-        assert_eq!(battery.lowered(&wanted_n, max_n)[1], wanted_n[1], "each alone");
+        assert_eq!(battery.lowered(&wanted_n, max_n)[1], wanted_n[1], "each by itself");
     }
 
     #[test]

@@ -1,17 +1,18 @@
-//! The rigid body: where it is, and one step of its motion.
+//! The rigid body: its state, and one step of its motion.
 
 use nalgebra::{Matrix3, Quaternion, SVector, UnitQuaternion, Vector3};
 
 use super::VehicleOptions;
 use super::model::{State, state};
 use super::rotors::Load;
+use crate::kalman::rotation;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::geometry::Attitude;
 
 /// Position, velocity, quaternion (w x y z) and body rate in one row, for the integrator.
 pub(super) type Row = SVector<f64, 13>;
 
-/// Where a rigid body is and how it moves.
+/// Pose and motion of a rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidBody {
     /// Body origin, world frame.
@@ -43,15 +44,16 @@ impl RigidBody {
         Self { world_from_body, ..Self::resting_at(self.position_m) }
     }
 
-    /// Whether the pitch or the roll has come to a quarter turn, where the thrust no longer lifts.
+    /// True if the pitch or the roll has come to a quarter turn, at which the thrust does not lift.
     pub(crate) fn is_on_its_back(&self) -> bool {
+        // The cosine of the roll times that of the pitch, and the sine of the pitch.
         let q = &self.world_from_body;
         let (cos_of_roll, sin_pitch) =
             (1.0 - 2.0 * (q.i * q.i + q.j * q.j), 2.0 * (q.w * q.j - q.k * q.i));
         cos_of_roll <= 0.0 || sin_pitch.abs() >= 1.0
     }
 
-    /// The same place and yaw on a floor of a height, level and at rest.
+    /// The same position in x and y and the same yaw, level and at rest on a floor.
     pub(super) fn on_floor(&self, floor_m: f64) -> Self {
         let [y, x] = self.yaw();
         Self::resting_at(Vector3::new(self.position_m.x, self.position_m.y, floor_m))
@@ -158,7 +160,7 @@ impl Inertia {
         -Vector3::new(x + across, y + across, z).component_mul(airspeed_m_s)
     }
 
-    /// One step of the classical Runge–Kutta method; `loads` at its start, middle and end.
+    /// One step of the classical Runge–Kutta method, with loads at its start, middle and end.
     #[inline(always)]
     pub(super) fn step(
         &self,
@@ -167,11 +169,12 @@ impl Inertia {
         wind_m_s: &Vector3<f64>,
         dt_s: f64,
     ) -> Row {
-        let k1 = self.slope(s, &loads[0], wind_m_s);
-        let k2 = self.slope(&(s + k1 * (0.5 * dt_s)), &loads[1], wind_m_s);
-        let k3 = self.slope(&(s + k2 * (0.5 * dt_s)), &loads[1], wind_m_s);
-        let k4 = self.slope(&(s + k3 * dt_s), &loads[2], wind_m_s);
+        let k1 = self.derivative(s, &loads[0], wind_m_s);
+        let k2 = self.derivative(&(s + k1 * (0.5 * dt_s)), &loads[1], wind_m_s);
+        let k3 = self.derivative(&(s + k2 * (0.5 * dt_s)), &loads[1], wind_m_s);
+        let k4 = self.derivative(&(s + k3 * dt_s), &loads[2], wind_m_s);
         let mut end = s + (k1 + (k2 + k3) * 2.0 + k4) * (dt_s / 6.0);
+        // The step leaves the unit sphere of quaternions a little.
         let [w, x, y, z] = [end[6], end[7], end[8], end[9]];
         let size = ((x * x + z * z) + (y * y + w * w)).sqrt();
         (6..10).for_each(|i| end[i] /= size);
@@ -180,20 +183,12 @@ impl Inertia {
 
     /// Derivative of the body's state under a load and wind.
     #[inline(always)]
-    fn slope(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
+    fn derivative(&self, s: &Row, load: &Load, wind_m_s: &Vector3<f64>) -> Row {
+        // Velocity through the air in the body's frame, by the matrix of the quaternion.
         let [w, x, y, z] = [s[6], s[7], s[8], s[9]];
-        let world_from_body = Matrix3::new(
-            (y * y + z * z) * -2.0 + 1.0,
-            (x * y - w * z) * 2.0,
-            (x * z + w * y) * 2.0,
-            (x * y + w * z) * 2.0,
-            (x * x + z * z) * -2.0 + 1.0,
-            (y * z - w * x) * 2.0,
-            (x * z - w * y) * 2.0,
-            (y * z + w * x) * 2.0,
-            (x * x + y * y) * -2.0 + 1.0,
-        );
+        let world_from_body = rotation([w, x, y, z]);
         let air = world_from_body.tr_mul(&(Vector3::new(s[3], s[4], s[5]) - wind_m_s));
+        // Force: thrust along z and drag. Torque: the rotors' and that of the air across them.
         let mut force = self.drag_n(&air, load);
         force.z += load.thrust_n;
         let acceleration = world_from_body * force * self.per_mass;
@@ -201,6 +196,7 @@ impl Inertia {
         let (c, per_j, torque) = (&self.coupling, &self.per_moment, &load.torque_n_m);
         let m_u = self.airspeed_moment_n_s;
         let (roll, pitch) = (torque.x + m_u * air.y, torque.y - m_u * air.x);
+        // ẋ = v, v̇ = R f / m − g, q̇ = ½ q ω, and Euler's equations for the rate.
         Row::from([
             s[3],
             s[4],
@@ -212,7 +208,7 @@ impl Inertia {
             (w * p + y * o - z * q) * 0.5,
             (w * q + z * p - x * o) * 0.5,
             (w * o + x * q - y * p) * 0.5,
-            // The rotors' own spin turns with the body: the gyroscopic torque.
+            // The rotors' spin turns with the body: the gyroscopic torque.
             c[0] * q * o + (roll - q * load.spin_n_m_s) * per_j[0],
             c[1] * p * o + (pitch + p * load.spin_n_m_s) * per_j[1],
             c[2] * p * q + torque.z * per_j[2],
@@ -225,7 +221,7 @@ mod tests {
     use nalgebra::Rotation3;
 
     use super::*;
-    use crate::vehicle::model::{Vehicle, Wrench};
+    use crate::vehicle::model::Wrench;
     use crate::vehicle::{attitude, rate, velocity};
 
     impl RigidBody {
@@ -292,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_free_spinning_top_precesses_as_the_closed_form_says() {
+    fn a_free_spinning_top_precesses_as_the_closed_form() {
         // Two equal moments: w_z stays, (w_x, w_y) turn by (J_z − J_x) w_z / J_x.
         let options =
             VehicleOptions { inertia_kg_m2: [1.2e-5, 1.2e-5, 3.3e-5], ..Default::default() };
@@ -310,7 +306,7 @@ mod tests {
             Load { thrust_n: 0.36, torque_n_m: Vector3::new(1e-6, -2e-6, 1e-6), ..Load::default() };
         let (body, dt_s, n) = (tumbling(), 2.5e-4, 4000);
         let wrench = Wrench::new(1e-6, -2e-6, 1e-6, 0.36);
-        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let vehicle = VehicleOptions::default();
         let mut state = body.state();
         for _ in 0..n {
             state = vehicle.step(&state, &wrench, dt_s);
@@ -371,9 +367,9 @@ mod tests {
         let velocity_m_s = Vector3::new(0.2, 0.1, 0.3);
         let body = RigidBody { velocity_m_s, ..RigidBody::resting_at(Vector3::zeros()) };
         let wind_m_s = velocity_m_s * 0.5;
-        let slope = Inertia::new(&options).slope(&body.row(), &Load::default(), &wind_m_s);
-        // Nose up is a negative pitch, left side up a positive roll; half the speed is the wind's.
-        let torque = Vector3::from_fn(|i, _| slope[10 + i] * options.inertia_kg_m2[i]);
+        let change = Inertia::new(&options).derivative(&body.row(), &Load::default(), &wind_m_s);
+        // Nose up is a negative pitch, left side up a positive roll. Half the speed is the wind's.
+        let torque = Vector3::from_fn(|i, _| change[10 + i] * options.inertia_kg_m2[i]);
         let want = Vector3::new(4.7e-4 * 0.05, -4.7e-4 * 0.1, 0.0);
         assert!((torque - want).norm() < 1e-18, "{torque}");
     }
@@ -383,12 +379,9 @@ mod tests {
         let load = Load { spin_n_m_s: 1e-4, ..Load::default() };
         let body =
             RigidBody { rate_rad_s: Vector3::x(), ..RigidBody::resting_at(Vector3::zeros()) };
-        let slope =
-            Inertia::new(&VehicleOptions::default()).slope(&body.row(), &load, &Vector3::zeros());
-        assert!(
-            (slope[11] * VehicleOptions::default().inertia_kg_m2[1] - 1e-4).abs() < 1e-18,
-            "−w × h"
-        );
+        let options = VehicleOptions::default();
+        let change = Inertia::new(&options).derivative(&body.row(), &load, &Vector3::zeros());
+        assert!((change[11] * options.inertia_kg_m2[1] - 1e-4).abs() < 1e-18, "−w × h");
     }
 
     #[test]

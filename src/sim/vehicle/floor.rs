@@ -7,7 +7,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::settings::{Described, Shape, joined, settings};
 
 settings! {
-    /// The floor: level at z = 0, but for steps. The ranger sees them, and the drone can stand on
+    /// The floor: level at z = 0, with steps. The ranger measures them, and the drone can rest on
     /// them. Their sides stop nothing, and no light falls on them.
     pub struct FloorOptions {
         /// Steps, such as tables: `[{ x_m = [1, 2], y_m = [-1, 1], height_m = 0.5 }]`.
@@ -15,7 +15,7 @@ settings! {
     }
 }
 
-/// A step of the floor: a box that stands on it, such as a table.
+/// A step of the floor: a box on it, such as a table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FloorStep {
@@ -49,9 +49,9 @@ impl Described for FloorStep {
             extent_m.check(&place, Some([-1e4, 1e4]))?;
             let [least, most] = extent_m;
             if least >= most {
-                let ends = format!("{least} to {most} m");
+                let extent = format!("{least} to {most} m");
                 let hint = "write the smaller end first";
-                return Err(Error::input(place, ends, "an end beyond its beginning", hint));
+                return Err(Error::input(place, extent, "an end beyond its beginning", hint));
             }
         }
         Ok(())
@@ -59,14 +59,14 @@ impl Described for FloorStep {
 }
 
 impl FloorOptions {
-    /// Height of the floor at a place.
+    /// Height of the floor at a point.
     #[inline(always)]
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
         let below = self.steps.iter().filter(|step| step.is_below(x_m, y_m));
         below.fold(0.0, |highest, step| step.height_m.max(highest))
     }
 
-    /// Distance from a place to the floor along a direction that looks down, a unit vector.
+    /// Distance from a point to the floor along a downward unit vector.
     pub fn distance_m(&self, from_m: &Vector3<f64>, down: &Vector3<f64>) -> f64 {
         let onto_steps_m = self.steps.iter().filter_map(|step| {
             let distance_m = (from_m.z - step.height_m) / -down.z;
@@ -76,7 +76,7 @@ impl FloorOptions {
         onto_steps_m.fold(from_m.z / -down.z, f64::min)
     }
 
-    /// Checks that no two steps are in one place.
+    /// Checks that no two steps overlap.
     pub(crate) fn check_steps(&self) -> Result<()> {
         for (i, step) in self.steps.iter().enumerate() {
             if let Some(j) = self.steps[..i].iter().position(|other| step.overlaps(other)) {

@@ -2,8 +2,8 @@
 
 use super::{GroundEffect, VehicleOptions};
 
-/// Lowest height of the rotors, in radii, at which the models are used: below, no measurements
-/// support them, and Cheeseman and Bennett's diverges at a quarter.
+/// Lowest height of the rotors in the models, in radii: below it there are no measurements, and
+/// Cheeseman and Bennett's model diverges at a quarter.
 const MIN_HEIGHT_RADII: f64 = 0.5;
 
 /// Ground effect of one drone.
@@ -25,22 +25,23 @@ impl Floor {
         }
     }
 
-    /// Thrust over that far from the floor at the same rotor speed, for a level drone whose origin
-    /// is `height_m` above the floor.
+    /// Thrust relative to that far from the floor at the same rotor speed, for a level drone whose
+    /// origin is `height_m` above the floor.
     #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
+        // A rotor's own image, and those of its two neighbors and the opposite one.
         let radius = self.radius_m;
         let z = (height_m + self.rotor_height_m).max(radius * MIN_HEIGHT_RADII);
-        let own = radius / (z * 4.0);
+        let image = radius / (z * 4.0);
         match self.model {
             GroundEffect::None => 1.0,
-            GroundEffect::CheesemanBennett => 1.0 / (1.0 - own * own),
+            GroundEffect::CheesemanBennett => 1.0 / (1.0 - image * image),
             GroundEffect::SanchezCuevas => {
                 let (square, d_sq) = (z * 4.0 * z, self.spacing_m * self.spacing_m);
                 let (near, far) = (d_sq + square, d_sq * 2.0 + square);
                 let images = z / (near * near.sqrt()) + z / (far * far.sqrt()) * 0.5;
                 let others = radius * radius * images;
-                1.0 / (1.0 - own * own - others)
+                1.0 / (1.0 - image * image - others)
             }
         }
     }

@@ -7,10 +7,10 @@ use noctograph_core::random::{Noise, Normals};
 
 /// Meters per foot: the specification's formulas are in feet.
 const FOOT_M: f64 = 0.3048;
-/// Correlation time of the torque of uneven air: that of the reference flight, as
-/// [`super::GustOptions`] says.
+/// Correlation time of the torque of uneven air: that of the reference flight, see
+/// [`super::GustOptions`].
 pub const TORQUE_TIME_S: f64 = 1.5;
-/// Lowest height that the low-altitude model is given for, feet. Flights below it use its figures.
+/// Lowest height of the low-altitude model, feet. Flights below it use its figures.
 const LOWEST_FT: f64 = 10.0;
 
 /// Wind at the drone, from step to step.
@@ -19,23 +19,22 @@ pub(super) struct Wind {
     mean_m_s: Vector3<f64>,
     /// World directions of the three gust components.
     axes: [Vector3<f64>; 3],
-    gusts: Option<Shaken>,
-    torques: Option<Shaken>,
+    gusts: Option<Filtered>,
+    torques: Option<Filtered>,
 }
 
-/// Three components of filtered noise.
+/// Three components of filtered noise, stationary from the start.
 #[derive(Debug)]
-struct Shaken {
+struct Filtered {
     filters: [Filter; 3],
     noise: Normals,
 }
 
-impl Shaken {
-    /// In the midst of it.
+impl Filtered {
     fn new(filters: [Filter; 3], noise: Noise) -> Self {
-        let mut shaken = Self { filters, noise: Normals::new(noise) };
-        shaken.filters.iter_mut().for_each(|filter| filter.settle(&mut shaken.noise));
-        shaken
+        let mut filtered = Self { filters, noise: Normals::new(noise) };
+        filtered.filters.iter_mut().for_each(|filter| filter.settle(&mut filtered.noise));
+        filtered
     }
 
     #[inline]
@@ -63,10 +62,11 @@ impl Wind {
         match &options.gusts {
             Gusts::OrnsteinUhlenbeck(room) => {
                 filters = Some(room.sigma_m_s.map(|s| Filter::new([s, 0.0], room.time_s, dt_s)));
-                let share = room.share_of_room();
-                let sigmas_n_m = room.torque_sigma_n_m.map(|sigma| [sigma * share, 0.0]);
+                let strength = room.relative_strength();
+                let sigmas_n_m = room.torque_sigma_n_m.map(|sigma| [sigma * strength, 0.0]);
                 torques = Some(sigmas_n_m.map(|parts| Filter::new(parts, TORQUE_TIME_S, dt_s)));
             }
+            // Along the wind, across it, and up.
             Gusts::Dryden if level_m_s > 0.0 => {
                 let along = Vector3::new(mean_m_s.x, mean_m_s.y, 0.0) / level_m_s;
                 axes = [along, Vector3::z().cross(&along), Vector3::z()];
@@ -74,14 +74,14 @@ impl Wind {
             }
             Gusts::Dryden | Gusts::None => {}
         }
-        let shaken = [(filters, "gusts"), (torques, "gust torque")];
-        let [gusts, torques] = shaken.map(|(filters, stream)| {
-            filters.map(|filters| Shaken::new(filters, Noise::new(seed, drone, stream)))
+        let streams = [(filters, "gusts"), (torques, "gust torque")];
+        let [gusts, torques] = streams.map(|(filters, stream)| {
+            filters.map(|filters| Filtered::new(filters, Noise::new(seed, drone, stream)))
         });
         Self { mean_m_s, axes, gusts, torques }
     }
 
-    /// Whether it is a wind that never changes.
+    /// True if the wind never changes.
     pub(super) fn is_steady(&self) -> bool {
         self.gusts.is_none() && self.torques.is_none()
     }
@@ -105,11 +105,13 @@ impl Wind {
 /// Dryden's spectra as MIL-F-8785C gives them below 1000 ft, for air that drifts past the drone
 /// with the wind: one filter along the wind, two across it.
 fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
+    // σ_w = 0.1 u, σ_u = σ_w / (0.177 + 0.000823 h)^0.4, L_w = h, L_u = h / (…)^1.2, h in feet.
     let shape = 0.177 + 0.000_823 * LOWEST_FT;
     let vertical_m_s = 0.1 * wind_m_s;
     let level_m_s = vertical_m_s / libm::pow(shape, 0.4);
     let (vertical_m, level_m) = (LOWEST_FT * FOOT_M, LOWEST_FT * FOOT_M / libm::pow(shape, 1.2));
     let across = [(level_m_s, level_m), (vertical_m_s, vertical_m)];
+    // Across: σ/√2 (1 + √3 τ s) / (1 + τ s)², as a sum of one stage and two.
     let [level, vertical] = across.map(|(sigma_m_s, length_m)| {
         let sigma = sigma_m_s / f64::sqrt(2.0);
         let parts = [f64::sqrt(3.0) * sigma, (1.0 - f64::sqrt(3.0)) * sigma];
@@ -118,8 +120,8 @@ fn dryden(wind_m_s: f64, dt_s: f64) -> [Filter; 3] {
     [Filter::new([level_m_s, 0.0], level_m / wind_m_s, dt_s), level, vertical]
 }
 
-/// White noise through `parts[0] / (1 + τs) + parts[1] / (1 + τs)²`, where the first stage has
-/// variance 1; sampled without error.
+/// White noise through `parts[0] / (1 + τs) + parts[1] / (1 + τs)²`, with variance 1 of the first
+/// stage, sampled without error.
 #[derive(Clone, Copy, Debug)]
 struct Filter {
     parts: [f64; 2],
@@ -134,6 +136,7 @@ struct Filter {
 
 impl Filter {
     fn new(parts: [f64; 2], time_s: f64, dt_s: f64) -> Self {
+        // `F = [stays 0; gives stays]`, exact for the step, and the Cholesky factor of P − F P Fᵀ.
         let stays = libm::exp(-dt_s / time_s);
         let gives = stays * dt_s / time_s;
         let first_sq = 1.0 - stays * stays;
@@ -145,13 +148,14 @@ impl Filter {
         Self { parts, stages: [0.0; 2], stays, gives, adds }
     }
 
-    /// Draws the stages from their stationary distribution.
+    /// Draws the stages from their stationary distribution, by Cholesky's factor of P.
     fn settle(&mut self, noise: &mut Normals) {
         let first = noise.next();
         self.stages = [first, 0.5 * (first + noise.next())];
     }
 
     fn advance(&mut self, noise: &mut Normals) -> f64 {
+        // A filter of one stage draws one number a step, and one of two stages draws two.
         let [first, second] = self.stages;
         let draw = noise.next();
         self.stages[0] = self.stays * first + self.adds[0] * draw;
@@ -262,7 +266,7 @@ mod tests {
         let options =
             AirOptions { gusts: Gusts::Dryden, wind_m_s: [3.0, 0.0, 0.0], ..Default::default() };
         let spectrum = spectra(&options);
-        // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m; shape 0.18523.
+        // MIL-F-8785C at 10 ft and 3 m/s: σ_w 0.3 m/s, L_w 3.048 m, shape 0.18523.
         let (sigma_w, sigma_u) = (0.3, 0.3 / libm::pow(0.18523, 0.4));
         let (t_w, t_u) = (3.048 / 3.0, 3.048 / libm::pow(0.18523, 1.2) / 3.0);
         assert_density(&spectrum[0], |w| 4.0 * sigma_u * sigma_u * t_u / (1.0 + t_u * t_u * w * w));

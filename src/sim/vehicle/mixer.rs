@@ -19,8 +19,7 @@ impl Mixer {
     pub fn new(options: &VehicleOptions) -> Self {
         let (force, lever) = (options.k_f_n, options.k_f_n * options.arm_m);
         let scale = Vector4::new(lever, lever, options.k_m_n_m, force);
-        // The rows of MOTOR_SIGNS are orthogonal with length 2, so that its inverse is its
-        // transpose / 4.
+        // The rows of MOTOR_SIGNS are orthogonal with length 2: the inverse is the transpose / 4.
         Self {
             wrench_from_motors: Matrix4::from_diagonal(&scale) * MOTOR_SIGNS,
             motors_from_wrench: MOTOR_SIGNS.transpose()
@@ -41,14 +40,13 @@ impl Mixer {
         (motors, motors != wanted)
     }
 
-    /// Commands m1…m4 for a wrench as if motors had no limits.
+    /// Commands m1…m4 for a wrench without the motors' limits.
     pub(crate) fn unbounded_motors(&self, wrench: &Wrench) -> Vector4<f64> {
         self.motors_from_wrench * wrench
     }
 
-    /// Commands m1…m4 that the firmware distributes for a wrench, none below zero or above
-    /// `most`, and whether any was cut (`power_distribution_quadrotor.c`,
-    /// `powerDistributionForceTorque`).
+    /// Commands m1…m4 that the firmware distributes for a wrench, none below zero or above `most`,
+    /// and whether any was cut (`power_distribution_quadrotor.c`, `powerDistributionForceTorque`).
     pub(crate) fn distributed(&self, wrench: &Wrench, most: f64) -> (Vector4<f64>, bool) {
         capped(&self.unbounded_motors(wrench), most)
     }
@@ -65,11 +63,11 @@ impl Mixer {
     }
 }
 
-/// Commands of which none is below zero or above `most`, and whether any was cut.
+/// Commands from zero to `most`, and whether any was cut.
 ///
-/// Where a motor is asked for more than `most`, all four are lowered by the excess: thrust gives
-/// way to attitude (`powerDistributionCap`). Where the battery's compensation comes first and caps
-/// what it drives, there is no most here (`stabilizer.c`, `controlMotors`).
+/// If a motor would exceed `most`, all four are lowered by the excess: attitude has priority over
+/// thrust (`powerDistributionCap`). With compensation of the battery, which caps the thrust later,
+/// `most` is infinite (`stabilizer.c`, `controlMotors`).
 fn capped(wanted: &Vector4<f64>, most: f64) -> (Vector4<f64>, bool) {
     let excess = (wanted.max() - most).max(0.0);
     let motors = wanted.map(|m| (m - excess).max(0.0));
@@ -107,12 +105,12 @@ mod tests {
     }
 
     #[test]
-    fn thrust_gives_way_to_attitude_and_before_the_battery_commands_are_cut_below_alone() {
+    fn attitude_has_priority_and_before_the_battery_commands_are_only_cut_below() {
         let commands = Vector4::new(1000.0, 0.0, 0.0, 65_000.0);
         let lowered = Vector4::new(63_535.0, 63_535.0, 65_535.0, 65_535.0);
         assert_eq!(Mixer::motors_from_commands(&commands, 65_535.0), (lowered, true));
-        let whole = Vector4::new(64_000.0, 64_000.0, 66_000.0, 66_000.0);
-        assert_eq!(Mixer::motors_from_commands(&commands, f64::INFINITY), (whole, false));
+        let uncut = Vector4::new(64_000.0, 64_000.0, 66_000.0, 66_000.0);
+        assert_eq!(Mixer::motors_from_commands(&commands, f64::INFINITY), (uncut, false));
         for most in [65_535.0, f64::INFINITY] {
             let weak = Mixer::motors_from_commands(&Vector4::new(0.0, 900.0, 0.0, 800.0), most);
             assert_eq!(weak, (Vector4::new(0.0, 1700.0, 1700.0, 0.0), true));

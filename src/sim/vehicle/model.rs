@@ -1,5 +1,5 @@
-//! The design model: the reference team's nonlinear motion, 12 states and 4 inputs, which gains are
-//! made from. Immediate motors, no drag, no floor.
+//! The design model: the reference team's nonlinear motion with 12 states and 4 inputs, for the
+//! design of gains. Immediate motors, no drag, no floor.
 
 use nalgebra::{SVector, Vector3, Vector4};
 
@@ -15,36 +15,23 @@ pub type Motion = SVector<f64, 9>;
 /// `[τ_x τ_y τ_z f_z]` on the body.
 pub(crate) type Wrench = Vector4<f64>;
 
-/// A rigid body in free air.
-#[derive(Clone, Debug)]
-pub(crate) struct Vehicle {
-    mass_kg: f64,
-    inertia_kg_m2: Vector3<f64>,
-}
-
-impl Vehicle {
-    pub(crate) fn new(options: &VehicleOptions) -> Self {
-        Self { mass_kg: options.mass_kg, inertia_kg_m2: options.inertia_kg_m2.into() }
-    }
-
+impl VehicleOptions {
     /// Thrust that carries the drone, with no torque.
     pub(crate) fn hover(&self) -> Wrench {
         Wrench::new(0.0, 0.0, 0.0, self.mass_kg * GRAVITY_M_S2)
     }
 
-    /// `ṡ` in the air.
+    /// `ṡ` of the design model.
     pub(crate) fn derivative(&self, state: &State, wrench: &Wrench) -> State {
+        let (rate, j) = (rate(state), Vector3::from(self.inertia_kg_m2));
         let motion = state.fixed_rows::<9>(0).into_owned();
-        let rate = rate(state);
-        let (j, spin) = (&self.inertia_kg_m2, self.inertia_kg_m2.component_mul(&rate).cross(&rate));
-        let mut slope = State::zeros();
-        slope.fixed_rows_mut::<9>(0).copy_from(&motion_derivative(
-            &motion,
-            &rate,
-            wrench[3] / self.mass_kg,
-        ));
-        slope.fixed_rows_mut::<3>(9).copy_from(&(spin + wrench.xyz()).component_div(j));
-        slope
+        let motion = motion_derivative(&motion, &rate, wrench[3] / self.mass_kg);
+        // Euler's equations: J ω̇ = τ + J ω × ω.
+        let acceleration = (j.component_mul(&rate).cross(&rate) + wrench.xyz()).component_div(&j);
+        let mut derivative = State::zeros();
+        derivative.fixed_rows_mut::<9>(0).copy_from(&motion);
+        derivative.fixed_rows_mut::<3>(9).copy_from(&acceleration);
+        derivative
     }
 }
 
@@ -63,8 +50,9 @@ pub(crate) fn motion_derivative(
     let across = cos_roll * v.y - sin_roll * v.z;
     let down = sin_roll * v.y + cos_roll * v.z;
     let ahead = cos_pitch * v.x + sin_pitch * down;
+    // Rates of the Euler angles from the body rate, and the velocity's turn with the body.
     let yaw_rate = (rate.y * sin_roll + rate.z * cos_roll) / cos_pitch;
-    let carried = v.cross(rate);
+    let coriolis = v.cross(rate);
     Motion::from([
         cos_yaw * ahead - sin_yaw * across,
         sin_yaw * ahead + cos_yaw * across,
@@ -72,9 +60,9 @@ pub(crate) fn motion_derivative(
         yaw_rate,
         rate.y * cos_roll - rate.z * sin_roll,
         rate.x + yaw_rate * sin_pitch,
-        GRAVITY_M_S2 * sin_pitch + carried.x,
-        -GRAVITY_M_S2 * sin_roll * cos_pitch + carried.y,
-        specific_force_z - GRAVITY_M_S2 * cos_roll * cos_pitch + carried.z,
+        GRAVITY_M_S2 * sin_pitch + coriolis.x,
+        -GRAVITY_M_S2 * sin_roll * cos_pitch + coriolis.y,
+        specific_force_z - GRAVITY_M_S2 * cos_roll * cos_pitch + coriolis.z,
     ])
 }
 
@@ -106,7 +94,7 @@ pub fn attitude(state: &State) -> Attitude {
     Attitude { yaw_rad: state[3], pitch_rad: state[4], roll_rad: state[5] }
 }
 
-/// Velocity in the world, in m/s.
+/// Velocity in the body frame, in m/s.
 pub fn velocity(state: &State) -> Vector3<f64> {
     state.fixed_rows::<3>(6).into_owned()
 }
@@ -126,9 +114,7 @@ mod tests {
             let ([x, y], f) = (self.center_of_mass_m, motors[3]);
             motors + Wrench::new(-y * f, x * f, 0.0, 0.0)
         }
-    }
 
-    impl Vehicle {
         /// State after `dt_s` under a constant wrench: one step of the classical Runge–Kutta
         /// method.
         pub(crate) fn step(&self, state: &State, wrench: &Wrench, dt_s: f64) -> State {
@@ -151,7 +137,7 @@ mod tests {
     #[test]
     fn velocity_turns_with_the_attitude() {
         let state = tumbling();
-        let slope = Vehicle::new(&VehicleOptions::default()).derivative(&state, &Wrench::zeros());
+        let slope = VehicleOptions::default().derivative(&state, &Wrench::zeros());
         let world = attitude(&state).world_from_body() * velocity(&state);
         assert!((position(&slope) - world).norm() < 1e-15, "ȯ = R v");
     }
@@ -160,7 +146,7 @@ mod tests {
     fn attitude_turns_with_the_body_rate() {
         // Ṙ = R [w]×, by a difference of world_from_body along the Euler angles' derivative.
         let state = tumbling();
-        let slope = Vehicle::new(&VehicleOptions::default()).derivative(&state, &Wrench::zeros());
+        let slope = VehicleOptions::default().derivative(&state, &Wrench::zeros());
         let ahead = attitude(&(state + slope * 1e-6)).world_from_body();
         let behind = attitude(&(state - slope * 1e-6)).world_from_body();
         let want = attitude(&state).world_from_body() * rate(&state).cross_matrix();
@@ -169,7 +155,7 @@ mod tests {
 
     #[test]
     fn gravity_and_thrust_alone_change_the_velocity_in_the_world() {
-        let vehicle = Vehicle::new(&VehicleOptions::default());
+        let vehicle = VehicleOptions::default();
         let (state, wrench) = (tumbling(), Wrench::new(0.0, 0.0, 0.0, 0.5));
         let slope = vehicle.derivative(&state, &wrench);
         let [ahead, behind] = [state + slope * 1e-6, state - slope * 1e-6]
@@ -183,7 +169,7 @@ mod tests {
     #[test]
     fn thrust_beside_the_center_of_mass_turns_the_drone() {
         let options = VehicleOptions::default();
-        let wrench = options.about_center_of_mass(&Vehicle::new(&options).hover());
+        let wrench = options.about_center_of_mass(&options.hover());
         assert!((wrench[0] + 1.3e-4).abs() < 1e-6, "τ_x {}", wrench[0]);
         assert!((wrench[1] + 3.3e-4).abs() < 1e-6, "τ_y {}", wrench[1]);
     }

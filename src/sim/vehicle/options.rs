@@ -10,13 +10,13 @@ pub(super) use noctograph_core::crazyflie::GRAVITY_M_S2;
 settings! {
     /// A quadrotor with its four motors at the corners of a square.
     ///
-    /// The rigid body and the linear motors are the reference team's model; everything from
+    /// The rigid body and the linear motors are the reference team's model. Everything from
     /// [`Self::rotor_thrust_n_s2`] on is switched off by 0 or "none", as it is in the default.
     ///
     /// Default: the team's pendulum tests and fits. The center of mass explains the mean motor
-    /// commands and the standing position error of their flight: (−1.3e-4, −3.3e-4, 0) N m at
-    /// hover. Rotors: Bitcraze's fit of 2015 to a Crazyflie 2.0, 2.68e-10 N/rpm² a motor (firmware
-    /// `docs/functional-areas/pwm-to-thrust.md`); propellers of radius 23 mm, 30 mm above the floor
+    /// commands and the steady position error of their flight: (−1.3e-4, −3.3e-4, 0) N m at hover.
+    /// Rotors: Bitcraze's fit of 2015 to a Crazyflie 2.0, 2.68e-10 N/rpm² a motor (firmware
+    /// `docs/functional-areas/pwm-to-thrust.md`). Propellers of radius 23 mm, 30 mm above the floor
     /// (constants of the ground-effect module in `XinLong-Li/cf-frimware-2022-12`).
     pub struct VehicleOptions {
         /// Release of the Crazyflie's firmware, with or without the number of a patch.
@@ -36,14 +36,14 @@ settings! {
         /// The thrust turns the drone about it, and a controller without integral action pays with
         /// a constant position error.
         center_of_mass_m: [f64; 2] = [-0.958e-3, 0.378e-3], in -1.0..=1.0;
-        /// Thrust of one rotor per square of its speed, N/(rad/s)²; for lag, rotor drag and
+        /// Thrust of one rotor per square of its speed, N/(rad/s)², for lag, rotor drag and
         /// gyroscopic torque.
         rotor_thrust_n_s2: f64 = 2.444e-8, in 1e-12..=1.0;
-        /// Time constant of a rising rotor speed; 0: no lag.
+        /// Time constant of a rising rotor speed. 0: no lag.
         ///
         /// Too much makes a firm attitude controller oscillate.
         motor_rise_s: f64 = 0.0, in 0.0..=10.0;
-        /// Time constant of a falling rotor speed; 0: no lag.
+        /// Time constant of a falling rotor speed. 0: no lag.
         motor_fall_s: f64 = 0.0, in 0.0..=10.0;
         /// Drag of the body per airspeed along body x, y, z, N/(m/s).
         body_drag_n_s_m: [f64; 3] = [0.0; 3], in 0.0..=10.0;
@@ -56,25 +56,25 @@ settings! {
         /// The side of a rotor that moves into the air lifts more than the other, and its drag acts
         /// above the center of mass, so that the drone pitches up against its motion (speed
         /// stability: Pounds, Mahony, Corke, "Modelling and control of a large quadrotor robot",
-        /// 2010). A regulator without integral action trails by so much the more. 4.7e-4 in the log
-        /// of the reference flight, from the slow part of its pitch torque against its speed in x
-        /// (of σ 0.8e-4 N m, 0.6e-4 remains).
+        /// 2010). A regulator without integral action trails by more. 4.7e-4 in the log of the
+        /// reference flight, from the slow part of its pitch torque against its speed in x (of σ
+        /// 0.8e-4 N m, 0.6e-4 remains).
         airspeed_moment_n_s: f64 = 0.0, in 0.0..=10.0;
         /// Moment of inertia of one rotor with the turning part of its motor, about its axis.
         ///
         /// Causes the gyroscopic torque, and the yaw torque of a rotor that speeds up.
         rotor_inertia_kg_m2: f64 = 0.0, in 0.0..=1e-2;
-        /// Share of its thrust that each motor m1…m4 lacks at every command: a nicked propeller, a
-        /// worn motor.
+        /// Fraction of its thrust that each motor m1…m4 lacks at every command: a nicked propeller,
+        /// a worn motor.
         motor_loss_frac: [f64; 4] = [0.0; 4], in 0.0..=1.0;
         /// Ground effect: thrust near the floor over thrust far from it, at the same rotor speed.
         ground_effect: GroundEffect = GroundEffect::None;
         /// Radius of a propeller, for the ground effect.
         rotor_radius_m: f64 = 0.023, in 1e-3..=1.0, unless "vehicle.ground_effect" = "none";
-        /// Height of the propellers above the floor when the drone stands on it.
+        /// Height of the propellers above the floor when the drone is on it.
         rotor_height_m: f64 = 0.03, in 0.0..=2.0, unless "vehicle.ground_effect" = "none";
         fixed {
-            /// Largest motor command; the smallest is 0.
+            /// Largest motor command. The smallest is 0.
             motor_max: f64 = 65_535.0;
         }
     }
@@ -94,7 +94,7 @@ settings! {
         /// The denominator above less `R² z / (d² + 4z²)^1.5 + R² z / 2(2d² + 4z²)^1.5`, d the
         /// distance of neighbors. Sanchez-Cuevas, Heredia, Ollero: Characterization of the
         /// aerodynamic ground effect and its influence in multirotor control, Int. J. Aerospace
-        /// Eng. 2017, 1823056; without the body's fountain, whose coefficient they fitted to a far
+        /// Eng. 2017, 1823056, without the body's fountain, whose coefficient they fitted to a far
         /// larger drone.
         "sanchez-cuevas" => SanchezCuevas,
     }
@@ -107,11 +107,11 @@ settings! {
     /// at 32.8 g. Resistance: from the median drop of 0.57 V at take-off in 98 flights of
     /// `NanoBench` (arXiv 2603.09908) and the change of current. Thrust: firmware
     /// `platform_defaults_cf2.h`, legacy propellers. Cut-off: its critical voltage, and five
-    /// seconds (`pm.h`, whose shutdown is not written; nobody flies on).
+    /// seconds (`pm.h`).
     pub struct BatteryOptions {
-        /// Charge of a full battery, A h; 0: no battery, full thrust at all times.
+        /// Charge of a full battery, A h. 0: no battery, full thrust at all times.
         capacity_ah: f64 = 0.0, in 0.0..=1000.0;
-        /// Charge at the start, as a share of the full battery's.
+        /// Charge at the start, as a fraction of the full battery's.
         charge_frac: f64 = 1.0, in 0.0..=1.0;
         /// Open-circuit voltage at 0 %, 10 % … 100 % of charge.
         open_circuit_v: [f64; 11] =
@@ -128,15 +128,15 @@ settings! {
         compensation: Compensation = Compensation::Firmware;
         /// Thrust below which the firmware's compensation stops a motor, N.
         least_thrust_n: f64 = 0.0, in 0.0..=1e3, for "battery.compensation" = "firmware";
-        /// Least duty cycle of an armed motor in the air, as a share of a full one.
+        /// Least duty cycle of an armed motor in the air, as a fraction of a full one.
         idle_frac: f64 = 0.0, in 0.0..=1.0, for "battery.compensation" = "firmware";
-        /// Voltage under load below which, after 5 s, the motors stop for good; 0: never.
+        /// Voltage under load below which, after 5 s, the motors stop for good. 0: never.
         cut_off_v: f64 = 3.0, in 0.0..=1000.0;
     }
 
     /// Compensation of a falling battery voltage by the firmware.
     pub enum Compensation {
-        /// A command is a thrust: the duty cycle rises as the voltage falls. Where one motor's is
+        /// A command is a thrust: the duty cycle rises as the voltage falls. If one motor's is
         /// full, all four are lowered by the same amount: attitude has priority over thrust. The
         /// controllers `pid` and `geometric` may thus command more than `vehicle.motor_max`, which
         /// a full battery gives.
@@ -144,7 +144,7 @@ settings! {
         /// Crazyflie: `motorsCompensateBatteryVoltage`, firmware `motors.c`, and
         /// `powerDistributionCap`, `power_distribution_quadrotor.c`.
         "firmware" => Firmware,
-        /// A command is a share of the thrust that the motor gives at the present voltage.
+        /// A command is a fraction of the thrust that the motor gives at the present voltage.
         "none" => None,
     }
 
@@ -152,7 +152,7 @@ settings! {
     pub struct AirOptions {
         /// Steady wind, world frame.
         wind_m_s: [f64; 3] = [0.0; 3], in -50.0..=50.0;
-        /// Gusts on top of the wind; they push the drone through its drag.
+        /// Gusts on top of the wind. They push the drone through its drag.
         gusts: Gusts = Gusts::None;
         /// Thrust loss of a drone below another one.
         downwash: Downwash = Downwash::Jet, unless "plan.drones" = "1";
@@ -160,9 +160,9 @@ settings! {
 
     /// A model of the stream of air below a drone.
     pub enum Downwash {
-        /// Drones fly as if alone.
+        /// No effect of drones on each other.
         "none" => None,
-        /// A round jet that slows down and spreads; on its axis a Crazyflie loses 7.6 g of thrust
+        /// A round jet that slows down and spreads. On its axis a Crazyflie loses 7.6 g of thrust
         /// at 0.3 m, 4.2 g at 0.5 m and 2 g at 1 m.
         ///
         /// Shi, Hönig, Yue, Chung: Neural-Swarm (arXiv 2003.02992), up to 0.5 m.
@@ -177,10 +177,10 @@ settings! {
         ///
         /// Density `4σ²τ / (1 + ω²τ²)` per Hz (Uhlenbeck, Ornstein 1930).
         "ornstein-uhlenbeck" => OrnsteinUhlenbeck(GustOptions),
-        /// Outdoors: Dryden's spectra at low altitude; no wind, no gusts.
+        /// Outdoors: Dryden's spectra at low altitude. Without wind there are no gusts.
         ///
-        /// MIL-F-8785C (1980), at 10 ft and below, from the level part of the steady wind, which is
-        /// taken for the wind at 20 ft and carries the gusts past the drone.
+        /// MIL-F-8785C (1980), at 10 ft and below, from the level part of the steady wind, which
+        /// counts as the wind at 20 ft and carries the gusts past the drone.
         "dryden" => Dryden,
     }
 
@@ -188,12 +188,12 @@ settings! {
     ///
     /// Default push: Zhang et al., "Field measurements of boundary-layer flows in ventilated rooms"
     /// (ASHRAE Transactions), find a turbulent energy of up to 0.01 m²/s² in weakly turbulent flow,
-    /// σ = √(2k/3) = 0.08 m/s, at mean speeds of 0.05 to 0.25 m/s; with eddies of 0.2 m that drift
-    /// at 0.2 m/s, 1 s.
+    /// σ = √(2k/3) = 0.08 m/s, at mean speeds of 0.05 to 0.25 m/s. Eddies of 0.2 m that drift at
+    /// 0.2 m/s pass in 1 s.
     ///
     /// Default torque: that of the motors of the reference flight below 1 Hz, between take-off and
     /// landing, through the team's `k_F`, `k_M` and 35 mm: σ 1.12, 1.01 (less the part that goes
-    /// with the speed in x) and 0.54e-4 N m about a mean of 1.35, 3.4 and −0.49e-4; its
+    /// with the speed in x) and 0.54e-4 N m about a mean of 1.35, 3.4 and −0.49e-4. Its
     /// autocorrelation falls to 0.5, 0 and 0.5 after a second. A tenth is added for the part above
     /// 1 Hz.
     pub struct GustOptions {
@@ -202,19 +202,18 @@ settings! {
         /// Correlation time: the size of an eddy over the speed at which it drifts past.
         time_s: f64 = 1.0, in 1e-2..=1e4;
         fixed {
-            /// Standard deviation of the torque of uneven air and rotors about body x, y, z where
-            /// sigma_m_s is 0.08 along each axis.
+            /// Standard deviation of the torque of uneven air and rotors about body x, y, z for a
+            /// sigma_m_s of 0.08 along each axis.
             ///
-            /// A regulator without integral action pays for it with its position: this, more than
-            /// the push, moves it in a room.
+            /// In a room it moves a regulator without integral action more than the push does.
             torque_sigma_n_m: [f64; 3] = [1.2e-4, 1.1e-4, 5.5e-5];
         }
     }
 }
 
 impl GustOptions {
-    /// How strong they are, of those of a room.
-    pub(crate) fn share_of_room(&self) -> f64 {
+    /// Strength relative to the gusts of a default room.
+    pub(crate) fn relative_strength(&self) -> f64 {
         let room = Self::default();
         Vector3::from(self.sigma_m_s).norm() / Vector3::from(room.sigma_m_s).norm()
     }
@@ -233,7 +232,7 @@ impl VehicleOptions {
         ))
     }
 
-    /// Share of the motors' largest command that carries the drone.
+    /// Fraction of the motors' largest command that carries the drone.
     pub fn hover_throttle(&self) -> f64 {
         self.mass_kg * GRAVITY_M_S2 / (4.0 * self.full_thrust_n())
     }
@@ -252,14 +251,15 @@ impl Gusts {
 }
 
 impl BatteryOptions {
-    /// Whether the firmware makes up for a battery that sags.
+    /// True if the firmware compensates a falling battery voltage.
     pub(crate) fn is_compensated(&self) -> bool {
         self.capacity_ah > 0.0 && self.compensation == Compensation::Firmware
     }
 
-    /// Open-circuit voltage at a share of the charge, 0 to 1.
+    /// Open-circuit voltage at a fraction of the charge, 0 to 1.
     #[inline(always)]
     pub fn open_circuit_v(&self, charge_frac: f64) -> f64 {
+        // Linear between the two tenths around it.
         let tenths = charge_frac * 10.0;
         #[expect(clippy::cast_possible_truncation, reason = "0 to 10")]
         let below = (tenths as usize).min(9);

@@ -4,16 +4,16 @@ use nalgebra::{Vector3, Vector4};
 
 use super::battery::Battery;
 use super::body::{Inertia, RigidBody, Row};
+use super::downwash::Jet;
 use super::ground_effect::Floor;
 use super::gusts::Wind;
 use super::rotors::{Load, Rotors};
-use super::wake::Wake;
 use super::{AirOptions, BatteryOptions, FloorOptions, VehicleOptions};
 use noctograph_core::crazyflie::GRAVITY_M_S2;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::warning;
 
-/// What a plant is made of: the drone and its battery, the air and the floor around it.
+/// Options of a plant: the drone and its battery, the air and the floor around it.
 #[derive(Clone, Copy, Debug)]
 pub struct PlantOptions<'a> {
     /// The drone.
@@ -52,21 +52,20 @@ pub struct Plant {
     wind_m_s: Vector3<f64>,
     dt_s: f64,
     thrust_per_command_n: f64,
-    /// What each motor gives of the thrust that it is driven to.
+    /// Fraction of its thrust that each motor gives, less than 1 for a damaged one.
     given: Vector4<f64>,
     full_thrust_n: f64,
     short_steps: u32,
     arm_m: f64,
-    /// What the rotors lose in the wakes of other drones, if they stand in any.
+    /// Loss of the rotors in the downwash of other drones, if they are in any.
     lost: Option<Load>,
 }
 
 impl Plant {
     /// A level drone at rest, with the noise of `seed` and the index `drone`. In the air its rotors
-    /// already carry it; on the floor they stand still.
+    /// already carry it, and on the floor they do not turn.
     ///
-    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters; the rotors' lag is exact at
-    /// any.
+    /// `dt_s` is the length of a step. Up to 2 ms it hardly matters.
     pub fn new(
         options: PlantOptions<'_>,
         dt_s: f64,
@@ -103,16 +102,16 @@ impl Plant {
     }
 
     /// The stream of air below the drone.
-    pub fn wake(&self) -> Wake {
+    pub fn jet(&self) -> Jet {
         let size_m = std::f64::consts::SQRT_2 * self.arm_m;
-        Wake::new(&self.body(), self.rotors.thrust_n(), size_m)
+        Jet::new(&self.body(), self.rotors.thrust_n(), size_m)
     }
 
-    /// Puts the drone into the wakes of others, until it is put into the next ones.
-    pub fn enter<'a>(&mut self, wakes: impl Iterator<Item = &'a Wake>) {
+    /// Puts the drone into the downwash of others, until the next call.
+    pub fn enter<'a>(&mut self, jets: impl Iterator<Item = &'a Jet>) {
         let (body, thrust_n) = (self.body(), self.rotors.thrust_n());
-        let lost_n: Vector4<f64> = wakes.map(|wake| wake.lost_n(&body, thrust_n, self.arm_m)).sum();
-        // No sum of wakes turns a rotor's thrust around.
+        let lost_n: Vector4<f64> = jets.map(|jet| jet.lost_n(&body, thrust_n, self.arm_m)).sum();
+        // No sum of losses turns a rotor's thrust around.
         let lost_n = lost_n.map(|lost_n| lost_n.min(0.25 * thrust_n));
         self.lost = (lost_n.max() > 0.0).then(|| self.rotors.lost(&lost_n));
     }
@@ -126,6 +125,7 @@ impl Plant {
         let middle_m = self.row[2] + self.row[5] * (0.5 * self.dt_s);
         let ground = self.floor.thrust_ratio(middle_m - floor_m);
         let mut loads = self.rotors.advance(&thrusts_n, ground);
+        // So are the gust, the downwash and the voltage of the battery.
         if !self.wind.is_steady() {
             let gust = self.wind.advance();
             self.wind_m_s = gust.wind_m_s;
@@ -137,6 +137,7 @@ impl Plant {
         if let Some(battery) = &mut self.battery {
             battery.drain(self.rotors.thrust_n(), self.dt_s);
         }
+        // Only a drone that begins or ends the step on the floor needs a look at its contact.
         let next = self.inertia.step(&self.row, &loads, &self.wind_m_s, self.dt_s);
         if self.row[2] <= floor_m || next[2] < self.floor_m(next[0], next[1]) {
             self.touch(next, &loads[2]);
@@ -151,7 +152,7 @@ impl Plant {
         RigidBody::from_row(&self.row)
     }
 
-    /// Voltage of the battery under load, V, and energy that it has delivered, J; `None` for a
+    /// Voltage of the battery under load, V, and energy that it has delivered, J. `None` for a
     /// drone whose battery never sags.
     pub fn battery(&self) -> Option<(f64, f64)> {
         self.battery.as_ref().map(|battery| (battery.voltage_v, battery.energy_j))
@@ -162,8 +163,7 @@ impl Plant {
         self.short_steps
     }
 
-    /// Reading of an ideal accelerometer at the body origin, body frame: all forces but gravity,
-    /// per mass.
+    /// Reading of an ideal accelerometer, body frame: all forces without gravity, per mass.
     #[inline(always)]
     pub fn specific_force_m_s2(&self) -> Vector3<f64> {
         let height_m = self.row[2] - self.floor_m(self.row[0], self.row[1]);
@@ -199,6 +199,8 @@ impl Plant {
             let full_n = thrusts_n.map(|thrust_n| thrust_n.min(self.full_thrust_n));
             return full_n.component_mul(&self.given);
         };
+        // The firmware's compensation makes a command a thrust. A motor below the least one idles,
+        // and a motor beyond the voltage lowers all four.
         let limit = battery.limit(self.full_thrust_n);
         let mut wanted_n =
             (thrusts_n * limit.gain).map(|n| if n < limit.least_n { limit.idle_n } else { n });
@@ -215,7 +217,7 @@ impl Plant {
         self.steps.height_m(x_m, y_m)
     }
 
-    /// Puts a drone on the floor that does not rise from it, or comes down to it.
+    /// Keeps a drone on the floor that does not rise from it, and stops one that comes down to it.
     #[inline(never)]
     fn touch(&mut self, next: Row, load: &Load) {
         let rests = self.rests(load);
@@ -228,7 +230,7 @@ impl Plant {
         }
     }
 
-    /// Whether the drone is on the floor and its rotors do not lift it.
+    /// True if the drone is on the floor and its rotors do not lift it.
     fn rests(&self, load: &Load) -> bool {
         let on_floor = self.row[2] <= self.floor_m(self.row[0], self.row[1]);
         on_floor && load.thrust_n <= self.inertia.weight_n
@@ -285,7 +287,7 @@ mod tests {
         let mut drone = plant(&options, 0.5);
         let start = drone.body();
         advance(&mut drone, 0.9 * hover(&options), 100);
-        assert_eq!(drone.body(), start, "stands on the table");
+        assert_eq!(drone.body(), start, "rests on the table");
         let mut falling = plant(&options, 0.8);
         advance(&mut falling, 0.0, 500);
         assert_eq!(falling.body().position_m, Vector3::new(0.3, 0.0, 0.5), "falls onto it");
@@ -360,7 +362,7 @@ mod tests {
         };
         assert_eq!(end(1), end(1));
         assert_ne!(end(1), end(2));
-        // Recorded; the same in debug and release, on every machine.
+        // Recorded. The same in debug and release, on every machine.
         let bits = end(1).position_m.map(f64::to_bits);
         assert_eq!(
             [bits.x, bits.y, bits.z],

@@ -1,4 +1,4 @@
-//! Four rotors: how their speeds follow the commands, and the forces and torques they exert.
+//! Four rotors: their speeds, which follow the commands, and their forces and torques.
 
 use nalgebra::{Vector3, Vector4};
 
@@ -48,7 +48,7 @@ pub(super) struct Rotors {
 /// A first-order lag, sampled at the start, the middle and the end of a step.
 #[derive(Clone, Copy, Debug)]
 struct Lag {
-    /// Share of the initial difference that remains.
+    /// Fraction of the initial difference that remains.
     remaining: [f64; 3],
     /// Inverse of the time constant.
     per_s: f64,
@@ -90,7 +90,7 @@ impl Rotors {
         self.thrust_n_s2 * (a * a + b * b + c * c + d * d)
     }
 
-    /// The load at the present speeds; `ground` is the thrust ratio of the ground effect.
+    /// The load at the present speeds. `ground` is the thrust ratio of the ground effect.
     #[inline(always)]
     pub(super) fn load(&self, ground: f64) -> Load {
         self.load_at(&self.speed_rad_s, &Vector4::zeros(), ground)
@@ -99,6 +99,7 @@ impl Rotors {
     /// Follows the commanded thrusts through one step: the loads at its start, middle and end.
     #[inline(always)]
     pub(super) fn advance(&mut self, command_n: &Vector4<f64>, ground: f64) -> [Load; 3] {
+        // Each speed falls exponentially to its target, with one time constant up and another down.
         let start = self.speed_rad_s;
         let target = command_n.map(|thrust_n| (thrust_n * self.per_thrust).sqrt());
         let mut loads = [Load::default(); 3];
@@ -122,7 +123,7 @@ impl Rotors {
         let scale = self.thrust_n_s2 * ground;
         let [roll, pitch, yaw, thrust_n] =
             (MOTOR_SIGNS * speed.map(|speed| scale * speed * speed)).into();
-        // A rotor pushes the body against its own rotation.
+        // The yaw signs are those of the torque on the body, against which the rotors turn.
         let (spin, spin_up) = (-(MOTOR_SIGNS * speed).z, -(MOTOR_SIGNS * change).z);
         let [about_x, about_y] = self.tilting_n_m(roll, pitch, thrust_n);
         let about_z = self.torque_per_thrust_m * yaw - self.inertia_kg_m2 * spin_up;
@@ -193,11 +194,11 @@ mod tests {
     }
 
     #[test]
-    fn loads_stand_at_the_start_the_middle_and_the_end_of_a_step() {
-        let mut whole = Rotors::new(&lagging(), 0.05, 0.02);
+    fn loads_are_at_the_start_the_middle_and_the_end_of_a_step() {
+        let mut full = Rotors::new(&lagging(), 0.05, 0.02);
         let mut halves = Rotors::new(&lagging(), 0.05, 0.01);
-        let start = whole.load(1.0);
-        let loads = whole.advance(&Vector4::repeat(0.1), 1.0);
+        let start = full.load(1.0);
+        let loads = full.advance(&Vector4::repeat(0.1), 1.0);
         halves.advance(&Vector4::repeat(0.1), 1.0);
         assert!((loads[0].thrust_n - start.thrust_n).abs() < 1e-15, "start");
         assert!((loads[1].thrust_n - halves.load(1.0).thrust_n).abs() < 1e-15, "middle");

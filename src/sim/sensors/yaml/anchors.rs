@@ -29,9 +29,9 @@ struct Anchor {
 ///
 /// # Errors
 ///
-/// [`Error::Io`](noctograph_core::error::Error::Io) where the file cannot be read;
-/// [`Error::Input`](noctograph_core::error::Error::Input) with its line where it is broken, and for
-/// indices that do not count from 0.
+/// [`Error::Io`](noctograph_core::error::Error::Io) for a file that cannot be read.
+/// [`Error::Input`](noctograph_core::error::Error::Input) with the line of a fault, and for indices
+/// that do not count from 0.
 pub fn read_anchors(path: &Path) -> Result<Vec<[f64; 3]>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }

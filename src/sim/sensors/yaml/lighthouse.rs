@@ -1,12 +1,12 @@
 //! Base stations from a Lighthouse configuration file, as cfclient and cflib write it.
 //!
-//! `lighthouse_config_manager.py` of cflib dumps YAML, in block or in flow style after the release
-//! of its YAML library. World and station frames are ours already.
+//! `lighthouse_config_manager.py` of cflib dumps YAML, in block or in flow style by the release of
+//! its YAML library. World and station frames are those of this program.
 //!
 //! The factory calibrations (`calibs`: phase, tilt, curve and the rest of each sweep) have no
-//! effect: the firmware undoes them before it uses an angle (`lighthouse_calibration.c`), and
-//! angles here are those after that. They would change the slant of second-generation planes, by
-//! the tilt of up to 0.05 rad about 30°: a tenth of the height's noise. A warning says so.
+//! effect, and a warning says so. The firmware undoes them before it uses an angle
+//! (`lighthouse_calibration.c`), and angles here are those after that. Their tilt of up to 0.05 rad
+//! would change the slant of second-generation planes by a tenth of the height's noise.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -18,26 +18,26 @@ use serde_saphyr::Spanned;
 
 use super::super::{Generation, Station};
 use super::from_yaml;
-use noctograph_core::diagnostic::Diagnostic;
+use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
-/// Largest file that is read; sixteen stations take some 20 kB.
+/// Largest file that is read. Sixteen stations take some 20 kB.
 const LIMIT: Limit = Limit { bytes: 1 << 20, what: "a Lighthouse configuration", hint: HINT };
-/// Most that a rotation matrix may be off: files carry single precision, and some are rounded.
+/// Greatest error of a rotation matrix: files carry single precision, and some are rounded.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 
 const HINT: &str = "save the configuration anew in cfclient's Lighthouse tab, with the base \
                     stations' geometry estimated";
 
-/// Keys of the file and of a station's geometry; others are named in a warning.
+/// Keys of the file and of a station's geometry. Others are named in a warning.
 const KEYS: [&str; 5] = ["type", "version", "systemType", "geos", "calibs"];
 const GEOMETRY: [&str; 2] = ["origin", "rotation"];
 
 /// The keys of a mapping, with the lines on which their values begin.
 type Keys = BTreeMap<String, Spanned<IgnoredAny>>;
 
-/// The file: what of it has an effect.
+/// The keys of the file that have an effect.
 #[derive(Deserialize)]
 struct Config {
     r#type: Spanned<String>,
@@ -64,29 +64,22 @@ struct Geometries {
     geos: BTreeMap<u8, Keys>,
 }
 
-/// Content of a Lighthouse configuration file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LighthouseConfig {
-    /// The base stations whose geometry is known, in the order of their channels.
-    pub stations: Vec<Station>,
-    /// Warnings about them.
-    pub warnings: Vec<Diagnostic>,
-}
-
-/// Reads a Lighthouse configuration file.
+/// Reads the base stations of a Lighthouse configuration file whose geometry is known, in the order
+/// of their channels.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where the file cannot be read; [`Error::Input`] with the line where it is no such
-/// configuration, or a station's place or turn is impossible.
-pub fn read_lighthouse_config(path: &Path) -> Result<LighthouseConfig> {
+/// [`Error::Io`] for a file that cannot be read. [`Error::Input`] with the line for another form of
+/// file, or an impossible position or rotation of a station.
+pub fn read_lighthouse_config(path: &Path) -> Result<Warned<Vec<Station>>> {
     parse(&LIMIT.read_text(path)?, &path.display().to_string())
 }
 
-/// Reads the text of a configuration; `file` is its name in messages.
-fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
-    let all: Keys = from_yaml(yaml, file, HINT)?;
-    let mut others = unknown(&all, &KEYS);
+/// Reads the text of a configuration. `file` is its name in messages.
+fn parse(yaml: &str, file: &str) -> Result<Warned<Vec<Station>>> {
+    // All keys first, so that unknown ones are named whatever follows. Then the known ones.
+    let keys: Keys = from_yaml(yaml, file, HINT)?;
+    let mut others = unknown(&keys, &KEYS);
     let config: Config = from_yaml(yaml, file, HINT)?;
     must_be("type", &config.r#type, &["lighthouse_system_configuration"], file)?;
     must_be("version", &config.version, &["1"], file)?;
@@ -104,17 +97,16 @@ fn parse(yaml: &str, file: &str) -> Result<LighthouseConfig> {
         };
         return Err(Error::input(file, content, "at least one", HINT));
     }
-    let mut stations = Vec::new();
-    for (id, geometry) in &config.geos {
-        stations.push(station(generation, geometry, file, *id)?);
-    }
+    let stations =
+        config.geos.iter().map(|(id, geometry)| station(generation, geometry, file, *id));
+    let product = stations.collect::<Result<_>>()?;
     let geometries: Geometries = from_yaml(yaml, file, HINT)?;
     others.extend(geometries.geos.values().flat_map(|keys| unknown(keys, &GEOMETRY)));
     let mut warnings = warnings(&config);
     if !others.is_empty() {
         warnings.push(format!("{file}: {} is not known and has no effect", others.join(", ")));
     }
-    Ok(LighthouseConfig { stations, warnings: Diagnostic::warnings("base-stations", warnings) })
+    Ok(Warned { product, warnings: Diagnostic::warnings("base-stations", warnings) })
 }
 
 fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> Result<()> {
@@ -125,7 +117,7 @@ fn must_be(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) -> R
     Err(error.in_file(file, value.referenced.line()))
 }
 
-/// A station of its geometry.
+/// A station from its geometry.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
     let refused = |line: u64, key: &str, value: String, wanted: &str| {
         Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).in_file(file, line))
@@ -152,7 +144,8 @@ fn unknown(keys: &Keys, known: &[&str]) -> Vec<String> {
 }
 
 fn warnings(config: &Config) -> Vec<String> {
-    let [calibrated, homeless] = [true, false].map(|placed| {
+    // Calibrations of stations with a geometry, and of those without.
+    let [calibrated, unplaced] = [true, false].map(|placed| {
         let ids = config.calibs.keys().filter(|id| config.geos.contains_key(id) == placed);
         ids.map(u8::to_string).collect::<Vec<_>>().join(", ")
     });
@@ -163,9 +156,9 @@ fn warnings(config: &Config) -> Vec<String> {
              simulated as they are after the firmware has undone it"
         ));
     }
-    if !homeless.is_empty() {
+    if !unplaced.is_empty() {
         warnings.push(format!(
-            "base station {homeless} is left out: its place is not known, only its calibration"
+            "base station {unplaced} is left out: its place is not known, only its calibration"
         ));
     }
     warnings
@@ -225,12 +218,9 @@ version: '1'
 
     #[test]
     fn stations_come_in_place_and_turned() {
-        let LighthouseConfig { stations, warnings } = parse(BLOCK, "lh.yaml").unwrap();
+        let Warned { product: stations, warnings } = parse(BLOCK, "lh.yaml").unwrap();
         assert_eq!((stations.len(), warnings.len()), (2, 1));
-        assert!(
-            warnings[0].message.contains("calibration of base station 0 has no"),
-            "{warnings:?}"
-        );
+        assert!(warnings[0].message.contains("calibration of base station 0 has no"));
         assert_eq!(stations[0].position_m[2], 3.152726888656616);
         let turned = StationPose::new(&stations[0]).world_from_station * Vector3::x();
         assert!((turned - Vector3::y()).norm() < 1e-15, "x becomes y");
@@ -240,9 +230,9 @@ version: '1'
         assert!(stations[1].pitch_rad > 0.6, "looks down");
         assert!(stations.iter().all(|s| s.generation == Generation::V2));
         let v1 = parse(&BLOCK.replace("systemType: 2", "systemType: 1"), "lh.yaml").unwrap();
-        assert!(v1.stations.iter().all(|s| s.generation == Generation::V1));
-        let homeless = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
-        assert!(homeless.warnings[0].message.contains("station 7 is left out"), "{homeless:?}");
+        assert!(v1.product.iter().all(|s| s.generation == Generation::V1));
+        let unplaced = parse(&BLOCK.replace("calibs:\n  0:", "calibs:\n  7:"), "lh.yaml").unwrap();
+        assert!(unplaced.warnings[0].message.contains("station 7 is left out"), "{unplaced:?}");
         let other = parse(&format!("{BLOCK}wind: 3\n"), "lh.yaml").unwrap();
         assert!(other.warnings[1].message.contains("wind (line 36) is not known"), "{other:?}");
     }

@@ -1,9 +1,9 @@
-//! Downwash: the stream of air below a drone, and what it takes from the rotors of another one.
+//! Downwash: the stream of air below a drone, and the thrust that another drone loses in it.
 //!
-//! The wakes of four rotors merge into a round jet that spreads with the distance and slows down. A
-//! rotor that stands in it lifts less, by the speed of the stream and by its own; rotors that stand
-//! in it unequally turn the drone. Speeds go with the square root of a thrust, so that the loss is
-//! `√(T T')` times a function of the place in sizes of the drone.
+//! The streams of four rotors merge into a round jet that spreads with the distance and slows down.
+//! A rotor within it lifts less, by the speed of the stream and by its own. Unequal losses turn the
+//! drone. Speeds go with the square root of a thrust, so that the loss is `√(T T')` times a
+//! function of the position in sizes of the drone.
 //!
 //! Two published models of a Crazyflie's loss on the axis:
 //!
@@ -18,39 +18,39 @@
 //! the other (Neural-Swarm), and its width 0.16 z − 0.11 vanishes at 0.69 m. The second is figure 3
 //! of Shi, Hönig, Yue, Chung: "Neural-Swarm" (arXiv 2003.02992), measured in flight with drones of
 //! 34 g, as `gym_art/quadrotor_multi/aerodynamics/downwash.py` reads it: 10, 8, 6 and 4 g up to 0.5
-//! m and a straight line to 0 beyond. Chosen: the second up to 0.5 m; beyond, the decay of a round
-//! jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1), because at 0.6 m drones with a
-//! good controller still hover and at 1 m some with the stock one did not (USC-ACTLab/crazyswarm
-//! issue 97).
+//! m and a straight line to 0 beyond. Chosen: the second up to 0.5 m, and beyond that the decay of
+//! a round jet, `1/(z − z₀)` (Pope, "Turbulent Flows", 2000, section 5.1). At 0.6 m drones with a
+//! good controller still hover, and at 1 m some with the stock one did not (USC-ACTLab/crazyswarm
+//! issue
+//! 97).
 //!
-//! Not modeled: turbulence of the stream, the time it takes to arrive, its deflection by the floor
-//! and by wakes beside it (losses add up), drag of the body in it.
+//! Not modeled: turbulence and delay of the stream, its deflection by the floor and by others
+//! (losses add up), drag of the body in it.
 
 use nalgebra::{Vector3, Vector4};
 
 use super::body::RigidBody;
 use noctograph_core::crazyflie::MOTOR_SIGNS;
 
-/// Greatest share of a thrust that is lost: 10 g of 34 g at 0.2 m, the nearest that anybody
-/// measured.
+/// Greatest fraction of a thrust that is lost: 10 g of 34 g at 0.2 m, the nearest measurement.
 const MOST_LOST: f64 = 10.0 / 34.0;
-/// Product of the share lost and of the distance from [`ORIGIN`], in sizes: a drone of 34 g and 46
+/// Product of the lost fraction and the distance from [`ORIGIN`], in sizes: a drone of 34 g and 46
 /// mm loses 1.9 g m. Within 10 % of the figures from 0.3 to 0.5 m.
 const LOSS_SIZES: f64 = 1.9 / 34.0 / CRAZYFLIE_M;
 /// Virtual origin of the jet below the drone, in sizes: 50 mm.
 const ORIGIN: f64 = 0.05 / CRAZYFLIE_M;
 /// Distance from the middle to a rotor of the drones that were measured (`ARM_LENGTH`).
 const CRAZYFLIE_M: f64 = 0.046;
-/// Growth of the jet's standard deviation with the distance: where the speed is half of that on the
-/// axis, the radius is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1; quoted, the book
-/// could not be opened), 1.177 σ.
+/// Growth of the jet's standard deviation with the distance: the radius of half the speed on the
+/// axis is 0.094 z (Hussein, Capp, George 1994, in Pope, table 5.1, quoted: the book could not be
+/// opened), 1.177 σ.
 const SPREAD: f64 = 0.094 / 1.177;
-/// Reach of the wake from its axis, in standard deviations: 0.03 % is left there.
+/// Reach of the jet from its axis, in standard deviations: 0.03 % is left there.
 const REACH: f64 = 4.0;
 
 /// The stream of air below a drone.
 #[derive(Clone, Copy, Debug)]
-pub struct Wake {
+pub struct Jet {
     from_m: Vector3<f64>,
     /// Unit vector along which it blows: the drone's body z, reversed.
     along: Vector3<f64>,
@@ -59,31 +59,37 @@ pub struct Wake {
     size_m: f64,
 }
 
-impl Wake {
+impl Jet {
     pub(super) fn new(body: &RigidBody, thrust_n: f64, size_m: f64) -> Self {
         let along = body.world_from_body * -Vector3::z();
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Thrust that the four rotors of a drone lose which lift `thrust_n` together.
+    /// Thrust that each rotor of a drone loses, whose rotors lift `thrust_n` together.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);
         let sigma_m = libm::hypot(self.size_m, SPREAD * below_m);
-        let beside_m = |apart_m: &Vector3<f64>| apart_m - self.along * apart_m.dot(&self.along);
         let reach_m = REACH * sigma_m;
-        if below_m <= 0.0 || beside_m(&apart_m).norm_squared() > reach_m * reach_m {
+        if below_m <= 0.0 || self.squared_offset_m2(&apart_m) > reach_m * reach_m {
             return Vector4::zeros();
         }
+        // Along the axis the speed falls as 1/z from the virtual origin, up to the largest loss.
         let sizes = below_m / self.size_m - ORIGIN;
-        let share = if sizes > 0.0 { (LOSS_SIZES / sizes).min(MOST_LOST) } else { MOST_LOST };
-        let each_n = 0.25 * share * (self.thrust_n * thrust_n).max(0.0).sqrt();
-        // The share is that of a drone on the axis: its rotors are all an arm away from the axis.
+        let lost_frac = if sizes > 0.0 { (LOSS_SIZES / sizes).min(MOST_LOST) } else { MOST_LOST };
+        let each_n = 0.25 * lost_frac * (self.thrust_n * thrust_n).max(0.0).sqrt();
+        // Across it the speed is a Gaussian. The fraction is that of a drone on the axis, whose
+        // rotors are all an arm's diagonal away from it.
         Vector4::from_fn(|motor, _| {
             let [left, back] = [MOTOR_SIGNS[(0, motor)], MOTOR_SIGNS[(1, motor)]];
             let rotor_m = body.world_from_body * Vector3::new(-back * arm_m, left * arm_m, 0.0);
-            let off_m2 = beside_m(&(apart_m + rotor_m)).norm_squared() - 2.0 * arm_m * arm_m;
+            let off_m2 = self.squared_offset_m2(&(apart_m + rotor_m)) - 2.0 * arm_m * arm_m;
             each_n * libm::exp(-0.5 * off_m2 / (sigma_m * sigma_m))
         })
+    }
+
+    /// Squared distance from the jet's axis.
+    fn squared_offset_m2(&self, apart_m: &Vector3<f64>) -> f64 {
+        (apart_m - self.along * apart_m.dot(&self.along)).norm_squared()
     }
 }
