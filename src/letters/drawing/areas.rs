@@ -77,8 +77,8 @@ impl<'a> Patch<'a> {
         Self { contours, unit_px, bounds, width, center, penned: OnceCell::new(), budget }
     }
 
-    /// Along its rim, in pixels.
-    pub(super) fn rim(&self) -> impl Iterator<Item = Vec<[f64; 2]>> {
+    /// Its outline, in pixels.
+    pub(super) fn outline(&self) -> impl Iterator<Item = Vec<[f64; 2]>> {
         outlines(&self.contours, self.budget).into_iter().map(|line| self.in_pixels(line))
     }
 
@@ -171,7 +171,7 @@ pub(super) fn lines(patches: Vec<Patch<'_>>, larger_px: f64) -> Vec<Vec<[f64; 2]
             Some(center) => {
                 lines.extend(center.lines.iter().map(|line| patch.in_pixels(line.clone())));
             }
-            None => lines.extend(patch.rim()),
+            None => lines.extend(patch.outline()),
         }
     }
     lines

@@ -38,7 +38,7 @@ pub(super) fn chosen<T>(
 }
 
 /// All strokes, y up, as they lie in their file.
-pub(super) fn all<'a>(
+pub(super) fn in_source<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
 ) -> Vec<SourceStroke> {

@@ -9,8 +9,10 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use simplecss::{AttributeOperator, DeclarationTokenizer, Element, PseudoClass, Selector};
 use usvg::roxmltree::{Document, Node, NodeId};
 
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
+use noctograph_core::place::{Place, Segment};
 
 /// Steps of comparing two names, of expanding an entity, and of matching a rule with an element.
 const STEPS: [usize; 3] = [4, 200, 50];
@@ -27,6 +29,9 @@ const SELECTOR: usize = 200;
 const WITHOUT_EFFECT: [&str; 6] =
     ["charset", "font-face", "keyframes", "-webkit-keyframes", "namespace", "media print"];
 
+/// Help for an unsupported feature.
+const HELP: &str = "convert it to plain paths in the editor of the drawing";
+
 /// Unsupported features, by name and treatment: the number of elements, and where the first begins.
 #[derive(Default)]
 pub(super) struct Named(BTreeMap<(String, &'static str), (usize, usize)>);
@@ -41,12 +46,14 @@ impl Named {
         self.0.entry(key).or_insert((0, node.range().start)).0 += 1;
     }
 
-    /// One sentence for each.
-    pub(super) fn sentences(&self, document: &Document<'_>, file: &str) -> Vec<String> {
+    /// A warning for each, with the line of its first element.
+    pub(super) fn warnings(&self, document: &Document<'_>, file: &str) -> Vec<Diagnostic> {
         Vec::from_iter(self.0.iter().map(|((what, how), (n, start))| {
-            let row = document.text_pos_at(*start).row;
-            let s = if *n == 1 { ("element uses", "at ") } else { ("elements use", "first at ") };
-            format!("{n} {} {what}: {how} ({}{file}:{row})", s.0, s.1)
+            let uses = if *n == 1 { "element uses" } else { "elements use" };
+            let message = format!("{n} {uses} {what}: {how}");
+            let line = Segment::Line(document.text_pos_at(*start).row.into());
+            let place = Place(vec![Segment::File(file.to_owned()), line]);
+            Diagnostic { place, ..Diagnostic::warning("drawing-part", message) }.helped(HELP)
         }))
     }
 }

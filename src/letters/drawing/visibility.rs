@@ -52,7 +52,7 @@ pub(super) enum Visible {
     /// All of its stroke.
     Stroke(Color),
     /// All of its rim.
-    Rim(Color),
+    Outline(Color),
     Parts(Vec<Part>),
 }
 
@@ -221,7 +221,7 @@ impl<'a> Page<'a> {
         let n_own = parts.len();
         parts.extend(self.rim_at_clips(item, near, own));
         match parts.first() {
-            Some((_, color)) if is_whole && parts.len() == n_own => Visible::Rim(*color),
+            Some((_, color)) if is_whole && parts.len() == n_own => Visible::Outline(*color),
             _ => Visible::Parts(parts),
         }
     }
