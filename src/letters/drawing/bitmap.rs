@@ -74,7 +74,7 @@ pub(super) fn read(
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
     let field = Field::new(&picture).ok_or_else(|| blank(file))?;
-    if corners.is_none() && field.is_photo && field.soft > SOFT {
+    if corners.is_none() && field.has_grain && field.soft > SOFT {
         let hint = "draw its lines on paper or in a drawing program, or scan the paper with a \
                     phone's scanner app; letters.corners_px cuts a sheet of paper out";
         let photograph = "a photograph, of tones without lines";
@@ -116,7 +116,7 @@ fn lines(
     let patches = patches.map(|contours| Patch::new(contours, [larger, cap_height_px], budget));
     let patches: Vec<Patch<'_>> = patches.collect();
     let lines = match trace {
-        Trace::CenterLine => areas::lines(patches, larger),
+        Trace::CenterLine => areas::lines(&patches, larger),
         Trace::Outline => patches.iter().flat_map(Patch::outline).collect(),
     };
     budget.check()?;

@@ -12,8 +12,10 @@
 //! All of this is done for red, green and blue, and the strongest channel counts: yellow is as
 //! strong as blue. Not modelled: rulings, ink on a ground of several colors, the edge of a sheet.
 
+use std::ops::Range;
+
 use image::RgbImage;
-use image::imageops::{grayscale, thumbnail};
+use image::imageops::grayscale;
 
 use super::levels::{closed, extremes, quantile, softened};
 
@@ -25,14 +27,14 @@ const SAME: f64 = 8.0;
 /// Least fraction of the picture's edge, and of the picture, that has the color of the paper.
 const EVEN: [f64; 2] = [0.6, 0.2];
 
-/// Blocks along the longer side for the decision between light and dark ink.
+/// Blocks along the longer side for the decision between light and dark ink, and the least ratio of
+/// their contrasts.
 const BLOCKS: usize = 24;
+const SKEWED: f64 = 1.4;
 
-/// The picture's longer side in half widths of the widest pen, and of the widest patch of ink.
+/// The picture's longer side in half widths of the widest pen, and of the widest filled shape.
 const PEN: u32 = 40;
-const PATCH: u32 = 3;
-/// Pixels along one pixel of the smaller picture in which patches are sought.
-const COARSE: u32 = 4;
+const SHAPE: u32 = 3;
 /// An area wider than a pen is paper in shadow if it has at least this fraction of the light around
 /// it, and the fractions of its channels differ by no more than this ratio.
 const SHADOW: f64 = 0.22;
@@ -50,13 +52,15 @@ const GRAIN: f64 = 1e-3;
 /// Fraction of the ink that is weaker than strong ink.
 const STRONG: f64 = 0.97;
 
-/// Tones between paper and strong ink, by the contrast of the latter.
-const TONES: std::ops::Range<f64> = 0.15..0.8;
-/// Change of a soft tone over five pixels, by the contrast of strong ink: more than the noise of a
-/// JPEG, and less than an edge.
-const SLOW: std::ops::Range<f64> = 0.008..0.06;
-/// Fraction of soft tones from which on a picture's paper is not of one color.
-const GLARE: f64 = 0.01;
+/// Tones between paper and strong ink, by the contrast of the latter; how much they change from one
+/// side to the other; and the pixels to both sides.
+type Tones = (Range<f64>, Range<f64>, usize);
+/// The tones of a photograph.
+const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
+/// The tones of a glare or a soft shadow on paper of one color: more than the noise of a JPEG.
+const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
+/// Fraction of a picture in the latter from which on its paper is not of one color.
+const GLARING: f64 = 0.01;
 
 /// Pixels to both sides within which a pixel's ink is compared: more than the blur of a lens.
 const NEAR: usize = 3;
@@ -81,6 +85,8 @@ pub(super) struct Field {
     pub(super) faint: f64,
     /// True for a photograph: its paper is not of one color.
     pub(super) is_photo: bool,
+    /// True for a photograph or a scan, false for a picture that was drawn on a screen.
+    pub(super) has_grain: bool,
     /// Fraction of the picture in soft tones between paper and strong ink.
     pub(super) soft: f64,
 }
@@ -91,7 +97,7 @@ impl Field {
         let even = even_paper(picture).and_then(|paper| Self::on(picture, Some(paper)));
         // Soft tones on paper of one color are light and shadow: a photograph in even light.
         match even {
-            Some(field) if field.soft <= GLARE => Some(field),
+            Some(field) if field.has_grain || field.soft <= GLARING => Some(field),
             _ => Self::on(picture, None),
         }
     }
@@ -120,8 +126,11 @@ impl Field {
         let ink = ink.collect();
         let n_faint = levels.iter().filter(|level| (least..faint).contains(*level)).count();
         let n = (width * height) as f64;
-        let (faint, soft) = (n_faint as f64 / n, soft_tones(&contrast, width, strong) as f64 / n);
-        let field = Self { width, height, ink, contrast, color, faint, is_photo, soft };
+        let (faint, soft) = (
+            n_faint as f64 / n,
+            tones(&contrast, width, strong, if has_grain { PHOTO } else { GLARE }) as f64 / n,
+        );
+        let field = Self { width, height, ink, contrast, color, faint, is_photo, has_grain, soft };
         (strong > 0.0).then_some(field)
     }
 
@@ -141,7 +150,7 @@ impl Field {
     /// The color of a pixel. In a photograph it has no brightness, which a shadow changes.
     fn shade(&self, pixel: usize) -> [f64; CHANNELS] {
         let color = self.color[pixel];
-        let light = if self.is_photo { color.iter().sum::<f64>().max(APART) } else { 1.0 };
+        let light = if self.has_grain { color.iter().sum::<f64>().max(APART) } else { 1.0 };
         color.map(|value| value / light)
     }
 }
@@ -161,17 +170,13 @@ fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
 /// The color of paper: that of the picture's edge, if most of the edge and some of the picture have
 /// it.
 fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
-    let (width, height) = picture.dimensions();
-    let edge = picture.enumerate_pixels().filter(|(x, y, _)| {
-        [(*x, width), (*y, height)].iter().any(|(place, side)| *place < 2 || place + 2 >= *side)
-    });
-    let edge: Vec<_> = edge.map(|(.., pixel)| pixel.0.map(f64::from)).collect();
+    let edge: Vec<_> = edge_pixels(picture).map(|color| color.map(f64::from)).collect();
     let paper = [0, 1, 2].map(|c| quantile(edge.iter().map(|color| color[c]), 0.5));
     let is_paper = |color: &[f64; 3]| (0..CHANNELS).all(|c| (color[c] - paper[c]).abs() <= SAME);
     let n_edge = edge.iter().filter(|color| is_paper(color)).count();
     let n = picture.pixels().filter(|pixel| is_paper(&pixel.0.map(f64::from))).count();
     let is_even = n_edge as f64 > EVEN[0] * edge.len() as f64
-        && n as f64 > EVEN[1] * f64::from(width) * f64::from(height);
+        && n as f64 > EVEN[1] * picture.pixels().len() as f64;
     is_even.then_some(paper)
 }
 
@@ -191,7 +196,7 @@ fn inks_on(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
 fn inks(picture: &RgbImage) -> Vec<Inked> {
     let is_light = has_light_ink(picture);
     let channels = channels(picture, is_light);
-    let papers = paper_around(picture, &channels, is_light).into_iter().enumerate();
+    let papers = paper_around(&channels, picture.dimensions()).into_iter().enumerate();
     Vec::from_iter(papers.map(|(pixel, paper)| {
         let values = [0, 1, 2].map(|c| channels[c][pixel]);
         // A dark channel of colored paper is noise: it counts by the paper's mean brightness.
@@ -208,25 +213,19 @@ fn inks(picture: &RgbImage) -> Vec<Inked> {
 
 /// The color of the paper around each pixel of a photograph.
 fn paper_around(
-    picture: &RgbImage,
     values: &[Vec<f64>; CHANNELS],
-    is_light: bool,
+    (width, height): (u32, u32),
 ) -> Vec<[f64; CHANNELS]> {
-    let (width, longer) = (picture.width() as usize, picture.width().max(picture.height()));
-    // Beside a pen's line, in full detail.
-    let near = [0, 1, 2].map(|c| closed(&values[c], width, longer.div_ceil(PEN) as usize));
-    let near = (0..values[0].len()).map(|pixel| [0, 1, 2].map(|c| near[c][pixel].max(1.0)));
-    // Beside a filled shape, in a smaller picture.
-    let [wide, high] = [picture.width(), picture.height()].map(|side| side.div_ceil(COARSE));
-    let far = channels(&thumbnail(picture, wide, high), is_light)
-        .map(|values| closed(&values, wide as usize, longer.div_ceil(COARSE * PATCH) as usize));
-    let far = (0..values[0].len()).map(|pixel| {
-        let [x, y] = [pixel % width, pixel / width].map(|place| place / COARSE as usize);
-        [0, 1, 2].map(|c| far[c][y * wide as usize + x].max(1.0))
+    // Beside a pen's line, and beside a filled shape.
+    let (longer, width) = (width.max(height), width as usize);
+    let [near, far] = [PEN, SHAPE].map(|part| {
+        let paper = values.each_ref().map(|v| closed(v, width, longer.div_ceil(part) as usize));
+        Vec::from_iter(
+            (0..values[0].len()).map(|pixel| [0, 1, 2].map(|c| paper[c][pixel].max(1.0))),
+        )
     });
     // An area wider than a pen is a filled shape unless it is a shadow, and so is its edge.
-    let mut papers: Vec<_> = near.zip(far).collect();
-    let filled = papers.iter().map(|(near, far)| {
+    let filled = near.iter().zip(&far).map(|(near, far)| {
         let lights = [0, 1, 2].map(|c| near[c] / far[c]);
         let [least, most] =
             [f64::min, f64::max].map(|extreme| lights.into_iter().fold(lights[0], extreme));
@@ -234,37 +233,54 @@ fn paper_around(
         f64::from(u8::from(is_dark || most > HUE * least))
     });
     let filled = extremes(&filled.collect::<Vec<f64>>(), width, NEAR, f64::max);
-    let papers = papers.drain(..).zip(filled);
+    let papers = near.into_iter().zip(far).zip(filled);
     papers.map(|((near, far), filled)| if filled > 0.0 { far } else { near }).collect()
 }
 
 /// True if ink is lighter than its paper: the few outlying pixels of a block are brighter than the
-/// rest, not darker.
+/// rest, not darker. If both occur alike, the edge of the picture decides.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    let mut skew = 0.0;
-    for (top, left) in (0..height)
-        .step_by(block)
-        .flat_map(|top| (0..width).step_by(block).map(move |left| (top, left)))
-    {
-        let rows = luma.chunks(width).skip(top).take(block);
-        let tones =
-            rows.flat_map(|row| row[left..].iter().take(block).map(|tone| f64::from(*tone)));
-        let [dark, median, bright] = [0.02, 0.5, 0.98].map(|rank| quantile(tones.clone(), rank));
-        skew += (bright - median) - (median - dark);
+    let (mut darker, mut brighter) = (0.0, 0.0);
+    for left in (0..width).step_by(block) {
+        for top in (0..height).step_by(block) {
+            let rows = luma.chunks(width).skip(top).take(block);
+            let tones = rows.flat_map(|row| row[left..].iter().take(block));
+            let [dark, usual, bright] = extreme_tones(tones.copied());
+            (darker, brighter) = (darker + usual - dark, brighter + bright - usual);
+        }
     }
-    skew > 0.0
+    if brighter.max(darker) > SKEWED * brighter.min(darker) {
+        return brighter > darker;
+    }
+    let edge = edge_pixels(picture).map(|[r, g, b]| f64::from(r) + f64::from(g) + f64::from(b));
+    let [dark, _, bright] = extreme_tones(luma.iter().copied());
+    quantile(edge.map(|sum| sum / CHANNELS as f64), 0.5) < 0.5 * (dark + bright)
 }
 
-/// Pixels in tones between paper and strong ink that change slowly, as those of a photograph.
-fn soft_tones(contrast: &[f64], width: usize, strong: f64) -> usize {
-    let inner = 2 * width..contrast.len().saturating_sub(2 * width);
+/// The 2nd, 50th and 98th percentile of tones.
+fn extreme_tones(tones: impl Iterator<Item = u8> + Clone) -> [f64; 3] {
+    [0.02, 0.5, 0.98].map(|rank| quantile(tones.clone().map(f64::from), rank))
+}
+
+/// The colors of the pixels at the edge of a picture.
+fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
+    let (width, height) = picture.dimensions();
+    let edge = picture.enumerate_pixels().filter(move |(x, y, _)| {
+        [(*x, width), (*y, height)].iter().any(|(place, side)| *place < 2 || place + 2 >= *side)
+    });
+    edge.map(|(.., pixel)| pixel.0)
+}
+
+/// Pixels in tones between paper and strong ink that change slowly.
+fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> usize {
+    let inner = step * width..contrast.len().saturating_sub(step * width);
     let soft = inner.filter(|pixel| {
         let change = |step: usize| contrast[pixel + step] - contrast[pixel - step];
-        TONES.contains(&(contrast[*pixel] / strong))
-            && SLOW.contains(&(libm::hypot(change(2), change(2 * width)) / strong))
+        between.contains(&(contrast[*pixel] / strong))
+            && slow.contains(&(libm::hypot(change(step), change(step * width)) / strong))
     });
     soft.count()
 }

@@ -321,4 +321,12 @@ fn too_many(file: &str) -> Error {
 #[cfg(test)]
 mod dump_tests;
 #[cfg(test)]
+mod picture_tests;
+#[cfg(test)]
+mod suite_tests;
+#[cfg(test)]
+mod surroundings_tests;
+#[cfg(test)]
+mod svg_tests;
+#[cfg(test)]
 mod tests;

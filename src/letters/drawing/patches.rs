@@ -32,6 +32,41 @@ const FAINT: f64 = 0.02;
 /// Lines from which on a picture is fine, as a QR code is.
 const FINE: usize = 60;
 
+/// Codes and messages of warnings, with the number of what they are about.
+const WARNINGS: [(&str, &str); 7] = [
+    (
+        "picture-photo",
+        "a photograph is drawn as the camera sees it: letters.corners_px squares a \
+        sheet of paper that it sees at a slant, and so does a phone's scanner app",
+    ),
+    (
+        "picture-specks",
+        "{n} speck(s), as of dust, are not drawn: they are smaller than the width of \
+        the lines",
+    ),
+    (
+        "picture-edge",
+        "shapes at the picture's edge are not drawn ({n}): they look like what lies \
+        around the paper; leave a margin around the drawing, or scan it with a phone's scanner app",
+    ),
+    (
+        "picture-faint",
+        "marks that are much fainter than the rest are not drawn, such as the paper's \
+        rulings: draw over those that are meant",
+    ),
+    (
+        "picture-rulings",
+        "{n} lines across the picture's edge are drawn, as rulings of the paper \
+        would be: draw on plain paper, or leave a margin around the drawing",
+    ),
+    ("picture-colors-touch", "areas of several colors that touch are drawn as one: leave a gap"),
+    (
+        "picture-fine",
+        "light fills the gaps of so fine a picture ({n} lines): a QR code cannot be \
+        scanned",
+    ),
+];
+
 /// Least chroma of a colored ink, by its contrast, and by the paper's brightness.
 const CHROMA: f64 = 0.2;
 const GRAY: f64 = 0.04;
@@ -46,7 +81,7 @@ impl Field {
             let along = self.length_along_edge(&patch[0]);
             let is_over = mean_stroke_width(patch) > OVER_EDGE * side
                 || along > ALONG * polyline_length_m(&patch[0]);
-            along > SURROUNDINGS * side || self.is_photo && along > 0.0 && is_over
+            along > SURROUNDINGS * side || self.has_grain && along > 0.0 && is_over
         });
         if patches.is_empty() { (around, 0) } else { (patches, around.len()) }
     }
@@ -132,60 +167,21 @@ impl Field {
         n_specks: usize,
         n_lines: usize,
     ) -> Vec<Diagnostic> {
-        let n_across = self.marks_across_edge();
-        let table = [
-            (
-                self.is_photo,
-                "picture-photo",
-                "a photograph is drawn as the camera sees it: \
-                 letters.corners_px squares a sheet of paper that it sees at a slant"
-                    .into(),
-            ),
-            (
-                n_specks > 0,
-                "picture-specks",
-                format!(
-                    "{n_specks} speck(s), as of dust, are not drawn: they are smaller than the width of \
-                 the lines"
-                ),
-            ),
-            (
-                n_cut > 0,
-                "picture-edge",
-                format!(
-                    "shapes at the picture's edge are not drawn ({n_cut}): they look like what lies \
-                 around the paper; leave a margin around the drawing, or scan the paper with a \
-                 phone's scanner app"
-                ),
-            ),
-            (
-                self.faint > FAINT,
-                "picture-faint",
-                "marks that are much fainter than the rest are \
-                 not drawn, such as the paper's rulings: draw over those that are meant"
-                    .into(),
-            ),
-            (
-                n_across >= RULINGS,
-                "picture-rulings",
-                format!(
-                    "{n_across} lines across the picture's edge are drawn, as rulings of the paper \
-                 would be: draw on plain paper, or leave a margin around the drawing"
-                ),
-            ),
-            (
-                self.inner_edges() > self.width.max(self.height),
-                "picture-colors-touch",
-                "areas of several colors that touch are drawn as one: leave a gap".into(),
-            ),
-            (
-                n_lines >= FINE,
-                "picture-fine",
-                "light fills the gaps of so fine a picture: a QR code cannot be scanned".into(),
-            ),
+        let is_touched = self.inner_edges() > self.width.max(self.height);
+        let counts = [
+            usize::from(self.is_photo),
+            n_specks,
+            n_cut,
+            usize::from(self.faint > FAINT),
+            Some(self.marks_across_edge()).filter(|n| *n >= RULINGS).unwrap_or(0),
+            usize::from(is_touched),
+            Some(n_lines).filter(|n| *n >= FINE).unwrap_or(0),
         ];
-        let told = table.into_iter().filter(|(is_true, ..)| *is_true);
-        told.map(|(_, code, message)| Diagnostic::warning(code, message)).collect()
+        let warnings = WARNINGS.iter().zip(counts).filter(|(_, n)| *n > 0);
+        let warnings = warnings.map(|((code, message), n)| {
+            Diagnostic::warning(code, message.replace("{n}", &n.to_string()))
+        });
+        warnings.collect()
     }
 
     /// The hue of the ink along a line at full saturation; black for gray ink.
