@@ -94,12 +94,11 @@ pub(super) struct Field {
 impl Field {
     /// The ink of a picture; `None` if nothing differs from its paper.
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
-        let even = even_paper(picture).and_then(|paper| Self::on(picture, Some(paper)));
+        let Some(paper) = even_paper(picture) else { return Self::on(picture, None) };
+        let field = Self::on(picture, Some(paper))?;
         // Soft tones on paper of one color are light and shadow: a photograph in even light.
-        match even {
-            Some(field) if field.has_grain || field.soft <= GLARING => Some(field),
-            _ => Self::on(picture, None),
-        }
+        let is_lit_evenly = field.has_grain || field.soft <= GLARING;
+        if is_lit_evenly { Some(field) } else { Self::on(picture, None) }
     }
 
     /// The ink on paper of one color, or in a photograph.

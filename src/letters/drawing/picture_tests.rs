@@ -211,7 +211,7 @@ const ICONS: &str = "fill #c8141e 60,60 180,60 180,180 60,180; fill #003ca0 300,
 /// of the warnings.
 type Row = (&'static str, &'static str, Taken, ImageFormat, &'static str, &'static str);
 
-const ROWS: [Row; 29] = [
+const ROWS: [Row; 30] = [
     ("#fff", CROSS, CLEAN, ImageFormat::Png, "black 3", ""),
     ("#fff", NOOR, CLEAN, ImageFormat::Jpeg, "black 5", ""),
     ("#fff", HOUSE, NOISE, ImageFormat::Jpeg, "black 2", ""),
@@ -286,6 +286,16 @@ const ROWS: [Row; 29] = [
         ImageFormat::Jpeg,
         "blue 1 red 1",
         "photo",
+    ),
+    // A sheet on a desk.
+    (
+        "#50372a",
+        "!fill #faf8f2 90,40 520,70 570,370 40,340; pen 6 #222 180,130 350,170;\
+        pen 6 #d12 190,280 390,230",
+        UNEVEN,
+        ImageFormat::Jpeg,
+        "black 1 red 1",
+        "photo edge",
     ),
     // The middle of a wide shape is ink, and a letter in a row is a line, however bold.
     ("#fff", "disc #f0503c 300,200,150", UNEVEN, ImageFormat::Jpeg, "red 1", "photo"),
