@@ -1,9 +1,9 @@
 //! The medial axis of an outline, as a graph.
 //!
-//! Samples of the rim are triangulated (Delaunay). The circumcenters of the triangles in the ink
-//! are the nodes, joined where triangles share a side. As samples become dense this is the set of
-//! centers of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). The radius of
-//! a node's disc is half the stroke's width there.
+//! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles in the ink
+//! are the nodes, joined if their triangles have a side in common. As samples become dense this is
+//! the set of centers of all discs that touch the outline twice (Brandt and Algazi, CVGIP 55, 1992).
+//! The radius of a node's disc is half the stroke's width there.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -22,11 +22,11 @@ pub(super) struct Axis {
     pub(super) neighbors: Vec<Vec<usize>>,
 }
 
-/// A way between two nodes, both included; or a loop, whose first node is repeated at its end.
+/// A path between two nodes, both included. A loop has its first node again at its end.
 pub(super) type Path = Vec<usize>;
 
 impl Axis {
-    /// The axis of the ink within a rim; empty where there is none.
+    /// The axis of the ink within an outline, or an empty one without ink.
     pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would have samples a rounding error apart.
         let samples = rim.iter().flatten().map(|sample| sample.map(|x| (x / WELD).round() * WELD));
@@ -47,6 +47,7 @@ impl Axis {
                 axis.radii.push(square.sqrt());
             }
         }
+        // Voronoi edges, the dual of the triangles' sides, join the centers.
         axis.neighbors = vec![Vec::new(); axis.middles.len()];
         for side in mesh.undirected_edges() {
             let faces = [side.as_directed().face(), side.as_directed().rev().face()];
@@ -70,7 +71,7 @@ impl Axis {
         distance(self.middles[a], self.middles[b])
     }
 
-    /// The way from a node through a neighbor, up to a node for which `ends` is true.
+    /// The path from a node through a neighbor, up to a node for which `ends` is true.
     pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
         let mut way = vec![from, through];
         loop {
@@ -85,7 +86,7 @@ impl Axis {
         }
     }
 
-    /// Direction from a node to the point of the way through a neighbor after a length, or its end.
+    /// Direction from a node to the point of the path through a neighbor after a length, or its end.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
         let way = self.way(from, through, &|node| self.degree(node) != 2);
         let mut gone = 0.0;
@@ -114,6 +115,7 @@ impl Axis {
                 }
             }
         }
+        // What no end leads to are loops.
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
                 let way = self.way(node, self.neighbors[node][0], &|_| false);
@@ -124,7 +126,7 @@ impl Axis {
         paths
     }
 
-    /// Cuts a way off: all its links, so that its first node loses a neighbor.
+    /// Cuts a path off: all its links, so that its first node loses a neighbor.
     pub(super) fn cut(&mut self, way: &[usize]) {
         for step in way.windows(2) {
             self.neighbors[step[0]].retain(|node| *node != step[1]);

@@ -1,4 +1,4 @@
-//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke; here the
+//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke. Here the
 //! lines are extended straight until they meet.
 
 use super::super::outline::Filled;
@@ -12,7 +12,7 @@ use noctograph_core::geometry::distance;
 const ONE_JUNCTION: f64 = 1.0;
 const ONE_BEND: f64 = 2.5;
 
-/// Cosine of the largest turn of a stroke that goes through a junction: 75°, since a bowl turns on;
+/// Cosine of the largest turn of a stroke that goes through a junction: 75°, since a bowl turns on,
 /// and at a bend of a single stroke, 25°.
 const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
@@ -20,8 +20,8 @@ const THROUGH_BEND: f64 = 0.906;
 /// Sine of the largest angle between an upright arm and the vertical or horizontal: 3°.
 const UPRIGHT: f64 = 0.05;
 
-/// Farthest that lines may cross from their junction, by its radius; they cross beyond a tip that
-/// is cut off flat.
+/// Farthest that lines may cross from their junction, by its radius. They cross beyond a tip that is
+/// cut off flat.
 const FAR: f64 = 10.0;
 
 /// Farthest that a meeting point may lie from its junction, in radii of the junction.
@@ -36,6 +36,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         2 => bends[node],
         degree => degree != 0,
     }));
+    // Junctions and their branches, as pieces of the axis.
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
@@ -50,6 +51,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         let points = path.iter().map(|node| axis.middles[*node]).collect();
         branches.push(Branch::new(points, path.iter().map(|node| axis.radii[*node]).collect()));
     }
+    // At each junction, the branches are cut back and connected anew.
     let mut members_of: Vec<Vec<usize>> = vec![Vec::new(); axis.middles.len()];
     for node in (0..axis.middles.len()).filter(|node| is_key[*node]) {
         members_of[cluster_of[node]].push(node);
@@ -78,7 +80,7 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// For each node the junction it belongs to, by its smallest node; and which paths lie within
+/// For each node the junction it belongs to, by its smallest node. Also which paths lie within
 /// one.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
@@ -112,7 +114,7 @@ impl Joint<'_> {
 
     /// The point where the arms' lines meet, as far as a pen of their width stays in the ink: a tip
     /// that is cut off flat is not extended to a point. A vertical or horizontal arm keeps its line
-    /// there; others share the turn.
+    /// there. Others turn alike.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
@@ -132,6 +134,7 @@ impl Joint<'_> {
 
 /// Connects the arms of a junction.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
+    // Pairs of arms that go straight through are one line, the straightest first.
     let middle = joint.middle;
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
@@ -145,6 +148,7 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
         through.push(way);
         free.retain(|arm| *arm != a && *arm != b);
     }
+    // Without one, all arms meet in a point. Otherwise the others end on the first line they hit.
     if through.is_empty() {
         let crossing = crossing(arms).filter(|p| {
             joint.is_near(*p, FAR)
@@ -211,6 +215,7 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
 
 /// The point nearest to the lines of all arms.
 fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
+    // Least squares: the sum of (n · p − offset)² over the normals n has its normal equations here.
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for arm in arms {
         let [nx, ny] = [-arm.away[1], arm.away[0]];
@@ -226,9 +231,10 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
     let hits = legs(line).filter_map(|[from, to]| {
-        let (gap, leg) = (minus(from, arm.from), minus(to, from));
-        let area = cross(onward, leg);
-        let (t, s) = (cross(gap, leg) / area, cross(gap, onward) / area);
+        let (gap, segment) = (minus(from, arm.from), minus(to, from));
+        // arm.from + t · onward = from + s · segment, by Cramer's rule.
+        let area = cross(onward, segment);
+        let (t, s) = (cross(gap, segment) / area, cross(gap, onward) / area);
         (t >= 0.0 && (0.0..=1.0).contains(&s)).then_some(t)
     });
     hits.min_by(f64::total_cmp).map(|t| ahead(arm.from, onward, t))

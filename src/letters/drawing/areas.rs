@@ -52,9 +52,9 @@ pub(super) struct Patch<'a> {
     /// Mean width by its larger side.
     width: f64,
     center: Option<CenterLines>,
-    /// Half of its width, and half of its greatest width, in pixels; 0 without center lines.
+    /// Half of its width, and half of its greatest width, in pixels. 0 without center lines.
     pen_px: [f64; 2],
-    /// Intersection over union with the pen's line along its center; 0 for a thin patch.
+    /// Intersection over union with the pen's line along its center. 0 for a thin patch.
     penned: f64,
     budget: &'a Budget,
 }
@@ -106,6 +106,7 @@ impl<'a> Patch<'a> {
     /// True if it is a letter in a row, of which at least one is surely written.
     fn is_letter(&self, patches: &[Self]) -> bool {
         let is_beside = |other: &&Self| !std::ptr::eq(self, *other) && self.is_beside(other);
+        // One neighbor at least has to be a single stroke of a pen.
         let mut beside = patches.iter().filter(is_beside).peekable();
         let (n, is_written) = (beside.clone().count(), beside.any(|it| it.penned > PENNED[0]));
         self.penned >= PENNED[1] && n >= LETTERS && is_written
@@ -124,6 +125,7 @@ fn penned(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
     {
         return 0.0;
     }
+    // Points of a grid over the patch, in the ink and within half a pen of a center line.
     let ink = Filled::new(contours, budget);
     let [left, bottom, right, top] = bounds(contours[0].iter().copied());
     let [mut both, mut any] = [0; 2];
@@ -149,6 +151,7 @@ pub(super) fn lines(patches: &[Patch<'_>], larger_px: f64) -> Vec<Vec<[f64; 2]>>
     let letter_px = median(written.map(|(patch, _)| patch.pen_px[0])).unwrap_or(0.0);
     let lines = patches.iter().zip(&letters).flat_map(|(patch, is_letter)| {
         let line = patch.center.as_ref().filter(|center| {
+            // What is a line without regard to the rest comes first, then what has a known pen.
             let thickest_px = patch.pen_px[1];
             let is_point = size(patch.bounds_px) < POINT * larger_px;
             let is_dot =

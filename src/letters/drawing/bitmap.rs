@@ -65,6 +65,7 @@ pub(super) fn read(
     file: &str,
 ) -> Result<Warned<Traced>> {
     let budget = Budget::new(file, "make the picture smaller, or draw less");
+    // The picture as it is meant: upright, on one ground, and of a sheet if its corners are known.
     let (mut picture, shrunk) = upright(bytes, &budget, file)?;
     let is_checkered = without_checkerboard(&mut picture);
     let mut in_file = Map([[shrunk, 0.0, 0.0], [0.0, shrunk, 0.0], [0.0, 0.0, 1.0]]);
@@ -73,6 +74,7 @@ pub(super) fn read(
         picture = square_on(&picture, &corners.map(|corner| corner.map(|x| x / shrunk)));
         in_file = Map::of_sheet(&corners, picture.dimensions());
     }
+    // Its ink, unless it is a photograph of something else.
     let field = Field::new(&picture).ok_or_else(|| blank(file))?;
     if corners.is_none() && field.has_grain && field.soft > SOFT {
         let hint = "draw its lines on paper or in a drawing program, or scan the paper with a \
@@ -80,6 +82,7 @@ pub(super) fn read(
         let photograph = "a photograph, of tones without lines";
         return Err(Error::input(file, photograph, DRAWINGS, hint).coded("picture-none"));
     }
+    // Patches of ink before lines: specks and surroundings would count as pens.
     let (patches, n_cut) = field.patches();
     let (patches, n_specks) = without_specks(patches, field.width.max(field.height) as f64);
     if patches.is_empty() {
@@ -148,7 +151,7 @@ fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     Error::input(file, cause, wanted, "choose another file; or save it as PNG, or smaller")
 }
 
-/// The picture in upright position, opaque, and at most as large as needed; and the number of the
+/// The picture in upright position, opaque, and at most as large as needed. Also the number of the
 /// file's pixels along one of its pixels.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)> {
     // Phones and programs give files the ending of another kind.
@@ -158,6 +161,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
     if bytes.starts_with(b"%PDF") {
         return Err(super::foreign("pdf", file));
     }
+    // The work and the memory of decoding are known from the header.
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let reader = reader.map_err(|e| unreadable(file, e))?;
     let mut decoder = reader.into_decoder().map_err(|e| unreadable(file, e))?;
@@ -176,6 +180,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
             return Err(unreadable(file, "a JPEG that is cut off"));
         }
     }
+    // Smaller before it is turned, which is less work.
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| unreadable(file, e))?;
     if width.max(height) > LONGER_SIDE {
@@ -191,6 +196,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
 /// A transparent picture on a ground from which its ink stands out.
 fn on_ground(picture: &RgbaImage) -> RgbImage {
     let opaque = picture.pixels().filter(|pixel| pixel.0[3] > 127);
+    // Pixels that would vanish on each ground.
     let n_opaque = opaque.clone().count() as f64;
     let n_lost = GROUNDS.map(|ground| {
         let lost = opaque
@@ -202,6 +208,7 @@ fn on_ground(picture: &RgbaImage) -> RgbImage {
     let has_paper = n_opaque > PAPER * n_pixels && n_lost[0] > PAPER * n_opaque;
     let contrasting = (0..GROUNDS.len()).find(|k| n_lost[*k] <= LOST * n_opaque);
     let ground = if has_paper { GROUNDS[0] } else { GROUNDS[contrasting.unwrap_or(0)] };
+    // Alpha compositing: value · α + ground · (1 - α), rounded.
     let mut opaque = RgbImage::new(picture.width(), picture.height());
     for (pixel, rgba) in opaque.pixels_mut().zip(picture.pixels()) {
         let [.., alpha] = rgba.0.map(u32::from);

@@ -4,10 +4,10 @@
 //! {"strokes": [[[12, 40, 0.00], [13, 44, 0.02]], [[30, 41, 0.35], [36, 41, 0.40]]], "y": "down"}
 //! ```
 //!
-//! A stroke is a list of points from pen down to pen up; a point is x, y and, if known, the time in
-//! seconds. Units of length are arbitrary; `y` grows `down` (the default, as on screens) or `up`.
+//! A stroke is a list of points from pen down to pen up. A point is x, y and, if known, the time in
+//! seconds. Units of length are arbitrary. `y` grows `down` (the default, as on screens) or `up`.
 //! `"colors": [[255, 0, 0], [0, 0, 255]]`, if given, has red, green and blue of each stroke, for
-//! lamps that write in colors; black is the lamp's own. `"canvas": [left, top, right, bottom]`, if
+//! lamps that write in colors. Black is the color that the lamp has anyway. `"canvas": [left, top, right, bottom]`, if
 //! given, is the page that was written on: it is placed as a whole, so that a stroke keeps its
 //! place on it, and a single tap is a dot. Other keys are ignored.
 
@@ -39,7 +39,7 @@ const TAP: f64 = 0.02;
 struct Written {
     /// Points, y up, in the writer's units.
     points: Vec<[f64; 2]>,
-    /// When each point was written; empty if the file does not have it.
+    /// When each point was written. Empty if the file does not say it.
     times_s: Vec<f64>,
     color: Option<[u8; 3]>,
 }
@@ -83,6 +83,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
         let place = format!("{file}:{}:{}", broken.line(), broken.column());
         Error::input(place, broken.to_string(), "handwriting as JSON", hint)
     })?;
+    // Everything with y up from here on.
     let sign = match page.y {
         Upward::Down => -1.0,
         Upward::Up => 1.0,
@@ -108,6 +109,7 @@ fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
         let wanted = "left, top, right, bottom with an extent";
         return Err(Error::input(file, canvas, wanted, "leave `canvas` out"));
     }
+    // All points have as many values as the first, and their times never fall.
     let mut traces = Vec::new();
     let mut n_values = None;
     let mut latest_s = f64::NEG_INFINITY;
@@ -163,6 +165,7 @@ fn write(
     let mut numbers = Vec::new();
     for (number, trace) in &traces {
         numbers.push(placing.label(*number, &trace.points));
+        // A glyph for each run of strokes of one color, in the writer's order.
         let color = trace.color.filter(|_| ink == Ink::ByColor);
         if glyphs.is_empty() || color != colors.last().copied() {
             glyphs.push(Vec::new());
@@ -170,9 +173,10 @@ fn write(
         }
         let line = placing.run(&trace.points).points;
         let (points, when) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
-        let moved = points.windows(2).map(|leg| leg[0] != leg[1]);
-        let legs_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
-        lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
+        // Segments without length are no moves, and have no duration.
+        let moved = points.windows(2).map(|ends| ends[0] != ends[1]);
+        let segments_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
+        lasts_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
     let mut strokes = StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
@@ -182,16 +186,16 @@ fn write(
     Ok(strokes)
 }
 
-/// Gives lit moves the pace of the writer's pen, as a share of its mean speed, from the duration of
-/// each; nothing without durations.
+/// Gives lit moves the pace of the writer's pen, as a fraction of its mean speed, from the duration
+/// of each. Without durations it does nothing.
 fn set_pace(strokes: &mut StrokesData, lasts_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
     let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();
     let whole_m: f64 = timed.iter().map(|(step, _)| distance(step.from_m, step.to_m)).sum();
     let mean_m_s = whole_m / lasts_s.iter().sum::<f64>();
-    for (step, leg_s) in timed.into_iter().filter(|(_, leg_s)| *leg_s > 0.0) {
-        let leg_m = distance(step.from_m, step.to_m);
-        step.pace = (leg_m / leg_s / mean_m_s).clamp(SLOWEST, 1.0);
+    for (step, segment_s) in timed.into_iter().filter(|(_, segment_s)| *segment_s > 0.0) {
+        let segment_m = distance(step.from_m, step.to_m);
+        step.pace = (segment_m / segment_s / mean_m_s).clamp(SLOWEST, 1.0);
     }
 }
 
@@ -213,21 +217,22 @@ fn smoothed(
     } else {
         line.to_vec()
     };
+    // The time of a point is that of the raw line at the same fraction of its length.
     let kept = simplify(&points, options.tolerance_m);
     let times_s = kept.iter().filter(|_| !times_s.is_empty()).map(|index| {
-        let share = match is_tap || options.smoothing_m > 0.0 {
+        let fraction = match is_tap || options.smoothing_m > 0.0 {
             true => *index as f64 / (points.len() - 1) as f64,
             false => along[*index] / length_m,
         };
         if length_m == 0.0 {
             // A tap lasts as long as the pen was down.
-            return times_s[0] + share * (times_s[times_s.len() - 1] - times_s[0]);
+            return times_s[0] + fraction * (times_s[times_s.len() - 1] - times_s[0]);
         }
-        let way_m = share * length_m;
-        let leg = along.partition_point(|s| *s < way_m).clamp(1, along.len() - 1);
-        let (from, to) = (along[leg - 1], along[leg]);
-        let part = if to > from { ((way_m - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
-        times_s[leg - 1] + part * (times_s[leg] - times_s[leg - 1])
+        let along_m = fraction * length_m;
+        let next = along.partition_point(|s| *s < along_m).clamp(1, along.len() - 1);
+        let (from, to) = (along[next - 1], along[next]);
+        let part = if to > from { ((along_m - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
+        times_s[next - 1] + part * (times_s[next] - times_s[next - 1])
     });
     let times_s = times_s.collect();
     (kept.iter().map(|index| points[*index]).collect(), times_s)

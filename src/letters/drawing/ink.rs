@@ -52,8 +52,8 @@ const GRAIN: f64 = 1e-3;
 /// Fraction of the ink that is weaker than strong ink.
 const STRONG: f64 = 0.97;
 
-/// Tones between paper and strong ink, by the contrast of the latter; how much they change from one
-/// side to the other; and the pixels to both sides.
+/// Tones between paper and strong ink, by the contrast of the latter. Their change from one side to
+/// the other, and the pixels to both sides.
 type Tones = (Range<f64>, Range<f64>, usize);
 /// The tones of a photograph.
 const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
@@ -92,7 +92,7 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// The ink of a picture; `None` if nothing differs from its paper.
+    /// The ink of a picture, or `None` if nothing differs from its paper.
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
         let Some(paper) = even_paper(picture) else { return Self::on(picture, None) };
         let field = Self::on(picture, Some(paper))?;
@@ -105,6 +105,7 @@ impl Field {
     fn on(picture: &RgbImage, even: Option<[f64; CHANNELS]>) -> Option<Self> {
         let inks = even.map_or_else(|| inks(picture), |paper| inks_on(picture, paper));
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
+        // Within a margin of paper, so that every patch has a closed contour.
         let mut contrast = vec![0.0; width * height];
         let mut color = vec![[1.0; CHANNELS]; width * height];
         for (row, inks) in (1..).zip(inks.chunks(width - 2)) {
@@ -112,6 +113,7 @@ impl Field {
                 (contrast[pixel], color[pixel]) = *ink;
             }
         }
+        // What counts as ink depends on the strong ink, and on the grain of the paper.
         let is_photo = even.is_none();
         let least = LEAST[usize::from(is_photo)];
         let has_grain = is_photo || median_change(&contrast, width) > GRAIN;
@@ -242,6 +244,7 @@ fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
+    // The skewness of the tones, block by block: light changes from block to block.
     let (mut darker, mut brighter) = (0.0, 0.0);
     for left in (0..width).step_by(block) {
         for top in (0..height).step_by(block) {

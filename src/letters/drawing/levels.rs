@@ -15,14 +15,14 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     values
 }
 
-/// A morphological closing: dark marks narrower than so many steps to both sides are removed, and
+/// A morphological closing: dark marks narrower than `steps` to both sides are removed, and
 /// edges stay.
 pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     let brightest = extremes(values, width, steps, f64::max);
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The minimum or maximum within so many steps of each value, in a square (van Herk, Pattern
+/// The minimum or maximum within `steps` of each value, in a square (van Herk, Pattern
 /// Recognition Letters 13, 1992).
 pub(super) fn extremes(
     values: &[f64],
@@ -63,11 +63,11 @@ pub(super) fn extremes(
     values
 }
 
-/// A quantile of values from 0 to 255; 0 without values.
-pub(super) fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> f64 {
+/// A quantile of values from 0 to 255. 0 without values.
+pub(super) fn quantile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut counts = [0_usize; 256];
     values.into_iter().for_each(|value| counts[level(value)] += 1);
-    let wanted = share * counts.iter().sum::<usize>() as f64;
+    let wanted = rank * counts.iter().sum::<usize>() as f64;
     let mut passed = 0;
     let reached = counts.iter().position(|n| {
         passed += n;

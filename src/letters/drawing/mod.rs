@@ -240,7 +240,7 @@ struct Placing {
     left: f64,
     bottom: f64,
     scale: f64,
-    /// The drawing's box; a level line has a thousandth of its length as its height.
+    /// The drawing's box. A level line has a thousandth of its length as its height.
     cell: Cell,
 }
 

@@ -71,7 +71,7 @@ pub(super) const RULES: &str = "*{filter:none!important}marker *{marker:none!imp
     [noctograph]{fill:#000!important;stroke:none!important;clip-path:none!important;\
     mask:none!important}";
 
-/// Whether a list of words has one.
+/// True if a list of words has one.
 pub(super) fn has(words: &str, word: &str) -> bool {
     words.split_ascii_whitespace().any(|other| other == word)
 }
@@ -129,6 +129,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some(SVG)) {
+            // An element that is replaced or left out is not entered: its edit covers all of it.
             let before = node.prev_siblings().filter(|it| it.has_tag_name(tag));
             match tag {
                 "script" => self.named.add("a script", "not followed", node),
@@ -189,6 +190,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             return Err(format!("more than {MAX_SIGNS} elements <{name}>"));
         }
         self.signs.push(node);
+        // The prefix and the attributes as they are written: the same namespace and style.
         let text = node.document().input_text();
         let qualified = text[node.range().start + 1..].split(|c: char| "/> \t\r\n".contains(c));
         let prefix = qualified.map(|name| name.rsplit_once(':')).next().flatten();
@@ -197,9 +199,9 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             format!("<{prefix}polyline noctograph=\"\" points=\"{SIGN_X} {index} {SIGN_X} 0 0 0\"");
         let (is_first, left_out) = (self.styles.is_first(node), "points noctograph");
         let kept = |name| !has(left_out, name) && (is_first || name != "id");
-        for own in node.attributes().filter(|own| kept(own.name())) {
+        for attribute in node.attributes().filter(|attribute| kept(attribute.name())) {
             sign += " ";
-            sign += &text[own.range()];
+            sign += &text[attribute.range()];
         }
         self.edits.push((node.range(), sign + "/>"));
         Ok(())

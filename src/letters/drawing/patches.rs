@@ -1,5 +1,5 @@
 //! Patches of ink: their contours between pixels, by marching squares, without specks and without
-//! what lies around the paper; and what a picture's reader warns of.
+//! what lies around the paper. Also the warnings of a picture.
 
 use std::collections::BTreeMap;
 
@@ -184,8 +184,9 @@ impl Field {
         warnings.collect()
     }
 
-    /// The hue of the ink along a line at full saturation; black for gray ink.
+    /// The hue of the ink along a line at full saturation, or black for gray ink.
     pub(super) fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
+        // Four points of each segment, where they lie in the ink.
         let mut sum = [0.0; 3];
         let [mut n, mut contrast] = [0.0; 2];
         for [from, to] in legs(line) {
@@ -210,7 +211,7 @@ impl Field {
     }
 }
 
-/// The hue of a color at full saturation; black if its chroma is at most `gray`.
+/// The hue of a color at full saturation, or black if its chroma is at most `gray`.
 fn saturated(color: [f64; 3], gray: f64) -> [u8; 3] {
     let least = color.into_iter().fold(f64::MAX, f64::min);
     let most = color.into_iter().fold(0.0, f64::max);
@@ -225,6 +226,7 @@ fn saturated(color: [f64; 3], gray: f64) -> [u8; 3] {
 pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<Contour>>, usize) {
     let ink = |patch: &Vec<Contour>| patch.iter().map(|contour| area(contour)).sum::<f64>();
     let largest = patches.iter().max_by(|a, b| ink(a).total_cmp(&ink(b)));
+    // A speck is smaller than the pen.
     let width = largest.map_or(0.0, |patch| mean_stroke_width(patch));
     let most = (SPECK[1] * width).min(SPECK[0] * side);
     let total: f64 = patches.iter().map(ink).sum();

@@ -69,7 +69,7 @@ pub(super) fn check<'a, 'input>(
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,
-    /// Work and depth of the elements counted so far; `None` while an element is being counted.
+    /// Work and depth of the elements counted so far. `None` while an element is being counted.
     known: HashMap<Node<'a, 'input>, Option<(Work, usize)>>,
     /// The largest work of each kind in a marker.
     marker: Work,

@@ -62,6 +62,7 @@ impl Named {
 /// attribute with all others of its tag, each prefix with all namespaces around, and each reference
 /// with all entities. The error names entities that become too large.
 pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), String> {
+    // Entities: each reference is looked up among all of them, and put in as text.
     let (mut n_entities, mut longest, mut references) = (0, 0, xml.matches('&').count());
     for declaration in xml.split("<!ENTITY").skip(1) {
         let Some(start) = declaration.find(['"', '\'']) else { continue };
@@ -82,6 +83,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         }
         budget.spend_steps(references.saturating_mul(STEPS[1] + STEPS[0] * n_entities));
     }
+    // Attributes of a tag with each other, and prefixes with the namespaces around.
     let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
@@ -130,6 +132,7 @@ impl<'a, 'input> Styles<'a, 'input> {
             sheet.parse_more(text);
             sheets += text;
         }
+        // Attributes first, then rules and the style by importance: the last of a name is in force.
         let (mut all, mut ids) = (HashMap::new(), HashMap::new());
         for node in elements {
             if let Some(id) = node.attribute("id") {
@@ -174,13 +177,13 @@ impl<'a, 'input> Styles<'a, 'input> {
         declared.filter(|own| own.0 == name).map(|own| own.1.trim()).next()
     }
 
-    /// Whether an element is the first of its id, or has none.
+    /// True if an element is the first of its id, or has none.
     pub(super) fn is_first(&self, node: Node<'_, '_>) -> bool {
         let first = node.attribute("id").and_then(|id| self.ids.get(id));
         first.is_none_or(|first| first.id() == node.id())
     }
 
-    /// Whether a style sheet may have a rule of an id.
+    /// True if a style sheet may have a rule of an id.
     pub(super) fn has_rule_of(&self, id: &str) -> bool {
         let is_name = |sign: char| sign.is_alphanumeric() || sign == '-' || sign == '_';
         let name = format!("#{id}");
@@ -199,7 +202,7 @@ impl<'a, 'input> Styles<'a, 'input> {
     }
 }
 
-/// Whether quotation marks of a style sheet may be escaped, which would hide the ends of its rules.
+/// True if quotation marks of a style sheet may be escaped, which would hide the ends of its rules.
 /// usvg does not get such a sheet.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
@@ -215,6 +218,7 @@ fn values(css: &str) -> usize {
 /// selector of a list has the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
     budget.steps(values(sheet))?;
+    // The head of a block has its selectors, and rules beginning with @ before them.
     for block in bare(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
         for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {
@@ -255,7 +259,7 @@ fn bare(sheet: &str) -> String {
     kept + rest
 }
 
-/// Whether the parser of declarations gives up before the last.
+/// True if the parser of declarations gives up before the last.
 fn breaks_off(declarations: &str) -> bool {
     let n = declarations.split(';').filter(|part| !part.trim().is_empty()).count();
     DeclarationTokenizer::from(declarations).count() < n && !declarations.contains("url(")

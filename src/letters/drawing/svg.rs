@@ -1,8 +1,8 @@
 //! SVG: a file as lines, as a browser shows it.
 //!
-//! Styles, `use`, basic shapes, nested viewports and paints are resolved by usvg; clips, masks, the
-//! page's edge and occlusion in [`visibility`]; dashes by kurbo. Unsupported features are named in
-//! the warnings ([`notes`]); text is refused.
+//! usvg resolves styles, `use`, basic shapes, nested viewports and paints, and kurbo dashes. Clips,
+//! masks, the page's edge and occlusion are in [`visibility`]. Unsupported features are named in the
+//! warnings ([`notes`]), and text is refused.
 //!
 //! [`visibility`]: super::visibility
 //! [`notes`]: super::notes
@@ -160,6 +160,7 @@ fn visible(
         if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
+        // What is drawn of a stroke is its line with its dashes, and points where they have no length.
         let (mut line, mut reach) = (item.path.clone(), 0.0);
         if let Some((_, alpha, style)) = &item.stroke {
             let (dashes, shortest) = dashed(line, style, item.placed, &mut left, file)?;
@@ -171,6 +172,7 @@ fn visible(
         let (shown, is_alike) = page.visible(index, item, &line);
         scale.budget.check()?;
         n_alike += usize::from(is_alike);
+        // The part that clips, masks and later elements leave.
         let parts = match shown {
             Visible::Stroke(color) => vec![Item::Whole(line, color)],
             Visible::Outline(color) => vec![Item::Whole(item.closed(), color)],
@@ -210,7 +212,7 @@ fn refused(file: &str, cause: String) -> Error {
     Error::input(file, cause, "an SVG drawing", hint)
 }
 
-/// Checks that a root is that of a drawing; the error is the cause.
+/// Checks that a root is that of a drawing. The error is the cause.
 fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> {
     let (name, namespace) = (root.tag_name().name(), root.tag_name().namespace());
     match namespace {
@@ -222,7 +224,7 @@ fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> 
     }
 }
 
-/// The tree of an edited file; the error is the cause.
+/// The tree of an edited file. The error is the cause.
 fn parsed(edited: &str) -> std::result::Result<Tree, String> {
     // Pictures are not drawn: do not open them.
     let image_href_resolver = ImageHrefResolver {
@@ -238,7 +240,7 @@ fn parsed(edited: &str) -> std::result::Result<Tree, String> {
 }
 
 impl Drawing {
-    /// The box of all items: left, bottom, right, top; inverted without items.
+    /// The box of all items: left, bottom, right, top. Inverted without items.
     pub(super) fn bounds(&self) -> [f64; 4] {
         bounds_of(self.items.iter())
     }
@@ -263,7 +265,7 @@ impl Drawing {
     }
 }
 
-/// The box of items: left, bottom, right, top; inverted without items.
+/// The box of items: left, bottom, right, top. Inverted without items.
 fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     let bounds = items.map(|item| match item {
         Item::Whole(path, _) => {
@@ -304,7 +306,7 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// The encoding that a file's first bytes or its declaration name; `None` for UTF-8.
+/// The encoding that a file's first bytes or its declaration name, or `None` for UTF-8.
 #[cfg(not(target_family = "wasm"))]
 fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encoding>, String> {
     let encoding = match bytes {
@@ -368,6 +370,7 @@ impl<'a> Walk<'a> {
             return;
         }
         let scale = self.scale;
+        // Its clips and masks, and those of these, cut everything in it.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
@@ -381,6 +384,7 @@ impl<'a> Walk<'a> {
             let outside = std::mem::replace(&mut self.in_mask, true);
             self.group(mask.root(), placed, &[], 1.0, &mut parts);
             self.in_mask = outside;
+            // Strokes are light in a mask, too. A clip has fills only.
             let layers = parts
                 .iter()
                 .flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
@@ -434,7 +438,7 @@ impl<'a> Walk<'a> {
 
     /// The color of a paint and its opacity. A gradient has the color of its middle visible stop,
     /// and a little less than the mean opacity of all, so that nothing on it passes for one of its
-    /// shades; in a mask it is as light as its lightest stop.
+    /// shades. In a mask it is as light as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
@@ -502,7 +506,7 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     placed * drawn
 }
 
-/// The dashes of a path, or the path itself, while points are left; and the greatest length of a
+/// The dashes of a path, or the path itself, while points are left. Also the greatest length of a
 /// dash that stands for a point. Under an uneven transform dashes have their mean length.
 fn dashed(
     drawn: BezPath,
@@ -514,6 +518,7 @@ fn dashed(
     if style.dash_pattern.is_empty() {
         return Ok((drawn, 0.0));
     }
+    // Points are as long as `least`, which the gap after them loses.
     let scale = placed.determinant().abs().sqrt();
     let mut dashes: Vec<f64> = style.dash_pattern.iter().map(|dash| scale * dash).collect();
     let period: f64 = dashes.iter().sum();
