@@ -63,8 +63,8 @@ impl Axis {
         self.neighbors[node].len()
     }
 
-    pub(super) fn length(&self, way: &[usize]) -> f64 {
-        way.windows(2).map(|step| self.distance(step[0], step[1])).sum()
+    pub(super) fn length(&self, path: &[usize]) -> f64 {
+        path.windows(2).map(|step| self.distance(step[0], step[1])).sum()
     }
 
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
@@ -72,29 +72,29 @@ impl Axis {
     }
 
     /// The path from a node through a neighbor, up to a node for which `ends` is true.
-    pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
-        let mut way = vec![from, through];
+    pub(super) fn path(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
+        let mut path = vec![from, through];
         loop {
-            let (before, node) = (way[way.len() - 2], way[way.len() - 1]);
+            let (before, node) = (path[path.len() - 2], path[path.len() - 1]);
             if ends(node) || node == from {
-                return way;
+                return path;
             }
             match self.neighbors[node].iter().find(|next| **next != before) {
-                Some(next) => way.push(*next),
-                None => return way,
+                Some(next) => path.push(*next),
+                None => return path,
             }
         }
     }
 
     /// Direction from a node to the point of the path through a neighbor after a length, or its end.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
-        let way = self.way(from, through, &|node| self.degree(node) != 2);
+        let path = self.path(from, through, &|node| self.degree(node) != 2);
         let mut gone = 0.0;
-        let step = way.windows(2).find(|step| {
+        let step = path.windows(2).find(|step| {
             gone += self.distance(step[0], step[1]);
             gone >= length
         });
-        let end = self.middles[step.map_or(way[way.len() - 1], |step| step[1])];
+        let end = self.middles[step.map_or(path[path.len() - 1], |step| step[1])];
         direction(self.middles[from], end)
     }
 
@@ -105,30 +105,30 @@ impl Axis {
         for node in (0..self.middles.len()).filter(|node| ends(*node)) {
             seen[node] = true;
             for next in &self.neighbors[node] {
-                let way = self.way(node, *next, ends);
-                way[1..way.len() - 1].iter().for_each(|inner| seen[*inner] = true);
-                let end = way[way.len() - 1];
+                let path = self.path(node, *next, ends);
+                path[1..path.len() - 1].iter().for_each(|inner| seen[*inner] = true);
+                let end = path[path.len() - 1];
                 // Each is found from both of its ends, and a loop through both of its sides.
-                let back = (end, way[way.len() - 2]);
+                let back = (end, path[path.len() - 2]);
                 if (node, *next) <= back {
-                    paths.push(way);
+                    paths.push(path);
                 }
             }
         }
         // What no end leads to are loops.
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
-                let way = self.way(node, self.neighbors[node][0], &|_| false);
-                way.iter().for_each(|inner| seen[*inner] = true);
-                paths.push(way);
+                let path = self.path(node, self.neighbors[node][0], &|_| false);
+                path.iter().for_each(|inner| seen[*inner] = true);
+                paths.push(path);
             }
         }
         paths
     }
 
     /// Cuts a path off: all its links, so that its first node loses a neighbor.
-    pub(super) fn cut(&mut self, way: &[usize]) {
-        for step in way.windows(2) {
+    pub(super) fn cut(&mut self, path: &[usize]) {
+        for step in path.windows(2) {
             self.neighbors[step[0]].retain(|node| *node != step[1]);
             self.neighbors[step[1]].retain(|node| *node != step[0]);
         }

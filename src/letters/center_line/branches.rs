@@ -47,11 +47,11 @@ pub(super) struct Branch {
     used: bool,
 }
 
-/// The points from a branch's end to where it meets others, and the next branch with whether it is
-/// entered at its tail.
+/// The points from a branch's end to where it meets others, and the next branch.
 #[derive(Default)]
 pub(super) struct Connection {
     pub(super) knots: Vec<Knot>,
+    /// The next branch, true if it is entered at its tail.
     pub(super) next: Option<(usize, bool)>,
 }
 

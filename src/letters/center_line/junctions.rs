@@ -20,8 +20,7 @@ const THROUGH_BEND: f64 = 0.906;
 /// Sine of the largest angle between an upright arm and the vertical or horizontal: 3°.
 const UPRIGHT: f64 = 0.05;
 
-/// Farthest that lines may cross from their junction, by its radius. They cross beyond a tip that is
-/// cut off flat.
+/// Farthest crossing of lines from their junction, by its radius: beyond a tip that is cut off.
 const FAR: f64 = 10.0;
 
 /// Farthest that a meeting point may lie from its junction, in radii of the junction.
@@ -80,8 +79,7 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// For each node the junction it belongs to, by its smallest node. Also which paths lie within
-/// one.
+/// The junction of each node, by its smallest node, and which paths lie within one.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let mut inner = vec![false; paths.len()];
@@ -96,8 +94,8 @@ fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
             cluster_of[a.max(b)] = a.min(b);
         }
     }
-    let all = (0..cluster_of.len()).map(|node| root(&cluster_of, node)).collect();
-    (all, inner)
+    let roots = (0..cluster_of.len()).map(|node| root(&cluster_of, node)).collect();
+    (roots, inner)
 }
 
 /// A place where arms meet.
@@ -112,9 +110,8 @@ impl Joint<'_> {
         distance(point, self.middle) <= reach * self.radius
     }
 
-    /// The point where the arms' lines meet, as far as a pen of their width stays in the ink: a tip
-    /// that is cut off flat is not extended to a point. A vertical or horizontal arm keeps its line
-    /// there. Others turn alike.
+    /// The point where the arms' lines meet, as far as a pen of their width stays in the ink.
+    /// Vertical and horizontal arms keep their line there.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
@@ -140,12 +137,12 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
     while let Some((a, b)) = straightest(arms, &free, limit) {
-        let way = curve(&arms[a], &arms[b]);
-        let knots = way.iter().map(|point| Knot { position: *point, corner: false });
+        let path = curve(&arms[a], &arms[b]);
+        let knots = path.iter().map(|point| Knot { position: *point, corner: false });
         let knots: Vec<Knot> = knots.collect();
         let back = knots[8..].iter().rev().copied().collect();
         join(branches, [&arms[a], &arms[b]], [knots[..=8].to_vec(), back]);
-        through.push(way);
+        through.push(path);
         free.retain(|arm| *arm != a && *arm != b);
     }
     // Without one, all arms meet in a point. Otherwise the others end on the first line they hit.
@@ -168,7 +165,7 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
         }
     } else {
         for arm in free.into_iter().map(|arm| &arms[arm]) {
-            let hits = through.iter().filter_map(|way| first_hit(arm, way));
+            let hits = through.iter().filter_map(|path| first_hit(arm, path));
             let hit = hits.min_by(|a, b| distance(arm.from, *a).total_cmp(&distance(arm.from, *b)));
             let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(middle);
             branches[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
@@ -188,8 +185,7 @@ fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     }
 }
 
-/// The pair of arms that are most nearly opposite, where they turn by less than a limit (its
-/// cosine).
+/// The most nearly opposite pair of arms, if the cosine of its turn is above a limit.
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
     let turns = pairs.map(|(a, b)| ((a, b), -dot(arms[a].away, arms[b].away)));

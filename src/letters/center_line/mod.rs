@@ -48,8 +48,7 @@ pub(super) struct CenterLines {
     pub(super) half_width: f64,
     /// Half width where the ink is thickest.
     pub(super) thickest: f64,
-    /// Longest part of the medial axis whose ink no line touches, where it is too long for a
-    /// corner: a stroke of the face that was lost. In cap heights, 0 if none.
+    /// Longest part of the axis that no line touches: a stroke that was lost. In cap heights.
     pub(super) lost: f64,
 }
 
@@ -59,8 +58,7 @@ impl CenterLines {
     }
 }
 
-/// Steps of the triangulation for each node, of smoothing a point with nine stiffnesses, and of the
-/// distance between a node and a segment.
+/// Steps of triangulating a node, of smoothing a point, and of the distance from a segment.
 const STEPS: [usize; 3] = [2000, 500, 5];
 
 /// The center lines of an outline in cap heights, or a part of them once the budget is spent.
@@ -75,7 +73,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     // The medial axis, of which spurs are cut before junctions are looked at.
     let mut axis = Axis::new(&rim, &ink);
     let parts = parts(&axis.neighbors);
-    let whole = axis.neighbors.clone();
+    let unpruned = axis.neighbors.clone();
     let bends = prune::prune(&mut axis, budget);
     let lines = junctions::lines(&axis, &bends, &ink);
     let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line, budget)).collect();
@@ -98,8 +96,8 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     }
     // What the lines leave untouched of the axis as it was before pruning.
     let n_segments = lines.iter().map(Vec::len).sum::<usize>();
-    let lost = match budget.spend_steps(STEPS[2] * n_segments * whole.len()) {
-        true => lost(&axis, &whole, &lines, half_width),
+    let lost = match budget.spend_steps(STEPS[2] * n_segments * unpruned.len()) {
+        true => lost(&axis, &unpruned, &lines, half_width),
         false => 0.0,
     };
     let thickest = axis.radii.iter().copied().fold(0.0, f64::max);
@@ -118,18 +116,18 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
 }
 
 /// Length of the longest part of the whole axis whose discs no line enters, or 0 if it is short.
-fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
+fn lost(axis: &Axis, unpruned: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
     let segments: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
-    let untouched = Vec::from_iter((0..whole.len()).map(|node| {
+    let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
-    let mut links = whole.to_vec();
+    let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);
     }
     let lengths = parts(&links).into_iter().map(|part| {
-        let ends = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
-        0.5 * ends.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
+        let pairs = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
+        0.5 * pairs.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
     });
     let longest = lengths.fold(0.0, f64::max);
     if longest > LOST * half_width { longest } else { 0.0 }
@@ -193,8 +191,7 @@ mod tests {
         Budget::new("face.ttf", "none")
     }
 
-    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from
-    /// its lower left end, a closed one from its lower left corner.
+    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths.
     fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
         let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
         let contours: Vec<Contour> = rectangles.iter().map(contour).collect();

@@ -1,5 +1,4 @@
-//! Spurs: branches of the medial axis into corners and ripples of the outline. A pen would not draw
-//! them.
+//! Spurs: branches of the medial axis into corners and ripples, which no pen would draw.
 
 use super::super::vector::{direction, dot};
 use super::axis::{Axis, Path};
@@ -9,8 +8,8 @@ use noctograph_core::statistics::median;
 /// Steps of looking at a node.
 const STEPS: usize = 10;
 
-/// Protrusion of a spur by the radius at its root, below which it is a ripple of the outline, and below
-/// which it is a stroke's end: a square end has 0.41, a round end 0.
+/// Protrusion of a spur, by the radius at its root, below which it is a ripple of the outline, or a
+/// stroke's end: a square end has 0.41, a round end 0.
 const RIPPLE: f64 = 0.02;
 const BLUNT: f64 = 0.46;
 
@@ -22,8 +21,8 @@ const SHARP: f64 = 0.45;
 /// blunter than a stroke that tapers.
 const LONGEST: f64 = 3.6;
 
-/// A longer spur is into a corner only where it ends in a point, by the radius at its root; the arm
-/// of a cross by a fine pen is blunter, though the blur of pixels tapers it.
+/// A longer spur is into a corner only if it ends in a point, by the radius at its root. The arm of
+/// a cross by a fine pen is blunter.
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
@@ -46,8 +45,7 @@ const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs, and returns for each node whether it lost one that led into a corner: there
-/// the line bends.
+/// Cuts off all spurs. Returns true for each node that lost one into a corner: the line bends there.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
     // Ripples first: they split branches.
@@ -66,30 +64,29 @@ fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     budget.spend_steps(STEPS * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the tips of paths that run out into a corner without a fork, as they do where a
-/// stroke's end is rounded on one side.
+/// Cuts off the tips of paths that run out into a corner without a fork.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
-        let way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
-        let usual = median(way.iter().map(|node| axis.radii[*node]))?;
-        let whole = way.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
-        let tip = way[..=whole].to_vec();
+        let path = axis.path(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
+        let usual = median(path.iter().map(|node| axis.radii[*node]))?;
+        let whole = path.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
+        let tip = path[..=whole].to_vec();
         let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
-        (cut && whole + 1 < way.len()).then_some(tip)
+        (cut && whole + 1 < path.len()).then_some(tip)
     });
     for tip in tips.collect::<Vec<Path>>() {
         axis.cut(&tip);
     }
 }
 
-/// Cuts off, all at once, the ways from a junction to a loose end that are `unwanted`.
+/// Cuts off, all at once, the paths from a junction to a loose end that are `unwanted`.
 fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = Vec::from_iter(ends.filter_map(|end| {
-        let mut way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
-        way.reverse();
-        (axis.degree(way[0]) > 2 && unwanted(axis, &way)).then_some(way)
+        let mut path = axis.path(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
+        path.reverse();
+        (axis.degree(path[0]) > 2 && unwanted(axis, &path)).then_some(path)
     }));
     for spur in &spurs {
         bends[spur[0]] |= protrusion(axis, spur) > BENDS;

@@ -24,8 +24,8 @@ const PENS: f64 = 2.0;
 const DOTS: f64 = 1.5;
 /// Least length of a pen's line, in half its greatest thickness.
 const LONG: f64 = 4.0;
-/// Intersection over union of a patch and what a pen along its center lines covers: threshold for a
-/// line, and for a line of the drawing's pen or a letter beside others.
+/// Least intersection over union of a patch and a pen's line along its center: of a line, and of a
+/// line of the drawing's pen or a letter beside others.
 const PENNED: [f64; 2] = [0.82, 0.65];
 /// Side of the grid of points on which it is estimated.
 const GRID: u32 = 40;

@@ -28,22 +28,19 @@ const LONGER_SIDE: u32 = 1200;
 /// Steps of decoding a byte, so that a picture of three channels may have 40 million pixels.
 const STEPS: usize = 8;
 
-/// Fraction of a picture in soft tones beyond which it is a photograph of something else than
-/// lines.
+/// Fraction of a picture in soft tones beyond which it is not a photograph of lines.
 const SOFT: f64 = 0.04;
 
 /// Backgrounds for a transparent picture: the first on which nearly all of its ink stands out. A
 /// mostly opaque picture that is as white as paper gets white.
 const GROUNDS: [u8; 3] = [255, 0, 128];
-/// Levels by which ink stands out from a background in a channel, and the fraction of a picture's
-/// opaque pixels that may not.
+/// Levels by which ink stands out from a background, and the fraction of it that may not.
 const APART: u8 = 40;
 const LOST: f64 = 0.01;
 /// Least fraction of opaque pixels, and of white ones among these, of a picture with its own paper.
 const PAPER: f64 = 0.5;
 
-/// Largest difference of a checkerboard's pixels from their gray, and the range in which its two
-/// grays are apart, in levels of 255.
+/// Largest difference of a checkerboard's pixels from their gray, and between its two grays.
 const GRAY: u8 = 5;
 const GRAYS_APART: std::ops::RangeInclusive<u8> = 8..=90;
 
@@ -151,8 +148,7 @@ fn unreadable(file: &str, cause: impl std::fmt::Display) -> Error {
     Error::input(file, cause, wanted, "choose another file; or save it as PNG, or smaller")
 }
 
-/// The picture in upright position, opaque, and at most as large as needed. Also the number of the
-/// file's pixels along one of its pixels.
+/// The picture upright, opaque and at most as large as needed, and its scale to the file's pixels.
 fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)> {
     // Phones and programs give files the ending of another kind.
     if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {

@@ -6,10 +6,9 @@
 //!
 //! A stroke is a list of points from pen down to pen up. A point is x, y and, if known, the time in
 //! seconds. Units of length are arbitrary. `y` grows `down` (the default, as on screens) or `up`.
-//! `"colors": [[255, 0, 0], [0, 0, 255]]`, if given, has red, green and blue of each stroke, for
-//! lamps that write in colors. Black is the color that the lamp has anyway. `"canvas": [left, top, right, bottom]`, if
-//! given, is the page that was written on: it is placed as a whole, so that a stroke keeps its
-//! place on it, and a single tap is a dot. Other keys are ignored.
+//! `"colors": [[255, 0, 0], [0, 0, 255]]` has red, green and blue of each stroke. Black leaves the
+//! lamp its color. `"canvas": [left, top, right, bottom]` is the page that was written on: it is
+//! placed as a whole, and a single tap is a dot. Other keys are ignored.
 
 use serde::Deserialize;
 
@@ -199,8 +198,7 @@ fn set_pace(strokes: &mut StrokesData, lasts_s: &[f64]) {
     }
 }
 
-/// A stroke smoothed and simplified, with the times of its points if it has any. A tap becomes a
-/// dot.
+/// A stroke smoothed and simplified, with the times of its points. A tap becomes a dot.
 fn smoothed(
     line: &[[f64; 2]],
     times_s: &[f64],

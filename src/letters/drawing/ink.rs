@@ -27,8 +27,7 @@ const SAME: f64 = 8.0;
 /// Least fraction of the picture's edge, and of the picture, that has the color of the paper.
 const EVEN: [f64; 2] = [0.6, 0.2];
 
-/// Blocks along the longer side for the decision between light and dark ink, and the least ratio of
-/// their contrasts.
+/// Blocks along the longer side that tell light from dark ink, and the least ratio of the two.
 const BLOCKS: usize = 24;
 const SKEWED: f64 = 1.4;
 
@@ -40,14 +39,11 @@ const SHAPE: u32 = 3;
 const SHADOW: f64 = 0.22;
 const HUE: f64 = 1.3;
 
-/// Least contrast of ink, as a fraction of the paper's brightness: on paper of one color, and in a
-/// photograph.
+/// Least contrast of ink by the paper's brightness: on paper of one color, and in a photograph.
 const LEAST: [f64; 2] = [0.07, 0.10];
-/// Least contrast of ink on paper that has grain, by that of its strong ink. Rulings, stains and
-/// folds are weaker.
+/// Least contrast of ink on paper with grain, by that of its strong ink. Rulings are weaker.
 const FAINT: f64 = 0.4;
-/// Median change of contrast over two pixels from which on paper has grain, in a scan or a
-/// photograph.
+/// Median change of contrast over two pixels from which on paper has grain.
 const GRAIN: f64 = 1e-3;
 /// Fraction of the ink that is weaker than strong ink.
 const STRONG: f64 = 0.97;
@@ -168,8 +164,7 @@ fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     })
 }
 
-/// The color of paper: that of the picture's edge, if most of the edge and some of the picture have
-/// it.
+/// The color of most of the picture's edge, if some of the picture has it, too.
 fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     let edge: Vec<_> = edge_pixels(picture).map(|color| color.map(f64::from)).collect();
     let paper = [0, 1, 2].map(|c| quantile(edge.iter().map(|color| color[c]), 0.5));

@@ -72,8 +72,7 @@ pub(super) struct Area<'a> {
     pub(super) bounds: [f64; 4],
 }
 
-/// The larger side of a page, by which areas are as fine as they have to be, and the budget that
-/// they are taken off.
+/// The larger side of a page, which sets the tolerance of areas, and the budget of their work.
 #[derive(Clone, Copy)]
 pub(super) struct Scale<'a> {
     pub(super) size: f64,

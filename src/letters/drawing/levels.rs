@@ -15,15 +15,13 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     values
 }
 
-/// A morphological closing: dark marks narrower than `steps` to both sides are removed, and
-/// edges stay.
+/// A morphological closing: dark marks narrower than `steps` to both sides go, and edges stay.
 pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     let brightest = extremes(values, width, steps, f64::max);
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The minimum or maximum within `steps` of each value, in a square (van Herk, Pattern
-/// Recognition Letters 13, 1992).
+/// The extreme in a square of `steps` to both sides (van Herk, Pattern Recognition Letters 13, 1992).
 pub(super) fn extremes(
     values: &[f64],
     width: usize,

@@ -279,8 +279,7 @@ impl Placing {
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
-    /// A line's number, and the place for it in the picture of the plan: the middle of the segment
-    /// halfway along the line, in meters.
+    /// A line's number, and its place in the picture of the plan: halfway along the line.
     fn label(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
         let along = arc_lengths(line);
         let half = 0.5 * along[along.len() - 1];
@@ -318,8 +317,6 @@ fn too_many(file: &str) -> Error {
     .coded(LARGE)
 }
 
-#[cfg(test)]
-mod dump_tests;
 #[cfg(test)]
 mod picture_tests;
 #[cfg(test)]

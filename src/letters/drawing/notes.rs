@@ -12,8 +12,7 @@ use usvg::roxmltree::Node;
 
 use super::styles::{Named, Styles, has_escapes};
 
-/// Properties of style sheets that are supported, or do not change a line's place and color, or
-/// belong to text.
+/// Properties that are supported, belong to text, or do not change a line's place and color.
 const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-label background \
     background-color baseline-shift block-progression border bottom box-sizing clip clip-path \
     clip-rule color color-interpolation color-interpolation-filters color-profile color-rendering \
@@ -79,8 +78,7 @@ pub(super) fn has(words: &str, word: &str) -> bool {
 /// The namespace of drawings.
 pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// The text of a file in the words of usvg: `:root`, a background, transforms with units, and
-/// namespaces that a program took for links.
+/// The text of a file in the words of usvg: namespaces, `:root`, backgrounds, units of transforms.
 pub(super) fn in_words_of_usvg(text: String) -> String {
     let mut text = text;
     for namespace in ["2000/svg", "1999/xlink"] {
@@ -158,8 +156,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// Takes an id from an element that is not the first of it: browsers refer to the first, usvg
-    /// to the last.
+    /// Takes an id from all but its first element: browsers refer to the first, usvg to the last.
     fn only_first(&mut self, node: Node<'a, 'input>) {
         let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
             return;
@@ -218,8 +215,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         self.edits.push((range, shape));
     }
 
-    /// Names the unsupported features of an element. Returns true if it would be drawn in the wrong
-    /// place.
+    /// Names the unsupported features of an element. Returns true if it would be misplaced.
     fn is_left_out(&mut self, node: Node<'a, 'input>) -> bool {
         let mut is_left_out = false;
         for (name, value, of_css) in self.styles.declared(node).iter().copied() {

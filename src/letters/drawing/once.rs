@@ -62,8 +62,7 @@ impl<'a> Front<'a> {
         Self { budget, near, cell, pieces: Vec::new(), cells, levels }
     }
 
-    /// The parts of an element's lines that nothing in front covers, which are in front from now
-    /// on. `None` if they are all of the lines.
+    /// Adds an element's lines. Returns the parts that nothing in front covers, or `None` for all.
     pub(super) fn uncovered(
         &mut self,
         lines: &[Vec<[f64; 2]>],

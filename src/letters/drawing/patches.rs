@@ -13,8 +13,7 @@ use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
 /// Side of the smallest patch, by the picture's longer side.
 const LEAST: f64 = 2e-3;
-/// Largest side of a speck, by the picture's longer side and by the mean width of the largest
-/// patch, and the largest fraction of specks in the ink.
+/// Largest side of a speck, by the picture's longer side and by the mean width of the largest patch.
 const SPECK: [f64; 2] = [1e-2, 0.65];
 const SPECKLED: f64 = 0.5;
 
@@ -86,9 +85,8 @@ impl Field {
         if patches.is_empty() { (around, 0) } else { (patches, around.len()) }
     }
 
-    /// Closed contours of the ink, y up, with the ink to their left: around a patch counterclockwise,
-    /// around a hole clockwise (marching squares: Lorensen and Cline, Computer Graphics 21, 1987, in
-    /// two dimensions).
+    /// Closed contours of the ink, y up, counterclockwise, around holes clockwise (marching squares:
+    /// Lorensen and Cline, Computer Graphics 21, 1987, in two dimensions).
     fn contours(&self) -> Vec<Contour> {
         let values: Vec<f64> = self.ink.iter().map(|value| value - EDGE).collect();
         let (width, height) = (self.width, self.height);
@@ -159,8 +157,7 @@ impl Field {
         sides.sum()
     }
 
-    /// What is not drawn as it may be meant, of a picture with this number of patches at its edge,
-    /// of specks and of lines.
+    /// Warnings, also of patches at the edge, specks and lines by their numbers.
     pub(super) fn warnings(
         &self,
         n_cut: usize,

@@ -99,8 +99,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// Declarations of an element, attributes first, then style sheets and `style`: name, value, and
-/// whether it is from CSS. The last one of a name is in force.
+/// Declarations of an element: name, value, and true if it is from CSS. The last of a name counts.
 pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 
 /// The declarations of all elements, and the steps of computing them.
@@ -138,24 +137,24 @@ impl<'a, 'input> Styles<'a, 'input> {
             if let Some(id) = node.attribute("id") {
                 ids.entry(id).or_insert(node);
             }
-            let attributes = node.attributes().filter(|own| {
-                matches!(own.namespace(), None | Some("http://www.w3.org/1999/xlink"))
+            let attributes = node.attributes().filter(|attribute| {
+                matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
             });
-            let attributes = attributes.filter(|own| !matches!(own.name(), "style" | "class"));
+            let attributes = attributes.filter(|it| !matches!(it.name(), "style" | "class"));
             let mut declared: Declared<'a> =
-                attributes.map(|own| (own.name(), own.value(), false)).collect();
+                attributes.map(|it| (it.name(), it.value(), false)).collect();
             let steps = Cell::new(10 * sheet.rules.len());
             let element = Matched(node, &steps);
             let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
             let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
             let style = node.attribute("style").unwrap_or("");
             budget.steps(values(style))?;
-            let mut own: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
+            let mut of_css: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
             if breaks_off(style) {
                 named.add("a style that breaks off", "not followed", node);
             }
-            own.sort_by_key(|declaration| declaration.important);
-            declared.extend(own.iter().map(|own| (own.name, own.value, true)));
+            of_css.sort_by_key(|declaration| declaration.important);
+            declared.extend(of_css.iter().map(|it| (it.name, it.value, true)));
             budget.steps(steps.get())?;
             budget.bytes(DECLARATION * declared.len())?;
             all.insert(node.id(), (declared, steps.get()));
@@ -174,7 +173,7 @@ impl<'a, 'input> Styles<'a, 'input> {
 
     pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
         let declared = self.declared(node).iter().rev();
-        declared.filter(|own| own.0 == name).map(|own| own.1.trim()).next()
+        declared.filter(|it| it.0 == name).map(|it| it.1.trim()).next()
     }
 
     /// True if an element is the first of its id, or has none.
@@ -202,8 +201,7 @@ impl<'a, 'input> Styles<'a, 'input> {
     }
 }
 
-/// True if quotation marks of a style sheet may be escaped, which would hide the ends of its rules.
-/// usvg does not get such a sheet.
+/// True if quotation marks of a style sheet may be escaped. usvg does not get such a sheet.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
 }
@@ -265,8 +263,7 @@ fn breaks_off(declarations: &str) -> bool {
     DeclarationTokenizer::from(declarations).count() < n && !declarations.contains("url(")
 }
 
-/// An element for simplecss, and the steps of its queries. After too many it has no elements
-/// around.
+/// An element for simplecss, and the steps of its queries.
 struct Matched<'a, 'input, 's>(Node<'a, 'input>, &'s Cell<usize>);
 
 impl<'a, 'input> Matched<'a, 'input, '_> {

@@ -35,8 +35,7 @@ const MAX_NODES: u32 = 200_000;
 /// Length of the line that stands for a point of light, by the page's larger side.
 const POINT: f64 = 2e-5;
 
-/// Least dash, by the period of its pattern: a dash of zero length is a point unless its caps are
-/// butt.
+/// Length of a dash of zero length, which may be a point, by the period of its pattern.
 const DASH: f64 = 1e-5;
 
 /// Opacity of a gradient: it covers what is beneath, but differs from its single color.
@@ -185,8 +184,7 @@ fn visible(
     Ok((items, n_alike))
 }
 
-/// The parts of items, each of an element and with half the width of its stroke, that are seen:
-/// what lies beneath those in front of it is left out.
+/// The parts of items that no stroke in front of them covers.
 fn seen_once(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
     let [left, bottom, right, top] = bounds_of(items.iter().map(|(.., item)| item));
     let mut front = Front::new((right - left).max(top - bottom), budget);
@@ -287,8 +285,7 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(value[1..].split_once(quote)?.0.to_owned())
 }
 
-/// The text of a file in the encoding that its first bytes or its declaration name, or else in
-/// UTF-8.
+/// The text of a file in the encoding of its first bytes or its declaration, or in UTF-8.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
@@ -436,9 +433,8 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop,
-    /// and a little less than the mean opacity of all, so that nothing on it passes for one of its
-    /// shades. In a mask it is as light as its lightest stop.
+    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop and
+    /// about the mean opacity. In a mask it is as light as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),

@@ -1,5 +1,5 @@
-//! Visibility: the parts of strokes and outlines inside their clips and masks that are not covered by a
-//! later shape, and that stand out from the background.
+//! Visibility: the parts of strokes and outlines inside their clips and masks that no later shape
+//! covers, and that stand out from the background.
 //!
 //! A picture is layers of fills from back to front, each within its clips and masks. A line is cut
 //! where it crosses the edges of areas, and each piece is tested at its middle, a little to its
@@ -28,8 +28,8 @@ const STEPS: usize = 20;
 /// Distance of the test points from a line, by the page's larger side.
 const BESIDE: f64 = 4e-4;
 
-/// Distance from a fill's path at which the edge of a clip is the outline, by that of the test points:
-/// as far as two flattened curves differ. More leaves gaps where a clip touches the path.
+/// Distance from a fill's path at which the edge of a clip is the outline, by that of the test
+/// points. More leaves gaps where a clip touches the path.
 const TOUCH: f64 = 0.25;
 
 /// The layers of a page.
@@ -116,24 +116,24 @@ impl<'a> Page<'a> {
         self.scale.budget.spend_steps(self.layers.len() / 8);
         let mut near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
-        let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke).copied();
+        let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke).copied();
         let Some((color, alpha, _)) = item.stroke else {
             return (self.outline(index, item, &near), false);
         };
         let is_of_ground = near.iter().any(|layer| layer.element == index && layer.is_stroke);
         let ink = color.map(f64::from);
-        if own.is_some_and(|own| is_of_ground && !alike(own.color.map(f64::from), ink)) {
+        if fill.is_some_and(|fill| is_of_ground && !alike(fill.color.map(f64::from), ink)) {
             // A border in the color of the background: only the fill is visible.
             near.retain(|layer| layer.element != index || !layer.is_stroke);
             return (self.outline(index, item, &near), false);
         }
         // The sides that only the fill closes, or a clip.
-        let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
+        let closing = fill.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
         let (mut sides, _) = self.parts(&closing, item, &near, &mut |place, sides| {
-            self.outline_color(&near, own?, true, place, sides)
+            self.outline_color(&near, fill?, true, place, sides)
         });
-        sides.extend(own.map_or(Vec::new(), |own| self.outline_at_clips(item, &near, own)));
-        // Most elements are alone, and shown as a whole without another look.
+        sides.extend(fill.map_or(Vec::new(), |fill| self.outline_at_clips(item, &near, fill)));
+        // Most elements have nothing near, and are shown as a whole without another look.
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
         // True if the stroke does not stand out from a background.
@@ -159,7 +159,7 @@ impl<'a> Page<'a> {
                 return Some(color);
             }
             // An outline in the color of the background shows the edge of the fill under it.
-            let outline = own.and_then(|own| self.outline_color(&near, own, true, place, sides));
+            let outline = fill.and_then(|fill| self.outline_color(&near, fill, true, place, sides));
             is_alike |= outline.is_none();
             outline
         };
@@ -172,60 +172,60 @@ impl<'a> Page<'a> {
         (Visible::Parts(parts), is_alike)
     }
 
-    /// The color of a fill's outline at a place of its own path, or else of its clip, where the colors
-    /// on its two sides differ.
+    /// The color of a fill's outline at a place of its path or its clip, if its sides differ there.
     fn outline_color(
         &self,
         near: &[&Layer<'a>],
-        own: &Layer<'a>,
-        is_own: bool,
+        fill: &Layer<'a>,
+        is_path: bool,
         place: [f64; 2],
         sides: [[f64; 2]; 2],
     ) -> Option<Color> {
-        if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
+        if is_path && sides.iter().all(|side| !fill.area.holds(*side)) {
             // Thinner than the distance of the test points.
-            let seen = !self.is_covered(own.element, near, place) && self.within(&own.cuts, place);
-            return seen.then_some(own.color);
+            let seen =
+                !self.is_covered(fill.element, near, place) && self.within(&fill.cuts, place);
+            return seen.then_some(fill.color);
         }
         // Where a clip ends at the fill's own path, the path is the outline.
-        if !is_own && !sides.iter().all(|side| own.area.holds(between(place, *side, TOUCH))) {
+        if !is_path && !sides.iter().all(|side| fill.area.holds(between(place, *side, TOUCH))) {
             return None;
         }
         let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
-        if ![left.1, right.1].contains(&Some(own.element)) || alike(left.0, right.0) {
+        if ![left.1, right.1].contains(&Some(fill.element)) || alike(left.0, right.0) {
             return None;
         }
         // A hole in the color of the paper is an edge of the shape around it.
-        let is_paper = alike(own.color.map(f64::from), self.paper);
-        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != own.element);
+        let is_paper = alike(fill.color.map(f64::from), self.paper);
+        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != fill.element);
         let other = other.filter(|_| is_paper);
         let around = other.and_then(|other| near.iter().find(|layer| layer.element == other));
-        Some(around.map_or(own.color, |layer| layer.color))
+        Some(around.map_or(fill.color, |layer| layer.color))
     }
 
     /// The outline of a fill where a clip ends it.
-    fn outline_at_clips(&self, item: &Painted, near: &[&Layer<'a>], own: &Layer<'a>) -> Vec<Part> {
+    fn outline_at_clips(&self, item: &Painted, near: &[&Layer<'a>], fill: &Layer<'a>) -> Vec<Part> {
         let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
-        let contours = contours.filter(|line| own.area.meets(bounds(line.iter().copied())));
+        let contours = contours.filter(|line| fill.area.meets(bounds(line.iter().copied())));
         Vec::from_iter(contours.flat_map(|line| {
-            let mut look = |place, sides| self.outline_color(near, own, false, place, sides);
+            let mut look = |place, sides| self.outline_color(near, fill, false, place, sides);
             self.parts(std::slice::from_ref(line), item, near, &mut look).0
         }))
     }
 
     /// The outline of a fill.
     fn outline(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
-        let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
+        let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
         // A line encloses nothing.
-        let Some(own) = own else { return Visible::Parts(Vec::new()) };
+        let Some(fill) = fill else { return Visible::Parts(Vec::new()) };
         let closed = self.lines(&item.closed());
         let (mut parts, is_whole) = self.parts(&closed, item, near, &mut |place, sides| {
-            self.outline_color(near, own, true, place, sides)
+            self.outline_color(near, fill, true, place, sides)
         });
-        let n_own = parts.len();
-        parts.extend(self.outline_at_clips(item, near, own));
+        let n_parts = parts.len();
+        parts.extend(self.outline_at_clips(item, near, fill));
         match parts.first() {
-            Some((_, color)) if is_whole && parts.len() == n_own => Visible::Outline(*color),
+            Some((_, color)) if is_whole && parts.len() == n_parts => Visible::Outline(*color),
             _ => Visible::Parts(parts),
         }
     }
@@ -383,8 +383,7 @@ impl<'a> Page<'a> {
     }
 }
 
-/// The light of a layer of a mask, 0 to 1: that of sRGB as masks take it (CSS Masking, section
-/// 7.10.1).
+/// The light of a layer of a mask, 0 to 1 (CSS Masking, section 7.10.1).
 fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
     let [r, g, b] = layer.color.map(|channel| f64::from(channel) / 255.0);
     if by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b }
