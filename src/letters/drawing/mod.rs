@@ -184,46 +184,39 @@ impl Detailed {
     }
 }
 
-/// Lines of a picture: one glyph, or one of each color.
+/// Lines of a picture: one glyph, or one of each color in the order in which they first occur.
 fn by_color(
     lines: &Numbered<ColoredLine>,
     placing: &Placing,
     ink: Ink,
     file: &str,
 ) -> Result<StrokesData> {
-    let numbers = lines.iter().map(|(number, (line, _))| placing.label(*number, line)).collect();
-    if ink == Ink::Alike {
-        let runs = lines.iter().map(|(_, (line, _))| placing.run(line)).collect();
-        return Ok(StrokesData { numbers, ..placing.strokes(vec![runs], StrokeOrder::Free) });
-    }
-    let mut inks = Vec::new();
+    let mut inks: Vec<(Color, Vec<Run>)> = Vec::new();
     for (_, (line, color)) in lines {
-        add(&mut inks, placing.run(line), *color, file)?;
+        match inks.iter_mut().find(|(known, _)| ink == Ink::Alike || known == color) {
+            Some((_, runs)) => runs.push(placing.run(line)),
+            None => inks.push((*color, vec![placing.run(line)])),
+        }
     }
-    let (colors, glyphs) = inks.into_iter().unzip();
+    if inks.len() > MAX_COLORS {
+        return Err(input_error!(
+            file,
+            "a drawing of more colors",
+            "at most {MAX_COLORS} colors",
+            "draw with fewer colors, or write with another lamp than color-led",
+        ));
+    }
+    let numbers = lines.iter().map(|(number, (line, _))| placing.label(*number, line)).collect();
+    let (mut colors, glyphs): (Vec<Color>, Vec<_>) = inks.into_iter().unzip();
+    if ink == Ink::Alike {
+        colors.clear();
+    }
     Ok(StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
 /// The bounds of lines: left, bottom, right, top.
 fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
     bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
-}
-
-/// Adds a run to those of its color.
-fn add(inks: &mut Vec<([u8; 3], Vec<Run>)>, run: Run, color: [u8; 3], file: &str) -> Result<()> {
-    match inks.iter().position(|(known, _)| *known == color) {
-        Some(index) => inks[index].1.push(run),
-        None if inks.len() < MAX_COLORS => inks.push((color, vec![run])),
-        None => {
-            return Err(input_error!(
-                file,
-                "a drawing of more colors",
-                "at most {MAX_COLORS} colors",
-                "draw with fewer colors, or write with another lamp than color-led",
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// The error of an empty drawing, with the warnings: they may be the reason.

@@ -539,19 +539,16 @@ fn dashed(
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {
-        let is_point = match elements[..] {
-            [PathEl::LineTo(end)] => first.distance(end) <= shortest,
-            _ => elements.iter().all(|element| match element {
-                PathEl::MoveTo(p) | PathEl::LineTo(p) => *p == first,
-                PathEl::QuadTo(a, p) => [*a, *p] == [first; 2],
-                PathEl::CurveTo(a, b, p) => [*a, *b, *p] == [first; 3],
-                PathEl::ClosePath => true,
-            }),
-        };
-        if !is_point {
-            kept.move_to(first);
-            kept.extend(elements);
-        } else if cap != kurbo::Cap::Butt && !elements.is_empty() {
+        let (n_elements, mut part) = (elements.len(), BezPath::new());
+        part.move_to(first);
+        part.extend(elements);
+        // A dash is one line. A subpath of zero length has an empty box.
+        let extent = part.bounding_box().size();
+        let is_dash = matches!(part.elements(), [_, PathEl::LineTo(_)]);
+        let longest = if is_dash { shortest } else { 0.0 };
+        if libm::hypot(extent.width, extent.height) > longest {
+            kept.extend(part);
+        } else if cap != kurbo::Cap::Butt && n_elements > 0 {
             let half = 0.5 * POINT * size;
             kept.move_to((first.x, first.y + half));
             kept.line_to((first.x, first.y - half));
