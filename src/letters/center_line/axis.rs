@@ -1,9 +1,9 @@
 //! The medial axis of an outline, as a graph.
 //!
-//! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles in the ink
-//! are the nodes, joined if their triangles have a side in common. As samples become dense this is
-//! the set of centers of all discs that touch the outline twice (Brandt and Algazi, CVGIP 55, 1992).
-//! The radius of a node's disc is half the stroke's width there.
+//! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles in the
+//! ink are the nodes, joined if their triangles have a side in common. As samples become dense this
+//! is the set of centers of all discs that touch the outline twice (Brandt and Algazi, CVGIP 55,
+//! 1992). The radius of a node's disc is half the stroke's width there.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -86,7 +86,8 @@ impl Axis {
         }
     }
 
-    /// Direction from a node to the point of the path through a neighbor after a length, or its end.
+    /// Direction from a node to the point of the path through a neighbor after a length, or its
+    /// end.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
         let path = self.path(from, through, &|node| self.degree(node) != 2);
         let mut gone = 0.0;

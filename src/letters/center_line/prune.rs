@@ -36,8 +36,8 @@ const TIP: [f64; 2] = [0.6, 0.92];
 /// Length of a stub between a crotch and the tip above it (A, M, N, V, W), in radii at its root: a
 /// factor on what the angle of its arms gives, and an addend.
 const STUB: [f64; 2] = [1.3, 1.4];
-/// From this cosine between stub and arm on, the length is at least the second value, with the third
-/// for each unit of the cosine more, up to the last value.
+/// From this cosine between stub and arm on, the length is at least the second value, with the
+/// third for each unit of the cosine more, up to the last value.
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 /// Cosine of the widest angle between the arms of such a crotch, 75°, and the largest difference of
 /// the cosines between the stub and its arms. At wider ones an arch leaves a stem (n, u). A stub
@@ -45,7 +45,8 @@ const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs. Returns true for each node that lost one into a corner: the line bends there.
+/// Cuts off all spurs. Returns true for each node that lost one into a corner: the line bends
+/// there.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
     // Ripples first: they split branches.

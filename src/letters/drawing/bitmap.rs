@@ -1,7 +1,7 @@
 //! Bitmaps: line art, handwriting on paper and logos, turned upright by their EXIF.
 //!
-//! The ink is separated from the paper ([`super::ink`]). Its patches ([`super::patches`]) are traced
-//! along their center like a typeface's characters, or along their outline if they are areas
+//! The ink is separated from the paper ([`super::ink`]). Its patches ([`super::patches`]) are
+//! traced along their center like a typeface's characters, or along their outline if they are areas
 //! ([`areas`]). A line has the hue of its ink unless that is gray. Photographs of anything else are
 //! refused.
 

@@ -21,7 +21,8 @@ pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The extreme in a square of `steps` to both sides (van Herk, Pattern Recognition Letters 13, 1992).
+/// The extreme in a square of `steps` to both sides (van Herk, Pattern Recognition Letters 13,
+/// 1992).
 pub(super) fn extremes(
     values: &[f64],
     width: usize,

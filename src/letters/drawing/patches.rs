@@ -13,7 +13,8 @@ use noctograph_core::geometry::{bounds, distance, polyline_length_m};
 
 /// Side of the smallest patch, by the picture's longer side.
 const LEAST: f64 = 2e-3;
-/// Largest side of a speck, by the picture's longer side and by the mean width of the largest patch.
+/// Largest side of a speck, by the picture's longer side and by the mean width of the largest
+/// patch.
 const SPECK: [f64; 2] = [1e-2, 0.65];
 const SPECKLED: f64 = 0.5;
 
@@ -85,13 +86,13 @@ impl Field {
         if patches.is_empty() { (around, 0) } else { (patches, around.len()) }
     }
 
-    /// Closed contours of the ink, y up, counterclockwise, around holes clockwise (marching squares:
-    /// Lorensen and Cline, Computer Graphics 21, 1987, in two dimensions).
+    /// Closed contours of the ink, y up, counterclockwise, around holes clockwise (marching
+    /// squares: Lorensen and Cline, Computer Graphics 21, 1987, in two dimensions).
     fn contours(&self) -> Vec<Contour> {
         let values: Vec<f64> = self.ink.iter().map(|value| value - EDGE).collect();
         let (width, height) = (self.width, self.height);
-        // Edges of the grid that a contour crosses, and the next edge of each. An edge is the number of
-        // its upper or left pixel, and whether it runs downward.
+        // Edges of the grid that a contour crosses, and the next edge of each. An edge is the
+        // number of its upper or left pixel, and whether it runs downward.
         let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
         for y in 0..height - 1 {
             for x in 0..width - 1 {
@@ -104,9 +105,9 @@ impl Field {
                 }
                 let edges =
                     [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
-                // Going clockwise around the cell, a contour enters before a corner with ink and leaves
-                // after one, so that ink is to its left. Two corners with ink that face each other are
-                // joined where the middle has ink.
+                // Going clockwise around the cell, a contour enters before a corner with ink and
+                // leaves after one, so that ink is to its left. Two corners with ink that face each
+                // other are joined where the middle has ink.
                 let joined = corners.iter().sum::<f64>() > 0.0;
                 for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
                     let mut turns =

@@ -40,9 +40,9 @@ impl Canvas {
         Self { pixels, lines: Vec::new(), widest_px: 0.0 }
     }
 
-    /// Paints `pen WIDTH COLOR X,Y ...` along a line, `fill COLOR X,Y ...`, `ring WIDTH COLOR X,Y,R`
-    /// and `disc COLOR X,Y,R`, separated by semicolons. An exclamation mark before a shape: it is
-    /// not drawn.
+    /// Paints `pen WIDTH COLOR X,Y ...` along a line, `fill COLOR X,Y ...`, `ring WIDTH COLOR
+    /// X,Y,R` and `disc COLOR X,Y,R`, separated by semicolons. An exclamation mark before a shape:
+    /// it is not drawn.
     fn paint(&mut self, shapes: &str) -> &mut Self {
         for shape in shapes.split(';').map(str::trim).filter(|shape| !shape.is_empty()) {
             let words: Vec<&str> = shape.trim_start_matches('!').split_whitespace().collect();

@@ -1,8 +1,8 @@
 //! SVG: a file as lines, as a browser shows it.
 //!
 //! usvg resolves styles, `use`, basic shapes, nested viewports and paints, and kurbo dashes. Clips,
-//! masks, the page's edge and occlusion are in [`visibility`]. Unsupported features are named in the
-//! warnings ([`notes`]), and text is refused.
+//! masks, the page's edge and occlusion are in [`visibility`]. Unsupported features are named in
+//! the warnings ([`notes`]), and text is refused.
 //!
 //! [`visibility`]: super::visibility
 //! [`notes`]: super::notes
@@ -159,7 +159,8 @@ fn visible(
         if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
-        // What is drawn of a stroke is its line with its dashes, and points where they have no length.
+        // What is drawn of a stroke is its line with its dashes, and points where they have no
+        // length.
         let (mut line, mut reach) = (item.path.clone(), 0.0);
         if let Some((_, alpha, style)) = &item.stroke {
             let (dashes, shortest) = dashed(line, style, item.placed, &mut left, file)?;
@@ -433,8 +434,8 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop and
-    /// about the mean opacity. In a mask it is as light as its lightest stop.
+    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop
+    /// and about the mean opacity. In a mask it is as light as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),

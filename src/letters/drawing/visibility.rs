@@ -352,7 +352,8 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// True if a cut may cut something of an extent. The page's edge does not if that lies within it.
+    /// True if a cut may cut something of an extent. The page's edge does not if that lies within
+    /// it.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
         let (page, slack) = (edge.bounds, BESIDE * self.scale.size);
