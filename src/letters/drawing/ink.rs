@@ -2,15 +2,15 @@
 //!
 //! If most of the picture's edge has one color, that is the paper, and everything darker or lighter
 //! is ink. Otherwise the picture is a photograph, and its threshold is adaptive: a pixel is ink if
-//! it is darker than its surroundings by a fraction (Bradley and Roth, Adaptive Thresholding Using
-//! the Integral Image, Journal of Graphics Tools 12, 2007), or lighter if most of the picture is
-//! dark. In place of their mean over a window, the surroundings are a morphological closing, wider
-//! than a pen (black top-hat: Meyer, Journal of Histochemistry and Cytochemistry 27, 1979): a mean
-//! leaves a band along the edge of a shadow, and the middle of a filled shape empty. A second
-//! closing, wider than any shape, tells filled shapes from shadows by their depth and hue.
+//! it is darker than its surroundings by a fraction (Bradley and Roth, Journal of Graphics Tools
+//! 12, 2007), or lighter if most of the picture is dark. In place of the mean over a window, which
+//! leaves a band along a shadow and the middle of a filled shape empty, the surroundings are a
+//! morphological closing, wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27,
+//! 1979). A second closing, wider than any shape, tells filled shapes from shadows by depth and
+//! hue.
 //!
-//! All of this is done for red, green and blue, and the strongest channel counts: yellow is as
-//! strong as blue. Not modelled: rulings, ink on a ground of several colors, the edge of a sheet.
+//! The strongest of red, green and blue counts: yellow is as strong as blue. Not modelled: rulings,
+//! ink on a ground of several colors, the edge of a sheet.
 
 use std::ops::Range;
 
@@ -41,8 +41,13 @@ const HUE: f64 = 1.3;
 
 /// Least contrast of ink by the paper's brightness: on paper of one color, and in a photograph.
 const LEAST: [f64; 2] = [0.07, 0.10];
-/// Least contrast of ink on paper with grain, by that of its strong ink. Rulings are weaker.
-const FAINT: f64 = 0.4;
+/// Least contrast of ink by that of strong ink: on paper with grain, and if its edges are soft as
+/// those of a shadow or a glow. Rulings are weaker.
+const FAINT: [f64; 2] = [0.4, 0.55];
+/// An edge is soft if the least contrast around it is at least this fraction of the most.
+const SOFT: f64 = 0.2;
+/// Fraction of soft edges from which on faint tones are no ink.
+const SOFT_EDGES: f64 = 0.15;
 /// Median change of contrast over two pixels from which on paper has grain.
 const GRAIN: f64 = 1e-3;
 /// Fraction of the ink that is weaker than strong ink.
@@ -116,8 +121,14 @@ impl Field {
         let inked = contrast.iter().filter(|contrast| **contrast > least);
         let strong = quantile(inked.map(|contrast| 255.0 * contrast), STRONG) / 255.0;
         // A pixel counts by the strongest ink around it, but by no less than faint ink.
-        let faint = if has_grain { least.max(FAINT * strong) } else { least };
         let levels = extremes(&contrast, width, NEAR, f64::max);
+        let faint = match has_grain {
+            true => least.max(FAINT[0] * strong),
+            false if has_soft_edges(&contrast, &levels, width, least) => {
+                least.max(FAINT[1] * strong)
+            }
+            false => least,
+        };
         let ink = contrast.iter().zip(&levels);
         let ink = ink.map(|(contrast, level)| (contrast / level.max(faint / EDGE)).min(1.0));
         let ink = ink.collect();
@@ -287,4 +298,15 @@ fn median_change(contrast: &[f64], width: usize) -> f64 {
     let pairs = contrast.chunks(width).flat_map(|row| row.iter().zip(&row[2..]));
     // In 4000ths, so that the finest grain has a level.
     quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
+}
+
+/// True if many of the edges at a contrast are soft.
+fn has_soft_edges(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> bool {
+    let weakest = extremes(contrast, width, NEAR, f64::min);
+    let edges = (width..contrast.len()).filter(|pixel| {
+        let before = [contrast[pixel - 1], contrast[pixel - width]];
+        before.iter().any(|before| (*before > least) != (contrast[*pixel] > least))
+    });
+    let n_soft = edges.clone().filter(|pixel| weakest[*pixel] > SOFT * levels[*pixel]).count();
+    n_soft as f64 > SOFT_EDGES * edges.count() as f64
 }

@@ -77,11 +77,9 @@ type ColoredLine = (Vec<[f64; 2]>, Color);
 /// `*.bmp`, or handwriting `*.json`.
 ///
 /// An SVG file is drawn as a browser shows it: strokes along their line, fills along their outline.
-/// In a picture, lines on paper are drawn along their center and patches along their outline
-/// ([`LetterOptions::trace`]). With less than full [`LetterOptions::detail`] strokes are fewer,
-/// longer and smoother. Unsupported features are named in the warnings, and text is refused.
-/// Handwriting keeps its order and direction, is smoothed by at most
-/// [`LetterOptions::smoothing_m`], and has the pace of [`LetterOptions::pace`].
+/// In a picture, lines on paper are drawn along their center and patches along their outline.
+/// Handwriting keeps its order and direction. Unsupported features are named in the warnings, and
+/// text is refused.
 ///
 /// # Errors
 ///

@@ -532,6 +532,30 @@ fn dust_and_a_checkerboard_are_left_out_and_fine_pictures_named() {
 }
 
 #[test]
+fn a_glow_and_a_soft_shadow_are_no_ink() {
+    for (paper, ink, soft, width, shift, blur) in [
+        ("#000", "#ffd282", "#f0781e", 30, 0, 14.0),
+        ("#fff", "#141414", "#969696", 12, 9, 8.0),
+        ("#fff", "#141414", "#878787", 30, 9, 8.0),
+    ] {
+        let [mut picture, sharp] =
+            [(soft, width, shift), (ink, 7, 0)].map(|(ink, width, shift)| {
+                let points =
+                    [[150, 100], [300, 300], [450, 100]].map(|point| point.map(|x| x + shift));
+                let points = points.map(|[x, y]| format!("{x},{y}")).join(" ");
+                Canvas::new(SIZE, paper).paint(&format!("pen {width} {ink} {points}")).picture()
+            });
+        picture = image::imageops::blur(&picture, blur);
+        for (soft, sharp) in picture.pixels_mut().zip(sharp.pixels()) {
+            let stronger = if paper == "#fff" { u8::min } else { u8::max };
+            soft.0 = std::array::from_fn(|c| stronger(soft.0[c], sharp.0[c]));
+        }
+        let trace = traced(picture, ImageFormat::Png, &LetterOptions::default()).unwrap();
+        assert_eq!(trace.product.lines.len(), 1, "{soft} {width}");
+    }
+}
+
+#[test]
 fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
     let mut canvas = Canvas::new(SIZE, "");
     canvas.paint("fill #000 60,200 540,200 540,212 60,212");

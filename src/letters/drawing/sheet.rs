@@ -17,8 +17,8 @@ pub(super) fn is_convex(corners: &Corners) -> bool {
     })
 }
 
-/// The picture of a sheet seen square on, as large as the longer ones of its opposite sides. The
-/// aspect ratio of a sheet that is seen at a slant is therefore only approximate.
+/// The picture of a sheet seen square on, as large as the longer ones of its opposite sides: its
+/// aspect ratio is approximate.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a picture's side")]
 pub(super) fn square_on(picture: &RgbImage, corners: &Corners) -> RgbImage {
     let sides = [0, 1, 2, 3].map(|k| distance(corners[k], corners[(k + 1) % 4]));
