@@ -340,7 +340,6 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 }
 
-/// A declaration in a message.
 fn shown(name: &str, value: &str) -> String {
     format!("{name} `{}`", value.chars().take(40).collect::<String>())
 }

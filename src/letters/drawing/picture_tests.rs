@@ -142,7 +142,6 @@ fn near(lines: &[Line], others: &[Line], within: f64) -> f64 {
     points.iter().filter(is_near).count() as f64 / points.len().max(1) as f64
 }
 
-/// The number of lines of each color.
 fn hues(lines: &[ColoredLine]) -> String {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     lines.iter().for_each(|(_, color)| *counts.entry(name(*color)).or_default() += 1);
@@ -161,7 +160,6 @@ fn change(picture: &mut RgbImage, level: Taken) {
     }
 }
 
-/// Noise from -0.5 to 0.5.
 fn noise(x: f64, y: f64) -> f64 {
     let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
     hash - hash.floor() - 0.5
@@ -182,7 +180,6 @@ const HARD_SHADOW: Taken =
 const UNEVEN: Taken = |x, y, value| value * (1.0 - 0.4 * x / 600.0) + 8.0 * noise(x, y);
 const FADED: Taken = |x, y, value| 150.0 + 0.4 * value + 14.0 * noise(x, y);
 const CHALK: Taken = |x, y, value| 45.0 + 0.7 * (255.0 - value) + 14.0 * noise(x, y);
-/// A lamp's reflection.
 const GLARE: Taken = |x, y, value| {
     let square = (x - 410.0) * (x - 410.0) + (y - 90.0) * (y - 90.0);
     0.8 * value + 55.0 * libm::exp(-square / 1800.0)
@@ -195,7 +192,6 @@ const NOOR: &str = "pen 4 #141419 60,280 60,120 150,280 150,120;\
     pen 4 #141419 210,160 240,120 288,160 288,240 240,280 210,240 210,160;\
     pen 4 #141419 348,160 378,120 420,160 420,240 378,280 348,240 348,160;\
     pen 4 #141419 480,280 480,120 552,152 480,200 552,280";
-/// Pale colors beside dark ones.
 const PALE: &str = "ring 8 #ffd8e0 60,70,40; ring 8 #fff3b0 180,70,40; ring 8 #d0f0ff 300,70,40;\
     ring 8 #ffd0a0 420,70,40; disc #ffd8e0 60,180,40; disc #fff3b0 180,180,40;\
     disc #d0f0ff 300,180,40; disc #ffd0a0 420,180,40; pen 8 #000 60,350 540,350;\
@@ -450,7 +446,6 @@ fn corners_by_hand_cut_a_sheet_out_and_square_it() {
     }
 }
 
-/// Draws a picture from a file.
 fn drawn(picture: impl Into<DynamicImage>, options: &LetterOptions) -> Result<Strokes> {
     let mut file = Cursor::new(Vec::new());
     picture.into().write_to(&mut file, ImageFormat::Png).unwrap();
