@@ -98,8 +98,8 @@ impl Field {
         let Some(paper) = even_paper(picture) else { return Self::on(picture, None) };
         let field = Self::on(picture, Some(paper))?;
         // Soft tones on paper of one color are light and shadow: a photograph in even light.
-        let is_lit_evenly = field.has_grain || field.soft <= GLARING;
-        if is_lit_evenly { Some(field) } else { Self::on(picture, None) }
+        let has_glare = !field.has_grain && field.soft > GLARING;
+        if has_glare { Self::on(picture, None) } else { Some(field) }
     }
 
     /// The ink on paper of one color, or in a photograph.
@@ -122,22 +122,18 @@ impl Field {
         let strong = quantile(inked.map(|contrast| 255.0 * contrast), STRONG) / 255.0;
         // A pixel counts by the strongest ink around it, but by no less than faint ink.
         let levels = extremes(&contrast, width, NEAR, f64::max);
-        let faint = match has_grain {
-            true => least.max(FAINT[0] * strong),
-            false if has_soft_edges(&contrast, &levels, width, least) => {
-                least.max(FAINT[1] * strong)
-            }
-            false => least,
+        let part = match has_grain {
+            true => FAINT[0],
+            false if has_soft_edges(&contrast, &levels, width, least) => FAINT[1],
+            false => 0.0,
         };
+        let faint = least.max(part * strong);
         let ink = contrast.iter().zip(&levels);
         let ink = ink.map(|(contrast, level)| (contrast / level.max(faint / EDGE)).min(1.0));
         let ink = ink.collect();
         let n_faint = levels.iter().filter(|level| (least..faint).contains(*level)).count();
-        let n = (width * height) as f64;
-        let (faint, soft) = (
-            n_faint as f64 / n,
-            tones(&contrast, width, strong, if has_grain { PHOTO } else { GLARE }) as f64 / n,
-        );
+        let n_soft = tones(&contrast, width, strong, if has_grain { PHOTO } else { GLARE });
+        let [faint, soft] = [n_faint, n_soft].map(|n| n as f64 / contrast.len() as f64);
         let field = Self { width, height, ink, contrast, color, faint, is_photo, has_grain, soft };
         (strong > 0.0).then_some(field)
     }
