@@ -88,12 +88,16 @@ pub(super) fn read(
     let lines: Vec<ColoredLine> = lines(patches, options.trace, size, &budget)?
         .into_iter()
         .filter(|line| line.len() > 1)
-        .map(|line| (line.clone(), field.hue(&line)))
+        .map(|line| {
+            let hue = field.hue(&line);
+            (line, hue)
+        })
         .collect();
     if lines.iter().map(|(line, _)| line.len()).sum::<usize>() > MAX_POINTS {
         return Err(super::too_many(file));
     }
     let mut warnings = field.warnings(n_cut, n_specks, lines.len());
+    warnings.retain(|warning| corners.is_none() || warning.code != "picture-photo");
     if is_checkered {
         let text = "the checkerboard that stands for transparency is part of this picture: it is \
                     left out";

@@ -424,7 +424,8 @@ fn corners_by_hand_cut_a_sheet_out_and_square_it() {
         let options = LetterOptions { corners_px, ..LetterOptions::default() };
         traced(photo.picture(), ImageFormat::Png, &options)
     };
-    let trace = given(corners).unwrap().product;
+    let Warned { product: trace, warnings } = given(corners).unwrap();
+    assert!(warnings.iter().all(|it| it.code != "picture-photo"), "{warnings:?}");
     let lines: Vec<Line> = trace.lines.iter().map(|(line, _)| line.clone()).collect();
     let [left, top, right, bottom] = bounds(lines.iter().flatten().copied());
     let vertical = |[x, _]: &&[f64; 2]| (x - left).abs() < 4.0;
