@@ -9,7 +9,7 @@
 //! 1979). A second closing, wider than any shape, tells filled shapes from shadows by depth and
 //! hue.
 //!
-//! The strongest of red, green and blue counts: yellow is as strong as blue. Not modelled: rulings,
+//! The strongest of red, green and blue counts: yellow is as strong as blue. Not modeled: rulings,
 //! ink on a ground of several colors, the edge of a sheet.
 
 use std::ops::Range;
