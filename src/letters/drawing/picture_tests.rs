@@ -469,7 +469,7 @@ fn a_picture_without_lines_is_refused_and_a_photograph_unless_its_sheet_is_named
         )
     });
     change(&mut face, NOISE);
-    let told = drawn(face.clone(), &options).err().expect("a face has no lines");
+    let told = drawn(face.clone(), &options).expect_err("a face has no lines");
     assert!(told.to_string().contains("a photograph"), "{told}");
     assert!(told.hint().contains("scanner") && told.hint().contains("letters.corners_px"));
     let corners_px = Some([0.0, 0.0, 600.0, 0.0, 600.0, 400.0, 0.0, 400.0]);
@@ -477,7 +477,7 @@ fn a_picture_without_lines_is_refused_and_a_photograph_unless_its_sheet_is_named
     for levels in [[0, 0], [3, 3], [128, 128], [255, 255], [200, 190]] {
         let blank =
             RgbImage::from_fn(300, 200, |x, _| image::Rgb([levels[usize::from(x < 99)]; 3]));
-        let told = drawn(blank, &options).err().expect("no lines").to_string();
+        let told = drawn(blank, &options).expect_err("no lines").to_string();
         assert!(told.contains("a.png: found a picture"), "{levels:?}: {told}");
     }
     for size in [[3, 3], [3, 4000], [4000, 3], [5, 9], [40, 3]] {
