@@ -186,9 +186,9 @@ def inputs(folder):
         page.line(circle(400, 370, 70, 30, 150), RED, 8)
 
     def kraft(page):
-        page.line(circle(220, 300, 130), (250,) * 3, 10)
+        page.line(circle(220, 300, 130), INK, 10)
         page.line(star(560, 300, 170) + [star(560, 300, 170)[0]], INK, 10)
-        page.line(wave(100, 520, 600, 20, 4), (250,) * 3, 10)
+        page.line(wave(100, 520, 600, 20, 4), INK, 10)
 
     def ruled(page):
         for y in range(40, H, 36):
@@ -206,7 +206,7 @@ def inputs(folder):
     add("child's drawing", drawn(child).done(), *LAMP)
     add("the same, --ink red", drawn(child).done(), "--ink", "red", *LAMP)
     add("signature", taken(drawn(signature, (250, 248, 240)).done()), ending="jpg")
-    add("sheet on a desk", table(drawn(boat, (250, 248, 238)), (92, 60, 40), [(140, 60), (650, 110), (730, 560), (60, 480)], 0.55), ending="jpg")
+    add("sheet on a desk, --corners", table(drawn(boat, (250, 248, 238)), (92, 60, 40), [(140, 60), (650, 110), (730, 560), (60, 480)], 0.55), "--corners", "140,60 650,110 730,560 60,480", ending="jpg")
     add("light desk", table(drawn(boat, (252, 252, 250)), (205, 205, 200), [(180, 70), (640, 40), (740, 540), (90, 560)]), ending="jpg")
     add("whiteboard", taken(drawn(board, (205, 206, 210)).done(), to_side=0.75), *LAMP, ending="jpg")
     add("ruled paper", taken(drawn(ruled, (252, 250, 244)).done()), ending="jpg")

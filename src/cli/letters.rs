@@ -34,8 +34,7 @@ pub(super) struct LetterFlags {
     #[arg(long, value_name = "COLOR|N,...")]
     without: Option<String>,
     /// Corners of the sheet of paper in a picture, in its pixels: "X,Y X,Y X,Y X,Y", clockwise from
-    /// the upper left. The picture is cropped to it and rectified [default: detected, if the
-    /// picture shows the whole sheet]
+    /// the upper left. The picture is cropped to it and rectified [default: the whole picture]
     #[arg(long, value_name = "CORNERS", requires = "drawing")]
     corners: Option<Corners>,
     /// Colors of the letters in turn, as #rrggbb or names of CSS: the color LED deck writes (the

@@ -85,7 +85,8 @@ pub(super) fn drawing(strokes: Option<&Strokes>) -> Report {
         "strokes": strokes.n_strokes(), "length_m": strokes.length_m(), "left_out": left_out,
     });
     if !strokes.warnings.is_empty() {
-        drawing["warnings"] = json!(strokes.warnings);
+        let warnings = strokes.warnings.iter().map(ToString::to_string);
+        drawing["warnings"] = warnings.collect();
     }
     let layout = "drawing   {drawing.strokes} strokes, {drawing.length_m:.2} m[; left out: \
                   {left_out.strokes} short ones, {left_out.share*100:.1} % of the length]";

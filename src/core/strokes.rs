@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::diagnostic::Diagnostic;
 use crate::digest::Digest;
 use crate::error::{Error, Result};
 use crate::geometry::{bounds, distance};
@@ -36,9 +37,8 @@ pub struct StrokesData {
     pub numbers: Vec<(usize, [f64; 2])>,
     /// A drawing as its file has it.
     pub source: Source,
-    /// Unsupported or misleading parts of a drawing's file: a sentence each, with the place in the
-    /// file.
-    pub warnings: Vec<String>,
+    /// Unsupported or misleading parts of a drawing's file.
+    pub warnings: Vec<Diagnostic>,
 }
 
 /// A drawing as its file has it; empty for a word.

@@ -26,7 +26,7 @@ settings! {
         drawing_sha256: String = String::new(), for "letters.drawing";
         /// Corners of the sheet of paper in a picture, to crop and rectify it: x and y of the upper
         /// left, upper right, lower right and lower left one, in the picture's pixels. By default
-        /// they are detected if the picture shows the whole sheet.
+        /// the whole picture is drawn.
         corners_px: Option<[f64; 8]> = None, in -1e5..=1e5, for "letters.drawing";
         /// Detail of an SVG drawing or a picture: 1 draws every stroke; below 1, strokes that
         /// continue each other are joined, short ones dropped and all smoothed; 0 sketches the

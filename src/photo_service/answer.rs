@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use super::PreparedScene;
-use super::messages::Message;
+use super::messages::{Message, code_on_page};
 use super::replay::{LetterBox, LightMap, boxes, end_s};
 use super::request::{LOG, Product, Subject};
 use noctograph_core::diagnostic::{Change, Diagnostic};
@@ -386,7 +386,9 @@ impl PhotoFacts {
     /// Those of a shot; `notes` are of its log.
     fn new(shot: &Shot, notes: Vec<Message>) -> Self {
         // Warnings of the flight are for those who fly it.
-        let is_seen = |problem: &&Diagnostic| problem.is_stop() || FLAWS.contains(&problem.code);
+        let is_seen = |problem: &&Diagnostic| {
+            problem.is_stop() || FLAWS.contains(&code_on_page(problem.code))
+        };
         let problems = shot.problems.iter().filter(is_seen);
         let (obstacles, flaws): (Vec<&Diagnostic>, Vec<_>) = problems.partition(|it| it.is_stop());
         Self {

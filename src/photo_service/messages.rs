@@ -102,6 +102,12 @@ fn listed(keys: &str, key: &str) -> String {
     known.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
 }
 
+/// The code of a diagnostic on the page, which has one sentence for all that a drawing lacks.
+pub fn code_on_page(code: &str) -> &str {
+    let is_of_drawing = code.starts_with("drawing-") || code.starts_with("picture-");
+    if is_of_drawing && code != "picture-photo" { "drawing-part" } else { code }
+}
+
 impl Message {
     /// A refusal in words of its own.
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
@@ -148,7 +154,7 @@ impl Message {
     pub fn of_diagnostic(diagnostic: &Diagnostic) -> Self {
         let values = json!(diagnostic.figures);
         let text = without_paths(&diagnostic.sentence(Change::to_string));
-        Self { key: diagnostic.code.into(), values, text, hint: String::new() }
+        Self { key: code_on_page(diagnostic.code).into(), values, text, hint: String::new() }
     }
 
     /// What stops a flight; `None` of what does not.

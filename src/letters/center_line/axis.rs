@@ -1,9 +1,9 @@
 //! The medial axis of an outline, as a graph.
 //!
-//! Samples of the rim are triangulated (Delaunay). The circumcenters of the triangles in the ink
-//! are the nodes, joined where triangles share a side. As samples become dense this is the set of
-//! centers of all discs that touch the rim twice (Brandt and Algazi, CVGIP 55, 1992). The radius of
-//! a node's disc is half the stroke's width there.
+//! Samples of the outline are triangulated (Delaunay). The circumcenters of the triangles in the
+//! ink are the nodes, joined if their triangles have a side in common. As samples become dense this
+//! is the set of centers of all discs that touch the outline twice (Brandt and Algazi, CVGIP 55,
+//! 1992). The radius of a node's disc is half the stroke's width there.
 
 use spade::{DelaunayTriangulation, Point2, Triangulation};
 
@@ -22,11 +22,11 @@ pub(super) struct Axis {
     pub(super) neighbors: Vec<Vec<usize>>,
 }
 
-/// A way between two nodes, both included; or a loop, whose first node is repeated at its end.
+/// A path between two nodes, both included. A loop has its first node again at its end.
 pub(super) type Path = Vec<usize>;
 
 impl Axis {
-    /// The axis of the ink within a rim; empty where there is none.
+    /// The axis of the ink within an outline, or an empty one without ink.
     pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would have samples a rounding error apart.
         let samples = rim.iter().flatten().map(|sample| sample.map(|x| (x / WELD).round() * WELD));
@@ -47,6 +47,7 @@ impl Axis {
                 axis.radii.push(square.sqrt());
             }
         }
+        // Voronoi edges, the dual of the triangles' sides, join the centers.
         axis.neighbors = vec![Vec::new(); axis.middles.len()];
         for side in mesh.undirected_edges() {
             let faces = [side.as_directed().face(), side.as_directed().rev().face()];
@@ -62,38 +63,39 @@ impl Axis {
         self.neighbors[node].len()
     }
 
-    pub(super) fn length(&self, way: &[usize]) -> f64 {
-        way.windows(2).map(|step| self.distance(step[0], step[1])).sum()
+    pub(super) fn length(&self, path: &[usize]) -> f64 {
+        path.windows(2).map(|step| self.distance(step[0], step[1])).sum()
     }
 
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
         distance(self.middles[a], self.middles[b])
     }
 
-    /// The way from a node through a neighbor, up to a node for which `ends` is true.
-    pub(super) fn way(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
-        let mut way = vec![from, through];
+    /// The path from a node through a neighbor, up to a node for which `ends` is true.
+    pub(super) fn path(&self, from: usize, through: usize, ends: &dyn Fn(usize) -> bool) -> Path {
+        let mut path = vec![from, through];
         loop {
-            let (before, node) = (way[way.len() - 2], way[way.len() - 1]);
+            let (before, node) = (path[path.len() - 2], path[path.len() - 1]);
             if ends(node) || node == from {
-                return way;
+                return path;
             }
             match self.neighbors[node].iter().find(|next| **next != before) {
-                Some(next) => way.push(*next),
-                None => return way,
+                Some(next) => path.push(*next),
+                None => return path,
             }
         }
     }
 
-    /// Direction from a node to the point of the way through a neighbor after a length, or its end.
+    /// Direction from a node to the point of the path through a neighbor after a length, or its
+    /// end.
     pub(super) fn heading(&self, from: usize, through: usize, length: f64) -> [f64; 2] {
-        let way = self.way(from, through, &|node| self.degree(node) != 2);
+        let path = self.path(from, through, &|node| self.degree(node) != 2);
         let mut gone = 0.0;
-        let step = way.windows(2).find(|step| {
+        let step = path.windows(2).find(|step| {
             gone += self.distance(step[0], step[1]);
             gone >= length
         });
-        let end = self.middles[step.map_or(way[way.len() - 1], |step| step[1])];
+        let end = self.middles[step.map_or(path[path.len() - 1], |step| step[1])];
         direction(self.middles[from], end)
     }
 
@@ -104,29 +106,30 @@ impl Axis {
         for node in (0..self.middles.len()).filter(|node| ends(*node)) {
             seen[node] = true;
             for next in &self.neighbors[node] {
-                let way = self.way(node, *next, ends);
-                way[1..way.len() - 1].iter().for_each(|inner| seen[*inner] = true);
-                let end = way[way.len() - 1];
+                let path = self.path(node, *next, ends);
+                path[1..path.len() - 1].iter().for_each(|inner| seen[*inner] = true);
+                let end = path[path.len() - 1];
                 // Each is found from both of its ends, and a loop through both of its sides.
-                let back = (end, way[way.len() - 2]);
+                let back = (end, path[path.len() - 2]);
                 if (node, *next) <= back {
-                    paths.push(way);
+                    paths.push(path);
                 }
             }
         }
+        // What no end leads to are loops.
         for node in 0..self.middles.len() {
             if !seen[node] && self.degree(node) == 2 {
-                let way = self.way(node, self.neighbors[node][0], &|_| false);
-                way.iter().for_each(|inner| seen[*inner] = true);
-                paths.push(way);
+                let path = self.path(node, self.neighbors[node][0], &|_| false);
+                path.iter().for_each(|inner| seen[*inner] = true);
+                paths.push(path);
             }
         }
         paths
     }
 
-    /// Cuts a way off: all its links, so that its first node loses a neighbor.
-    pub(super) fn cut(&mut self, way: &[usize]) {
-        for step in way.windows(2) {
+    /// Cuts a path off: all its links, so that its first node loses a neighbor.
+    pub(super) fn cut(&mut self, path: &[usize]) {
+        for step in path.windows(2) {
             self.neighbors[step[0]].retain(|node| *node != step[1]);
             self.neighbors[step[1]].retain(|node| *node != step[0]);
         }

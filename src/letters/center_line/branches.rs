@@ -9,11 +9,11 @@ use super::super::vector::{ahead, direction, minus};
 const SETTLED: f64 = 1.06;
 
 /// Least and greatest distance from the junction at which a branch is used, in radii of the
-/// junction, and the largest share of a branch that is left out.
+/// junction, and the largest fraction of a branch that is left out.
 const SKIPPED: [f64; 2] = [0.7, 2.2];
 const SKIPPED_SHARE: f64 = 0.4;
 
-/// A branch is straight where its chord is this share of its length.
+/// A branch is straight if its chord is this fraction of its length.
 const STRAIGHT: f64 = 0.94;
 
 /// A point of a line, and whether the line has a corner there.
@@ -27,7 +27,7 @@ pub(super) struct Knot {
 #[derive(Debug)]
 pub(super) struct Arm {
     pub(super) branch: usize,
-    /// Whether it is the branch's end, not its beginning.
+    /// True if it is the branch's end, not its beginning.
     pub(super) tail: bool,
     /// First point of its usable center line, and the direction there away from the junction.
     pub(super) from: [f64; 2],
@@ -47,11 +47,11 @@ pub(super) struct Branch {
     used: bool,
 }
 
-/// The way from a branch's end to where it meets others, and the next branch with whether it is
-/// entered at its tail.
+/// The points from a branch's end to where it meets others, and the next branch.
 #[derive(Default)]
 pub(super) struct Connection {
     pub(super) knots: Vec<Knot>,
+    /// The next branch, true if it is entered at its tail.
     pub(super) next: Option<(usize, bool)>,
 }
 
@@ -71,6 +71,8 @@ impl Branch {
     /// Cuts off the points that a junction pulls aside, and returns the arm that is left.
     pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
+        // The disc of a junction bulges: the branch is used from where its radius has settled, but
+        // from no later than a limit.
         let along = arc_lengths(&self.points);
         let n = self.points.len();
         let length = along[n - 1];
@@ -99,8 +101,8 @@ impl Branch {
         let chord = self.points.last().map_or(0.0, |last| distance(from, *last));
         if chord >= STRAIGHT * length {
             for (point, along) in self.points.iter_mut().zip(&along[1..]) {
-                let share = 1.0 - along / length.max(f64::MIN_POSITIVE);
-                *point = ahead(*point, minus(to, from), share);
+                let part = 1.0 - along / length.max(f64::MIN_POSITIVE);
+                *point = ahead(*point, minus(to, from), part);
             }
         }
         self.turn(tail);
@@ -110,7 +112,7 @@ impl Branch {
 /// Follows branches from end to end.
 pub(super) fn chain(branches: &mut [Branch]) -> Vec<Vec<Knot>> {
     let mut lines = Vec::new();
-    // From loose ends first; the rest are closed lines.
+    // From loose ends first. The rest are closed lines.
     for from_loose in [true, false] {
         for begin in 0..branches.len() {
             for tail in [false, true] {
@@ -129,6 +131,7 @@ fn follow(branches: &mut [Branch], begin: usize, tail: bool) -> Vec<Knot> {
     let mut line: Vec<Knot> = Vec::new();
     let (mut index, mut enters_by_tail) = (begin, tail);
     loop {
+        // A branch in its direction, with what leads to its ends.
         let branch = &mut branches[index];
         branch.used = true;
         let (entry, exit) = (usize::from(enters_by_tail), usize::from(!enters_by_tail));

@@ -1,4 +1,4 @@
-//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke; here the
+//! Junctions: where strokes meet, the medial axis leaves the center line of each stroke. Here the
 //! lines are extended straight until they meet.
 
 use super::super::outline::Filled;
@@ -12,7 +12,7 @@ use noctograph_core::geometry::distance;
 const ONE_JUNCTION: f64 = 1.0;
 const ONE_BEND: f64 = 2.5;
 
-/// Cosine of the largest turn of a stroke that goes through a junction: 75°, since a bowl turns on;
+/// Cosine of the largest turn of a stroke that goes through a junction: 75°, since a bowl turns on,
 /// and at a bend of a single stroke, 25°.
 const THROUGH: f64 = 0.26;
 const THROUGH_BEND: f64 = 0.906;
@@ -20,8 +20,7 @@ const THROUGH_BEND: f64 = 0.906;
 /// Sine of the largest angle between an upright arm and the vertical or horizontal: 3°.
 const UPRIGHT: f64 = 0.05;
 
-/// Farthest that lines may cross from their junction, by its radius; they cross beyond a tip that
-/// is cut off flat.
+/// Farthest crossing of lines from their junction, by its radius: beyond a tip that is cut off.
 const FAR: f64 = 10.0;
 
 /// Farthest that a meeting point may lie from its junction, in radii of the junction.
@@ -36,6 +35,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         2 => bends[node],
         degree => degree != 0,
     }));
+    // Junctions and their branches, as pieces of the axis.
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
@@ -50,6 +50,7 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         let points = path.iter().map(|node| axis.middles[*node]).collect();
         branches.push(Branch::new(points, path.iter().map(|node| axis.radii[*node]).collect()));
     }
+    // At each junction, the branches are cut back and connected anew.
     let mut members_of: Vec<Vec<usize>> = vec![Vec::new(); axis.middles.len()];
     for node in (0..axis.middles.len()).filter(|node| is_key[*node]) {
         members_of[cluster_of[node]].push(node);
@@ -78,8 +79,7 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// For each node the junction it belongs to, by its smallest node; and which paths lie within
-/// one.
+/// The junction of each node, by its smallest node, and which paths lie within one.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let mut inner = vec![false; paths.len()];
@@ -94,8 +94,8 @@ fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
             cluster_of[a.max(b)] = a.min(b);
         }
     }
-    let all = (0..cluster_of.len()).map(|node| root(&cluster_of, node)).collect();
-    (all, inner)
+    let roots = (0..cluster_of.len()).map(|node| root(&cluster_of, node)).collect();
+    (roots, inner)
 }
 
 /// A place where arms meet.
@@ -110,9 +110,8 @@ impl Joint<'_> {
         distance(point, self.middle) <= reach * self.radius
     }
 
-    /// The point where the arms' lines meet, as far as a pen of their width stays in the ink: a tip
-    /// that is cut off flat is not extended to a point. A vertical or horizontal arm keeps its line
-    /// there; others share the turn.
+    /// The point where the arms' lines meet, as far as a pen of their width stays in the ink.
+    /// Vertical and horizontal arms keep their line there.
     fn meeting_point(&self, arms: &[Arm], crossing: [f64; 2]) -> [f64; 2] {
         let mut upright: Vec<&Arm> = arms.iter().collect();
         upright.retain(|arm| arm.away[0].abs().min(arm.away[1].abs()) < UPRIGHT);
@@ -132,19 +131,21 @@ impl Joint<'_> {
 
 /// Connects the arms of a junction.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
+    // Pairs of arms that go straight through are one line, the straightest first.
     let middle = joint.middle;
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
     while let Some((a, b)) = straightest(arms, &free, limit) {
-        let way = curve(&arms[a], &arms[b]);
-        let knots = way.iter().map(|point| Knot { position: *point, corner: false });
+        let path = curve(&arms[a], &arms[b]);
+        let knots = path.iter().map(|point| Knot { position: *point, corner: false });
         let knots: Vec<Knot> = knots.collect();
         let back = knots[8..].iter().rev().copied().collect();
         join(branches, [&arms[a], &arms[b]], [knots[..=8].to_vec(), back]);
-        through.push(way);
+        through.push(path);
         free.retain(|arm| *arm != a && *arm != b);
     }
+    // Without one, all arms meet in a point. Otherwise the others end on the first line they hit.
     if through.is_empty() {
         let crossing = crossing(arms).filter(|p| {
             joint.is_near(*p, FAR)
@@ -164,7 +165,7 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
         }
     } else {
         for arm in free.into_iter().map(|arm| &arms[arm]) {
-            let hits = through.iter().filter_map(|way| first_hit(arm, way));
+            let hits = through.iter().filter_map(|path| first_hit(arm, path));
             let hit = hits.min_by(|a, b| distance(arm.from, *a).total_cmp(&distance(arm.from, *b)));
             let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(middle);
             branches[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
@@ -184,8 +185,7 @@ fn join(branches: &mut [Branch], arms: [&Arm; 2], knots: [Vec<Knot>; 2]) {
     }
 }
 
-/// The pair of arms that are most nearly opposite, where they turn by less than a limit (its
-/// cosine).
+/// The most nearly opposite pair of arms, if the cosine of its turn is above a limit.
 fn straightest(arms: &[Arm], free: &[usize], limit: f64) -> Option<(usize, usize)> {
     let pairs = free.iter().enumerate().flat_map(|(i, a)| free[i + 1..].iter().map(|b| (*a, *b)));
     let turns = pairs.map(|(a, b)| ((a, b), -dot(arms[a].away, arms[b].away)));
@@ -211,6 +211,7 @@ fn curve(a: &Arm, b: &Arm) -> Vec<[f64; 2]> {
 
 /// The point nearest to the lines of all arms.
 fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
+    // Least squares: the sum of (n · p − offset)² over the normals n has its normal equations here.
     let (mut a, mut b, mut c, mut d, mut e) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for arm in arms {
         let [nx, ny] = [-arm.away[1], arm.away[0]];
@@ -226,9 +227,10 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
     let hits = legs(line).filter_map(|[from, to]| {
-        let (gap, leg) = (minus(from, arm.from), minus(to, from));
-        let area = cross(onward, leg);
-        let (t, s) = (cross(gap, leg) / area, cross(gap, onward) / area);
+        let (gap, segment) = (minus(from, arm.from), minus(to, from));
+        // arm.from + t · onward = from + s · segment, by Cramer's rule.
+        let area = cross(onward, segment);
+        let (t, s) = (cross(gap, segment) / area, cross(gap, onward) / area);
         (t >= 0.0 && (0.0..=1.0).contains(&s)).then_some(t)
     });
     hits.min_by(f64::total_cmp).map(|t| ahead(arm.from, onward, t))

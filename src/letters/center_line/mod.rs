@@ -1,8 +1,8 @@
 //! Center lines: the strokes of a pen that would leave an outline's ink.
 //!
-//! The medial axis of the ink ([`axis`]) without the spurs into corners ([`prune`]); at junctions
-//! the center lines are extended straight until they meet, and two that are nearly in line are one
-//! stroke ([`junctions`]); between corners lines are smoothed within a stated error. A blob without
+//! The medial axis of the ink ([`axis`]) loses its spurs into corners ([`prune`]). At junctions the
+//! center lines are extended straight until they meet, and two that are nearly in line are one
+//! stroke ([`junctions`]). Between corners lines are smoothed within a stated error. A blob without
 //! a line, such as a full stop, becomes a dot.
 
 use super::outline::{Contour, Filled, mean_stroke_width, rim};
@@ -28,13 +28,13 @@ const FLATNESS: f64 = 0.0015;
 /// Spacing of the points that are smoothed, in cap heights.
 const SPACING: f64 = 0.008;
 
-/// Largest spacing of samples of the rim, in mean widths of a stroke, and in cap heights.
+/// Largest spacing of samples of the outline, in mean widths of a stroke, and in cap heights.
 const SAMPLING: [f64; 2] = [0.15, 0.01];
 
 /// A part with less length than this by its radius is a dot.
 const BLOB: f64 = 0.8;
 
-/// A stroke is lost where so many half widths of the axis are untouched. The axis into the corner
+/// A stroke is lost where this many half widths of the axis are untouched. The axis into the corner
 /// of a stroke's end has 0.9, into that of a serif less than 2.
 const LOST: f64 = 3.0;
 
@@ -48,8 +48,7 @@ pub(super) struct CenterLines {
     pub(super) half_width: f64,
     /// Half width where the ink is thickest.
     pub(super) thickest: f64,
-    /// Longest part of the medial axis whose ink no line touches, where it is too long for a
-    /// corner: a stroke of the face that was lost. In cap heights; 0: none.
+    /// Longest part of the axis that no line touches: a stroke that was lost. In cap heights.
     pub(super) lost: f64,
 }
 
@@ -59,26 +58,28 @@ impl CenterLines {
     }
 }
 
-/// Steps of the triangulation for each node, of smoothing a point with nine stiffnesses, and of the
-/// distance between a node and a leg.
+/// Steps of triangulating a node, of smoothing a point, and of the distance from a segment.
 const STEPS: [usize; 3] = [2000, 500, 5];
 
-/// The center lines of an outline in cap heights; a part of them once the budget is spent.
+/// The center lines of an outline in cap heights, or a part of them once the budget is spent.
 pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines {
+    // Samples of the outline, as dense as the strokes are thin.
     let ink = Filled::new(contours, budget);
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
     let rim = rim(contours, &ink, spacing);
     if !budget.spend_steps(STEPS[0] * rim.iter().map(Vec::len).sum::<usize>()) {
         return CenterLines::default();
     }
+    // The medial axis, of which spurs are cut before junctions are looked at.
     let mut axis = Axis::new(&rim, &ink);
     let parts = parts(&axis.neighbors);
-    let whole = axis.neighbors.clone();
+    let unpruned = axis.neighbors.clone();
     let bends = prune::prune(&mut axis, budget);
     let lines = junctions::lines(&axis, &bends, &ink);
     let mut lines: Vec<Vec<[f64; 2]>> = lines.iter().map(|line| fit(line, budget)).collect();
     let kept = (0..axis.radii.len()).filter(|node| axis.degree(*node) > 0);
     let half_width = median(kept.map(|node| axis.radii[node])).unwrap_or(0.0);
+    // A connected part with hardly any axis left is a blob: its lines become a dot.
     for part in parts {
         let fattest = part.iter().max_by(|a, b| axis.radii[**a].total_cmp(&axis.radii[**b]));
         let fattest = *fattest.expect("a part has nodes");
@@ -93,16 +94,17 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
             lines.push(dot(middle, DOT));
         }
     }
-    let n_legs = lines.iter().map(Vec::len).sum::<usize>();
-    let lost = match budget.spend_steps(STEPS[2] * n_legs * whole.len()) {
-        true => lost(&axis, &whole, &lines, half_width),
+    // What the lines leave untouched of the axis as it was before pruning.
+    let n_segments = lines.iter().map(Vec::len).sum::<usize>();
+    let lost = match budget.spend_steps(STEPS[2] * n_segments * unpruned.len()) {
+        true => lost(&axis, &unpruned, &lines, half_width),
         false => 0.0,
     };
     let thickest = axis.radii.iter().copied().fold(0.0, f64::max);
     CenterLines { lines, half_width, thickest, lost }
 }
 
-/// The rim in cap heights, as few points as its error allows.
+/// The outlines in cap heights, in as few points as their error allows.
 pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2]>> {
     let rim = rim(contours, &Filled::new(contours, budget), 0.01);
     rim.iter().map(|run| simplified(run, FLATNESS)).collect()
@@ -113,19 +115,19 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
-/// Length of the longest part of the whole axis whose discs no line enters; 0 where it is short.
-fn lost(axis: &Axis, whole: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
-    let legs: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
-    let untouched = Vec::from_iter((0..whole.len()).map(|node| {
-        legs.iter().all(|leg| segment_distance(axis.middles[node], *leg) > axis.radii[node])
+/// Length of the longest part of the whole axis whose discs no line enters, or 0 if it is short.
+fn lost(axis: &Axis, unpruned: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
+    let segments: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
+    let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
+        segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
-    let mut links = whole.to_vec();
+    let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);
     }
     let lengths = parts(&links).into_iter().map(|part| {
-        let ends = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
-        0.5 * ends.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
+        let pairs = part.iter().flat_map(|node| links[*node].iter().map(|n| (*node, *n)));
+        0.5 * pairs.map(|(a, b)| axis.distance(a, b)).sum::<f64>()
     });
     let longest = lengths.fold(0.0, f64::max);
     if longest > LOST * half_width { longest } else { 0.0 }
@@ -163,6 +165,7 @@ fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
         }
         line.push(line[0]);
     }
+    // Each span between two corners is smoothed with its ends fixed.
     let corners = (1..line.len() - 1).filter(|i| line[*i].corner);
     let cuts: Vec<usize> = std::iter::once(0).chain(corners).chain([line.len() - 1]).collect();
     let mut fitted: Vec<[f64; 2]> = Vec::new();
@@ -188,8 +191,7 @@ mod tests {
         Budget::new("face.ttf", "none")
     }
 
-    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths; each from
-    /// its lower left end, a closed one from its lower left corner.
+    /// The sorted center lines of rectangles (left, bottom, right, top), in hundredths.
     fn traced(rectangles: &[[f64; 4]]) -> Vec<Vec<[i64; 2]>> {
         let contour = |[l, b, r, t]: &[f64; 4]| vec![[*l, *b], [*r, *b], [*r, *t], [*l, *t]];
         let contours: Vec<Contour> = rectangles.iter().map(contour).collect();

@@ -1,5 +1,4 @@
-//! Spurs: branches of the medial axis into corners and ripples of the rim. A pen would not draw
-//! them.
+//! Spurs: branches of the medial axis into corners and ripples, which no pen would draw.
 
 use super::super::vector::{direction, dot};
 use super::axis::{Axis, Path};
@@ -9,12 +8,12 @@ use noctograph_core::statistics::median;
 /// Steps of looking at a node.
 const STEPS: usize = 10;
 
-/// Protrusion of a spur by the radius at its root, below which it is a ripple of the rim, and below
-/// which it is a stroke's end: a square end has 0.41, a round end 0.
+/// Protrusion of a spur, by the radius at its root, below which it is a ripple of the outline, or a
+/// stroke's end: a square end has 0.41, a round end 0.
 const RIPPLE: f64 = 0.02;
 const BLUNT: f64 = 0.46;
 
-/// A spur whose radius falls below this share of its root's radius ends in a corner of the rim.
+/// A spur whose radius falls below this fraction of its root's radius ends in a corner.
 const SHARP: f64 = 0.45;
 
 /// Longest spur into a corner, by the radius at its root: 1 / sin of half the corner's angle. At
@@ -22,8 +21,8 @@ const SHARP: f64 = 0.45;
 /// blunter than a stroke that tapers.
 const LONGEST: f64 = 3.6;
 
-/// A longer spur is into a corner only where it ends in a point, by the radius at its root; the arm
-/// of a cross by a fine pen is blunter, though the blur of pixels tapers it.
+/// A longer spur is into a corner only if it ends in a point, by the radius at its root. The arm of
+/// a cross by a fine pen is blunter.
 const POINTED: f64 = 0.25;
 const ARM: f64 = 0.6;
 
@@ -31,22 +30,23 @@ const ARM: f64 = 0.6;
 const BENDS: f64 = 0.1;
 
 /// A path's end is a tip where its radius falls below the first value, by the path's median
-/// radius; it is cut off up to where the radius has risen to the second.
+/// radius. It is cut off up to where the radius has risen to the second.
 const TIP: [f64; 2] = [0.6, 0.92];
 
-/// Length of a stub between a crotch and the tip above it (A, M, N, V, W): from its legs' angle,
-/// with this factor and so many radii at its root more. From this cosine between stub and leg on,
-/// so many radii, and so many more for each unit of it, up to the last value.
+/// Length of a stub between a crotch and the tip above it (A, M, N, V, W), in radii at its root: a
+/// factor on what the angle of its arms gives, and an addend.
 const STUB: [f64; 2] = [1.3, 1.4];
+/// From this cosine between stub and arm on, the length is at least the second value, with the
+/// third for each unit of the cosine more, up to the last value.
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
-/// Cosine of the widest angle between the legs of such a crotch, 75°, and the largest difference of
-/// the cosines between the stub and its legs. At wider ones an arch leaves a stem (n, u); a stub
-/// that goes on with one leg is the stem's end.
+/// Cosine of the widest angle between the arms of such a crotch, 75°, and the largest difference of
+/// the cosines between the stub and its arms. At wider ones an arch leaves a stem (n, u). A stub
+/// that goes on with one arm is the stem's end.
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs, and returns for each node whether it lost one that led into a corner: there
-/// the line bends.
+/// Cuts off all spurs. Returns true for each node that lost one into a corner: the line bends
+/// there.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
     // Ripples first: they split branches.
@@ -59,36 +59,35 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Takes a walk from every end off the budget; each may lead over all nodes.
+/// Takes a walk from every end off the budget. Each may lead over all nodes.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     budget.spend_steps(STEPS * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the tips of paths that run out into a corner without a fork, as they do where a
-/// stroke's end is rounded on one side.
+/// Cuts off the tips of paths that run out into a corner without a fork.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
-        let way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
-        let usual = median(way.iter().map(|node| axis.radii[*node]))?;
-        let whole = way.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
-        let tip = way[..=whole].to_vec();
+        let path = axis.path(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
+        let usual = median(path.iter().map(|node| axis.radii[*node]))?;
+        let whole = path.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
+        let tip = path[..=whole].to_vec();
         let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
-        (cut && whole + 1 < way.len()).then_some(tip)
+        (cut && whole + 1 < path.len()).then_some(tip)
     });
     for tip in tips.collect::<Vec<Path>>() {
         axis.cut(&tip);
     }
 }
 
-/// Cuts off, all at once, the ways from a junction to a loose end that are `unwanted`.
+/// Cuts off, all at once, the paths from a junction to a loose end that are `unwanted`.
 fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = Vec::from_iter(ends.filter_map(|end| {
-        let mut way = axis.way(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
-        way.reverse();
-        (axis.degree(way[0]) > 2 && unwanted(axis, &way)).then_some(way)
+        let mut path = axis.path(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
+        path.reverse();
+        (axis.degree(path[0]) > 2 && unwanted(axis, &path)).then_some(path)
     }));
     for spur in &spurs {
         bends[spur[0]] |= protrusion(axis, spur) > BENDS;
@@ -109,14 +108,14 @@ fn is_spur(axis: &Axis, spur: &Path) -> bool {
     corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
 }
 
-/// A stub is the tip of two legs that meet at its root.
+/// A stub is the tip of two arms that meet at its root.
 fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let tip = spur[spur.len() - 1];
     let end = axis.radii[tip];
-    let legs = axis.neighbors[root].iter().filter(|node| **node != spur[1]);
-    let legs: Vec<[f64; 2]> = legs.map(|leg| axis.heading(root, *leg, 2.5 * radius)).collect();
-    let [a, b] = &legs[..] else { return false };
+    let arms = axis.neighbors[root].iter().filter(|node| **node != spur[1]);
+    let arms: Vec<[f64; 2]> = arms.map(|arm| axis.heading(root, *arm, 2.5 * radius)).collect();
+    let [a, b] = &arms[..] else { return false };
     let cosine = dot(*a, *b);
     let away = direction(axis.middles[root], axis.middles[tip]);
     let askew = (dot(away, *a) - dot(away, *b)).abs();

@@ -24,8 +24,7 @@ const POINTS: f64 = 200.0;
 /// Steps of comparing two ends, and of smoothing a point.
 const STEPS: [usize; 2] = [10, 500];
 
-/// Lines of a drawing with less detail, 0 to 1, and what is left out of it. `size` is its larger
-/// side.
+/// Lines of a drawing, of this larger side, with less detail, and what is left out of it.
 pub(super) fn reduced(
     lines: Vec<ColoredLine>,
     detail: f64,
@@ -36,7 +35,7 @@ pub(super) fn reduced(
     if rough <= 0.0 {
         return Ok((lines, LeftOut::default()));
     }
-    let all: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
+    let total: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
     let budget = Budget::new(file, "draw less, or raise letters.detail");
     budget.steps(STEPS[0].saturating_mul(lines.len().saturating_mul(lines.len())))?;
     let lines = joined(lines, GAP * rough);
@@ -49,7 +48,7 @@ pub(super) fn reduced(
         budget.steps(STEPS[1] * line.len())?;
         *line = simplified(&smooth(line, size / POINTS, BEND * rough), 0.1 * BEND * rough);
     }
-    let share = if all > 0.0 { dropped / all } else { 0.0 };
+    let share = if total > 0.0 { dropped / total } else { 0.0 };
     Ok((lines, LeftOut { strokes: short.len(), share }))
 }
 

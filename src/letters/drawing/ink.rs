@@ -1,88 +1,76 @@
-//! Ink: the pixels of a picture that differ from its paper, in lightness and in color.
+//! Ink: the pixels of a picture that differ from its paper, in lightness or in color.
 //!
-//! If the picture's rim has one even color, that is the paper, and everything darker or lighter is
-//! ink. Otherwise the ink is darker than the paper around it (lighter, if most of the picture is
-//! dark). The paper is then a morphological closing of the picture, wider than a pen, which keeps
-//! the edges of shadows. This is done for red, green and blue, and the strongest channel counts:
-//! yellow is as strong as blue.
+//! If most of the picture's edge has one color, that is the paper, and everything darker or lighter
+//! is ink. Otherwise the picture is a photograph, and its threshold is adaptive: a pixel is ink if
+//! it is darker than its surroundings by a fraction (Bradley and Roth, Journal of Graphics Tools
+//! 12, 2007), or lighter if most of the picture is dark. In place of the mean over a window, which
+//! leaves a band along a shadow and the middle of a filled shape empty, the surroundings are a
+//! morphological closing, wider than a pen (black top-hat: Meyer, J. Histochem. Cytochem. 27,
+//! 1979). A second closing, wider than any shape, tells filled shapes from shadows by depth and
+//! hue.
 //!
-//! Much fainter marks than the rest are no ink on paper that has grain, or where rims are soft, as
-//! those of a shadow or a glow. Pale lines from rim to rim of a picture from a screen are rulings.
+//! The strongest of red, green and blue counts: yellow is as strong as blue. Not modeled: rulings,
+//! ink on a ground of several colors, the edge of a sheet.
 
 use std::ops::Range;
 
 use image::RgbImage;
-use image::imageops::{grayscale, thumbnail};
+use image::imageops::grayscale;
 
 use super::levels::{closed, extremes, quantile, softened};
 
 /// Channels of a color.
 const CHANNELS: usize = 3;
 
-/// Largest difference of even paper from the color of its sides, in levels of 255; the share of the
-/// rim that has to be so near, and of the picture.
+/// Largest difference of a pixel from paper of one color, in levels of 255.
 const SAME: f64 = 8.0;
-const EVEN_RIM: f64 = 0.6;
-const EVEN: f64 = 0.2;
-/// Tones of unevenly lit paper on which light ink shows as well as dark ink.
-const MIDDLE: [f64; 2] = [70.0, 155.0];
+/// Least fraction of the picture's edge, and of the picture, that has the color of the paper.
+const EVEN: [f64; 2] = [0.6, 0.2];
 
-/// Blocks along the longer side for the decision between light and dark ink, and the least ratio of
-/// their contrasts.
+/// Blocks along the longer side that tell light from dark ink, and the least ratio of the two.
 const BLOCKS: usize = 24;
 const SKEWED: f64 = 1.4;
 
-/// The picture's longer side in half widths of the widest pen, and of the widest patch of ink;
-/// pixels across one of the smaller picture for patches.
+/// The picture's longer side in half widths of the widest pen, and of the widest filled shape.
 const PEN: u32 = 40;
-const PATCH: u32 = 3;
-const COARSE: u32 = 4;
-/// An area wider than a pen is paper in shadow if it has at least this share of the light around
-/// it, and its channels' shares differ by no more than this ratio.
+const SHAPE: u32 = 3;
+/// An area wider than a pen is paper in shadow if it has at least this fraction of the light around
+/// it, and the fractions of its channels differ by no more than this ratio.
 const SHADOW: f64 = 0.22;
 const HUE: f64 = 1.3;
 
-/// Least contrast of ink, as a share of the paper's brightness: of a picture from a screen, of one
-/// that was photographed or scanned; the largest grain of a picture from a screen; and the least
-/// contrast by the grain of the paper and by the strong ink, of a photograph and of a picture from
-/// a screen with soft rims. Rulings are weaker.
+/// Least contrast of ink by the paper's brightness: on paper of one color, and in a photograph.
 const LEAST: [f64; 2] = [0.07, 0.10];
-const CLEAN: f64 = 0.001;
-const GRAINS: f64 = 6.0;
+/// Least contrast of ink by that of strong ink: on paper with grain, and if its edges are soft as
+/// those of a shadow or a glow. Rulings are weaker.
 const FAINT: [f64; 2] = [0.4, 0.55];
-type Tones = (Range<f64>, Range<f64>, usize);
-/// Tones between paper and strong ink, by the contrast of that, and how much they change over so
-/// many pixels to both sides: those of a photograph, and those of a glare or a soft shadow
-/// on even paper, which are more than the noise of a JPEG; and the share of a picture in the latter
-/// from which its paper is no longer even.
-const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
-const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
-const SOFT: f64 = 0.01;
-
-/// A rim is soft, as that of a shadow or a glow, where the least contrast around it is at least
-/// this share of the most; the share of such rims from which on a picture's faint tones are no ink.
-const SOFT_RIM: f64 = 0.2;
-const SOFT_RIMS: f64 = 0.15;
-
-/// Fewest rulings of a paper, the share of a row or column that one covers, its largest contrast by
-/// that of strong ink, and by its own the contrast from which on ink crosses it.
-const RULINGS: usize = 4;
-const ACROSS: f64 = 0.85;
-const PALE: f64 = 0.6;
-const CROSSED: f64 = 1.2;
-
-/// Share of the ink that is weaker than strong ink.
+/// An edge is soft if the least contrast around it is at least this fraction of the most.
+const SOFT: f64 = 0.2;
+/// Fraction of soft edges from which on faint tones are no ink.
+const SOFT_EDGES: f64 = 0.15;
+/// Median change of contrast over two pixels from which on paper has grain.
+const GRAIN: f64 = 1e-3;
+/// Fraction of the ink that is weaker than strong ink.
 const STRONG: f64 = 0.97;
 
-/// Radius in pixels of the neighborhood whose strongest ink is a pixel's level: more than the blur
-/// of a lens.
+/// Tones between paper and strong ink, by the contrast of the latter. Their change from one side to
+/// the other, and the pixels to both sides.
+type Tones = (Range<f64>, Range<f64>, usize);
+/// The tones of a photograph.
+const PHOTO: Tones = (0.2..0.8, 0.0..0.12, 2);
+/// The tones of a glare or a soft shadow on paper of one color: more than the noise of a JPEG.
+const GLARE: Tones = (0.1..0.4, 0.02..0.08, 6);
+/// Fraction of a picture in the latter from which on its paper is not of one color.
+const GLARING: f64 = 0.01;
+
+/// Pixels to both sides within which a pixel's ink is compared: more than the blur of a lens.
 const NEAR: usize = 3;
 
 /// Least change of a color over four pixels that is the edge of another ink.
 const APART: f64 = 0.2;
 
-/// Threshold of the rim of ink, relative to the ink: see [`Field::ink`].
-pub(super) const RIM: f64 = 0.5;
+/// Threshold of the edge of ink, relative to the ink: see [`Field::ink`].
+pub(super) const EDGE: f64 = 0.5;
 
 /// Ink pixel by pixel, with a margin of a pixel of paper.
 pub(super) struct Field {
@@ -90,87 +78,84 @@ pub(super) struct Field {
     pub(super) height: usize,
     /// Relative to the strongest ink around it, 0 to 1, so that pale lines beside dark ones count.
     pub(super) ink: Vec<f64>,
-    /// Share of the paper's brightness that the ink takes, 0 to 1.
+    /// Fraction of the paper's brightness that the ink takes, 0 to 1.
     pub(super) contrast: Vec<f64>,
-    /// The ink's red, green and blue relative to the paper's; light ink's own.
+    /// The ink's red, green and blue relative to the paper's, or those of light ink, 0 to 1.
     pub(super) color: Vec<[f64; CHANNELS]>,
-    /// Share of the picture in marks that are too faint for ink.
+    /// Fraction of the picture in marks that are too faint for ink.
     pub(super) faint: f64,
-    /// Number of pale lines from rim to rim of a picture from a screen, which are not ink.
-    pub(super) rulings: usize,
-    /// Whether the picture was drawn on a screen, not photographed or scanned.
-    pub(super) is_clean: bool,
-    /// Share of the picture in tones between paper and strong ink that change slowly, as in a
-    /// photograph; 0 for a picture from a screen.
-    pub(super) shades: f64,
+    /// True for a photograph: its paper is not of one color.
+    pub(super) is_photo: bool,
+    /// True for a photograph or a scan, false for a picture that was drawn on a screen.
+    pub(super) has_grain: bool,
+    /// Fraction of the picture in soft tones between paper and strong ink.
+    pub(super) soft: f64,
 }
 
 impl Field {
-    /// The ink of a picture; `None` where nothing stands out from its paper.
+    /// The ink of a picture, or `None` if nothing differs from its paper.
     pub(super) fn new(picture: &RgbImage) -> Option<Self> {
-        Self::on(picture, even_paper(picture).as_ref())
+        let Some(paper) = even_paper(picture) else { return Self::on(picture, None) };
+        let field = Self::on(picture, Some(paper))?;
+        // Soft tones on paper of one color are light and shadow: a photograph in even light.
+        let has_glare = !field.has_grain && field.soft > GLARING;
+        if has_glare { Self::on(picture, None) } else { Some(field) }
     }
 
-    fn on(picture: &RgbImage, even: Option<&Even>) -> Option<Self> {
-        let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
+    /// The ink on paper of one color, or in a photograph.
+    fn on(picture: &RgbImage, even: Option<[f64; CHANNELS]>) -> Option<Self> {
         let inks = even.map_or_else(|| inks(picture), |paper| inks_on(picture, paper));
+        let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
+        // Within a margin of paper, so that every patch has a closed contour.
         let mut contrast = vec![0.0; width * height];
         let mut color = vec![[1.0; CHANNELS]; width * height];
         for (row, inks) in (1..).zip(inks.chunks(width - 2)) {
-            let first = row * width + 1;
-            for (pixel, (ink, left)) in (first..).zip(inks) {
-                (contrast[pixel], color[pixel]) = (*ink, *left);
+            for (pixel, ink) in (row * width + 1..).zip(inks) {
+                (contrast[pixel], color[pixel]) = *ink;
             }
         }
-        let grain = grain(&contrast, width);
-        let is_clean = even.is_some() && grain < CLEAN;
-        let least = LEAST[usize::from(!is_clean)].max(GRAINS * grain);
-        let inked: Vec<f64> = contrast.iter().copied().filter(|ink| *ink > least).collect();
-        let strong = quantile(inked.iter().map(|ink| 255.0 * ink), STRONG) / 255.0;
-        if is_clean && tones(&contrast, width, strong, GLARE) > SOFT {
-            return Self::on(picture, None);
-        }
-        let rulings = if is_clean {
-            without_rulings(&mut contrast, width, &(least..PALE * strong))
-        } else {
-            0
-        };
+        // What counts as ink depends on the strong ink, and on the grain of the paper.
+        let is_photo = even.is_none();
+        let least = LEAST[usize::from(is_photo)];
+        let has_grain = is_photo || median_change(&contrast, width) > GRAIN;
+        let inked = contrast.iter().filter(|contrast| **contrast > least);
+        let strong = quantile(inked.map(|contrast| 255.0 * contrast), STRONG) / 255.0;
+        // A pixel counts by the strongest ink around it, but by no less than faint ink.
         let levels = extremes(&contrast, width, NEAR, f64::max);
-        let is_sharp = is_clean && soft_rims(&contrast, &levels, width, least) < SOFT_RIMS;
-        let faint = if is_sharp { least } else { least.max(FAINT[usize::from(is_clean)] * strong) };
+        let part = match has_grain {
+            true => FAINT[0],
+            false if has_soft_edges(&contrast, &levels, width, least) => FAINT[1],
+            false => 0.0,
+        };
+        let faint = least.max(part * strong);
         let ink = contrast.iter().zip(&levels);
-        let ink = ink.map(|(ink, level)| (ink / level.max(faint / RIM)).min(1.0)).collect();
-        let n_faint = levels.iter().filter(|level: &&f64| (least..faint).contains(*level)).count();
-        let shades = if is_clean { 0.0 } else { tones(&contrast, width, strong, PHOTO) };
-        (!inked.is_empty()).then_some(Self {
-            width,
-            height,
-            ink,
-            contrast,
-            color,
-            faint: n_faint as f64 / (width * height) as f64,
-            rulings,
-            is_clean,
-            shades,
-        })
+        let ink = ink.map(|(contrast, level)| (contrast / level.max(faint / EDGE)).min(1.0));
+        let ink = ink.collect();
+        let n_faint = levels.iter().filter(|level| (least..faint).contains(*level)).count();
+        let n_soft = tones(&contrast, width, strong, if has_grain { PHOTO } else { GLARE });
+        let [faint, soft] = [n_faint, n_soft].map(|n| n as f64 / contrast.len() as f64);
+        let field = Self { width, height, ink, contrast, color, faint, is_photo, has_grain, soft };
+        (strong > 0.0).then_some(field)
     }
 
     /// Pixels along edges between two inks, with ink all around.
     pub(super) fn inner_edges(&self) -> usize {
         let within = extremes(&self.ink, self.width, NEAR, f64::min);
-        // Shadows cross a photographed drawing and do not change its hue.
-        let colors = Vec::from_iter(self.color.iter().map(|color| {
-            let light = if self.is_clean { 1.0 } else { color.iter().sum::<f64>().max(APART) };
-            color.map(|value| value / light)
-        }));
-        let inner = (2 * self.width..within.len() - 2 * self.width).filter(|p| within[*p] > RIM);
+        let inner = (2 * self.width..within.len() - 2 * self.width).filter(|p| within[*p] > EDGE);
         let edges = inner.filter(|pixel| {
             [2, 2 * self.width].iter().any(|step| {
-                let (after, before) = (colors[pixel + step], colors[pixel - step]);
+                let [after, before] = [pixel + step, pixel - step].map(|p| self.shade(p));
                 (0..CHANNELS).any(|c| (after[c] - before[c]).abs() > APART)
             })
         });
         edges.count()
+    }
+
+    /// The color of a pixel. In a photograph it has no brightness, which a shadow changes.
+    fn shade(&self, pixel: usize) -> [f64; CHANNELS] {
+        let color = self.color[pixel];
+        let light = if self.has_grain { color.iter().sum::<f64>().max(APART) } else { 1.0 };
+        color.map(|value| value / light)
     }
 }
 
@@ -186,60 +171,23 @@ fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     })
 }
 
-/// Paper whose color changes evenly: the color of its middle, and the change from left to right and
-/// from top to bottom.
-pub(super) struct Even([[f64; 3]; CHANNELS]);
-
-impl Even {
-    /// The color at a place in shares of the picture.
-    fn color(&self, [x, y]: [f64; 2]) -> [f64; CHANNELS] {
-        self.0.map(|[middle, across, down]| middle + across * (x - 0.5) + down * (y - 0.5))
-    }
+/// The color of most of the picture's edge, if some of the picture has it, too.
+fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
+    let edge: Vec<_> = edge_pixels(picture).map(|color| color.map(f64::from)).collect();
+    let paper = [0, 1, 2].map(|c| quantile(edge.iter().map(|color| color[c]), 0.5));
+    let is_paper = |color: &[f64; 3]| (0..CHANNELS).all(|c| (color[c] - paper[c]).abs() <= SAME);
+    let n_edge = edge.iter().filter(|color| is_paper(color)).count();
+    let n = picture.pixels().filter(|pixel| is_paper(&pixel.0.map(f64::from))).count();
+    let is_even = n_edge as f64 > EVEN[0] * edge.len() as f64
+        && n as f64 > EVEN[1] * picture.pixels().len() as f64;
+    is_even.then_some(paper)
 }
 
-/// Whether a pixel is at the left, right, upper or lower side of a picture.
-fn sides((width, height): (u32, u32), x: u32, y: u32) -> [bool; 4] {
-    [x < 2, x + 2 >= width, y < 2, y + 2 >= height]
-}
-
-/// Paper in the color of the picture's sides, if most of the sides and some of the picture have it.
-pub(super) fn even_paper(picture: &RgbImage) -> Option<Even> {
-    let (width, height) = picture.dimensions();
-    let paper = Even([0, 1, 2].map(|c| {
-        let [left, right, top, bottom] = [0, 1, 2, 3].map(|side| {
-            let pixels = picture.enumerate_pixels();
-            let pixels = pixels.filter(|(x, y, _)| sides((width, height), *x, *y)[side]);
-            quantile(pixels.map(|(.., pixel)| f64::from(pixel.0[c])), 0.5)
-        });
-        [0.25 * (left + right + top + bottom), right - left, bottom - top]
-    }));
-    let [mut n_rim, mut even_rim, mut n_even] = [0.0; 3];
-    for (x, y, pixel) in picture.enumerate_pixels() {
-        let place = [f64::from(x) / f64::from(width), f64::from(y) / f64::from(height)];
-        let mut values = pixel.0.iter().zip(paper.color(place));
-        let is_even = values.all(|(value, paper)| (f64::from(*value) - paper).abs() <= SAME);
-        n_even += f64::from(u8::from(is_even));
-        if sides((width, height), x, y).contains(&true) {
-            n_rim += 1.0;
-            even_rim += f64::from(u8::from(is_even));
-        }
-    }
-    let tone = paper.0.iter().map(|[middle, ..]| middle).sum::<f64>() / CHANNELS as f64;
-    let is_flat = paper.0.iter().flat_map(|p| &p[1..]).all(|slope| slope.abs() <= SAME);
-    let is_known = is_flat || (MIDDLE[0]..MIDDLE[1]).contains(&tone);
-    let share = if is_flat { EVEN } else { EVEN_RIM };
-    let is_even =
-        even_rim > EVEN_RIM * n_rim && n_even > share * f64::from(width) * f64::from(height);
-    (is_known && is_even).then_some(paper)
-}
-
-/// The ink of each pixel on even paper, darker or lighter.
-fn inks_on(picture: &RgbImage, paper: &Even) -> Vec<Inked> {
+/// The ink of each pixel on paper of one color, darker or lighter.
+fn inks_on(picture: &RgbImage, paper: [f64; CHANNELS]) -> Vec<Inked> {
     let channels = channels(picture, false);
-    let [width, height] = [picture.width() as usize, picture.height() as usize];
     Vec::from_iter((0..channels[0].len()).map(|pixel| {
-        let place = [(pixel % width) as f64 / width as f64, (pixel / width) as f64 / height as f64];
-        let (paper, values) = (paper.color(place), [0, 1, 2].map(|c| channels[c][pixel]));
+        let values = [0, 1, 2].map(|c| channels[c][pixel]);
         let contrasts =
             [0, 1, 2].map(|c| (values[c] - paper[c]).abs() / paper[c].max(255.0 - paper[c]));
         let most = contrasts.into_iter().fold(0.0, f64::max);
@@ -247,130 +195,114 @@ fn inks_on(picture: &RgbImage, paper: &Even) -> Vec<Inked> {
     }))
 }
 
-/// The ink of each pixel relative to the paper around it, either dark or light.
+/// The ink of each pixel of a photograph relative to the paper around it, either dark or light.
 fn inks(picture: &RgbImage) -> Vec<Inked> {
-    let width = picture.width() as usize;
     let is_light = has_light_ink(picture);
     let channels = channels(picture, is_light);
-    let side = picture.width().max(picture.height());
-    let [wide, high] = [picture.width(), picture.height()].map(|side| side.div_ceil(COARSE));
-    let coarse = self::channels(&thumbnail(picture, wide, high), is_light);
-    let near = [0, 1, 2].map(|c| closed(&channels[c], width, side.div_ceil(PEN) as usize));
-    let far = [0, 1, 2]
-        .map(|c| closed(&coarse[c], wide as usize, high.max(wide).div_ceil(PATCH) as usize));
-    let papers = (0..channels[0].len()).map(|pixel| {
-        let [x, y] = [pixel % width, pixel / width].map(|place| place / COARSE as usize);
-        let far = [0, 1, 2].map(|c| far[c][y * wide as usize + x].max(1.0));
-        ([0, 1, 2].map(|c| near[c][pixel].max(1.0)), far)
-    });
-    // An area wider than a pen is a patch of ink unless it is a shadow, and so is its rim.
-    let patches = papers.clone().map(|(near, far)| {
-        let shares = [0, 1, 2].map(|c| near[c] / far[c]);
-        let [least, most] =
-            [f64::min, f64::max].map(|extreme| shares.into_iter().fold(shares[0], extreme));
-        let is_dark = shares.iter().sum::<f64>() < SHADOW * CHANNELS as f64;
-        f64::from(u8::from(is_dark || most > HUE * least))
-    });
-    let patches = extremes(&patches.collect::<Vec<f64>>(), width, NEAR, f64::max);
-    Vec::from_iter(papers.enumerate().map(|(pixel, (near, far))| {
-        let paper = if patches[pixel] > 0.0 { far } else { near };
+    let papers = paper_around(&channels, picture.dimensions()).into_iter().enumerate();
+    Vec::from_iter(papers.map(|(pixel, paper)| {
+        let values = [0, 1, 2].map(|c| channels[c][pixel]);
+        // A dark channel of colored paper is noise: it counts by the paper's mean brightness.
         let mean = paper.iter().sum::<f64>() / CHANNELS as f64;
-        let (mut most, mut left) = (0.0_f64, [0.0; CHANNELS]);
-        for c in 0..CHANNELS {
-            let value = channels[c][pixel];
-            most = most.max((paper[c] - value) / paper[c].max(mean)).min(1.0);
-            left[c] = if is_light { (255.0 - value) / 255.0 } else { (value / paper[c]).min(1.0) };
-        }
-        (most, left)
+        let contrasts = [0, 1, 2].map(|c| (paper[c] - values[c]) / paper[c].max(mean));
+        let most = contrasts.into_iter().fold(0.0, f64::max);
+        let color = [0, 1, 2].map(|c| match is_light {
+            true => (255.0 - values[c]) / 255.0,
+            false => (values[c] / paper[c]).min(1.0),
+        });
+        (most.min(1.0), color)
     }))
 }
 
-/// Whether ink is lighter than its paper: if the few outlying pixels of each block are brighter
-/// than the rest, not darker; if both occur alike, whether the picture's rim is dark.
+/// The color of the paper around each pixel of a photograph.
+fn paper_around(
+    values: &[Vec<f64>; CHANNELS],
+    (width, height): (u32, u32),
+) -> Vec<[f64; CHANNELS]> {
+    // Beside a pen's line, and beside a filled shape.
+    let (longer, width) = (width.max(height), width as usize);
+    let [near, far] = [PEN, SHAPE].map(|part| {
+        let paper = values.each_ref().map(|v| closed(v, width, longer.div_ceil(part) as usize));
+        Vec::from_iter(
+            (0..values[0].len()).map(|pixel| [0, 1, 2].map(|c| paper[c][pixel].max(1.0))),
+        )
+    });
+    // An area wider than a pen is a filled shape unless it is a shadow, and so is its edge.
+    let filled = near.iter().zip(&far).map(|(near, far)| {
+        let lights = [0, 1, 2].map(|c| near[c] / far[c]);
+        let [least, most] =
+            [f64::min, f64::max].map(|extreme| lights.into_iter().fold(lights[0], extreme));
+        let is_dark = lights.iter().sum::<f64>() < SHADOW * CHANNELS as f64;
+        f64::from(u8::from(is_dark || most > HUE * least))
+    });
+    let filled = extremes(&filled.collect::<Vec<f64>>(), width, NEAR, f64::max);
+    let papers = near.into_iter().zip(far).zip(filled);
+    papers.map(|((near, far), filled)| if filled > 0.0 { far } else { near }).collect()
+}
+
+/// True if ink is lighter than its paper: the few outlying pixels of a block are brighter than the
+/// rest, not darker. If both occur alike, the edge of the picture decides.
 fn has_light_ink(picture: &RgbImage) -> bool {
     let luma = grayscale(picture);
     let [width, height] = [luma.width() as usize, luma.height() as usize];
     let block = width.max(height).div_ceil(BLOCKS);
-    let tops = (0..height).step_by(block);
-    let blocks = tops.flat_map(|top| (0..width).step_by(block).map(move |left| [left, top]));
+    // The skewness of the tones, block by block: light changes from block to block.
     let (mut darker, mut brighter) = (0.0, 0.0);
-    for [left, top] in blocks {
-        let rows = luma.chunks(width).skip(top).take(block);
-        let tones =
-            rows.flat_map(|row| row[left..].iter().take(block).map(|tone| f64::from(*tone)));
-        let [dark, most, bright] = [0.02, 0.5, 0.98].map(|share| quantile(tones.clone(), share));
-        (darker, brighter) = (darker + most - dark, brighter + bright - most);
+    for left in (0..width).step_by(block) {
+        for top in (0..height).step_by(block) {
+            let rows = luma.chunks(width).skip(top).take(block);
+            let tones = rows.flat_map(|row| row[left..].iter().take(block));
+            let [dark, usual, bright] = extreme_tones(tones.copied());
+            (darker, brighter) = (darker + usual - dark, brighter + bright - usual);
+        }
     }
     if brighter.max(darker) > SKEWED * brighter.min(darker) {
         return brighter > darker;
     }
-    let rim = luma
-        .enumerate_pixels()
-        .filter(|(x, y, _)| *x == 0 || *y == 0 || x + 1 == luma.width() || y + 1 == luma.height());
-    let rim = quantile(rim.map(|(.., tone)| f64::from(tone.0[0])), 0.5);
-    let [dark, bright] =
-        [0.02, 0.98].map(|share| quantile(luma.iter().map(|tone| f64::from(*tone)), share));
-    2.0 * rim < dark + bright
+    let edge = edge_pixels(picture).map(|[r, g, b]| f64::from(r) + f64::from(g) + f64::from(b));
+    let [dark, _, bright] = extreme_tones(luma.iter().copied());
+    quantile(edge.map(|sum| sum / CHANNELS as f64), 0.5) < 0.5 * (dark + bright)
 }
 
-/// Standard deviation of the paper's grain: by the median difference of pixels, two apart.
-fn grain(contrast: &[f64], width: usize) -> f64 {
-    let rows = contrast.chunks(width).flat_map(|row| row.iter().zip(row.iter().skip(2)));
+/// The 2nd, 50th and 98th percentile of tones.
+fn extreme_tones(tones: impl Iterator<Item = u8> + Clone) -> [f64; 3] {
+    [0.02, 0.5, 0.98].map(|rank| quantile(tones.clone().map(f64::from), rank))
+}
+
+/// The colors of the pixels at the edge of a picture.
+fn edge_pixels(picture: &RgbImage) -> impl Iterator<Item = [u8; 3]> {
+    let (width, height) = picture.dimensions();
+    let edge = picture.enumerate_pixels().filter(move |(x, y, _)| {
+        [(*x, width), (*y, height)].iter().any(|(place, side)| *place < 2 || place + 2 >= *side)
+    });
+    edge.map(|(.., pixel)| pixel.0)
+}
+
+/// Pixels in tones between paper and strong ink that change slowly.
+fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> usize {
+    let inner = step * width..contrast.len().saturating_sub(step * width);
+    let soft = inner.filter(|pixel| {
+        let change = |step: usize| contrast[pixel + step] - contrast[pixel - step];
+        between.contains(&(contrast[*pixel] / strong))
+            && slow.contains(&(libm::hypot(change(step), change(step * width)) / strong))
+    });
+    soft.count()
+}
+
+/// Median difference of the contrasts of pixels, two apart along rows.
+fn median_change(contrast: &[f64], width: usize) -> f64 {
+    let pairs = contrast.chunks(width).flat_map(|row| row.iter().zip(&row[2..]));
     // In 4000ths, so that the finest grain has a level.
-    1.05 * quantile(rows.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
+    quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
 }
 
-/// Share of the rims at a contrast that are soft.
-fn soft_rims(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> f64 {
+/// True if many of the edges at a contrast are soft.
+fn has_soft_edges(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> bool {
     let weakest = extremes(contrast, width, NEAR, f64::min);
-    let rims = (width..contrast.len()).filter(|pixel| {
+    let edges = (width..contrast.len()).filter(|pixel| {
         let before = [contrast[pixel - 1], contrast[pixel - width]];
         before.iter().any(|before| (*before > least) != (contrast[*pixel] > least))
     });
-    let (soft, sharp): (Vec<_>, Vec<_>) =
-        rims.partition(|pixel| weakest[*pixel] > SOFT_RIM * levels[*pixel]);
-    soft.len() as f64 / (soft.len() + sharp.len()).max(1) as f64
-}
-
-/// Takes the rulings of the paper out of a picture: pale lines from rim to rim, if there are as
-/// many as on lined paper. Returns their number.
-fn without_rulings(contrast: &mut [f64], width: usize, pale: &Range<f64>) -> usize {
-    let height = contrast.len() / width;
-    let (mut n, mut ruled) = (0, Vec::new());
-    // Rows, then columns: the steps to the next one and along it.
-    for (n_lines, to_next, n_along, step) in [(height, width, width, 1), (width, 1, height, width)]
-    {
-        let lines = (0..n_lines).map(|line| (0..n_along).map(move |k| line * to_next + k * step));
-        let levels = lines.clone().map(|pixels| {
-            let inked = pixels.map(|pixel| contrast[pixel]).filter(|ink| *ink > pale.start);
-            let is_across = inked.clone().count() as f64 > ACROSS * n_along as f64;
-            let rank = |rank| quantile(inked.clone().map(|ink| 255.0 * ink), rank) / 255.0;
-            // A pen's line may lie along most of a ruling.
-            let level = || Some(rank(0.5)).filter(|it| *it < pale.end).unwrap_or_else(|| rank(0.1));
-            if is_across { level() } else { 0.0 }
-        });
-        let levels: Vec<f64> = levels.collect();
-        let most = extremes(&levels, n_lines, NEAR, f64::max);
-        for (line, pixels) in lines.enumerate() {
-            if levels[line] > 0.0 && most[line] < pale.end {
-                n += usize::from(levels[line - 1] == 0.0);
-                ruled.extend(pixels.filter(|pixel| contrast[*pixel] < CROSSED * most[line]));
-            }
-        }
-    }
-    if n < RULINGS {
-        return 0;
-    }
-    ruled.into_iter().for_each(|pixel| contrast[pixel] = 0.0);
-    n
-}
-
-/// Share of pixels in tones between paper and strong ink that change slowly.
-fn tones(contrast: &[f64], width: usize, strong: f64, (between, slow, step): Tones) -> f64 {
-    let shades = (step * width..contrast.len().saturating_sub(step * width)).filter(|pixel| {
-        let slope = |step: usize| contrast[pixel + step] - contrast[pixel - step];
-        between.contains(&(contrast[*pixel] / strong))
-            && slow.contains(&(libm::hypot(slope(step), slope(step * width)) / strong))
-    });
-    shades.count() as f64 / contrast.len() as f64
+    let n_soft = edges.clone().filter(|pixel| weakest[*pixel] > SOFT * levels[*pixel]).count();
+    n_soft as f64 > SOFT_EDGES * edges.count() as f64
 }

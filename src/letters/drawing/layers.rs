@@ -53,6 +53,7 @@ impl Painted {
     /// The area of its stroke.
     pub(super) fn stroke_layer<'a>(&self, element: usize, scale: Scale<'a>) -> Option<Layer<'a>> {
         let (color, alpha, style) = self.stroke.as_ref()?;
+        // A pen is round in the units of the element, which its transform may stretch.
         let path = self.placed.inverse() * &self.path;
         let enlarged = self.placed.determinant().abs().sqrt().max(f64::MIN_POSITIVE);
         let tolerance = FLATNESS * scale.size / enlarged;
@@ -71,8 +72,7 @@ pub(super) struct Area<'a> {
     pub(super) bounds: [f64; 4],
 }
 
-/// The larger side of a page, by which areas are as fine as they have to be, and the budget that
-/// they are taken off.
+/// The larger side of a page, which sets the tolerance of areas, and the budget of their work.
 #[derive(Clone, Copy)]
 pub(super) struct Scale<'a> {
     pub(super) size: f64,
@@ -102,7 +102,7 @@ impl Area<'_> {
         if self.even_odd { winding % 2 != 0 } else { winding != 0 }
     }
 
-    /// Whether it is a rectangle over a page.
+    /// True if it is a rectangle over a page.
     pub(super) fn is_page(&self, [width, height]: [f64; 2], slack: f64) -> bool {
         let [left, bottom, right, top] = self.bounds;
         let is_as_wide = left <= slack && right >= width - slack;
@@ -135,7 +135,7 @@ pub(super) enum Cut<'a> {
     Page(Area<'a>),
     /// The areas of a clip path, each with the cuts of its own.
     Clip(Vec<Layer<'a>>),
-    /// A mask: its elements, whether it is by their opacity alone, and its rectangle.
+    /// A mask: its elements, true if only their opacity counts, and its rectangle.
     Mask(Vec<Layer<'a>>, bool, Area<'a>),
 }
 

@@ -1,60 +1,4 @@
-//! Levels of a picture: values pixel by pixel, averaged, closed, and the contours of one of them.
-
-use std::collections::BTreeMap;
-
-use crate::outline::Contour;
-
-/// Closed contours of a level, y up, with the ink to their left: around a patch counterclockwise,
-/// around a hole clockwise.
-pub(super) fn contours(
-    values: &[f64],
-    [width, height]: [usize; 2],
-    threshold: f64,
-) -> Vec<Contour> {
-    let values: Vec<f64> = values.iter().map(|value| value - threshold).collect();
-    // Edges of the grid that a contour crosses, and the next edge of each. An edge is the number of
-    // its upper or left pixel, and whether it runs downward.
-    let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
-    for y in 0..height - 1 {
-        for x in 0..width - 1 {
-            let pixel = y * width + x;
-            let corners = [pixel, pixel + 1, pixel + width + 1, pixel + width].map(|p| values[p]);
-            let case = corners.map(|value| value > 0.0);
-            if case == [false; 4] || case == [true; 4] {
-                continue;
-            }
-            let edges = [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
-            // Going clockwise around the cell, a contour enters before a corner with ink and leaves
-            // after one, so that ink is to its left. Two corners with ink that face each other are
-            // joined where the middle has ink.
-            let joined = corners.iter().sum::<f64>() > 0.0;
-            for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
-                let mut turns =
-                    (1..4).map(|step| (enter + if joined { 4 - step } else { step }) % 4);
-                let leave = turns.find(|k| case[*k] && !case[(k + 1) % 4]);
-                next.extend(leave.map(|leave| (edges[enter], edges[leave])));
-            }
-        }
-    }
-    let mut contours = Vec::new();
-    while let Some((first, mut edge)) = next.pop_first() {
-        let mut edges = vec![first];
-        while edge != first {
-            edges.push(edge);
-            let Some(onward) = next.remove(&edge) else { break };
-            edge = onward;
-        }
-        let contour = edges.into_iter().map(|(pixel, down)| {
-            let (x, y) = (pixel % width, pixel / width);
-            let to = values[pixel + if down { width } else { 1 }];
-            let share = values[pixel] / (values[pixel] - to);
-            let (dx, dy) = if down { (0.0, share) } else { (share, 0.0) };
-            [x as f64 + dx, -(y as f64 + dy)]
-        });
-        contours.push(contour.collect());
-    }
-    contours
-}
+//! Levels of a picture: values pixel by pixel, averaged, closed, and their quantiles.
 
 /// Each pixel averaged with its neighbors, 1 2 1 in both directions, against contours around noise.
 pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
@@ -71,15 +15,14 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     values
 }
 
-/// A morphological closing: dark marks narrower than so many steps to both sides are removed, and
-/// edges stay.
+/// A morphological closing: dark marks narrower than `steps` to both sides go, and edges stay.
 pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     let brightest = extremes(values, width, steps, f64::max);
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The minimum or maximum within so many steps of each value, in a square (van Herk, Pattern
-/// Recognition Letters 13, 1992).
+/// The extreme in a square of `steps` to both sides (van Herk, Pattern Recognition Letters 13,
+/// 1992).
 pub(super) fn extremes(
     values: &[f64],
     width: usize,
@@ -119,11 +62,11 @@ pub(super) fn extremes(
     values
 }
 
-/// A quantile of values from 0 to 255; 0 without values.
-pub(super) fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> f64 {
+/// A quantile of values from 0 to 255. 0 without values.
+pub(super) fn quantile(values: impl IntoIterator<Item = f64>, rank: f64) -> f64 {
     let mut counts = [0_usize; 256];
     values.into_iter().for_each(|value| counts[level(value)] += 1);
-    let wanted = share * counts.iter().sum::<usize>() as f64;
+    let wanted = rank * counts.iter().sum::<usize>() as f64;
     let mut passed = 0;
     let reached = counts.iter().position(|n| {
         passed += n;

@@ -6,20 +6,19 @@
 
 use std::path::Path;
 
-use super::center_line::dot;
-use super::options::{Align, LetterOptions, Pace};
+use super::options::{Align, LetterOptions};
 use super::shape::{Run, pen_moves};
-use super::smooth::smooth;
-use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
+use super::{Cell, Glyph, LeftOut, StrokeOrder, Strokes};
 use bitmap::Traced;
 use detail::reduced;
 use layers::Color;
+use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Limit, ending};
-use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
+use noctograph_core::geometry::{arc_lengths, bounds};
 use noctograph_core::input_error;
 use noctograph_core::strokes::{Source, SourceStroke, StrokesData};
-use selection::{Numbered, all, chosen};
+use selection::{Numbered, chosen, in_source};
 
 mod areas;
 mod bitmap;
@@ -30,8 +29,9 @@ mod layers;
 mod levels;
 mod notes;
 mod once;
-mod paper_photo;
+mod patches;
 mod selection;
+mod sheet;
 mod size;
 mod styles;
 mod svg;
@@ -56,32 +56,18 @@ const MAX_COLORS: usize = 64;
 /// Default canvas of a drawing, in cap heights: width and height.
 const CANVAS: [f64; 2] = [4.0, 1.0];
 
-/// Spacing of points at which handwriting is smoothed, by its height.
-const SPACING: f64 = 0.01;
+/// Codes of errors: a drawing without strokes, and one of too many.
+const EMPTY: &str = "drawing-empty";
+const LARGE: &str = "drawing-large";
 
-/// Slowest pace of handwriting, as a share of the stroke speed.
-const SLOWEST: f64 = 0.25;
-
-/// A trace of the pen shorter than this, by the drawing's height, is a tap: a dot.
-const TAP: f64 = 0.02;
-
-/// Whether the colors of a drawing matter.
+/// How the colors of a drawing count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ink {
     /// They do not: the drawing is one glyph.
     Alike,
-    /// Each color of an SVG file is a glyph, in the order in which they first occur; of
-    /// handwriting, which keeps its order, each run of strokes of one color.
+    /// Each color of an SVG file or a picture is a glyph, in the order in which they first occur.
+    /// Handwriting keeps its order: each run of strokes of one color is a glyph.
     ByColor,
-}
-
-/// A stroke of handwriting: points, y up, in the writer's units, and when each was written.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Written {
-    points: Vec<[f64; 2]>,
-    /// As many as points, or none.
-    times_s: Vec<f64>,
-    color: Option<[u8; 3]>,
 }
 
 /// A line of a picture in its own units, y up, and its color.
@@ -90,78 +76,64 @@ type ColoredLine = (Vec<[f64; 2]>, Color);
 /// Reads a drawing: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`, `*.gif` (its first frame) or
 /// `*.bmp`, or handwriting `*.json`.
 ///
-/// An SVG file is drawn as a browser shows it: strokes along their line, fills along their rim. A
-/// filled rectangle behind everything is paper. In a picture, lines on paper are drawn along their
-/// center and patches along their rim ([`LetterOptions::trace`]); a photograph of anything else is
-/// refused. With less than full [`LetterOptions::detail`] strokes are fewer, longer and smoother. A
-/// path has the color of its stroke, or else of its fill, and a gradient one of its own.
-/// Unsupported features, such as filters, are named in the warnings; text is refused. Handwriting
-/// keeps its order and direction, is smoothed by at most [`LetterOptions::smoothing_m`], and has
-/// the pace of [`LetterOptions::pace`].
+/// An SVG file is drawn as a browser shows it: strokes along their line, fills along their outline.
+/// In a picture, lines on paper are drawn along their center and patches along their outline.
+/// Handwriting keeps its order and direction. Unsupported features are named in the warnings, and
+/// text is refused.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where the file cannot be read; [`Error::Input`] where it is broken, too large,
-/// draws nothing, is of another kind, or has more than 64 colors by which it is to be written; or
-/// for an option out of range.
+/// [`Error::Io`] if the file cannot be read. [`Error::Input`] if it is broken, too large, draws
+/// nothing, is of another kind, or has more than 64 colors by which it is to be written, or for an
+/// option out of range.
 pub fn draw(path: &Path, options: &LetterOptions, ink: Ink) -> Result<Strokes> {
     options.check()?;
-    Strokes::new(drawn(path, options, ink)?)
+    let file = path.display().to_string();
+    Strokes::new(match &*ending(path) {
+        "svg" => of_svg(&LIMIT.read(path)?, options, ink, &file)?,
+        "png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp" => {
+            of_bitmap(&LIMIT.read(path)?, options, ink, &file)?
+        }
+        "json" => handwriting::draw(&LIMIT.read_text(path)?, options, ink, &file)?,
+        kind => return Err(foreign(kind, &file)),
+    })
 }
 
-fn drawn(path: &Path, options: &LetterOptions, ink: Ink) -> Result<StrokesData> {
-    let file = path.display().to_string();
-    match &*ending(path) {
-        "svg" => {
-            let drawing = svg::read(&LIMIT.read(path)?, &file)?;
-            let mut placing = Placing::new(drawing.bounds(), options, &file)
-                .map_err(|error| with_reasons(error, &drawing.warnings))?;
-            let size = placing.size();
-            let drawn = |scale: f64| {
-                let lines = drawing.flatten(options.tolerance_m / scale, &file)?;
-                detailed(lines, options.detail, size, |point| point, options, &file)
-            };
-            let (mut lines, mut left_out, strokes) = drawn(placing.scale)?;
-            if !(options.ink.is_empty() && options.without.is_empty()) {
-                // The chosen strokes fill the canvas, and are as smooth as at that size.
-                placing = Placing::new(extent(&lines), options, &file)?;
-                (lines, left_out, _) = drawn(placing.scale)?;
-            }
-            let source = Source { strokes, ..Source::default() };
-            let warnings = drawing.warnings;
-            let strokes = by_color(&lines, &placing, ink, &file)?;
-            Ok(StrokesData { left_out, warnings, source, ..strokes })
-        }
-        "png" | "jpg" | "jpeg" | "webp" | "gif" | "bmp" => {
-            let size =
-                |extent| Ok(Placing::new(extent, options, &file)?.scale / options.cap_height_m);
-            let Traced { lines, warnings, corners_px, in_file } =
-                bitmap::read(&LIMIT.read(path)?, options, size, &file)?;
-            let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
-            let larger = Placing::new(bounds(points), options, &file)?.size();
-            // The field of the ink has a margin of a pixel, and counts from the first one's middle.
-            let (lines, left_out, strokes) = detailed(
-                lines,
-                options.detail,
-                larger,
-                |point| in_file.apply(point.map(|x| x - 0.5)),
-                options,
-                &file,
-            )?;
-            let source = Source { strokes, corners_px, is_bitmap: true };
-            let placing = Placing::new(extent(&lines), options, &file)?;
-            let strokes = by_color(&lines, &placing, ink, &file)?;
-            Ok(StrokesData { left_out, warnings, source, ..strokes })
-        }
-        "json" => {
-            let (traces, canvas) = handwriting::read(&LIMIT.read_text(path)?, &file)?;
-            let strokes = all(traces.iter().map(|it| (&it.points, it.color)), |point| point);
-            let traces = chosen(traces, |trace| trace.color, options, &file)?;
-            let source = Source { strokes, ..Source::default() };
-            Ok(StrokesData { source, ..write(traces, canvas, options, ink, &file)? })
-        }
-        kind => Err(foreign(kind, &file)),
+fn of_svg(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
+    let Warned { product: drawing, warnings } = svg::read(bytes, file)?;
+    let mut placing = Placing::new(drawing.bounds(), options, file)
+        .map_err(|error| with_reasons(error, &warnings))?;
+    let size = placing.size();
+    let lines = drawing.flatten(options.tolerance_m / placing.scale, file)?;
+    let mut detailed = Detailed::new(lines, size, |point| point, options, file)?;
+    if !(options.ink.is_empty() && options.without.is_empty()) {
+        // The chosen strokes fill the canvas, and are as smooth as they should be at that size.
+        placing = Placing::new(extent(&detailed.lines), options, file)?;
+        let lines = drawing.flatten(options.tolerance_m / placing.scale, file)?;
+        let source = detailed.source;
+        detailed = Detailed::new(lines, size, |point| point, options, file)?;
+        detailed.source = source;
     }
+    let source = Source { strokes: detailed.source, ..Source::default() };
+    let left_out = detailed.left_out;
+    let strokes = by_color(&detailed.lines, &placing, ink, file)?;
+    Ok(StrokesData { left_out, warnings, source, ..strokes })
+}
+
+fn of_bitmap(bytes: &[u8], options: &LetterOptions, ink: Ink, file: &str) -> Result<StrokesData> {
+    let size = |extent| Ok(Placing::new(extent, options, file)?.scale / options.cap_height_m);
+    let Warned { product: Traced { lines, corners_px, in_file }, warnings } =
+        bitmap::read(bytes, options, size, file)?;
+    let points = lines.iter().flat_map(|(line, _)| line.iter().copied());
+    let larger = Placing::new(bounds(points), options, file)?.size();
+    // The field of the ink has a margin of a pixel, and counts from the first one's middle.
+    let in_file = |point: [f64; 2]| in_file.apply(point.map(|x| x - 0.5));
+    let Detailed { lines, left_out, source } =
+        Detailed::new(lines, larger, in_file, options, file)?;
+    let source = Source { strokes: source, corners_px, is_bitmap: true };
+    let placing = Placing::new(extent(&lines), options, file)?;
+    let strokes = by_color(&lines, &placing, ink, file)?;
+    Ok(StrokesData { left_out, warnings, source, ..strokes })
 }
 
 /// The error of a file of an unsupported kind, with a way out.
@@ -185,38 +157,58 @@ fn foreign(kind: &str, file: &str) -> Error {
     Error::input(file, content, wanted, hint)
 }
 
-/// Lines of a drawing of some size in less detail: the chosen ones, the parts left out, and all
-/// strokes as they lie in the file.
-fn detailed(
-    lines: Vec<ColoredLine>,
-    detail: f64,
-    size: f64,
-    in_file: impl Fn([f64; 2]) -> [f64; 2],
-    options: &LetterOptions,
-    file: &str,
-) -> Result<(Numbered<ColoredLine>, LeftOut, Vec<SourceStroke>)> {
-    let (lines, left_out) = reduced(lines, detail, size, file)?;
-    let strokes = all(lines.iter().map(|(line, color)| (line, Some(*color))), in_file);
-    Ok((chosen(lines, |(_, color)| Some(*color), options, file)?, left_out, strokes))
+/// A drawing in the wanted detail.
+struct Detailed {
+    /// The chosen lines.
+    lines: Numbered<ColoredLine>,
+    left_out: LeftOut,
+    /// All strokes as they lie in the file.
+    source: Vec<SourceStroke>,
 }
 
-/// Lines of a picture: one glyph, or one of each color.
+impl Detailed {
+    /// The lines of a drawing whose larger side is `size`.
+    fn new(
+        lines: Vec<ColoredLine>,
+        size: f64,
+        in_file: impl Fn([f64; 2]) -> [f64; 2],
+        options: &LetterOptions,
+        file: &str,
+    ) -> Result<Self> {
+        let (lines, left_out) = reduced(lines, options.detail, size, file)?;
+        let source = in_source(lines.iter().map(|(line, color)| (line, Some(*color))), in_file);
+        let lines = chosen(lines, |(_, color)| Some(*color), options, file)?;
+        Ok(Self { lines, left_out, source })
+    }
+}
+
+/// Lines of a picture: one glyph, or one of each color in the order in which they first occur.
 fn by_color(
     lines: &Numbered<ColoredLine>,
     placing: &Placing,
     ink: Ink,
     file: &str,
 ) -> Result<StrokesData> {
-    let numbers = lines.iter().map(|(number, (line, _))| placing.label(*number, line)).collect();
-    if ink == Ink::Alike {
-        let runs = lines.iter().map(|(_, (line, _))| placing.run(line)).collect();
-        return Ok(StrokesData { numbers, ..placing.strokes(vec![runs], StrokeOrder::Free) });
-    }
-    let mut inks = Vec::new();
+    let mut inks: Vec<(Color, Vec<Run>)> = Vec::new();
     for (_, (line, color)) in lines {
-        add(&mut inks, placing.run(line), *color, file)?;
+        match inks.iter_mut().find(|(known, _)| ink == Ink::Alike || known == color) {
+            Some((_, runs)) => runs.push(placing.run(line)),
+            None => inks.push((*color, vec![placing.run(line)])),
+        }
     }
-    let (colors, glyphs) = inks.into_iter().unzip();
+    if inks.len() > MAX_COLORS {
+        return Err(input_error!(
+            file,
+            "a drawing of more colors",
+            "at most {MAX_COLORS} colors",
+            "draw with fewer colors, or write with another lamp than color-led",
+        ));
+    }
+    let numbers = lines.iter().map(|(number, (line, _))| placing.label(*number, line)).collect();
+    let (mut colors, glyphs): (Vec<Color>, Vec<_>) = inks.into_iter().unzip();
+    if ink == Ink::Alike {
+        colors.clear();
+    }
     Ok(StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Free) })
 }
 
@@ -225,121 +217,12 @@ fn extent(lines: &Numbered<ColoredLine>) -> [f64; 4] {
     bounds(lines.iter().flat_map(|(_, (line, _))| line.iter().copied()))
 }
 
-/// Adds a run to those of its color.
-fn add(inks: &mut Vec<([u8; 3], Vec<Run>)>, run: Run, color: [u8; 3], file: &str) -> Result<()> {
-    match inks.iter().position(|(known, _)| *known == color) {
-        Some(index) => inks[index].1.push(run),
-        None if inks.len() < MAX_COLORS => inks.push((color, vec![run])),
-        None => {
-            return Err(input_error!(
-                file,
-                "a drawing of more colors",
-                "at most {MAX_COLORS} colors",
-                "draw with fewer colors, or write with another lamp than color-led",
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// Handwriting placed, by the page that it is on or by its own bounds, and smoothed.
-fn write(
-    traces: Numbered<Written>,
-    canvas: Option<[f64; 4]>,
-    options: &LetterOptions,
-    ink: Ink,
-    file: &str,
-) -> Result<StrokesData> {
-    let n_points: usize = traces.iter().map(|(_, trace)| trace.points.len()).sum();
-    if n_points > MAX_POINTS {
-        return Err(too_many(file));
-    }
-    let points = traces.iter().flat_map(|(_, trace)| trace.points.iter().copied());
-    let bounds = canvas.filter(|_| n_points > 0).unwrap_or_else(|| bounds(points));
-    let placing = Placing::new(bounds, options, file)?;
-    let (mut glyphs, mut colors, mut lasts_s) = (Vec::new(), Vec::new(), Vec::new());
-    let mut numbers = Vec::new();
-    for (number, trace) in &traces {
-        numbers.push(placing.label(*number, &trace.points));
-        let color = trace.color.filter(|_| ink == Ink::ByColor);
-        if glyphs.is_empty() || color != colors.last().copied() {
-            glyphs.push(Vec::new());
-            colors.extend(color);
-        }
-        let line = placing.run(&trace.points).points;
-        let (points, when) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
-        let moved = points.windows(2).map(|leg| leg[0] != leg[1]);
-        let legs_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
-        lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
-        glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
-    }
-    let mut strokes = StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
-    if options.pace == Pace::Written {
-        set_pace(&mut strokes, &lasts_s);
-    }
-    Ok(strokes)
-}
-
-/// Gives lit moves the pace of the writer's pen, as a share of its mean speed, from the duration of
-/// each; nothing without durations.
-fn set_pace(strokes: &mut StrokesData, lasts_s: &[f64]) {
-    let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
-    let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();
-    let whole_m: f64 = timed.iter().map(|(step, _)| distance(step.from_m, step.to_m)).sum();
-    let mean_m_s = whole_m / lasts_s.iter().sum::<f64>();
-    for (step, leg_s) in timed.into_iter().filter(|(_, leg_s)| *leg_s > 0.0) {
-        let leg_m = distance(step.from_m, step.to_m);
-        step.pace = (leg_m / leg_s / mean_m_s).clamp(SLOWEST, 1.0);
-    }
-}
-
-/// A stroke smoothed and simplified, with the times of its points if it has any. A tap becomes a
-/// dot.
-fn smoothed(
-    line: &[[f64; 2]],
-    times_s: &[f64],
-    options: &LetterOptions,
-    height_m: f64,
-) -> (Vec<[f64; 2]>, Vec<f64>) {
-    let along = arc_lengths(line);
-    let length_m = along[along.len() - 1];
-    let is_tap = length_m < TAP * height_m;
-    let points = if is_tap {
-        dot(line[0], 1e-3 * TAP * height_m)
-    } else if options.smoothing_m > 0.0 {
-        smooth(line, SPACING * height_m, options.smoothing_m)
-    } else {
-        line.to_vec()
-    };
-    let kept = simplify(&points, options.tolerance_m);
-    let times_s = kept.iter().filter(|_| !times_s.is_empty()).map(|index| {
-        let share = match is_tap || options.smoothing_m > 0.0 {
-            true => *index as f64 / (points.len() - 1) as f64,
-            false => along[*index] / length_m,
-        };
-        if length_m == 0.0 {
-            // A tap lasts as long as the pen was down.
-            return times_s[0] + share * (times_s[times_s.len() - 1] - times_s[0]);
-        }
-        let way_m = share * length_m;
-        let leg = along.partition_point(|s| *s < way_m).clamp(1, along.len() - 1);
-        let (from, to) = (along[leg - 1], along[leg]);
-        let part = if to > from { ((way_m - from) / (to - from)).clamp(0.0, 1.0) } else { 1.0 };
-        times_s[leg - 1] + part * (times_s[leg] - times_s[leg - 1])
-    });
-    let times_s = times_s.collect();
-    (kept.iter().map(|index| points[*index]).collect(), times_s)
-}
-
-/// Codes of errors: a drawing without strokes, and one of too many.
-const EMPTY: &str = "drawing-empty";
-const LARGE: &str = "drawing-large";
-
 /// The error of an empty drawing, with the warnings: they may be the reason.
-fn with_reasons(error: Error, warnings: &[String]) -> Error {
-    let hint: Vec<&str> =
-        std::iter::once(error.hint()).chain(warnings.iter().map(String::as_str)).collect();
-    let hint = hint.join("; ");
+fn with_reasons(error: Error, warnings: &[Diagnostic]) -> Error {
+    let mut hint = error.hint().to_owned();
+    for warning in warnings {
+        hint += &format!("; {warning}");
+    }
     error.with_hint(hint)
 }
 
@@ -348,7 +231,7 @@ struct Placing {
     left: f64,
     bottom: f64,
     scale: f64,
-    /// The drawing's box; a level line has a thousandth of its length as its height.
+    /// The drawing's box. A level line has a thousandth of its length as its height.
     cell: Cell,
 }
 
@@ -387,8 +270,7 @@ impl Placing {
         [self.cell.left_m + x_m, self.cell.baseline_m + y_m]
     }
 
-    /// A line's number, and the place for it in the picture of the plan: the middle of the segment
-    /// halfway along the line, in meters.
+    /// A line's number, and its place in the picture of the plan: halfway along the line.
     fn label(&self, number: usize, line: &[[f64; 2]]) -> (usize, [f64; 2]) {
         let along = arc_lengths(line);
         let half = 0.5 * along[along.len() - 1];
@@ -426,12 +308,6 @@ fn too_many(file: &str) -> Error {
     .coded(LARGE)
 }
 
-#[cfg(test)]
-mod bitmap_tests;
-#[cfg(test)]
-mod handwritten_tests;
-#[cfg(test)]
-mod paper_photo_tests;
 #[cfg(test)]
 mod picture_tests;
 #[cfg(test)]

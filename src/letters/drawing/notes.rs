@@ -12,8 +12,7 @@ use usvg::roxmltree::Node;
 
 use super::styles::{Named, Styles, has_escapes};
 
-/// Properties of style sheets that are supported, or do not change a line's place and color, or
-/// belong to text.
+/// Properties that are supported, belong to text, or do not change a line's place and color.
 const KNOWN: &str = "align-items alignment-baseline all-space-treatment aria-label background \
     background-color baseline-shift block-progression border bottom box-sizing clip clip-path \
     clip-rule color color-interpolation color-interpolation-filters color-profile color-rendering \
@@ -40,6 +39,9 @@ const PLACES: &str = "cx cy d height r rx ry width x y translate rotate scale";
 
 /// Values without effect for an unsupported property.
 const NEUTRAL: &str = "none normal auto 0 1 visible";
+
+/// Values that refer to another one.
+const WORDS: &str = "inherit currentColor currentcolor";
 
 /// Elements that are drawn and have a place.
 const SHAPES: &str = "circle ellipse g line path polygon polyline rect svg symbol use";
@@ -68,7 +70,7 @@ pub(super) const RULES: &str = "*{filter:none!important}marker *{marker:none!imp
     [noctograph]{fill:#000!important;stroke:none!important;clip-path:none!important;\
     mask:none!important}";
 
-/// Whether a list of words has one.
+/// True if a list of words has one.
 pub(super) fn has(words: &str, word: &str) -> bool {
     words.split_ascii_whitespace().any(|other| other == word)
 }
@@ -76,8 +78,7 @@ pub(super) fn has(words: &str, word: &str) -> bool {
 /// The namespace of drawings.
 pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// The text of a file in the words of usvg: `:root`, a background, transforms with units, and
-/// namespaces that a program took for links.
+/// The text of a file in the words of usvg: namespaces, `:root`, backgrounds, units of transforms.
 pub(super) fn in_words_of_usvg(text: String) -> String {
     let mut text = text;
     for namespace in ["2000/svg", "1999/xlink"] {
@@ -126,6 +127,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some(SVG)) {
+            // An element that is replaced or left out is not entered: its edit covers all of it.
             let before = node.prev_siblings().filter(|it| it.has_tag_name(tag));
             match tag {
                 "script" => self.named.add("a script", "not followed", node),
@@ -154,8 +156,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// Takes an id from an element that is not the first of it: browsers refer to the first, usvg
-    /// to the last.
+    /// Takes an id from all but its first element: browsers refer to the first, usvg to the last.
     fn only_first(&mut self, node: Node<'a, 'input>) {
         let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
             return;
@@ -186,6 +187,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             return Err(format!("more than {MAX_SIGNS} elements <{name}>"));
         }
         self.signs.push(node);
+        // The prefix and the attributes as they are written: the same namespace and style.
         let text = node.document().input_text();
         let qualified = text[node.range().start + 1..].split(|c: char| "/> \t\r\n".contains(c));
         let prefix = qualified.map(|name| name.rsplit_once(':')).next().flatten();
@@ -194,9 +196,9 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             format!("<{prefix}polyline noctograph=\"\" points=\"{SIGN_X} {index} {SIGN_X} 0 0 0\"");
         let (is_first, left_out) = (self.styles.is_first(node), "points noctograph");
         let kept = |name| !has(left_out, name) && (is_first || name != "id");
-        for own in node.attributes().filter(|own| kept(own.name())) {
+        for attribute in node.attributes().filter(|attribute| kept(attribute.name())) {
             sign += " ";
-            sign += &text[own.range()];
+            sign += &text[attribute.range()];
         }
         self.edits.push((node.range(), sign + "/>"));
         Ok(())
@@ -213,115 +215,149 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         self.edits.push((range, shape));
     }
 
-    /// Names the unsupported features of an element; whether it would be drawn in the wrong place.
+    /// Names the unsupported features of an element. Returns true if it would be misplaced.
     fn is_left_out(&mut self, node: Node<'a, 'input>) -> bool {
-        let tag = node.tag_name().name();
-        let is_page = tag == "svg" && node.parent_element().is_none();
-        let in_marker = node.ancestors().any(|it| it.tag_name().name() == "marker");
         let mut is_left_out = false;
-        let styles = self.styles;
-        for (name, value, of_css) in styles.declared(node).iter().copied() {
+        for (name, value, of_css) in self.styles.declared(node).iter().copied() {
             let value = value.trim();
-            if of_css && name.starts_with("--") || styles.value(node, name) != Some(value) {
+            // Only the value that is in force counts, and variables of CSS have no effect.
+            if of_css && name.starts_with("--") || self.styles.value(node, name) != Some(value) {
                 continue;
             }
-            let target = || styles.target(value).map_or("", |it| it.tag_name().name());
-            let is_word = has("inherit currentColor currentcolor", value);
-            let is_neutral = value.is_empty() || has(NEUTRAL, value);
-            let is_reset = has("initial unset revert revert-layer", value);
-            let shown = format!("{name} `{}`", value.chars().take(40).collect::<String>());
-            let note = match name {
-                "fill" | "stroke" if target().ends_with("Gradient") => {
-                    Some((format!("{name} by a gradient"), "in the color of its middle stop"))
-                }
-                "fill" | "stroke" if target() == "pattern" => {
-                    Some((format!("{name} by a pattern"), "drawn as a shade"))
-                }
-                "fill" if !is_word && svgtypes::Paint::from_str(value).is_err() => {
-                    Some((shown, "black in its place"))
-                }
-                "stroke" => (!is_word && svgtypes::Paint::from_str(value).is_err())
-                    .then_some((shown, "not followed")),
-                "stop-color"
-                    if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) =>
-                {
-                    Some(("a transparent stop-color".into(), "drawn where it is transparent, too"))
-                }
-                "stop-color" | "color" => (!is_word && svgtypes::Color::from_str(value).is_err())
-                    .then_some((shown, "not followed")),
-                "stop-opacity" => (svgtypes::Number::from_str(value).map_or(0.0, |it| it.0) < 1.0)
-                    .then_some((name.to_owned(), "drawn where it is transparent, too")),
-                "opacity" | "fill-opacity" | "stroke-opacity" | "stroke-width"
-                | "stroke-dashoffset" => (!is_word && svgtypes::Length::from_str(value).is_err())
-                    .then_some((shown, "not followed")),
-                "clip-path" | "mask" if !is_neutral && !is_word => (!value.starts_with("url(")
-                    || !value.ends_with(')'))
-                .then_some((shown, "not followed")),
-                "marker-start" | "marker-mid" | "marker-end" | "marker" if in_marker => (target()
-                    == "marker")
-                    .then_some(("a marker within a marker".into(), "not drawn")),
-                "href" if tag == "use" && !value.starts_with('#') => {
-                    Some(("another file (`use`)".into(), "not followed"))
-                }
-                "d" if !of_css => {
-                    let mut path = svgtypes::PathParser::from(value);
-                    let is_broken = tag == "path" && path.any(|part| part.is_err());
-                    is_broken.then_some(("path data that breaks off".into(), "drawn up to there"))
-                }
-                "pathLength" => {
-                    let note = (name.to_owned(), "its dashes are drawn as a line");
-                    node.ancestors()
-                        .any(|it| styles.value(it, "stroke-dasharray").is_some())
-                        .then_some(note)
-                }
-                "transform" => {
-                    is_left_out |= !is_neutral && svgtypes::Transform::from_str(value).is_err();
-                    is_left_out.then_some((shown, "left out"))
-                }
-                "transform-box" => {
-                    let is_moved = styles.value(node, "transform").is_some();
-                    let is_other = is_moved && !has("view-box border-box", value);
-                    is_left_out |= is_other;
-                    is_other.then_some((shown, "left out"))
-                }
-                name if of_css && has(PLACES, name) => {
-                    let is_place = !is_page && has(SHAPES, tag) && !has("none auto", value);
-                    is_left_out |= is_place;
-                    is_place.then_some((shown, "left out"))
-                }
-                name if !of_css
-                    && has(SHAPES, tag)
-                    && has("cx cy height r rx ry width x y", name) =>
-                {
-                    let is_broken = value != "auto" && svgtypes::Length::from_str(value).is_err();
-                    is_broken.then_some((shown, "not followed"))
-                }
-                "vector-effect" => {
-                    let dashes = styles.value(node, "stroke-dasharray");
-                    let is_dashed = dashes.is_some_and(|dashes| dashes != "none");
-                    (value == "fixed-position" || is_dashed && value == "non-scaling-stroke")
-                        .then_some((shown, "not followed"))
-                }
-                "systemLanguage" => Some((name.into(), "taken for English")),
-                "filter" | "mix-blend-mode" => {
-                    (!is_neutral).then_some((name.into(), "not followed"))
-                }
-                name if has(KNOWN, name) => None,
-                // Properties of text.
-                name if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => None,
-                // Browsers, too, ignore attributes that are not properties.
-                _ => (!is_neutral && (of_css || has(OTHERS, name)))
-                    .then_some((shown, "not followed")),
+            let note = if self.is_misplaced(node, name, value, of_css) {
+                is_left_out = true;
+                Some((shown(name, value), "left out"))
+            } else {
+                self.note(node, name, value, of_css)
             };
-            let reset = is_reset && has(KNOWN, name);
-            let note =
-                note.or_else(|| reset.then(|| (format!("{name} `{value}`"), "not followed")));
             if let Some((what, how)) = note {
                 self.named.add(what, how, node);
             }
         }
         is_left_out
     }
+
+    /// True if a declaration moves an element in a way that is not followed.
+    fn is_misplaced(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
+        let tag = node.tag_name().name();
+        let is_page = tag == "svg" && node.parent_element().is_none();
+        match name {
+            "transform" => !is_neutral(value) && svgtypes::Transform::from_str(value).is_err(),
+            "transform-box" => {
+                let is_moved = self.styles.value(node, "transform").is_some();
+                is_moved && !has("view-box border-box", value)
+            }
+            _ => {
+                let is_place = of_css && has(PLACES, name) && !has("none auto", value);
+                is_place && !is_page && has(SHAPES, tag)
+            }
+        }
+    }
+
+    /// The name of a declaration that is drawn otherwise than in a browser, and how it is drawn.
+    fn note(
+        &self,
+        node: Node<'a, 'input>,
+        name: &str,
+        value: &str,
+        of_css: bool,
+    ) -> Option<(String, &'static str)> {
+        const TRANSPARENT: &str = "drawn where it is transparent, too";
+        let tag = node.tag_name().name();
+        let target = self.styles.target(value).map_or("", |target| target.tag_name().name());
+        Some(match name {
+            // A paint that is not one color.
+            "fill" | "stroke" if target.ends_with("Gradient") => {
+                (format!("{name} by a gradient"), "in the color of its middle stop")
+            }
+            "fill" | "stroke" if target == "pattern" => {
+                (format!("{name} by a pattern"), "drawn as a shade")
+            }
+            "fill" if is_unreadable(name, value) => (shown(name, value), "black in its place"),
+            "stop-color"
+                if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) =>
+            {
+                ("a transparent stop-color".into(), TRANSPARENT)
+            }
+            "stop-opacity" if svgtypes::Number::from_str(value).map_or(0.0, |it| it.0) < 1.0 => {
+                (name.to_owned(), TRANSPARENT)
+            }
+            // References.
+            "marker-start" | "marker-mid" | "marker-end" | "marker"
+                if target == "marker"
+                    && node.ancestors().any(|it| it.tag_name().name() == "marker") =>
+            {
+                ("a marker within a marker".into(), "not drawn")
+            }
+            "href" if tag == "use" && !value.starts_with('#') => {
+                ("another file (`use`)".into(), "not followed")
+            }
+            // Paths.
+            "d" if !of_css
+                && tag == "path"
+                && svgtypes::PathParser::from(value).any(|part| part.is_err()) =>
+            {
+                ("path data that breaks off".into(), "drawn up to there")
+            }
+            "pathLength"
+                if node
+                    .ancestors()
+                    .any(|it| self.styles.value(it, "stroke-dasharray").is_some()) =>
+            {
+                (name.to_owned(), "its dashes are drawn as a line")
+            }
+            "systemLanguage" => (name.to_owned(), "taken for English"),
+            "filter" | "mix-blend-mode" if !is_neutral(value) => (name.to_owned(), "not followed"),
+            _ if self.is_ignored(node, name, value, of_css) => (shown(name, value), "not followed"),
+            _ => return None,
+        })
+    }
+
+    /// True if a browser follows a declaration that has no effect here.
+    fn is_ignored(&self, node: Node<'a, 'input>, name: &str, value: &str, of_css: bool) -> bool {
+        let is_shape = has(SHAPES, node.tag_name().name());
+        let is_reset = has("initial unset revert revert-layer", value);
+        match name {
+            _ if is_unreadable(name, value) => true,
+            "clip-path" | "mask" if !is_neutral(value) && !has(WORDS, value) => {
+                !value.starts_with("url(") || !value.ends_with(')')
+            }
+            "vector-effect" => {
+                let dashes = self.styles.value(node, "stroke-dasharray");
+                let is_dashed = dashes.is_some_and(|dashes| dashes != "none");
+                is_reset || value == "fixed-position" || is_dashed && value == "non-scaling-stroke"
+            }
+            _ if of_css && has(PLACES, name) => false,
+            _ if !of_css && is_shape && has("cx cy height r rx ry width x y", name) => {
+                value != "auto" && svgtypes::Length::from_str(value).is_err()
+            }
+            _ if has(KNOWN, name) => is_reset,
+            // Properties of text.
+            _ if ["font", "text-", "-"].iter().any(|begin| name.starts_with(begin)) => false,
+            // Browsers, too, ignore attributes that are not properties.
+            _ => !is_neutral(value) && (of_css || has(OTHERS, name)),
+        }
+    }
+}
+
+fn shown(name: &str, value: &str) -> String {
+    format!("{name} `{}`", value.chars().take(40).collect::<String>())
+}
+
+fn is_neutral(value: &str) -> bool {
+    value.is_empty() || has(NEUTRAL, value)
+}
+
+/// True for a value that is no paint, color or length where one is wanted.
+fn is_unreadable(name: &str, value: &str) -> bool {
+    !has(WORDS, value)
+        && match name {
+            "fill" | "stroke" => svgtypes::Paint::from_str(value).is_err(),
+            "stop-color" | "color" => svgtypes::Color::from_str(value).is_err(),
+            "opacity" | "fill-opacity" | "stroke-opacity" | "stroke-width"
+            | "stroke-dashoffset" => svgtypes::Length::from_str(value).is_err(),
+            _ => false,
+        }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! that is drawn already, are left out.
 //!
 //! Lines are taken from the front to the back, and each is compared by place with those in front of
-//! it: an edge between two colors is one line, and so is the rim of a color under its outline. A
+//! it: an edge between two colors is one line, and so is the edge of a color under its outline. A
 //! line that only crosses a stroke stays whole.
 
 use std::collections::{BTreeMap, HashMap};
@@ -62,8 +62,7 @@ impl<'a> Front<'a> {
         Self { budget, near, cell, pieces: Vec::new(), cells, levels }
     }
 
-    /// The parts of an element's lines that nothing in front covers, which are in front from now
-    /// on; `None` if they are all of the lines.
+    /// Adds an element's lines. Returns the parts that nothing in front covers, or `None` for all.
     pub(super) fn uncovered(
         &mut self,
         lines: &[Vec<[f64; 2]>],
@@ -101,8 +100,8 @@ impl<'a> Front<'a> {
         let farthest = self.levels.entry(level).or_insert(self.near);
         *farthest = farthest.max(reach);
         let longest = 0.5 * self.cell_of(level);
-        for leg in legs(line) {
-            for ends in cut(leg, longest) {
+        for segment in legs(line) {
+            for ends in cut(segment, longest) {
                 if self.budget.bytes(2 * size_of::<Piece>()).is_err() {
                     return;
                 }
@@ -113,7 +112,7 @@ impl<'a> Front<'a> {
         }
     }
 
-    /// The reach of what covers a place of an element; `None` if nothing does. A stroke does not
+    /// The reach of what covers a place of an element, or `None` if nothing does. A stroke does not
     /// cover its own element, and nothing covers what lies beyond its ends.
     fn cover(&self, place: [f64; 2], along: [f64; 2], element: usize) -> Option<f64> {
         let mut most: Option<f64> = None;
@@ -144,9 +143,10 @@ impl<'a> Front<'a> {
     ) -> Option<f64> {
         let Piece { element: other, reach, ends } = &self.pieces[piece];
         let reach = if *other == element { self.near } else { reach.max(self.near) };
+        // Beside the piece, within reach, and for a line without width also along it.
         let along = minus(ends[1], ends[0]);
-        let share = dot(minus(place, ends[0]), along) / dot(along, along);
-        let is_beside = (-1e-6..=1.0 + 1e-6).contains(&share);
+        let fraction = dot(minus(place, ends[0]), along) / dot(along, along);
+        let is_beside = (-1e-6..=1.0 + 1e-6).contains(&fraction);
         let [length, other_length] = [along, direction].map(|[x, y]| libm::hypot(x, y));
         let is_crossed =
             reach <= self.near && cross(along, direction).abs() > SLANT * length * other_length;
@@ -159,7 +159,8 @@ impl<'a> Front<'a> {
             return vec![(line.to_vec(), None)];
         }
         let mut stretches: Vec<Stretch> = Vec::new();
-        for [from, to] in legs(line).flat_map(|leg| cut(leg, 0.5 * self.cell)) {
+        for [from, to] in legs(line).flat_map(|ends| cut(ends, 0.5 * self.cell)) {
+            // One test for each piece of half a cell. Where the state changes, bisect.
             let along = minus(to, from);
             let here = self.cover(between(from, to, 0.5), along, element);
             match stretches.last_mut() {
@@ -171,6 +172,7 @@ impl<'a> Front<'a> {
                 Some((points, _)) => {
                     let is_before =
                         |place| self.cover(place, along, element).is_some() == here.is_none();
+                    // The change lies before or after the point between the two pieces.
                     let ends = [between(points[points.len() - 2], from, 0.5), from];
                     let is_later = is_before(from);
                     let ends = if is_later { [from, between(from, to, 0.5)] } else { ends };
@@ -206,6 +208,7 @@ fn shown(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64;
             *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
     }
+    // Then what is covered only as far as a stroke that crosses would cover it.
     stretches = joined(stretches, is_closed);
     let n = stretches.len();
     for (place, (points, cover)) in stretches.iter_mut().enumerate() {
@@ -215,6 +218,7 @@ fn shown(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64;
     if stretches.iter().all(|stretch| stretch.1.is_none()) {
         return vec![line.to_vec()];
     }
+    // What is left uncovered, a closed line also over its beginning.
     let mut seen: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut is_open = false;
     let (begins, ends) = (stretches[0].1.is_none(), stretches[n - 1].1.is_none());
@@ -233,7 +237,7 @@ fn shown(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64;
     seen
 }
 
-/// Stretches of which no two neighbors are alike; a closed line goes on over its beginning.
+/// Stretches of which no two neighbors are alike. A closed line goes on over its beginning.
 fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
     let widest = |a: Option<f64>, b: Option<f64>| a.zip(b).map(|(a, b)| a.max(b));
     let mut kept: Vec<Stretch> = Vec::new();
@@ -266,7 +270,7 @@ fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool)
     between(same, other, 0.5)
 }
 
-/// A leg in pieces of some length at most.
+/// A segment in pieces of some length at most.
 fn cut([from, to]: [[f64; 2]; 2], longest: f64) -> impl Iterator<Item = [[f64; 2]; 2]> {
     let n = (distance(from, to) / longest).ceil().clamp(1.0, 1e5);
     counts(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])

@@ -1,475 +1,596 @@
-//! Pictures that people bring: icons, colors, paper.
+//! Pictures that people bring, as one table: what is painted, what a camera makes of it, and the
+//! strokes and warnings that it should have.
 
+use std::collections::BTreeMap;
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageFormat, RgbImage, RgbaImage};
+use tiny_skia::{FillRule, LineCap, Paint, Path, PathBuilder, Pixmap, Stroke, Transform};
+
+use super::selection::name;
+use super::sheet::Map;
+use super::tests::{drawn_in, lit, on_canvas};
 use super::*;
-use tiny_skia::{
-    FillRule, LineCap, Mask, Paint as Brush, Path, PathBuilder, Pixmap, Stroke, Transform,
-};
+use crate::Font;
+use crate::smooth::evenly;
+use noctograph_core::geometry::distance;
 
-const WHITE: [u8; 3] = [255; 3];
+type Line = Vec<[f64; 2]>;
 
-/// A picture that is painted shape by shape.
-pub(super) struct Canvas(Pixmap);
+const SIZE: [u32; 2] = [600, 400];
+
+/// A picture that is painted shape by shape, and the lines that should be drawn.
+struct Canvas {
+    pixels: Pixmap,
+    lines: Vec<Line>,
+    widest_px: f64,
+}
 
 impl Canvas {
-    pub(super) fn new([width, height]: [u32; 2], [r, g, b]: [u8; 3]) -> Self {
-        let mut pixmap = Pixmap::new(width, height).unwrap();
-        pixmap.fill(tiny_skia::Color::from_rgba8(r, g, b, 255));
-        Self(pixmap)
+    fn new([width, height]: [u32; 2], paper: &str) -> Self {
+        let mut pixels = Pixmap::new(width, height).unwrap();
+        if !paper.is_empty() {
+            pixels.fill(tiny_skia::Color::from_rgba8(
+                rgb(paper)[0],
+                rgb(paper)[1],
+                rgb(paper)[2],
+                255,
+            ));
+        }
+        Self { pixels, lines: Vec::new(), widest_px: 0.0 }
     }
 
-    pub(super) fn fill(&mut self, path: &Path, color: [u8; 3]) {
-        self.0.fill_path(path, &brush(color), FillRule::EvenOdd, Transform::identity(), None);
+    /// Paints `pen WIDTH COLOR X,Y ...` along a line, `fill COLOR X,Y ...`, `ring WIDTH COLOR
+    /// X,Y,R` and `disc COLOR X,Y,R`, separated by semicolons. An exclamation mark before a shape:
+    /// it is not drawn.
+    fn paint(&mut self, shapes: &str) -> &mut Self {
+        for shape in shapes.split(';').map(str::trim).filter(|shape| !shape.is_empty()) {
+            let words: Vec<&str> = shape.trim_start_matches('!').split_whitespace().collect();
+            let (is_pen, is_round) =
+                (matches!(words[0], "pen" | "ring"), matches!(words[0], "ring" | "disc"));
+            let (width, rest) =
+                if is_pen { (words[1].parse().unwrap(), &words[2..]) } else { (0.0, &words[1..]) };
+            let numbers = |text: &&str| Vec::from_iter(text.split(',').map(|n| n.parse().unwrap()));
+            let points: Vec<Vec<f64>> = rest[1..].iter().map(numbers).collect();
+            let mut line: Line = if is_round {
+                circle([points[0][0], points[0][1]], |_| points[0][2])
+            } else {
+                points.iter().map(|point| [point[0], point[1]]).collect()
+            };
+            if words[0] == "fill" {
+                line.push(line[0]);
+            }
+            self.add(&line, width, rgb(rest[0]), !shape.starts_with('!'));
+        }
+        self
     }
 
-    pub(super) fn draw(&mut self, path: &Path, color: [u8; 3], width: f32) {
-        let pen = Stroke { width, line_cap: LineCap::Round, ..Stroke::default() };
-        self.0.stroke_path(path, &brush(color), &pen, Transform::identity(), None);
+    /// Paints a line with a pen, or fills it if the pen's width is 0.
+    #[expect(clippy::cast_possible_truncation, reason = "pixels")]
+    fn add(&mut self, line: &Line, width_px: f64, color: [u8; 3], is_drawn: bool) {
+        let mut brush = Paint { anti_alias: true, ..Paint::default() };
+        brush.set_color_rgba8(color[0], color[1], color[2], 255);
+        let pen = Stroke { width: width_px as f32, line_cap: LineCap::Round, ..Stroke::default() };
+        let (path, still) = (path(line), Transform::identity());
+        if width_px > 0.0 {
+            self.pixels.stroke_path(&path, &brush, &pen, still, None);
+        } else {
+            self.pixels.fill_path(&path, &brush, FillRule::EvenOdd, still, None);
+        }
+        if is_drawn {
+            self.lines.push(line.clone());
+            self.widest_px = self.widest_px.max(width_px);
+        }
     }
 
-    pub(super) fn transparent([width, height]: [u32; 2]) -> Self {
-        Self(Pixmap::new(width, height).unwrap())
+    fn rgba(&self) -> RgbaImage {
+        let pixels = self.pixels.pixels().iter().map(|pixel| pixel.demultiply());
+        let bytes = pixels.flat_map(|p| [p.red(), p.green(), p.blue(), p.alpha()]).collect();
+        RgbaImage::from_raw(self.pixels.width(), self.pixels.height(), bytes).unwrap()
     }
 
-    pub(super) fn rgba(&self) -> image::RgbaImage {
-        let (width, height) = (self.0.width(), self.0.height());
-        image::RgbaImage::from_raw(width, height, self.0.data().to_vec()).unwrap()
-    }
-
-    pub(super) fn picture(&self) -> image::RgbImage {
-        image::DynamicImage::from(self.rgba()).into_rgb8()
-    }
-
-    fn traced(&self) -> Traced {
-        traced(&self.picture(), image::ImageFormat::Png)
+    fn picture(&self) -> RgbImage {
+        DynamicImage::from(self.rgba()).into_rgb8()
     }
 }
 
-fn brush([r, g, b]: [u8; 3]) -> Brush<'static> {
-    let mut brush = Brush { anti_alias: true, ..Brush::default() };
-    brush.set_color_rgba8(r, g, b, 255);
-    brush
+#[expect(clippy::cast_possible_truncation, reason = "pixels")]
+fn path(line: &Line) -> Path {
+    let mut path = PathBuilder::new();
+    for (index, [x, y]) in line.iter().map(|point| point.map(|x| x as f32)).enumerate() {
+        if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
+    }
+    path.finish().unwrap()
 }
 
-/// The lines of a picture in its pixels, y down.
-pub(super) fn traced(picture: &image::RgbImage, format: image::ImageFormat) -> Traced {
-    traced_with(&LetterOptions::default(), picture, format).unwrap()
+fn circle([x, y]: [f64; 2], radius: impl Fn(f64) -> f64) -> Line {
+    let angles = (0..=120).map(|k| f64::from(k % 120) * std::f64::consts::TAU / 120.0);
+    let points = angles.map(|angle| {
+        let (sin, cos) = libm::sincos(angle);
+        [x + radius(angle) * sin, y - radius(angle) * cos]
+    });
+    points.collect()
 }
 
-pub(super) fn traced_with(
+fn rgb(color: &str) -> [u8; 3] {
+    let color: svgtypes::Color = color.parse().unwrap();
+    [color.red, color.green, color.blue]
+}
+
+/// The lines of a picture in its pixels, y down, with what it warns of.
+fn traced(
+    picture: impl Into<DynamicImage>,
+    format: ImageFormat,
     options: &LetterOptions,
-    picture: &image::RgbImage,
-    format: image::ImageFormat,
-) -> Result<Traced> {
-    let mut file = Vec::new();
-    picture.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
-    let mut traced =
-        bitmap::read(&file, options, |_: [f64; 4]| Ok(1.0 / f64::from(picture.height())), "a")?;
-    for point in traced.lines.iter_mut().flat_map(|(line, _)| line) {
+) -> Result<Warned<Traced>> {
+    let (picture, mut file) = (picture.into(), Cursor::new(Vec::new()));
+    picture.write_to(&mut file, format).unwrap();
+    let size = |_: [f64; 4]| Ok(1.0 / f64::from(picture.height()));
+    let mut traced = bitmap::read(&file.into_inner(), options, size, "a")?;
+    for point in traced.product.lines.iter_mut().flat_map(|(line, _)| line) {
         // A pixel's middle is at half of it, and the lines have a margin of a pixel.
         *point = [point[0] - 0.5, -point[1] - 0.5];
     }
     Ok(traced)
 }
 
-pub(super) fn polygon(corners: impl IntoIterator<Item = [f32; 2]>) -> Path {
-    let mut path = PathBuilder::new();
-    for (index, [x, y]) in corners.into_iter().enumerate() {
-        if index == 0 { path.move_to(x, y) } else { path.line_to(x, y) }
+/// The fraction of the points along some lines that lie within a distance of others.
+fn near(lines: &[Line], others: &[Line], within: f64) -> f64 {
+    let [points, others] =
+        [lines, others].map(|lines| Vec::from_iter(lines.iter().flat_map(|l| evenly(l, 1.0))));
+    let is_near = |p: &&[f64; 2]| others.iter().any(|other| distance(**p, *other) <= within);
+    points.iter().filter(is_near).count() as f64 / points.len().max(1) as f64
+}
+
+fn hues(lines: &[ColoredLine]) -> String {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    lines.iter().for_each(|(_, color)| *counts.entry(name(*color)).or_default() += 1);
+    counts.iter().map(|(name, n)| format!("{name} {n}")).collect::<Vec<_>>().join(" ")
+}
+
+/// What a camera, a lamp or a scanner makes of a picture: the level of a pixel from its place and
+/// level.
+type Taken = fn(f64, f64, f64) -> f64;
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+fn change(picture: &mut RgbImage, level: Taken) {
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let level = |value: u8| level(f64::from(x), f64::from(y), f64::from(value));
+        pixel.0 = pixel.0.map(|value| level(value).clamp(0.0, 255.0) as u8);
     }
-    path.close();
-    path.finish().unwrap()
 }
 
-fn circle(x: f32, y: f32, r: f32) -> Path {
-    PathBuilder::from_circle(x, y, r).unwrap()
+fn noise(x: f64, y: f64) -> f64 {
+    let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
+    hash - hash.floor() - 0.5
 }
 
-pub(super) fn line(points: &[[f32; 2]]) -> Path {
-    let mut path = PathBuilder::new();
-    path.move_to(points[0][0], points[0][1]);
-    points[1..].iter().for_each(|[x, y]| path.line_to(*x, *y));
-    path.finish().unwrap()
+fn step(distance: f64, soft_px: f64) -> f64 {
+    1.0 / (1.0 + libm::exp(distance / soft_px))
 }
 
-/// Icons in a square from −1 to 1; those that are drawn with a pen have its width.
-const ICONS: usize = 17;
+const CLEAN: Taken = |_, _, value| value;
+const NOISE: Taken = |x, y, value| 0.94 * value + 7.0 + 14.0 * noise(x, y);
+const SHADOW: Taken = |x, y, value| {
+    0.9 * value * (1.0 - 0.0004 * x) * (0.65 + 0.35 * step(x - 0.6 * y - 220.0, 15.0))
+};
+const DARK_SHADOW: Taken = |x, y, value| value * (0.25 + 0.75 * step(x - 0.6 * y - 220.0, 15.0));
+const HARD_SHADOW: Taken =
+    |x, y, value| value * (0.5 + 0.5 * step(x + 0.4 * y - 380.0, 0.5)) + 14.0 * noise(x, y);
+const UNEVEN: Taken = |x, y, value| value * (1.0 - 0.4 * x / 600.0) + 8.0 * noise(x, y);
+const FADED: Taken = |x, y, value| 150.0 + 0.4 * value + 14.0 * noise(x, y);
+const CHALK: Taken = |x, y, value| 45.0 + 0.7 * (255.0 - value) + 14.0 * noise(x, y);
+const GLARE: Taken = |x, y, value| {
+    let square = (x - 410.0) * (x - 410.0) + (y - 90.0) * (y - 90.0);
+    0.8 * value + 55.0 * libm::exp(-square / 1800.0)
+};
 
-pub(super) fn icon(kind: usize, [x, y]: [f32; 2], r: f32) -> (Path, Option<f32>) {
-    let on_canvas = |[dx, dy]: [f32; 2]| [x + r * dx, y + r * dy];
-    let corners = |list: &str| {
-        let number = |text: &str| text.parse::<f32>().unwrap();
-        let places = list.split(' ').filter_map(|place| place.split_once(','));
-        polygon(places.map(|(x, y)| on_canvas([number(x), number(y)])))
-    };
-    let round = |n: u8, radius: &dyn Fn(f32) -> f32| {
-        polygon((0..n).map(|k| {
-            let angle = f32::from(k) * std::f32::consts::TAU / f32::from(n);
-            let (sin, cos) = libm::sincosf(angle);
-            on_canvas([radius(angle) * sin, -radius(angle) * cos])
-        }))
-    };
-    let path = match kind {
-        0 => circle(x, y, r),
-        1 => corners("-0.9,-0.9 0.9,-0.9 0.9,0.9 -0.9,0.9"),
-        2 => corners("0,-0.9 1,0.8 -1,0.8"),
-        3 => polygon((0_u8..10).map(|k| {
-            let (sin, cos) = libm::sincosf(f32::from(k) * std::f32::consts::PI / 5.0);
-            let r = if k.is_multiple_of(2) { 1.0 } else { 0.42 };
-            on_canvas([r * sin, -r * cos])
-        })),
-        // A heart.
-        4 => polygon((0_u8..120).map(|k| {
-            let t = f32::from(k) * std::f32::consts::TAU / 120.0;
-            let (sin, cos) = libm::sincosf(t);
-            let y = 13.0 * cos
-                - 5.0 * libm::cosf(2.0 * t)
-                - 2.0 * libm::cosf(3.0 * t)
-                - libm::cosf(4.0 * t);
-            on_canvas([sin * sin * sin, -y / 17.0])
-        })),
-        // A moon.
-        5 => polygon((0_u8..120).map(|k| {
-            let t = f32::from(k % 60) * std::f32::consts::PI / 59.0;
-            let (sin, cos) = libm::sincosf(t);
-            if k < 60 { on_canvas([-sin, -cos]) } else { on_canvas([-0.45 * sin, cos]) }
-        })),
-        6 => corners("-1,-0.3 0.1,-0.3 0.1,-0.8 1,0 0.1,0.8 0.1,0.3 -1,0.3"),
-        7 => corners("0,-1 1,0 0.7,0 0.7,0.9 -0.7,0.9 -0.7,0 -1,0"),
-        8 => corners("0.2,-1 -0.7,0.2 -0.1,0.2 -0.3,1 0.7,-0.3 0.1,-0.3 0.5,-1"),
-        9 => round(6, &|_| 1.0),
-        10 => round(120, &|angle| 0.8 + 0.2 * libm::cosf(5.0 * angle)),
-        // A drop.
-        11 => polygon((0_u8..120).map(|k| {
-            let t = f32::from(k) * std::f32::consts::TAU / 120.0;
-            let (sin, cos) = libm::sincosf(t);
-            on_canvas([0.7 * sin * libm::sinf(0.5 * t), -cos])
-        })),
-        // A ring.
-        12 => {
-            let mut ring = PathBuilder::new();
-            ring.push_circle(x, y, r);
-            ring.push_circle(x, y, 0.6 * r);
-            ring.finish().unwrap()
+const CROSS: &str = "pen 4 #141419 120,80 480,320; pen 4 #141419 120,320 480,80";
+const HOUSE: &str = "pen 5 #141419 120,360 120,200 300,60 480,200 480,360 120,360;\
+    pen 5 #141419 240,360 240,260 360,260 360,360";
+const NOOR: &str = "pen 4 #141419 60,280 60,120 150,280 150,120;\
+    pen 4 #141419 210,160 240,120 288,160 288,240 240,280 210,240 210,160;\
+    pen 4 #141419 348,160 378,120 420,160 420,240 378,280 348,240 348,160;\
+    pen 4 #141419 480,280 480,120 552,152 480,200 552,280";
+const PALE: &str = "ring 8 #ffd8e0 60,70,40; ring 8 #fff3b0 180,70,40; ring 8 #d0f0ff 300,70,40;\
+    ring 8 #ffd0a0 420,70,40; disc #ffd8e0 60,180,40; disc #fff3b0 180,180,40;\
+    disc #d0f0ff 300,180,40; disc #ffd0a0 420,180,40; pen 8 #000 60,350 540,350;\
+    pen 8 #fadc3c 300,325 300,260";
+const TOUCHING: &str = "pen 8 #000 60,350 540,350; pen 8 #fadc3c 300,350 300,200";
+const RINGS: &str = "ring 9 #fff 100,200,60; ring 9 #000 300,200,60; ring 9 #fadc28 500,200,60";
+const ICONS: &str = "fill #c8141e 60,60 180,60 180,180 60,180; fill #003ca0 300,50 370,180 230,180;\
+    disc #148c3c 480,120,70; fill #000 60,270 170,270 170,230 260,300 170,370 170,330 60,330;\
+    fill #000 400,220 415,265 463,266 425,295 439,340 400,314 361,340 375,295 337,266 385,265;\
+    pen 8 #000 480,300 510,350 580,230";
+
+/// A row of the table: paper, shapes, camera, kind of file, the lines of each color, and the codes
+/// of the warnings.
+type Row = (&'static str, &'static str, Taken, ImageFormat, &'static str, &'static str);
+
+const ROWS: [Row; 30] = [
+    ("#fff", CROSS, CLEAN, ImageFormat::Png, "black 3", ""),
+    ("#fff", NOOR, CLEAN, ImageFormat::Jpeg, "black 5", ""),
+    ("#fff", HOUSE, NOISE, ImageFormat::Jpeg, "black 2", ""),
+    ("#fff", CROSS, SHADOW, ImageFormat::Png, "black 3", "photo"),
+    ("#fff", HOUSE, SHADOW, ImageFormat::Jpeg, "black 2", "photo"),
+    ("#fff", NOOR, SHADOW, ImageFormat::Jpeg, "black 6", "photo"),
+    ("#fff", HOUSE, DARK_SHADOW, ImageFormat::Jpeg, "black 2", "photo"),
+    ("#fff", HOUSE, HARD_SHADOW, ImageFormat::Jpeg, "black 2", "photo edge"),
+    ("#fff", NOOR, UNEVEN, ImageFormat::Jpeg, "black 5", "photo"),
+    ("#fff", CROSS, FADED, ImageFormat::Png, "black 3", ""),
+    ("#fff", HOUSE, CHALK, ImageFormat::Jpeg, "black 2", ""),
+    ("#fff", HOUSE, GLARE, ImageFormat::Png, "black 2", "photo"),
+    ("#fff", PALE, CLEAN, ImageFormat::Png, "black 1 blue 2 orange 2 red 2 yellow 3", ""),
+    ("#fff", TOUCHING, CLEAN, ImageFormat::Png, "black 1 yellow 1", ""),
+    ("#fff", PALE, CLEAN, ImageFormat::Jpeg, "black 1 blue 2 orange 2 red 2 yellow 3", ""),
+    ("#b08050", RINGS, CLEAN, ImageFormat::Png, "black 2 yellow 1", ""),
+    ("", RINGS, CLEAN, ImageFormat::Png, "black 2 yellow 1", ""),
+    ("#fff", ICONS, CLEAN, ImageFormat::Png, "black 3 blue 1 green 1 red 1", ""),
+    ("#fff", ICONS, CLEAN, ImageFormat::Jpeg, "black 3 blue 1 green 1 red 1", ""),
+    ("#fff", ICONS, UNEVEN, ImageFormat::Jpeg, "black 3 blue 1 green 1 red 1", "photo"),
+    ("", ICONS, CLEAN, ImageFormat::Png, "black 3 blue 1 green 1 red 1", ""),
+    // A shape on another one is named: only the outer outline is drawn.
+    (
+        "#fff",
+        "disc #143cc8 300,200,150; !disc #fad21e 300,200,60",
+        CLEAN,
+        ImageFormat::Png,
+        "blue 1",
+        "colors-touch",
+    ),
+    // Rulings of a photograph are faint, those of a clean page are lines.
+    (
+        "#fff",
+        "!pen 2 #d0e0f8 0,60 600,62; !pen 2 #d0e0f8 0,120 600,122; !pen 2 #d0e0f8 0,180 600,182;\
+        pen 6 #222 150,100 150,330 450,330; ring 6 #f0cd28 450,120,60",
+        UNEVEN,
+        ImageFormat::Jpeg,
+        "black 1 yellow 1",
+        "photo faint",
+    ),
+    (
+        "#fff",
+        "pen 3 #96bee6 0,50 600,50; pen 3 #96bee6 0,100 600,100; pen 3 #96bee6 0,150 600,150;\
+        pen 3 #96bee6 0,200 600,200; pen 8 #141414 200,250 400,250 400,350",
+        CLEAN,
+        ImageFormat::Png,
+        "black 1 blue 4",
+        "rulings",
+    ),
+    (
+        "#fff",
+        "pen 3 #96bee6 0,50 600,50; pen 3 #96bee6 0,350 600,350; ring 8 #141414 300,200,80",
+        CLEAN,
+        ImageFormat::Png,
+        "black 1 blue 2",
+        "",
+    ),
+    // What lies around the paper, and the tray of a board.
+    (
+        "#fff",
+        "!fill #000 0,40 70,40 70,360 0,360; ring 8 #000 320,200,110",
+        CLEAN,
+        ImageFormat::Png,
+        "black 1",
+        "edge",
+    ),
+    (
+        "#c4c4c4",
+        "!fill #8c8c8c 0,380 600,380 600,400 0,400; ring 7 #1e3caa 220,190,90;\
+        pen 7 #b41e28 380,100 520,300",
+        UNEVEN,
+        ImageFormat::Jpeg,
+        "blue 1 red 1",
+        "photo",
+    ),
+    // A sheet on a desk.
+    (
+        "#50372a",
+        "!fill #faf8f2 90,40 520,70 570,370 40,340; pen 6 #222 180,130 350,170;\
+        pen 6 #d12 190,280 390,230",
+        UNEVEN,
+        ImageFormat::Jpeg,
+        "black 1 red 1",
+        "photo edge",
+    ),
+    // The middle of a wide shape is ink, and a letter in a row is a line, however bold.
+    ("#fff", "disc #f0503c 300,200,150", UNEVEN, ImageFormat::Jpeg, "red 1", "photo"),
+    (
+        "#fff",
+        "pen 22 #000 60,280 60,120 150,280 150,120; pen 22 #000 230,120 230,280 310,280;\
+        pen 22 #000 390,120 390,280; pen 22 #000 470,120 470,280 550,280",
+        CLEAN,
+        ImageFormat::Png,
+        "black 4",
+        "",
+    ),
+];
+
+#[test]
+fn the_lines_of_a_picture_are_those_that_were_painted_whatever_the_light_and_the_paper() {
+    let mut wrong = Vec::new();
+    for (index, (paper, shapes, taken, format, colors, codes)) in ROWS.into_iter().enumerate() {
+        let mut canvas = Canvas::new(SIZE, paper);
+        canvas.paint(shapes);
+        let picture: DynamicImage = if paper.is_empty() {
+            canvas.rgba().into()
+        } else {
+            let mut picture = canvas.picture();
+            change(&mut picture, taken);
+            picture.into()
+        };
+        let Warned { product: trace, warnings } =
+            match traced(picture, format, &LetterOptions::default()) {
+                Ok(trace) => trace,
+                Err(error) => {
+                    wrong.push(format!("{index}: {error}"));
+                    continue;
+                }
+            };
+        let lines: Vec<Line> = trace.lines.iter().map(|(line, _)| line.clone()).collect();
+        let within = f64::max(3.0, canvas.widest_px);
+        let [drawn, meant] =
+            [near(&canvas.lines, &lines, within), near(&lines, &canvas.lines, within)];
+        let told = warnings.iter().map(|it| it.code.trim_start_matches("picture-"));
+        let told = told.collect::<Vec<_>>().join(" ");
+        let hues = hues(&trace.lines);
+        if drawn < 0.97 || meant < 0.97 || hues != colors || told != codes {
+            wrong.push(format!("{index}: {drawn:.3} drawn, {meant:.3} meant, {hues}, {told}"));
         }
-        // An ellipse.
-        13 => round(120, &|angle| {
-            let (sin, cos) = libm::sincosf(angle);
-            0.5 / libm::hypotf(0.5 * sin, cos)
-        }),
-        14 => {
-            return (line(&[[-0.9, 0.1], [-0.3, 0.8], [0.9, -0.8]].map(on_canvas)), Some(0.12 * r));
-        }
-        15 => return (circle(x, y, r), Some(0.1 * r)),
-        _ => {
-            let zigzag = [[-0.9, 0.6], [-0.3, -0.6], [0.3, 0.6], [0.9, -0.6]];
-            return (line(&zigzag.map(on_canvas)), Some(0.12 * r));
-        }
-    };
-    (path, None)
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 /// A row of numbers without end, 0 to 1.
-pub(super) fn numbers(seed: u32) -> impl FnMut() -> f32 {
+fn numbers(seed: u32) -> impl FnMut() -> f64 {
     let mut state = 2 * seed + 1;
     move || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f32::from(u16::try_from(state >> 16).unwrap()) / 65536.0
+        f64::from(state >> 16) / 65536.0
     }
 }
 
-/// Intersection by union of what two masks cover.
-fn overlap(a: &Mask, b: &Mask) -> f64 {
-    let both = || a.data().iter().zip(b.data());
-    let n = |channel: &dyn Fn(u8, u8) -> u8| {
-        both().map(|(a, b)| f64::from(channel(*a, *b))).sum::<f64>()
-    };
-    n(&|a, b| a.min(b)) / n(&|a, b| a.max(b))
-}
-
-/// What lines cover: filled, or drawn with a pen.
-fn covered(lines: &[&Vec<[f64; 2]>], pen: Option<f32>, [width, height]: [u32; 2]) -> Mask {
-    let mut path = PathBuilder::new();
-    for line in lines {
-        #[expect(clippy::cast_possible_truncation, reason = "pixels")]
-        let mut points = line.iter().map(|point| point.map(|x| x as f32));
-        let [x, y] = points.next().unwrap();
-        path.move_to(x, y);
-        points.for_each(|[x, y]| path.line_to(x, y));
-    }
-    let mut mask = Mask::new(width, height).unwrap();
-    let Some(path) = path.finish() else { return mask };
-    match pen {
-        None => mask.fill_path(&path, FillRule::EvenOdd, true, Transform::identity()),
-        Some(width) => stroked(&mut mask, &path, width),
-    }
-    mask
-}
-
-pub(super) fn stroked(mask: &mut Mask, path: &Path, width: f32) {
-    let pen = Stroke { width, line_cap: LineCap::Round, ..Stroke::default() };
-    let outline = path.stroke(&pen, 1.0).unwrap();
-    mask.fill_path(&outline, FillRule::Winding, true, Transform::identity());
+/// The strokes of a letter as a trembling hand writes it, slanted and a little off their places.
+fn written(font: &Font, letter: char, hand: [f64; 3], next: &mut impl FnMut() -> f64) -> Vec<Line> {
+    let [slant, tremble, shift] = hand;
+    let cell = Cell { left_m: 0.0, baseline_m: 0.0, width_m: 1.0, cap_height_m: 1.0 };
+    let moves = font.glyph(letter, cell).unwrap().moves;
+    let runs = moves.chunk_by(|a, b| b.lit && a.lit && a.to_m == b.from_m);
+    Vec::from_iter(runs.filter(|run| run[0].lit).map(|run| {
+        let line: Line = std::iter::once(run[0].from_m).chain(run.iter().map(|m| m.to_m)).collect();
+        let [dx, dy] = [0, 1].map(|_| shift * (2.0 * next() - 1.0));
+        let (pace, phase) = (3.0 + 4.0 * next(), 6.3 * next());
+        Vec::from_iter(evenly(&line, 0.02).into_iter().map(|[x, y]| {
+            let shake = tremble * libm::sin(pace * (x + y) + phase);
+            [x + dx + slant * y + shake, -y + dy + shake]
+        }))
+    }))
 }
 
 #[test]
-fn every_icon_of_forty_scenes_is_its_outline_and_thin_ones_are_lines() {
-    const SIZE: [u32; 2] = [800, 540];
-    // A line may be off by a pixel.
-    const NEAR: f32 = 6.0;
-    let inks = [[0, 0, 0], [200, 20, 30], [0, 60, 160], [250, 200, 0], [20, 140, 60]];
-    let mut worst = (1.0, String::new());
-    for scene in 0..40 {
-        let mut next = numbers(scene);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small")]
-        let mut pick = |n: usize| (next() * n as f32) as usize;
-        let n_icons = 2 + pick(5);
-        let mut placed: Vec<([f32; 2], f32, usize)> = Vec::new();
-        let mut canvas = Canvas::new(SIZE, WHITE);
-        for _ in 0..200 {
-            if placed.len() == n_icons {
-                break;
-            }
-            let r = 20.0 * libm::powf(7.0, pick(1000) as f32 / 1000.0);
-            let place = [pick(800) as f32, pick(540) as f32];
-            let is_free = |(center, other, _): &([f32; 2], f32, usize)| {
-                libm::hypotf(center[0] - place[0], center[1] - place[1]) > 1.2 * (r + other) + 8.0
-            };
-            let inside =
-                [800.0, 540.0].iter().zip(place).all(|(side, x)| x > r + 9.0 && x < side - r - 9.0);
-            if inside && placed.iter().all(is_free) {
-                let kind = pick(ICONS);
-                let (path, pen) = icon(kind, place, r);
-                let ink = inks[pick(inks.len())];
-                match pen {
-                    None => canvas.fill(&path, ink),
-                    Some(width) => canvas.draw(&path, ink, width),
+fn handwritten_letters_of_any_size_are_drawn_as_they_were_written() {
+    const LETTERS: &str = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789";
+    let font = Font::open("simplex", crate::Trace::CenterLine).unwrap();
+    let mut next = numbers(51);
+    let mut wrong = Vec::new();
+    // The pen's width in heights of a capital, and the hand.
+    for (pen, hand) in
+        [(0.07, [0.0, 0.012, 0.0]), (0.11, [0.25, 0.015, 0.01]), (0.09, [-0.1, 0.03, 0.025])]
+    {
+        for (cap_px, columns) in [(24.0, 16), (40.0, 13), (70.0, 11)] {
+            let pen_px = f64::max(pen * cap_px, 2.0);
+            let cell_px = [1.4 * cap_px, 1.9 * cap_px];
+            let rows = LETTERS.len().div_ceil(columns);
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "px")]
+            let size = [columns as f64 * cell_px[0], rows as f64 * cell_px[1]].map(|n| n as u32);
+            let mut canvas = Canvas::new(size, "#fff");
+            for (index, letter) in LETTERS.chars().enumerate() {
+                let place = [index % columns, index / columns].map(|n| n as f64);
+                for mut line in written(&font, letter, hand, &mut next) {
+                    for [x, y] in &mut line {
+                        *x = (place[0] + 0.2) * cell_px[0] + cap_px * *x;
+                        *y = (place[1] + 0.7) * cell_px[1] + cap_px * *y;
+                    }
+                    canvas.add(&line, pen_px, [20, 20, 40], true);
                 }
-                placed.push((place, r, kind));
             }
-        }
-        let lines = canvas.traced().lines;
-        for (place, r, kind) in placed {
-            let (path, pen) = icon(kind, place, r);
-            let of_icon = |line: &&Vec<[f64; 2]>| {
-                let [left, top, right, bottom] = bounds(line.iter().copied());
-                let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
-                distance(middle, place.map(f64::from)) < 0.8 * f64::from(r)
-            };
-            let drawn: Vec<&Vec<[f64; 2]>> =
-                lines.iter().map(|(line, _)| line).filter(of_icon).collect();
-            let mut wanted = Mask::new(SIZE[0], SIZE[1]).unwrap();
-            match pen {
-                None => wanted.fill_path(&path, FillRule::EvenOdd, true, Transform::identity()),
-                Some(width) => stroked(&mut wanted, &path, width + NEAR),
-            }
-            let overlap = overlap(&covered(&drawn, pen.map(|width| width + NEAR), SIZE), &wanted);
-            if overlap < worst.0 {
-                worst = (overlap, format!("scene {scene}, icon {kind} of {r}: {overlap:.3}"));
+            let trace = traced(canvas.picture(), ImageFormat::Png, &LetterOptions::default());
+            let lines = trace.unwrap().product.lines.into_iter().map(|(line, _)| line);
+            let lines: Vec<Line> = lines.collect();
+            let [drawn, meant] =
+                [near(&canvas.lines, &lines, pen_px), near(&lines, &canvas.lines, pen_px)];
+            if drawn < 0.97 || meant < 0.98 {
+                wrong.push(format!("{pen}, {cap_px} px: {drawn:.3} drawn, {meant:.3} meant"));
             }
         }
     }
-    assert!(worst.0 >= 0.9, "{}", worst.1);
-}
-
-/// The strokes of each color.
-fn hues(traced: &Traced) -> Vec<([u8; 3], usize)> {
-    let mut hues: Vec<([u8; 3], usize)> = Vec::new();
-    for (_, paint) in &traced.lines {
-        let color = *paint;
-        match hues.iter_mut().find(|(known, _)| *known == color) {
-            Some((_, n)) => *n += 1,
-            None => hues.push((color, 1)),
-        }
-    }
-    hues.sort_unstable();
-    hues
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
 #[test]
-fn light_ink_beside_dark_ink_is_drawn_in_its_color() {
-    let pale =
-        [[255, 216, 224], [255, 243, 176], [208, 240, 255], [224, 224, 224], [255, 208, 160]];
-    let mut canvas = Canvas::new([1000, 600], WHITE);
-    for (k, ink) in (0_u8..).zip(pale) {
-        canvas.draw(&circle(100.0 + 190.0 * f32::from(k), 100.0, 60.0), ink, 12.0);
-        canvas.fill(&circle(100.0 + 190.0 * f32::from(k), 260.0, 60.0), ink);
+fn corners_by_hand_cut_a_sheet_out_and_square_it() {
+    // A house on a sheet on a dark desk, at a slant.
+    let corners = [[90.0, 40.0], [520.0, 70.0], [570.0, 370.0], [40.0, 340.0]];
+    let in_photo = Map::of_sheet(&corners, (600, 400));
+    let mut sheet = Canvas::new(SIZE, "#fff");
+    let mut photo = Canvas::new(SIZE, "#503728");
+    photo.add(&corners.to_vec(), 0.0, [250, 249, 244], false);
+    for line in sheet.paint(HOUSE).lines.clone() {
+        let line = evenly(&line, 2.0).into_iter().map(|point| in_photo.apply(point)).collect();
+        photo.add(&line, 5.0, [20; 3], true);
     }
-    canvas.draw(&line(&[[100.0, 500.0], [900.0, 500.0]]), [0; 3], 12.0);
-    canvas.draw(&line(&[[500.0, 500.0], [500.0, 360.0]]), [250, 220, 60], 12.0);
-    let [red, yellow, blue, orange] = [[255, 0, 0], [255, 255, 0], [0, 128, 255], [255, 128, 0]];
-    for format in [image::ImageFormat::Png, image::ImageFormat::Jpeg] {
-        let trace = traced(&canvas.picture(), format);
-        let wanted = [([0; 3], 3), (blue, 2), (red, 2), (orange, 2), (yellow, 3)];
-        assert_eq!(hues(&trace), wanted);
-        assert!(trace.warnings.is_empty());
-    }
-}
-
-#[test]
-fn light_and_dark_ink_on_paper_of_a_middle_tone_are_drawn_and_on_transparency() {
-    let mut canvas = Canvas::new([600, 300], [176, 128, 80]);
-    canvas.draw(&circle(100.0, 150.0, 70.0), WHITE, 10.0);
-    canvas.draw(&circle(300.0, 150.0, 70.0), [0; 3], 10.0);
-    canvas.draw(&circle(500.0, 150.0, 70.0), [250, 220, 40], 10.0);
-    assert_eq!(canvas.traced().lines.len(), 3);
-    let opaque = canvas.picture();
-    let transparent = image::RgbaImage::from_fn(600, 300, |x, y| {
-        let [r, g, b] = opaque.get_pixel(x, y).0;
-        image::Rgba([r, g, b, if [r, g, b] == [176, 128, 80] { 0 } else { 255 }])
-    });
-    let mut file = Vec::new();
-    let format = image::ImageFormat::Png;
-    transparent.write_to(&mut std::io::Cursor::new(&mut file), format).unwrap();
-    let trace = bitmap::read(&file, &LetterOptions::default(), |_| Ok(1.0 / 300.0), "a").unwrap();
-    assert_eq!(trace.lines.len(), 3);
-}
-
-#[test]
-fn rulings_of_the_paper_are_fainter_than_a_pen_and_named() {
-    let mut canvas = Canvas::new([1000, 700], [252, 251, 246]);
-    for k in 1..22 {
-        let y = 32.0 * f32::from(u8::try_from(k).unwrap());
-        canvas.draw(&line(&[[0.0, y], [1000.0, y + 4.0]]), [150, 190, 230], 2.0);
-    }
-    canvas.draw(&line(&[[120.0, 0.0], [121.0, 700.0]]), [240, 150, 160], 2.0);
-    canvas.draw(
-        &line(&[[250.0, 200.0], [250.0, 550.0], [600.0, 550.0], [600.0, 200.0]]),
-        [30; 3],
-        7.0,
-    );
-    canvas.draw(&circle(780.0, 250.0, 90.0), [240, 205, 40], 7.0);
-    let trace = traced(&as_taken(&canvas, 0.75), image::ImageFormat::Jpeg);
-    assert_eq!(hues(&trace), [([0; 3], 1), ([255, 255, 0], 1)]);
+    let given = |corners: [[f64; 2]; 4]| {
+        let corners_px = corners.as_flattened().try_into().ok();
+        let options = LetterOptions { corners_px, ..LetterOptions::default() };
+        traced(photo.picture(), ImageFormat::Png, &options)
+    };
+    let Warned { product: trace, warnings } = given(corners).unwrap();
+    assert!(warnings.iter().all(|it| it.code != "picture-photo"), "{warnings:?}");
+    let lines: Vec<Line> = trace.lines.iter().map(|(line, _)| line.clone()).collect();
+    let [left, top, right, bottom] = bounds(lines.iter().flatten().copied());
+    let vertical = |[x, _]: &&[f64; 2]| (x - left).abs() < 4.0;
+    let wall = lines.iter().flatten().filter(vertical).map(|[_, y]| *y);
+    let wall_px = wall.clone().fold(0.0, f64::max) - wall.fold(f64::MAX, f64::min);
     assert!(
-        trace.warnings.len() == 1 && trace.warnings[0].contains("faint"),
-        "{:?}",
-        trace.warnings
+        (wall_px / (bottom - top) - 160.0 / 300.0).abs() < 0.02,
+        "{wall_px}: a wall is upright"
     );
+    assert!(right - left > 300.0 && trace.corners_px == Some(corners));
+    // Back in the photograph, the lines lie on those of the house.
+    let back =
+        lines.iter().map(|line| Vec::from_iter(line.iter().map(|p| trace.in_file.apply(*p))));
+    assert!(near(&back.collect::<Vec<_>>(), &photo.lines, 4.0) > 0.98);
+    let [a, b, c, d] = corners;
+    for turned in [[b, a, c, d], [a, d, c, b], [a, c, b, d]] {
+        let told = given(turned).err().unwrap().to_string();
+        assert!(told.contains("corners") && told.contains("upper left"), "{told}");
+    }
+}
+
+fn drawn(picture: impl Into<DynamicImage>, options: &LetterOptions) -> Result<Strokes> {
+    let mut file = Cursor::new(Vec::new());
+    picture.into().write_to(&mut file, ImageFormat::Png).unwrap();
+    drawn_in("a.png", file.into_inner(), options, Ink::Alike)
 }
 
 #[test]
-fn rulings_of_a_clean_scan_are_no_ink_and_three_lines_are() {
-    fn ruled(n: u8) -> Traced {
-        let mut canvas = Canvas::new([1000, 700], WHITE);
-        for y in (1..=n).map(|k| 60.0 * f32::from(k)) {
-            canvas.draw(&line(&[[-9.0, y], [1009.0, y]]), [150, 190, 230], 3.0);
-        }
-        let cup = line(&[[250.0, 200.0], [250.0, 555.0], [600.0, 555.0], [600.0, 200.0]]);
-        canvas.draw(&cup, [20; 3], 8.0);
-        canvas.traced()
+fn a_picture_without_lines_is_refused_and_a_photograph_unless_its_sheet_is_named() {
+    let options = on_canvas(6.0, 4.0);
+    // A face in soft light before a dark wall, with the grain of a camera.
+    let mut face = RgbImage::from_fn(600, 400, |x, y| {
+        let [x, y] = [f64::from(x), f64::from(y)];
+        let far = libm::hypot((x - 300.0) / 137.0, (y - 200.0) / 187.0);
+        let face = step(12.0 * (far - 1.0), 1.0);
+        let light = 1.0 - 0.5 * far * face + 0.0006 * (x - 300.0);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
+        image::Rgb(
+            [(40.0, 230.0), (50.0, 180.0), (70.0, 150.0)]
+                .map(|(wall, skin)| (wall + (skin * light - wall) * face) as u8),
+        )
+    });
+    change(&mut face, NOISE);
+    let told = drawn(face.clone(), &options).expect_err("a face has no lines");
+    assert!(told.to_string().contains("a photograph"), "{told}");
+    assert!(told.hint().contains("scanner") && told.hint().contains("letters.corners_px"));
+    let corners_px = Some([0.0, 0.0, 600.0, 0.0, 600.0, 400.0, 0.0, 400.0]);
+    drawn(face, &LetterOptions { corners_px, ..options.clone() }).unwrap();
+    for levels in [[0, 0], [3, 3], [128, 128], [255, 255], [200, 190]] {
+        let blank =
+            RgbImage::from_fn(300, 200, |x, _| image::Rgb([levels[usize::from(x < 99)]; 3]));
+        let told = drawn(blank, &options).expect_err("no lines").to_string();
+        assert!(told.contains("a.png: found a picture"), "{levels:?}: {told}");
     }
-    let trace = ruled(10);
-    assert_eq!(hues(&trace), [([0; 3], 1)]);
-    assert!(trace.warnings.concat().contains("10 pale lines"), "{:?}", trace.warnings);
-    let trace = ruled(3);
-    assert!(trace.lines.len() > 3 && trace.warnings.is_empty(), "{:?}", trace.warnings);
+    for size in [[3, 3], [3, 4000], [4000, 3], [5, 9], [40, 3]] {
+        let strip = RgbImage::from_fn(size[0], size[1], |x, y| {
+            image::Rgb([(40 * x + 7 * y).to_le_bytes()[0]; 3])
+        });
+        assert!(drawn(strip, &options).map_or(true, |strokes| strokes.n_strokes() > 0));
+    }
+}
+
+#[test]
+fn dust_and_a_checkerboard_are_left_out_and_fine_pictures_named() {
+    let options = LetterOptions::default();
+    let mut canvas = Canvas::new(SIZE, "#fff");
+    let clean = canvas.paint(&CROSS.replace("pen 4", "pen 10")).picture();
+    let wanted = drawn(clean.clone(), &options).unwrap();
+    let mut dusty = clean.clone();
+    change(&mut dusty, |x, y, value| if noise(x, y) > 0.498 { 0.0 } else { value });
+    let checkered = |side: u32, tones: [u16; 2]| {
+        let mut picture = clean.clone();
+        for (x, y, pixel) in picture.enumerate_pixels_mut() {
+            let tone = tones[usize::from((x / side + y / side).is_multiple_of(2))];
+            pixel.0 = pixel.0.map(|value| u8::try_from(u16::from(value) * tone / 255).unwrap());
+        }
+        picture
+    };
+    for (picture, code) in [
+        (dusty, "picture-specks"),
+        (checkered(8, [204, 255]), "picture-checkerboard"),
+        (checkered(16, [191, 254]), "picture-checkerboard"),
+        (checkered(10, [102, 153]), "picture-checkerboard"),
+    ] {
+        let strokes = drawn(picture, &options).unwrap();
+        assert_eq!(strokes.source.strokes.len(), wanted.source.strokes.len(), "{code}");
+        assert!(strokes.warnings.iter().any(|it| it.code == code), "{:?}", strokes.warnings);
+        let (found_m, wanted_m) = (strokes.bounds_m(), wanted.bounds_m());
+        assert!((0..4).all(|k| (found_m[k] - wanted_m[k]).abs() < 0.02), "{code}: {found_m:?}");
+    }
+    for (n, is_fine) in [(7, false), (8, true)] {
+        let mut canvas = Canvas::new([800, 800], "#fff");
+        for [x, y] in (0..n * n).map(|k| [40 + 90 * (k % n), 40 + 90 * (k / n)]) {
+            canvas.paint(&format!("pen 8 #000 {x},{y} {},{}", x + 40, y + 20));
+        }
+        let trace = traced(canvas.picture(), ImageFormat::Png, &options).unwrap();
+        let told = trace.warnings.iter().any(|it| it.code == "picture-fine");
+        assert_eq!((trace.product.lines.len(), told), (n * n, is_fine));
+    }
 }
 
 #[test]
 fn a_glow_and_a_soft_shadow_are_no_ink() {
-    fn drawn(paper: [u8; 3], ink: [u8; 3], width: f32, shift: f32) -> image::RgbImage {
-        let mut canvas = Canvas::new([600, 400], paper);
-        let vee = [[150.0, 100.0], [300.0, 300.0], [450.0, 100.0]];
-        canvas.draw(&line(&vee.map(|place| place.map(|x| x + shift))), ink, width);
-        canvas.picture()
-    }
     for (paper, ink, soft, width, shift, blur) in [
-        ([0; 3], [255, 210, 130], [240, 120, 30], 30.0, 0.0, 14.0),
-        (WHITE, [20; 3], [150; 3], 12.0, 9.0, 8.0),
-        (WHITE, [20; 3], [135; 3], 30.0, 9.0, 8.0),
+        ("#000", "#ffd282", "#f0781e", 30, 0, 14.0),
+        ("#fff", "#141414", "#969696", 12, 9, 8.0),
+        ("#fff", "#141414", "#878787", 30, 9, 8.0),
     ] {
-        let mut picture = image::imageops::blur(&drawn(paper, soft, width, shift), blur);
-        for (soft, sharp) in picture.pixels_mut().zip(drawn(paper, ink, 7.0, 0.0).pixels()) {
-            let on_light = paper == WHITE;
-            soft.0 = std::array::from_fn(|c| {
-                if on_light { soft.0[c].min(sharp.0[c]) } else { soft.0[c].max(sharp.0[c]) }
+        let [mut picture, sharp] =
+            [(soft, width, shift), (ink, 7, 0)].map(|(ink, width, shift)| {
+                let points =
+                    [[150, 100], [300, 300], [450, 100]].map(|point| point.map(|x| x + shift));
+                let points = points.map(|[x, y]| format!("{x},{y}")).join(" ");
+                Canvas::new(SIZE, paper).paint(&format!("pen {width} {ink} {points}")).picture()
             });
+        picture = image::imageops::blur(&picture, blur);
+        for (soft, sharp) in picture.pixels_mut().zip(sharp.pixels()) {
+            let stronger = if paper == "#fff" { u8::min } else { u8::max };
+            soft.0 = std::array::from_fn(|c| stronger(soft.0[c], sharp.0[c]));
         }
-        let trace = traced(&picture, image::ImageFormat::Png);
-        assert_eq!(trace.lines.len(), 1, "{soft:?} {width}");
-    }
-}
-
-/// A picture as a camera takes it: less light to one side, and grain.
-fn as_taken(canvas: &Canvas, least_light: f64) -> image::RgbImage {
-    let mut picture = canvas.picture();
-    let width = f64::from(picture.width());
-    for (x, y, pixel) in picture.enumerate_pixels_mut() {
-        let (x, y) = (f64::from(x), f64::from(y));
-        let hash = libm::sin(12.9898 * x + 78.233 * y) * 43_758.545_3;
-        let light = 1.0 - (1.0 - least_light) * x / width;
-        for value in &mut pixel.0 {
-            let grain = 8.0 * (hash - hash.floor() - 0.5);
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a byte")]
-            let shaded = (light * f64::from(*value) + grain).clamp(0.0, 255.0) as u8;
-            *value = shaded;
-        }
-    }
-    picture
-}
-
-#[test]
-fn a_shape_within_an_area_of_another_color_is_named_and_shades_are_not() {
-    let [yellow, blue] = [[250, 210, 30], [20, 60, 200]];
-    for (disc, inner) in [(blue, yellow), (yellow, blue), ([0; 3], yellow)] {
-        let mut canvas = Canvas::new([600, 400], WHITE);
-        canvas.fill(&circle(200.0, 200.0, 150.0), disc);
-        canvas.fill(&icon(3, [200.0, 200.0], 60.0).0, inner);
-        let trace = canvas.traced();
-        let told = &trace.warnings;
-        assert_eq!((trace.lines.len(), told.len()), (1, 1), "{told:?}");
-        assert!(told[0].contains("several colors"), "{told:?}");
-    }
-    let mut canvas = Canvas::new([600, 400], WHITE);
-    canvas.fill(&circle(300.0, 200.0, 150.0), [240, 80, 60]);
-    let mut shaded = as_taken(&canvas, 0.5);
-    for soft in [true, false] {
-        let trace = traced(&shaded, image::ImageFormat::Jpeg);
-        assert_eq!((trace.lines.len(), trace.warnings), (1, Vec::new()), "{soft}");
-        let in_shadow = shaded.enumerate_pixels_mut().filter(|(x, ..)| *x < 300);
-        in_shadow.for_each(|(.., pixel)| pixel.0 = pixel.0.map(|value| value / 2));
+        let trace = traced(picture, ImageFormat::Png, &LetterOptions::default()).unwrap();
+        assert_eq!(trace.product.lines.len(), 1, "{soft} {width}");
     }
 }
 
 #[test]
-fn a_picture_of_many_fine_parts_has_a_warning() {
-    for (n, is_fine) in [(7_u8, false), (8, true)] {
-        let mut canvas = Canvas::new([800, 800], WHITE);
-        for k in 0..n * n {
-            let [x, y] = [k % n, k / n].map(|k| 40.0 + 90.0 * f32::from(k));
-            canvas.draw(&line(&[[x, y], [x + 40.0, y + 20.0]]), [0; 3], 8.0);
-        }
-        let trace = canvas.traced();
-        assert_eq!(trace.lines.len(), usize::from(n * n));
-        assert_eq!(trace.warnings.concat().contains("QR code"), is_fine, "{:?}", trace.warnings);
+fn light_ink_on_transparency_is_drawn_as_dark_ink_is() {
+    let mut canvas = Canvas::new(SIZE, "");
+    canvas.paint("fill #000 60,200 540,200 540,212 60,212");
+    for ink in [[255; 3], [255, 240, 0], [0; 3], [200, 30, 30], [180, 255, 180]] {
+        let mut picture = canvas.rgba();
+        picture.pixels_mut().for_each(|pixel| pixel.0[..3].copy_from_slice(&ink));
+        let strokes = drawn(picture, &on_canvas(1.0, 1.0)).unwrap();
+        let [(_, _, length_m)] = lit(&strokes)[..] else { panic!("{ink:?}: not one line") };
+        assert!((length_m - 1.0).abs() < 0.05, "{ink:?}: {length_m}");
     }
 }
 
 #[test]
-fn what_is_left_out_at_the_rim_is_said_and_is_no_ruling() {
-    let mut canvas = Canvas::new([800, 500], WHITE);
-    canvas.fill(&polygon([[0.0, 60.0], [90.0, 60.0], [90.0, 440.0], [0.0, 440.0]]), [0; 3]);
-    canvas.draw(&circle(400.0, 250.0, 120.0), [0; 3], 8.0);
-    let trace = traced(&canvas.picture(), image::ImageFormat::Png);
-    assert_eq!(trace.lines.len(), 1);
-    assert!(trace.warnings.len() == 1 && trace.warnings[0].contains("rim"), "{:?}", trace.warnings);
-    // A whiteboard and its tray.
-    let mut board = Canvas::new([1000, 700], [196; 3]);
-    board.fill(&polygon([[0.0, 660.0], [1000.0, 660.0], [1000.0, 700.0], [0.0, 700.0]]), [140; 3]);
-    board.draw(&circle(400.0, 350.0, 120.0), [30, 60, 170], 8.0);
-    board.draw(&line(&[[600.0, 200.0], [800.0, 500.0]]), [180, 30, 40], 8.0);
-    let trace = traced(&as_taken(&board, 0.7), image::ImageFormat::Jpeg);
-    assert_eq!(hues(&trace), [([0, 0, 255], 1), ([255, 0, 0], 1)]);
-}
-
-#[test]
-fn light_and_dark_ink_on_a_photograph_of_kraft_paper_are_drawn() {
-    let mut kraft = Canvas::new([900, 600], [176, 132, 88]);
-    kraft.draw(&circle(200.0, 300.0, 110.0), [245; 3], 9.0);
-    kraft.draw(&circle(460.0, 300.0, 110.0), [25; 3], 9.0);
-    kraft.draw(&line(&[[620.0, 200.0], [700.0, 420.0], [800.0, 180.0]]), [245; 3], 9.0);
-    let trace = traced(&as_taken(&kraft, 0.85), image::ImageFormat::Jpeg);
-    let extents: Vec<_> =
-        trace.lines.iter().map(|(line, _)| bounds(line.iter().copied())).collect();
-    assert_eq!(trace.lines.len(), 3, "{extents:.0?}, {:?}", trace.warnings);
+fn webp_bmp_and_the_first_frame_of_a_gif_are_read_as_png_is_and_a_jpeg_in_full() {
+    let folder = tempfile::tempdir().unwrap();
+    let strokes =
+        |name: &str| draw(&folder.path().join(name), &on_canvas(2.0, 1.0), Ink::ByColor).unwrap();
+    let frames = [HOUSE, NOOR].map(|shapes| {
+        let mut canvas = Canvas::new(SIZE, "#fff");
+        DynamicImage::from(canvas.paint(shapes).picture())
+    });
+    for name in ["a.png", "a.webp", "a.bmp"] {
+        frames[0].save(folder.path().join(name)).unwrap();
+        assert_eq!(strokes(name), strokes("a.png"), "{name}");
+    }
+    let mut gif = std::fs::File::create(folder.path().join("a.gif")).unwrap();
+    let mut encoder = image::codecs::gif::GifEncoder::new(&mut gif);
+    for frame in &frames {
+        encoder.encode_frame(image::Frame::new(frame.to_rgba8())).unwrap();
+    }
+    drop(encoder);
+    let (first, wanted) = (strokes("a.gif"), strokes("a.png"));
+    assert_eq!(first.n_strokes(), wanted.n_strokes());
+    assert!((first.length_m() / wanted.length_m() - 1.0).abs() < 0.01);
+    let mut file = Cursor::new(Vec::new());
+    frames[0].write_to(&mut file, ImageFormat::Jpeg).unwrap();
+    let whole = file.into_inner();
+    let drawn = |bytes: &[u8]| drawn_in("a.jpg", bytes, &on_canvas(2.0, 1.0), Ink::Alike);
+    drawn(&whole).unwrap();
+    let refused = drawn(&whole[..whole.len() / 2]).unwrap_err().to_string();
+    assert!(refused.contains("cut off"), "{refused}");
 }

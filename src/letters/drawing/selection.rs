@@ -11,7 +11,7 @@ pub(super) type Numbered<T> = Vec<(usize, T)>;
 const HUES: [&str; 9] =
     ["red", "orange", "yellow", "green", "cyan", "blue", "purple", "pink", "red"];
 const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0];
-/// Least chroma, of 255, of a color with a hue; and the levels between black, gray and white.
+/// Least chroma, of 255, of a color with a hue, and the levels between black, gray and white.
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];
 
@@ -38,7 +38,7 @@ pub(super) fn chosen<T>(
 }
 
 /// All strokes, y up, as they lie in their file.
-pub(super) fn all<'a>(
+pub(super) fn in_source<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
 ) -> Vec<SourceStroke> {
@@ -48,7 +48,7 @@ pub(super) fn all<'a>(
     }))
 }
 
-/// Which strokes a list such as `2,5-7,red` names; every part of it has to be in the drawing.
+/// The strokes that a list such as `2,5-7,red` names. Every part of it has to be in the drawing.
 fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
     let n = colors.len();
     let mut named = vec![false; n];
@@ -80,6 +80,7 @@ pub(super) fn name([r, g, b]: [u8; 3]) -> &'static str {
     if most - least < CHROMA {
         return ["black", "gray", "white"][GRAY.iter().filter(|level| most >= **level).count()];
     }
+    // The hue of HSV, in degrees.
     let [r, g, b] = [r, g, b].map(f64::from);
     let chroma = f64::from(most - least);
     let hue = if r >= g && r >= b {

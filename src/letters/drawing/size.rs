@@ -9,7 +9,7 @@ use super::notes::{EMPTIED, FOREIGN, has};
 use super::styles::Styles;
 use noctograph_core::files::Budget;
 
-/// Most elements with repetitions; usvg keeps some 500 bytes for each.
+/// Most elements with repetitions. usvg keeps some 500 bytes for each.
 const MAX_ELEMENTS: f64 = 1e5;
 
 /// Most bytes of their attributes.
@@ -25,25 +25,29 @@ const MAX_CURVES: f64 = 1e9;
 /// Commands of a path that draw curves.
 const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 
-/// Checks that the elements of a document cost bounded work; the error is the cause.
+/// Work of an element with all repetitions: elements, bytes of attributes, vertices of paths,
+/// coordinates of curves added up, and steps of matching style rules.
+type Work = [f64; 5];
+
+/// Checks that the elements of a document cost bounded work. The error is the cause.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
     styles: &Styles<'a, 'input>,
     budget: &Budget,
 ) -> Result<(), String> {
-    // The lengths of a page, by which shares are measured.
+    // Percentages are of the lengths of a page.
     let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
     let lengths =
         pages.flat_map(|node| ["viewBox", "width", "height"].map(|it| node.attribute(it)));
     let page = lengths.flatten().flat_map(magnitudes).fold(100.0, f64::max);
-    let mut counting = Counting { styles, page, known: HashMap::new(), marker: Size::default() };
-    let all = counting.size(root, 0)?;
-    let marker = counting.marker;
-    // Each vertex may have a marker, and a path's ends one more each.
-    let n_markers = if marker.elements > 0.0 { all.vertices + 2.0 * all.elements } else { 0.0 };
-    let elements = all.elements + n_markers * marker.elements;
-    let bytes = all.bytes + n_markers * marker.bytes;
-    let what = if n_markers > 0.0 { "markers" } else { "<use>, clips and masks" };
+    let mut counting = Counting { styles, page, known: HashMap::new(), marker: [0.0; 5] };
+    let (work, _) = counting.count(root, 0)?;
+    // Each vertex may have the largest marker, and a path's ends one more each.
+    let has_marker = counting.marker[0] > 0.0;
+    let n_markers = if has_marker { work[2] + 2.0 * work[0] } else { 0.0 };
+    let [elements, bytes, _, curves, steps] =
+        std::array::from_fn(|kind| work[kind] + n_markers * counting.marker[kind]);
+    let what = if has_marker { "markers" } else { "<use>, clips and masks" };
     if elements > MAX_ELEMENTS {
         let most = format!("at most {MAX_ELEMENTS}");
         return Err(format!("{elements} elements, those of {what} counted, {most}"));
@@ -54,101 +58,67 @@ pub(super) fn check<'a, 'input>(
             "{mb:.0} MB of attributes, those of {what} counted: more than an input may have"
         ));
     }
-    let curves = all.curves + n_markers * marker.curves;
     if curves > MAX_CURVES {
         return Err(format!("curves of {curves:.1e} user units in all, at most {MAX_CURVES:e}"));
     }
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-    budget.spend_steps((all.steps + n_markers * marker.steps) as usize);
+    budget.spend_steps(steps as usize);
     Ok(())
-}
-
-/// The size of an element with repetitions; infinite if they multiply without end.
-#[derive(Clone, Copy, Default)]
-struct Size {
-    elements: f64,
-    bytes: f64,
-    /// Vertices of its paths, at most.
-    vertices: f64,
-    /// Elements within each other.
-    depth: usize,
-    /// Coordinates of its curves, added up.
-    curves: f64,
-    /// Steps of matching style rules with it.
-    steps: f64,
-}
-
-impl Size {
-    fn add(&mut self, part: Self) {
-        self.elements += part.elements;
-        self.bytes += part.bytes;
-        self.vertices += part.vertices;
-        self.depth = self.depth.max(part.depth + 1);
-        self.curves += part.curves;
-        self.steps += part.steps;
-    }
-
-    fn max(self, other: Self) -> Self {
-        Self {
-            elements: self.elements.max(other.elements),
-            bytes: self.bytes.max(other.bytes),
-            curves: self.curves.max(other.curves),
-            steps: self.steps.max(other.steps),
-            ..self
-        }
-    }
 }
 
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,
-    /// `None` while an element is being counted.
-    known: HashMap<Node<'a, 'input>, Option<Size>>,
-    /// The largest marker.
-    marker: Size,
+    /// Work and depth of the elements counted so far. `None` while an element is being counted.
+    known: HashMap<Node<'a, 'input>, Option<(Work, usize)>>,
+    /// The largest work of each kind in a marker.
+    marker: Work,
 }
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
-    fn size(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<Size, String> {
+    /// Work of an element at a depth, and how many elements it has within each other.
+    fn count(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<(Work, usize), String> {
         let too_deep = format!("more than {MAX_DEPTH} elements within each other");
         match self.known.get(&node) {
-            Some(Some(size)) => return Ok(*size),
+            Some(Some(counted)) => return Ok(*counted),
             Some(None) => return Err("elements that use each other without end".into()),
             None if depth > MAX_DEPTH => return Err(too_deep),
             None => {}
         }
         self.known.insert(node, None);
+        // The element itself. A command of a path takes two bytes at least.
         let declared = self.styles.declared(node);
-        let [d, points] =
-            ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
-        let mut size = Size {
-            elements: 1.0,
-            bytes: declared.iter().map(|own| own.1.len()).sum::<usize>() as f64,
-            vertices: (10 + (d + points) / 2) as f64,
-            depth: 1,
-            curves: self.curves(node)?,
-            steps: self.styles.steps(node) as f64,
-        };
+        let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
+        let paths = ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
+        let n_vertices = 10 + (paths[0] + paths[1]) / 2;
+        let steps = self.styles.steps(node) as f64;
+        let mut work = [1.0, n_bytes as f64, n_vertices as f64, self.curves(node)?, steps];
+        // What it holds, and what it refers to, as usvg would repeat it.
         let tag = node.tag_name().name();
         let mut parts: Vec<Node<'a, 'input>> = Vec::new();
         if !has(FOREIGN, tag) && !has(EMPTIED, tag) {
             parts.extend(node.children().filter(Node::is_element));
-            parts.extend(declared.iter().filter_map(|own| self.linked(tag, own.0, own.1)));
+            let linked =
+                declared.iter().filter_map(|(name, value, _)| self.linked(tag, name, value));
+            parts.extend(linked);
         }
+        let mut n_levels = 1;
         for part in parts {
-            size.add(self.size(part, depth + 1)?);
+            let (of_part, levels) = self.count(part, depth + 1)?;
+            (0..work.len()).for_each(|kind| work[kind] += of_part[kind]);
+            n_levels = n_levels.max(levels + 1);
         }
-        if size.depth > MAX_DEPTH {
+        if n_levels > MAX_DEPTH {
             return Err(too_deep);
         }
         if tag == "marker" {
             if node.descendants().any(|node| node.tag_name().name() == "use") {
                 return Err("a marker with <use>".into());
             }
-            self.marker = self.marker.max(size);
+            (0..work.len()).for_each(|kind| self.marker[kind] = self.marker[kind].max(work[kind]));
         }
-        self.known.insert(node, Some(size));
-        Ok(size)
+        self.known.insert(node, Some((work, n_levels)));
+        Ok((work, n_levels))
     }
 
     /// An element that a declaration of another repeats.

@@ -9,8 +9,10 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use simplecss::{AttributeOperator, DeclarationTokenizer, Element, PseudoClass, Selector};
 use usvg::roxmltree::{Document, Node, NodeId};
 
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Result;
 use noctograph_core::files::Budget;
+use noctograph_core::place::{Place, Segment};
 
 /// Steps of comparing two names, of expanding an entity, and of matching a rule with an element.
 const STEPS: [usize; 3] = [4, 200, 50];
@@ -27,6 +29,9 @@ const SELECTOR: usize = 200;
 const WITHOUT_EFFECT: [&str; 6] =
     ["charset", "font-face", "keyframes", "-webkit-keyframes", "namespace", "media print"];
 
+/// Help for an unsupported feature.
+const HELP: &str = "convert it to plain paths in the editor of the drawing";
+
 /// Unsupported features, by name and treatment: the number of elements, and where the first begins.
 #[derive(Default)]
 pub(super) struct Named(BTreeMap<(String, &'static str), (usize, usize)>);
@@ -41,12 +46,14 @@ impl Named {
         self.0.entry(key).or_insert((0, node.range().start)).0 += 1;
     }
 
-    /// One sentence for each.
-    pub(super) fn sentences(&self, document: &Document<'_>, file: &str) -> Vec<String> {
+    /// A warning for each, with the line of its first element.
+    pub(super) fn warnings(&self, document: &Document<'_>, file: &str) -> Vec<Diagnostic> {
         Vec::from_iter(self.0.iter().map(|((what, how), (n, start))| {
-            let row = document.text_pos_at(*start).row;
-            let s = if *n == 1 { ("element uses", "at ") } else { ("elements use", "first at ") };
-            format!("{n} {} {what}: {how} ({}{file}:{row})", s.0, s.1)
+            let uses = if *n == 1 { "element uses" } else { "elements use" };
+            let message = format!("{n} {uses} {what}: {how}");
+            let line = Segment::Line(document.text_pos_at(*start).row.into());
+            let place = Place(vec![Segment::File(file.to_owned()), line]);
+            Diagnostic { place, ..Diagnostic::warning("drawing-part", message) }.helped(HELP)
         }))
     }
 }
@@ -55,6 +62,7 @@ impl Named {
 /// attribute with all others of its tag, each prefix with all namespaces around, and each reference
 /// with all entities. The error names entities that become too large.
 pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), String> {
+    // Entities: each reference is looked up among all of them, and put in as text.
     let (mut n_entities, mut longest, mut references) = (0, 0, xml.matches('&').count());
     for declaration in xml.split("<!ENTITY").skip(1) {
         let Some(start) = declaration.find(['"', '\'']) else { continue };
@@ -75,6 +83,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
         }
         budget.spend_steps(references.saturating_mul(STEPS[1] + STEPS[0] * n_entities));
     }
+    // Attributes of a tag with each other, and prefixes with the namespaces around.
     let (mut prefixes, mut n_names, mut n_declared) = (HashSet::new(), 0, 0);
     for tag in xml.split('<') {
         let n_attributes = tag.matches('=').count();
@@ -90,8 +99,7 @@ pub(super) fn check_text(xml: &str, budget: &Budget) -> std::result::Result<(), 
     Ok(())
 }
 
-/// Declarations of an element, attributes first, then style sheets and `style`: name, value, and
-/// whether it is from CSS. The last one of a name is in force.
+/// Declarations of an element: name, value, and true if it is from CSS. The last of a name counts.
 pub(super) type Declared<'a> = Vec<(&'a str, &'a str, bool)>;
 
 /// The declarations of all elements, and the steps of computing them.
@@ -123,29 +131,30 @@ impl<'a, 'input> Styles<'a, 'input> {
             sheet.parse_more(text);
             sheets += text;
         }
+        // Attributes first, then rules and the style by importance: the last of a name is in force.
         let (mut all, mut ids) = (HashMap::new(), HashMap::new());
         for node in elements {
             if let Some(id) = node.attribute("id") {
                 ids.entry(id).or_insert(node);
             }
-            let attributes = node.attributes().filter(|own| {
-                matches!(own.namespace(), None | Some("http://www.w3.org/1999/xlink"))
+            let attributes = node.attributes().filter(|attribute| {
+                matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
             });
-            let attributes = attributes.filter(|own| !matches!(own.name(), "style" | "class"));
+            let attributes = attributes.filter(|it| !matches!(it.name(), "style" | "class"));
             let mut declared: Declared<'a> =
-                attributes.map(|own| (own.name(), own.value(), false)).collect();
+                attributes.map(|it| (it.name(), it.value(), false)).collect();
             let steps = Cell::new(10 * sheet.rules.len());
             let element = Matched(node, &steps);
             let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
             let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
             let style = node.attribute("style").unwrap_or("");
             budget.steps(values(style))?;
-            let mut own: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
+            let mut of_css: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
             if breaks_off(style) {
                 named.add("a style that breaks off", "not followed", node);
             }
-            own.sort_by_key(|declaration| declaration.important);
-            declared.extend(own.iter().map(|own| (own.name, own.value, true)));
+            of_css.sort_by_key(|declaration| declaration.important);
+            declared.extend(of_css.iter().map(|it| (it.name, it.value, true)));
             budget.steps(steps.get())?;
             budget.bytes(DECLARATION * declared.len())?;
             all.insert(node.id(), (declared, steps.get()));
@@ -164,16 +173,16 @@ impl<'a, 'input> Styles<'a, 'input> {
 
     pub(super) fn value(&self, node: Node<'_, '_>, name: &str) -> Option<&'a str> {
         let declared = self.declared(node).iter().rev();
-        declared.filter(|own| own.0 == name).map(|own| own.1.trim()).next()
+        declared.filter(|it| it.0 == name).map(|it| it.1.trim()).next()
     }
 
-    /// Whether an element is the first of its id, or has none.
+    /// True if an element is the first of its id, or has none.
     pub(super) fn is_first(&self, node: Node<'_, '_>) -> bool {
         let first = node.attribute("id").and_then(|id| self.ids.get(id));
         first.is_none_or(|first| first.id() == node.id())
     }
 
-    /// Whether a style sheet may have a rule of an id.
+    /// True if a style sheet may have a rule of an id.
     pub(super) fn has_rule_of(&self, id: &str) -> bool {
         let is_name = |sign: char| sign.is_alphanumeric() || sign == '-' || sign == '_';
         let name = format!("#{id}");
@@ -192,8 +201,7 @@ impl<'a, 'input> Styles<'a, 'input> {
     }
 }
 
-/// Whether quotation marks of a style sheet may be escaped, which would hide the ends of its rules.
-/// usvg does not get such a sheet.
+/// True if quotation marks of a style sheet may be escaped. usvg does not get such a sheet.
 pub(super) fn has_escapes(node: Node<'_, '_>) -> bool {
     node.text().is_some_and(|text| text.contains('\\'))
 }
@@ -208,6 +216,7 @@ fn values(css: &str) -> usize {
 /// selector of a list has the declarations of its rule.
 fn check_sheet(sheet: &str, node: Node<'_, '_>, budget: &Budget, named: &mut Named) -> Result<()> {
     budget.steps(values(sheet))?;
+    // The head of a block has its selectors, and rules beginning with @ before them.
     for block in bare(sheet).split('}') {
         let (head, body) = block.rsplit_once('{').unwrap_or((block, ""));
         for part in head.split(['{', ';']).map(str::trim).filter(|part| !part.is_empty()) {
@@ -248,14 +257,13 @@ fn bare(sheet: &str) -> String {
     kept + rest
 }
 
-/// Whether the parser of declarations gives up before the last.
+/// True if the parser of declarations gives up before the last.
 fn breaks_off(declarations: &str) -> bool {
     let n = declarations.split(';').filter(|part| !part.trim().is_empty()).count();
     DeclarationTokenizer::from(declarations).count() < n && !declarations.contains("url(")
 }
 
-/// An element for simplecss, and the steps of its queries. After too many it has no elements
-/// around.
+/// An element for simplecss, and the steps of its queries.
 struct Matched<'a, 'input, 's>(Node<'a, 'input>, &'s Cell<usize>);
 
 impl<'a, 'input> Matched<'a, 'input, '_> {

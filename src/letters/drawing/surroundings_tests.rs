@@ -73,7 +73,7 @@ proptest! {
             "<svg xmlns='http://www.w3.org/2000/svg' xmlns:xlink='http://www.w3.org/1999/xlink' \
              viewBox='0 0 200 100'>{definitions}<g transform='rotate({turn} 100 50)'>{body}</g></svg>"
         );
-        let drawing = svg::read(text.as_bytes(), "a.svg").unwrap();
+        let drawing = svg::read(text.as_bytes(), "a.svg").unwrap().product;
         let lines = drawing.flatten(1e-3, "a.svg").unwrap();
         let rim: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
         let whole = std::f64::consts::TAU * radius;

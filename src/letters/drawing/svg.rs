@@ -1,8 +1,8 @@
 //! SVG: a file as lines, as a browser shows it.
 //!
-//! Styles, `use`, basic shapes, nested viewports and paints are resolved by usvg; clips, masks, the
-//! page's edge and occlusion in [`visibility`]; dashes by kurbo. Unsupported features are named in
-//! the warnings ([`notes`]); text is refused.
+//! usvg resolves styles, `use`, basic shapes, nested viewports and paints, and kurbo dashes. Clips,
+//! masks, the page's edge and occlusion are in [`visibility`]. Unsupported features are named in
+//! the warnings ([`notes`]), and text is refused.
 //!
 //! [`visibility`]: super::visibility
 //! [`notes`]: super::notes
@@ -24,6 +24,7 @@ use super::once::Front;
 use super::styles::{Named, Styles, check_text};
 use super::visibility::{OPAQUE, Page, Visible};
 use super::{ColoredLine, LIMIT, MAX_POINTS, size, too_many};
+use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, file_name};
 use noctograph_core::geometry;
@@ -34,8 +35,7 @@ const MAX_NODES: u32 = 200_000;
 /// Length of the line that stands for a point of light, by the page's larger side.
 const POINT: f64 = 2e-5;
 
-/// Least dash, by the period of its pattern: a dash of zero length is a point unless its caps are
-/// butt.
+/// Length of a dash of zero length, which may be a point, by the period of its pattern.
 const DASH: f64 = 1e-5;
 
 /// Opacity of a gradient: it covers what is beneath, but differs from its single color.
@@ -48,8 +48,6 @@ const TEXT: &str = "convert it to paths in the SVG editor (Inkscape: Path > Obje
 /// A drawing in its own units, y up.
 pub(super) struct Drawing {
     items: Vec<Item>,
-    /// Unsupported features of the file, a sentence each.
-    pub(super) warnings: Vec<String>,
 }
 
 /// An element that is drawn.
@@ -61,9 +59,10 @@ enum Item {
 }
 
 /// Reads a file.
-pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
+pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     let text = in_words_of_usvg(decoded(bytes).map_err(|cause| refused(file, cause))?);
     let budget = Budget::new(file, LIMIT.hint);
+    // The parser compares names with each other: count its work before it begins.
     check_text(&text, &budget).map_err(|cause| refused(file, cause))?;
     budget.check()?;
     let limits =
@@ -78,6 +77,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
             named.add("another file (`xml-stylesheet`)", "not followed", node);
         }
     }
+    // usvg repeats what is used again: count its work, too, and take out what it does not follow.
     let styles = Styles::new(&document, &budget, &mut named)?;
     let too_large = |cause| refused(file, cause).coded(super::LARGE);
     size::check(root, &styles, &budget).map_err(too_large)?;
@@ -86,22 +86,50 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     notes.element(root).map_err(too_large)?;
     let (signs, edited) = (std::mem::take(&mut notes.signs), notes.edited(&text));
     let tree = parsed(&edited).map_err(|cause| refused(file, cause))?;
-    let [width, height] = [tree.size().width(), tree.size().height()].map(f64::from);
-    let larger = width.max(height);
-    let scale = Scale { size: larger, budget: &budget };
+    let size = [tree.size().width(), tree.size().height()].map(f64::from);
+    let scale = Scale { size: size[0].max(size[1]), budget: &budget };
+    // From the tree to areas and strokes from back to front.
     let mut walk = Walk { cuts: Vec::new(), signs_seen: BTreeSet::new(), scale, in_mask: false };
+    let painted = walk.page(&tree, has_edge(root, &styles));
+    let signs = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
+    name_signs(signs, &document, &mut named, file)?;
+    // Of each, the parts that are seen.
+    let page = Page::new(&painted, &walk.cuts, size, scale);
+    let (items, n_alike) = visible(&painted, &page, scale, file)?;
+    let drawing = Drawing { items: seen_once(items, scale) };
+    budget.check()?;
+    let mut warnings = named.warnings(&document, &file_name(file));
+    if n_alike > 0 {
+        let lines = if n_alike == 1 { "line has" } else { "lines have" };
+        let message = format!(
+            "{n_alike} {lines} the color of what is beneath, and are not drawn there: \
+             fill=\"none\" keeps a shape from being filled"
+        );
+        warnings.push(Diagnostic::warning("drawing-alike", message));
+    }
+    let [left, bottom, right, top] = drawing.bounds();
+    if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * scale.size {
+        let empty = refused(file, "a drawing without extent".into());
+        return Err(super::with_reasons(empty, &warnings));
+    }
+    Ok(Warned { product: drawing, warnings })
+}
+
+/// True if the page of a root cuts off what lies beyond its edge.
+fn has_edge(root: roxmltree::Node<'_, '_>, styles: &Styles<'_, '_>) -> bool {
     let sides = ["width", "height"].map(|name| root.attribute(name));
     let has_size = sides.iter().all(|side| side.is_some_and(|value| !value.ends_with('%')));
-    let has_edge = root.has_attribute("viewBox") || has_size;
-    let mut cuts = Vec::new();
-    if has_edge && styles.value(root, "overflow") != Some("visible") {
-        let page = kurbo::Rect::new(0.0, -height, width, 0.0).to_path(1e-9);
-        walk.cut(Cut::Page(scale.area(&page, false)), &mut cuts);
-    }
-    let mut painted = Vec::new();
-    walk.group(tree.root(), Affine::IDENTITY, &cuts, 1.0, &mut painted);
-    let seen = walk.signs_seen.iter().filter_map(|index| signs.get(*index).copied());
-    let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|it| it.tag_name().name() == "text");
+    (root.has_attribute("viewBox") || has_size) && styles.value(root, "overflow") != Some("visible")
+}
+
+/// Names the foreign elements that are seen. Text is refused.
+fn name_signs<'a, 'input: 'a>(
+    seen: impl Iterator<Item = roxmltree::Node<'a, 'input>>,
+    document: &roxmltree::Document<'_>,
+    named: &mut Named,
+    file: &str,
+) -> Result<()> {
+    let (texts, others): (Vec<_>, Vec<_>) = seen.partition(|node| node.tag_name().name() == "text");
     if let Some(text) = texts.first() {
         let count = if texts.len() == 1 { "text".into() } else { format!("{} texts", texts.len()) };
         let line = u64::from(document.text_pos_at(text.range().start).row);
@@ -111,57 +139,54 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Drawing> {
     for node in others {
         named.add(format!("<{}>", node.tag_name().name()), "not followed", node);
     }
-    let page = Page::new(&painted, &walk.cuts, [width, height], scale);
-    budget.check()?;
+    Ok(())
+}
+
+/// A part of a drawing with its element and half the width of its stroke, if that is opaque.
+type Reaching = (usize, f64, Item);
+
+/// The parts of elements that are seen, from back to front, and the number of elements that do not
+/// stand out from what is beneath.
+fn visible(
+    painted: &[Painted],
+    page: &Page<'_>,
+    scale: Scale<'_>,
+    file: &str,
+) -> Result<(Vec<Reaching>, usize)> {
+    scale.budget.check()?;
     let (mut items, mut left, mut n_alike) = (Vec::new(), MAX_POINTS as f64, 0);
     for (index, item) in painted.iter().enumerate() {
         if !item.path.is_finite() || page.is_paper(index, item) {
             continue;
         }
-        let mut line = item.path.clone();
-        if let Some((.., style)) = &item.stroke {
+        // What is drawn of a stroke is its line with its dashes, and points where they have no
+        // length.
+        let (mut line, mut reach) = (item.path.clone(), 0.0);
+        if let Some((_, alpha, style)) = &item.stroke {
             let (dashes, shortest) = dashed(line, style, item.placed, &mut left, file)?;
-            line = with_points(&dashes, shortest, style.start_cap, larger);
-        }
-        let (shown, is_alike) = page.visible(index, item, &line);
-        budget.check()?;
-        n_alike += usize::from(is_alike);
-        let reach = item
-            .stroke
-            .as_ref()
-            .filter(|stroke| stroke.1 >= OPAQUE)
-            .map_or(0.0, |it| 0.5 * it.2.width * item.placed.determinant().abs().sqrt());
-        let mut add = |item| items.push((index, reach, item));
-        match shown {
-            Visible::Stroke(color) => add(Item::Whole(line, color)),
-            Visible::Rim(color) => add(Item::Whole(item.closed(), color)),
-            Visible::Parts(parts) => {
-                parts.into_iter().for_each(|(line, color)| add(Item::Part(line, color)));
+            line = with_points(&dashes, shortest, style.start_cap, scale.size);
+            if *alpha >= OPAQUE {
+                reach = 0.5 * style.width * item.placed.determinant().abs().sqrt();
             }
         }
+        let (shown, is_alike) = page.visible(index, item, &line);
+        scale.budget.check()?;
+        n_alike += usize::from(is_alike);
+        // The part that clips, masks and later elements leave.
+        let parts = match shown {
+            Visible::Stroke(color) => vec![Item::Whole(line, color)],
+            Visible::Outline(color) => vec![Item::Whole(item.closed(), color)],
+            Visible::Parts(parts) => {
+                parts.into_iter().map(|(line, color)| Item::Part(line, color)).collect()
+            }
+        };
+        items.extend(parts.into_iter().map(|part| (index, reach, part)));
     }
-    let items = seen_once(items, scale);
-    budget.check()?;
-    let mut warnings = named.sentences(&document, &file_name(file));
-    if n_alike > 0 {
-        let s = if n_alike == 1 { " has" } else { "s have" };
-        warnings.push(format!(
-            "{n_alike} line{s} the color of what is beneath, and shows nothing there: not drawn \
-             (fill=\"none\" keeps a shape from being filled)"
-        ));
-    }
-    let drawing = Drawing { items, warnings };
-    let [left, bottom, right, top] = drawing.bounds();
-    if left <= right && (right - left).max(top - bottom) <= 1.5 * POINT * larger {
-        let empty = refused(file, "a drawing without extent".into());
-        return Err(super::with_reasons(empty, &drawing.warnings));
-    }
-    Ok(drawing)
+    Ok((items, n_alike))
 }
 
-/// The parts of items, each of an element and with half the width of its stroke, that are seen:
-/// what lies beneath those in front of it is left out.
-fn seen_once(mut items: Vec<(usize, f64, Item)>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
+/// The parts of items that no stroke in front of them covers.
+fn seen_once(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
     let [left, bottom, right, top] = bounds_of(items.iter().map(|(.., item)| item));
     let mut front = Front::new((right - left).max(top - bottom), budget);
     let mut seen = Vec::new();
@@ -186,7 +211,7 @@ fn refused(file: &str, cause: String) -> Error {
     Error::input(file, cause, "an SVG drawing", hint)
 }
 
-/// Checks that a root is that of a drawing; the error is the cause.
+/// Checks that a root is that of a drawing. The error is the cause.
 fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> {
     let (name, namespace) = (root.tag_name().name(), root.tag_name().namespace());
     match namespace {
@@ -198,7 +223,7 @@ fn check_root(root: roxmltree::Node<'_, '_>) -> std::result::Result<(), String> 
     }
 }
 
-/// The tree of an edited file; the error is the cause.
+/// The tree of an edited file. The error is the cause.
 fn parsed(edited: &str) -> std::result::Result<Tree, String> {
     // Pictures are not drawn: do not open them.
     let image_href_resolver = ImageHrefResolver {
@@ -214,7 +239,7 @@ fn parsed(edited: &str) -> std::result::Result<Tree, String> {
 }
 
 impl Drawing {
-    /// The box of all items: left, bottom, right, top; inverted without items.
+    /// The box of all items: left, bottom, right, top. Inverted without items.
     pub(super) fn bounds(&self) -> [f64; 4] {
         bounds_of(self.items.iter())
     }
@@ -239,7 +264,7 @@ impl Drawing {
     }
 }
 
-/// The box of items: left, bottom, right, top; inverted without items.
+/// The box of items: left, bottom, right, top. Inverted without items.
 fn bounds_of<'a>(items: impl Iterator<Item = &'a Item>) -> [f64; 4] {
     let bounds = items.map(|item| match item {
         Item::Whole(path, _) => {
@@ -261,8 +286,7 @@ fn declared_encoding(bytes: &[u8]) -> Option<String> {
     Some(value[1..].split_once(quote)?.0.to_owned())
 }
 
-/// The text of a file in the encoding that its first bytes or its declaration name, or else in
-/// UTF-8.
+/// The text of a file in the encoding of its first bytes or its declaration, or in UTF-8.
 fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     if bytes.starts_with(&[0x1f, 0x8b]) {
         return Err("a compressed drawing (svgz)".into());
@@ -280,7 +304,7 @@ fn decoded(bytes: &[u8]) -> std::result::Result<String, String> {
     Ok(text.trim_start_matches('\u{feff}').to_owned())
 }
 
-/// The encoding that a file's first bytes or its declaration name; `None` for UTF-8.
+/// The encoding that a file's first bytes or its declaration name, or `None` for UTF-8.
 #[cfg(not(target_family = "wasm"))]
 fn foreign_encoding(bytes: &[u8]) -> std::result::Result<Option<&'static Encoding>, String> {
     let encoding = match bytes {
@@ -312,6 +336,18 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
+    /// The elements of a page from back to front, within its edge if it has one.
+    fn page(&mut self, tree: &Tree, has_edge: bool) -> Vec<Painted> {
+        let (mut cuts, mut painted) = (Vec::new(), Vec::new());
+        if has_edge {
+            let [width, height] = [tree.size().width(), tree.size().height()].map(f64::from);
+            let page = kurbo::Rect::new(0.0, -height, width, 0.0).to_path(1e-9);
+            self.cut(Cut::Page(self.scale.area(&page, false)), &mut cuts);
+        }
+        self.group(tree.root(), Affine::IDENTITY, &cuts, 1.0, &mut painted);
+        painted
+    }
+
     fn cut(&mut self, cut: Cut<'a>, cuts: &mut Vec<usize>) {
         cuts.push(self.cuts.len());
         self.cuts.push(cut);
@@ -332,6 +368,7 @@ impl<'a> Walk<'a> {
             return;
         }
         let scale = self.scale;
+        // Its clips and masks, and those of these, cut everything in it.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
@@ -345,6 +382,7 @@ impl<'a> Walk<'a> {
             let outside = std::mem::replace(&mut self.in_mask, true);
             self.group(mask.root(), placed, &[], 1.0, &mut parts);
             self.in_mask = outside;
+            // Strokes are light in a mask, too. A clip has fills only.
             let layers = parts
                 .iter()
                 .flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
@@ -396,9 +434,8 @@ impl<'a> Walk<'a> {
         is_painted.then_some(Painted { path, even_odd, fill, stroke, placed, cuts })
     }
 
-    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop,
-    /// and a little less than the mean opacity of all, so that nothing on it passes for one of its
-    /// shades; in a mask it is as light as its lightest stop.
+    /// The color of a paint and its opacity. A gradient has the color of its middle visible stop
+    /// and about the mean opacity. In a mask it is as light as its lightest stop.
     fn paint(&self, paint: &usvg::Paint) -> (Color, f64) {
         let stops = match paint {
             usvg::Paint::Color(color) => return (rgb(*color), 1.0),
@@ -466,7 +503,7 @@ fn convert(path: &tiny_skia_path::Path, placed: Affine) -> BezPath {
     placed * drawn
 }
 
-/// The dashes of a path, or the path itself, while points are left; and the greatest length of a
+/// The dashes of a path, or the path itself, while points are left. Also the greatest length of a
 /// dash that stands for a point. Under an uneven transform dashes have their mean length.
 fn dashed(
     drawn: BezPath,
@@ -478,6 +515,7 @@ fn dashed(
     if style.dash_pattern.is_empty() {
         return Ok((drawn, 0.0));
     }
+    // Points are as long as `least`, which the gap after them loses.
     let scale = placed.determinant().abs().sqrt();
     let mut dashes: Vec<f64> = style.dash_pattern.iter().map(|dash| scale * dash).collect();
     let period: f64 = dashes.iter().sum();
@@ -502,19 +540,16 @@ fn dashed(
 fn with_points(path: &BezPath, shortest: f64, cap: kurbo::Cap, size: f64) -> BezPath {
     let mut kept = BezPath::new();
     for (first, elements) in subpaths(path) {
-        let is_point = match elements[..] {
-            [PathEl::LineTo(end)] => first.distance(end) <= shortest,
-            _ => elements.iter().all(|element| match element {
-                PathEl::MoveTo(p) | PathEl::LineTo(p) => *p == first,
-                PathEl::QuadTo(a, p) => [*a, *p] == [first; 2],
-                PathEl::CurveTo(a, b, p) => [*a, *b, *p] == [first; 3],
-                PathEl::ClosePath => true,
-            }),
-        };
-        if !is_point {
-            kept.move_to(first);
-            kept.extend(elements);
-        } else if cap != kurbo::Cap::Butt && !elements.is_empty() {
+        let (n_elements, mut part) = (elements.len(), BezPath::new());
+        part.move_to(first);
+        part.extend(elements);
+        // A dash is one line. A subpath of zero length has an empty box.
+        let extent = part.bounding_box().size();
+        let is_dash = matches!(part.elements(), [_, PathEl::LineTo(_)]);
+        let longest = if is_dash { shortest } else { 0.0 };
+        if libm::hypot(extent.width, extent.height) > longest {
+            kept.extend(part);
+        } else if cap != kurbo::Cap::Butt && n_elements > 0 {
             let half = 0.5 * POINT * size;
             kept.move_to((first.x, first.y + half));
             kept.line_to((first.x, first.y - half));

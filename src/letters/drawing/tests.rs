@@ -1,4 +1,6 @@
 use super::*;
+use crate::{Move, Pace};
+use noctograph_core::geometry::distance;
 
 /// Writes a file and draws it.
 pub(super) fn drawn_in(
@@ -248,7 +250,7 @@ fn a_gradient_is_the_color_of_its_middle_stop_where_any_of_it_shows() {
     let strokes = drawn(&three, stroke);
     assert_eq!((strokes.colors.clone(), strokes.n_strokes()), (vec![[0, 255, 0]], 1));
     let noted = "stroke by a gradient: in the color of its middle stop";
-    assert!(strokes.warnings[0].contains(noted), "{:?}", strokes.warnings);
+    assert!(strokes.warnings[0].message.contains(noted), "{:?}", strokes.warnings);
     let ground = "<rect width='200' height='100' fill='url(#g)'/>\
                   <path d='M5 5h90' stroke='#00f' fill='none'/>";
     let until_blue = stop("red", "") + &stop("blue", "offset='1'");
@@ -257,7 +259,7 @@ fn a_gradient_is_the_color_of_its_middle_stop_where_any_of_it_shows() {
     for line in [stroke, "<rect width='90' height='50' fill='url(#g)'/>"] {
         let strokes = drawn(&fading, line);
         assert_eq!((strokes.colors.clone(), strokes.n_strokes()), (vec![[255, 0, 0]], 1));
-        assert!(strokes.warnings.iter().any(|it| it.contains("stop-opacity")));
+        assert!(strokes.warnings.iter().any(|it| it.message.contains("stop-opacity")));
     }
 }
 

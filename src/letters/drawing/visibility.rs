@@ -1,5 +1,5 @@
-//! Visibility: the parts of strokes and rims inside their clips and masks that are not covered by a
-//! later shape, and that stand out from the background.
+//! Visibility: the parts of strokes and outlines inside their clips and masks that no later shape
+//! covers, and that stand out from the background.
 //!
 //! A picture is layers of fills from back to front, each within its clips and masks. A line is cut
 //! where it crosses the edges of areas, and each piece is tested at its middle, a little to its
@@ -28,8 +28,8 @@ const STEPS: usize = 20;
 /// Distance of the test points from a line, by the page's larger side.
 const BESIDE: f64 = 4e-4;
 
-/// Distance from a fill's path at which the edge of a clip is the rim, by that of the test points:
-/// as far as two flattened curves differ. More leaves gaps where a clip touches the path.
+/// Distance from a fill's path at which the edge of a clip is the outline, by that of the test
+/// points. More leaves gaps where a clip touches the path.
 const TOUCH: f64 = 0.25;
 
 /// The layers of a page.
@@ -51,8 +51,8 @@ type Piece = (Vec<[f64; 2]>, Option<Color>);
 pub(super) enum Visible {
     /// All of its stroke.
     Stroke(Color),
-    /// All of its rim.
-    Rim(Color),
+    /// All of its outline.
+    Outline(Color),
     Parts(Vec<Part>),
 }
 
@@ -68,6 +68,7 @@ impl<'a> Page<'a> {
         // If all ink is white, the page is dark.
         let is_light = fills.chain(strokes).all(|color| color == [255; 3]);
         let paper = [if is_light { 0.0 } else { 255.0 }; 3];
+        // From back to front, as a fill over the whole page changes the ground of the rest.
         let mut page = Self { layers: Vec::new(), cuts, paper, size, scale };
         let mut ground = paper;
         for (element, item) in painted.iter().enumerate() {
@@ -85,7 +86,7 @@ impl<'a> Page<'a> {
         page
     }
 
-    /// Whether a layer is a rectangle over the whole page, also after its clips and masks.
+    /// True if a layer is a rectangle over the whole page, also after its clips and masks.
     fn is_whole(&self, layer: &Layer<'a>) -> bool {
         layer.area.is_page(self.size, BESIDE * self.scale.size)
             && layer.cuts.iter().all(|cut| match &self.cuts[*cut] {
@@ -100,7 +101,7 @@ impl<'a> Page<'a> {
             })
     }
 
-    /// Whether an element is paper: a fill over the whole page.
+    /// True if an element is paper: a fill over the whole page.
     pub(super) fn is_paper(&self, index: usize, item: &Painted) -> bool {
         item.stroke.is_none()
             && self.layers.iter().any(|layer| layer.element == index && self.is_whole(layer))
@@ -111,29 +112,31 @@ impl<'a> Page<'a> {
     pub(super) fn visible(&self, index: usize, item: &Painted, line: &BezPath) -> (Visible, bool) {
         let box_ = item.path.bounding_box();
         let extent = [box_.x0, box_.y0, box_.x1, box_.y1];
+        // Only the layers near the element can hide it.
         self.scale.budget.spend_steps(self.layers.len() / 8);
         let mut near: Vec<&Layer<'a>> =
             self.layers.iter().filter(|layer| layer.area.meets(extent)).collect();
-        let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke).copied();
+        let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke).copied();
         let Some((color, alpha, _)) = item.stroke else {
-            return (self.rim(index, item, &near), false);
+            return (self.outline(index, item, &near), false);
         };
         let is_of_ground = near.iter().any(|layer| layer.element == index && layer.is_stroke);
         let ink = color.map(f64::from);
-        if own.is_some_and(|own| is_of_ground && !alike(own.color.map(f64::from), ink)) {
+        if fill.is_some_and(|fill| is_of_ground && !alike(fill.color.map(f64::from), ink)) {
             // A border in the color of the background: only the fill is visible.
             near.retain(|layer| layer.element != index || !layer.is_stroke);
-            return (self.rim(index, item, &near), false);
+            return (self.outline(index, item, &near), false);
         }
         // The sides that only the fill closes, or a clip.
-        let closing = own.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
+        let closing = fill.map_or(Vec::new(), |_| closing_sides(&self.lines(&item.path)));
         let (mut sides, _) = self.parts(&closing, item, &near, &mut |place, sides| {
-            self.rim_color(&near, own?, true, place, sides)
+            self.outline_color(&near, fill?, true, place, sides)
         });
-        sides.extend(own.map_or(Vec::new(), |own| self.rim_at_clips(item, &near, own)));
+        sides.extend(fill.map_or(Vec::new(), |fill| self.outline_at_clips(item, &near, fill)));
+        // Most elements have nothing near, and are shown as a whole without another look.
         let is_alone = near.iter().all(|layer| layer.element == index);
         let is_cut = item.cuts.iter().any(|cut| self.may_cut(*cut, extent));
-        // Whether the stroke does not stand out from a background.
+        // True if the stroke does not stand out from a background.
         let blends = |ground: [f64; 3]| {
             alike(ground, [0, 1, 2].map(|i| ground[i] + alpha * (f64::from(color[i]) - ground[i])))
         };
@@ -142,6 +145,7 @@ impl<'a> Page<'a> {
         }
         let mut is_alike = false;
         let mut look = |place: [f64; 2], sides: [[f64; 2]; 2]| {
+            // A piece is hidden if it is so on both sides, too.
             let around = [sides[0], place, sides[1]];
             if !around.iter().any(|place| self.within(&item.cuts, *place))
                 || around.iter().all(|place| self.is_covered(index, &near, *place))
@@ -155,9 +159,9 @@ impl<'a> Page<'a> {
                 return Some(color);
             }
             // An outline in the color of the background shows the edge of the fill under it.
-            let rim = own.and_then(|own| self.rim_color(&near, own, true, place, sides));
-            is_alike |= rim.is_none();
-            rim
+            let outline = fill.and_then(|fill| self.outline_color(&near, fill, true, place, sides));
+            is_alike |= outline.is_none();
+            outline
         };
         let (mut parts, is_whole) = self.parts(&self.lines(line), item, &near, &mut look);
         if is_whole && sides.is_empty() {
@@ -168,60 +172,60 @@ impl<'a> Page<'a> {
         (Visible::Parts(parts), is_alike)
     }
 
-    /// The color of a fill's rim at a place of its own path, or else of its clip, where the colors
-    /// on its two sides differ.
-    fn rim_color(
+    /// The color of a fill's outline at a place of its path or its clip, if its sides differ there.
+    fn outline_color(
         &self,
         near: &[&Layer<'a>],
-        own: &Layer<'a>,
-        is_own: bool,
+        fill: &Layer<'a>,
+        is_path: bool,
         place: [f64; 2],
         sides: [[f64; 2]; 2],
     ) -> Option<Color> {
-        if is_own && sides.iter().all(|side| !own.area.holds(*side)) {
+        if is_path && sides.iter().all(|side| !fill.area.holds(*side)) {
             // Thinner than the distance of the test points.
-            let seen = !self.is_covered(own.element, near, place) && self.within(&own.cuts, place);
-            return seen.then_some(own.color);
+            let seen =
+                !self.is_covered(fill.element, near, place) && self.within(&fill.cuts, place);
+            return seen.then_some(fill.color);
         }
-        // Where a clip ends at the fill's own path, the path is the rim.
-        if !is_own && !sides.iter().all(|side| own.area.holds(between(place, *side, TOUCH))) {
+        // Where a clip ends at the fill's own path, the path is the outline.
+        if !is_path && !sides.iter().all(|side| fill.area.holds(between(place, *side, TOUCH))) {
             return None;
         }
         let [left, right] = sides.map(|side| self.color_at(side, near, |_| true));
-        if ![left.1, right.1].contains(&Some(own.element)) || alike(left.0, right.0) {
+        if ![left.1, right.1].contains(&Some(fill.element)) || alike(left.0, right.0) {
             return None;
         }
         // A hole in the color of the paper is an edge of the shape around it.
-        let is_paper = alike(own.color.map(f64::from), self.paper);
-        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != own.element);
+        let is_paper = alike(fill.color.map(f64::from), self.paper);
+        let other = [left.1, right.1].into_iter().flatten().find(|top| *top != fill.element);
         let other = other.filter(|_| is_paper);
         let around = other.and_then(|other| near.iter().find(|layer| layer.element == other));
-        Some(around.map_or(own.color, |layer| layer.color))
+        Some(around.map_or(fill.color, |layer| layer.color))
     }
 
-    /// The rim of a fill where a clip ends it.
-    fn rim_at_clips(&self, item: &Painted, near: &[&Layer<'a>], own: &Layer<'a>) -> Vec<Part> {
+    /// The outline of a fill where a clip ends it.
+    fn outline_at_clips(&self, item: &Painted, near: &[&Layer<'a>], fill: &Layer<'a>) -> Vec<Part> {
         let contours = item.cuts.iter().flat_map(|cut| self.contours(*cut));
-        let contours = contours.filter(|line| own.area.meets(bounds(line.iter().copied())));
+        let contours = contours.filter(|line| fill.area.meets(bounds(line.iter().copied())));
         Vec::from_iter(contours.flat_map(|line| {
-            let mut look = |place, sides| self.rim_color(near, own, false, place, sides);
+            let mut look = |place, sides| self.outline_color(near, fill, false, place, sides);
             self.parts(std::slice::from_ref(line), item, near, &mut look).0
         }))
     }
 
-    /// The rim of a fill.
-    fn rim(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
-        let own = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
+    /// The outline of a fill.
+    fn outline(&self, index: usize, item: &Painted, near: &[&Layer<'a>]) -> Visible {
+        let fill = near.iter().find(|layer| layer.element == index && !layer.is_stroke);
         // A line encloses nothing.
-        let Some(own) = own else { return Visible::Parts(Vec::new()) };
+        let Some(fill) = fill else { return Visible::Parts(Vec::new()) };
         let closed = self.lines(&item.closed());
         let (mut parts, is_whole) = self.parts(&closed, item, near, &mut |place, sides| {
-            self.rim_color(near, own, true, place, sides)
+            self.outline_color(near, fill, true, place, sides)
         });
-        let n_own = parts.len();
-        parts.extend(self.rim_at_clips(item, near, own));
+        let n_parts = parts.len();
+        parts.extend(self.outline_at_clips(item, near, fill));
         match parts.first() {
-            Some((_, color)) if is_whole && parts.len() == n_own => Visible::Rim(*color),
+            Some((_, color)) if is_whole && parts.len() == n_parts => Visible::Outline(*color),
             _ => Visible::Parts(parts),
         }
     }
@@ -240,6 +244,7 @@ impl<'a> Page<'a> {
         near: &[&Layer<'a>],
         look: &mut dyn FnMut([f64; 2], [[f64; 2]; 2]) -> Option<Color>,
     ) -> (Vec<Part>, bool) {
+        // A line may change where it crosses the edge of an area, and only there.
         let mut areas: Vec<&Area<'a>> = near.iter().map(|layer| &layer.area).collect();
         near.iter().for_each(|layer| self.areas(&layer.cuts, &mut areas));
         self.areas(&item.cuts, &mut areas);
@@ -247,7 +252,7 @@ impl<'a> Page<'a> {
         areas.dedup_by_key(|area| std::ptr::from_ref(*area));
         let beside = BESIDE * self.scale.size;
         let (mut parts, mut is_whole) = (Vec::new(), true);
-        let mut shares = Vec::new();
+        let mut fractions = Vec::new();
         for line in lines {
             let extent = bounds(line.iter().copied());
             let areas: Vec<_> = areas.iter().filter(|area| area.meets(extent)).collect();
@@ -255,25 +260,28 @@ impl<'a> Page<'a> {
             // The color of the piece before, up to the next edge of an area.
             let mut last: Option<Option<Color>> = None;
             for [from, to] in legs(line) {
-                shares.clear();
-                shares.push(0.0);
-                areas.iter().for_each(|area| area.filled.crossings([from, to], &mut shares));
+                // The crossings of the segment, in order.
+                fractions.clear();
+                fractions.push(0.0);
+                areas.iter().for_each(|area| area.filled.crossings([from, to], &mut fractions));
                 let length = distance(from, to);
-                let is_crossed = shares.len() > 1;
-                shares.push(1.0);
-                shares.sort_by(f64::total_cmp);
-                shares.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.scale.size);
-                // A leg has two ends, however short it is.
-                match &mut shares[..] {
-                    [_] => shares.push(1.0),
+                let is_crossed = fractions.len() > 1;
+                fractions.push(1.0);
+                fractions.sort_by(f64::total_cmp);
+                fractions.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.scale.size);
+                // A segment has two ends, however short it is.
+                match &mut fractions[..] {
+                    [_] => fractions.push(1.0),
                     [.., end] => *end = 1.0,
                     [] => {}
                 }
-                if !self.scale.budget.spend_steps(STEPS * shares.len()) {
+                if !self.scale.budget.spend_steps(STEPS * fractions.len()) {
                     return (parts, false);
                 }
-                for piece in shares.windows(2) {
-                    let [begin, end] = [piece[0], piece[1]].map(|share| between(from, to, share));
+                // Between two of them, one look at the middle decides.
+                for piece in fractions.windows(2) {
+                    let [begin, end] =
+                        [piece[0], piece[1]].map(|fraction| between(from, to, fraction));
                     let seen = last.filter(|_| !is_crossed).unwrap_or_else(|| {
                         let middle = between(from, to, 0.5 * (piece[0] + piece[1]));
                         look(middle, sides(middle, [from, to], beside))
@@ -304,7 +312,7 @@ impl<'a> Page<'a> {
         (parts, is_whole && one_color)
     }
 
-    /// Whether a place is within some cuts.
+    /// True if a place is within some cuts.
     fn within(&self, cuts: &[usize], place: [f64; 2]) -> bool {
         cuts.iter().all(|cut| match &self.cuts[*cut] {
             Cut::Page(edge) => edge.holds(place),
@@ -323,7 +331,7 @@ impl<'a> Page<'a> {
         layer.area.holds(place) && self.within(&layer.cuts, place)
     }
 
-    /// Whether something over an element hides it at a place.
+    /// True if something over an element hides it at a place.
     fn is_covered(&self, element: usize, near: &[&Layer<'a>], place: [f64; 2]) -> bool {
         let mut over = near.iter().filter(|layer| layer.element > element && layer.alpha >= OPAQUE);
         over.any(|layer| self.lies_at(layer, place))
@@ -344,7 +352,7 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// Whether a cut may cut something of an extent: the page's edge does not if that lies within
+    /// True if a cut may cut something of an extent. The page's edge does not if that lies within
     /// it.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
@@ -376,8 +384,7 @@ impl<'a> Page<'a> {
     }
 }
 
-/// The light of a layer of a mask, 0 to 1: that of sRGB as masks take it (CSS Masking, section
-/// 7.10.1).
+/// The light of a layer of a mask, 0 to 1 (CSS Masking, section 7.10.1).
 fn light(layer: &Layer<'_>, by_alpha: bool) -> f64 {
     let [r, g, b] = layer.color.map(|channel| f64::from(channel) / 255.0);
     if by_alpha { 1.0 } else { 0.2125 * r + 0.7154 * g + 0.0721 * b }
@@ -398,11 +405,11 @@ fn alike(a: [f64; 3], b: [f64; 3]) -> bool {
     (0..3).all(|i| (a[i] - b[i]).abs() <= ALIKE)
 }
 
-/// The places to the left and right of one on a leg.
+/// The places to the left and right of one on a segment.
 fn sides([x, y]: [f64; 2], [from, to]: [[f64; 2]; 2], beside: f64) -> [[f64; 2]; 2] {
     let length = distance(from, to);
-    let share = if length > 0.0 { beside / length } else { 0.0 };
-    let (dx, dy) = (share * (to[0] - from[0]), share * (to[1] - from[1]));
+    let fraction = if length > 0.0 { beside / length } else { 0.0 };
+    let (dx, dy) = (fraction * (to[0] - from[0]), fraction * (to[1] - from[1]));
     [[x - dy, y + dx], [x + dy, y - dx]]
 }
 

@@ -123,8 +123,8 @@ impl Shoot {
             }
         }
         problems.extend(self.lost_strokes());
-        let warnings = self.strokes.iter().flat_map(|strokes| &strokes.warnings);
-        problems.extend(warnings.map(|warning| problems::drawing_part(warning)));
+        let of_strokes = self.strokes.iter().flat_map(|strokes| &strokes.warnings);
+        problems.extend(of_strokes.cloned());
         let bounds_m = self.bounds_m(&flights, &all)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;

@@ -92,12 +92,6 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
         .helped("write with {letters.font=simplex} or a plainer typeface")
 }
 
-/// An unsupported part of a drawing's file.
-pub(super) fn drawing_part(warning: &str) -> Diagnostic {
-    let help = "convert it to plain paths in the editor of the drawing";
-    Diagnostic::warning("drawing-part", warning).helped(help)
-}
-
 /// Advice where there is no light.
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";

@@ -1,0 +1,267 @@
+//! Patches of ink: their contours between pixels, by marching squares, without specks and without
+//! what lies around the paper. Also the warnings of a picture.
+
+use std::collections::BTreeMap;
+
+use super::ink::{EDGE, Field};
+use super::levels::level;
+use crate::outline::{Contour, Filled, area, mean_stroke_width};
+use crate::vector::{between, legs};
+use noctograph_core::diagnostic::Diagnostic;
+use noctograph_core::files::Budget;
+use noctograph_core::geometry::{bounds, distance, polyline_length_m};
+
+/// Side of the smallest patch, by the picture's longer side.
+const LEAST: f64 = 2e-3;
+/// Largest side of a speck, by the picture's longer side and by the mean width of the largest
+/// patch.
+const SPECK: [f64; 2] = [1e-2, 0.65];
+const SPECKLED: f64 = 0.5;
+
+/// Least length along the picture's edge of a patch that surrounds the paper, by the longer side.
+const SURROUNDINGS: f64 = 0.3;
+/// A patch over the edge of a photograph is dropped from this mean width on, by the longer side, or
+/// if this fraction of its outline lies along the edge.
+const OVER_EDGE: f64 = 0.02;
+const ALONG: f64 = 0.1;
+
+/// Lines across the edge of a picture, in and out, from which on they may be a paper's rulings.
+const RULINGS: usize = 8;
+/// Fraction of a picture in faint marks from which on there is a warning.
+const FAINT: f64 = 0.02;
+/// Lines from which on a picture is fine, as a QR code is.
+const FINE: usize = 60;
+
+/// Codes and messages of warnings, with the number of what they are about.
+const WARNINGS: [(&str, &str); 7] = [
+    (
+        "picture-photo",
+        "a photograph is drawn as the camera sees it: letters.corners_px squares a \
+        sheet of paper that it sees at a slant, and so does a phone's scanner app",
+    ),
+    (
+        "picture-specks",
+        "{n} speck(s), as of dust, are not drawn: they are smaller than the width of \
+        the lines",
+    ),
+    (
+        "picture-edge",
+        "shapes at the picture's edge are not drawn ({n}): they look like what lies \
+        around the paper; leave a margin around the drawing, or scan it with a phone's scanner app",
+    ),
+    (
+        "picture-faint",
+        "marks that are much fainter than the rest are not drawn, such as the paper's \
+        rulings: draw over those that are meant",
+    ),
+    (
+        "picture-rulings",
+        "{n} lines across the picture's edge are drawn, as rulings of the paper \
+        would be: draw on plain paper, or leave a margin around the drawing",
+    ),
+    ("picture-colors-touch", "areas of several colors that touch are drawn as one: leave a gap"),
+    (
+        "picture-fine",
+        "light fills the gaps of so fine a picture ({n} lines): a QR code cannot be \
+        scanned",
+    ),
+];
+
+/// Least chroma of a colored ink, by its contrast, and by the paper's brightness.
+const CHROMA: f64 = 0.2;
+const GRAY: f64 = 0.04;
+
+impl Field {
+    /// Patches of ink, each a contour with its holes, and the number of patches that are dropped:
+    /// those around the paper, and those over the edge of a photograph, such as a hand or a table.
+    pub(super) fn patches(&self) -> (Vec<Vec<Contour>>, usize) {
+        let side = self.width.max(self.height) as f64;
+        let patches = nested(self.contours(), (LEAST * side * LEAST * side).max(2.0));
+        let (around, patches): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
+            let along = self.length_along_edge(&patch[0]);
+            let is_over = mean_stroke_width(patch) > OVER_EDGE * side
+                || along > ALONG * polyline_length_m(&patch[0]);
+            along > SURROUNDINGS * side || self.has_grain && along > 0.0 && is_over
+        });
+        if patches.is_empty() { (around, 0) } else { (patches, around.len()) }
+    }
+
+    /// Closed contours of the ink, y up, counterclockwise, around holes clockwise (marching
+    /// squares: Lorensen and Cline, Computer Graphics 21, 1987, in two dimensions).
+    fn contours(&self) -> Vec<Contour> {
+        let values: Vec<f64> = self.ink.iter().map(|value| value - EDGE).collect();
+        let (width, height) = (self.width, self.height);
+        // Edges of the grid that a contour crosses, and the next edge of each. An edge is the
+        // number of its upper or left pixel, and whether it runs downward.
+        let mut next: BTreeMap<(usize, bool), (usize, bool)> = BTreeMap::new();
+        for y in 0..height - 1 {
+            for x in 0..width - 1 {
+                let pixel = y * width + x;
+                let corners =
+                    [pixel, pixel + 1, pixel + width + 1, pixel + width].map(|p| values[p]);
+                let case = corners.map(|value| value > 0.0);
+                if case == [false; 4] || case == [true; 4] {
+                    continue;
+                }
+                let edges =
+                    [(pixel, false), (pixel + 1, true), (pixel + width, false), (pixel, true)];
+                // Going clockwise around the cell, a contour enters before a corner with ink and
+                // leaves after one, so that ink is to its left. Two corners with ink that face each
+                // other are joined where the middle has ink.
+                let joined = corners.iter().sum::<f64>() > 0.0;
+                for enter in (0..4).filter(|k| !case[*k] && case[(k + 1) % 4]) {
+                    let mut turns =
+                        (1..4).map(|step| (enter + if joined { 4 - step } else { step }) % 4);
+                    let leave = turns.find(|k| case[*k] && !case[(k + 1) % 4]);
+                    next.extend(leave.map(|leave| (edges[enter], edges[leave])));
+                }
+            }
+        }
+        let mut contours = Vec::new();
+        while let Some((first, mut edge)) = next.pop_first() {
+            let mut edges = vec![first];
+            while edge != first {
+                edges.push(edge);
+                let Some(onward) = next.remove(&edge) else { break };
+                edge = onward;
+            }
+            let contour = edges.into_iter().map(|(pixel, down)| {
+                let (x, y) = (pixel % width, pixel / width);
+                let to = values[pixel + if down { width } else { 1 }];
+                let part = values[pixel] / (values[pixel] - to);
+                let (dx, dy) = if down { (0.0, part) } else { (part, 0.0) };
+                [x as f64 + dx, -(y as f64 + dy)]
+            });
+            contours.push(contour.collect());
+        }
+        contours
+    }
+
+    /// Length of a contour along the edge of the picture.
+    fn length_along_edge(&self, contour: &Contour) -> f64 {
+        let [right, bottom] = [self.width - 2, self.height - 2].map(|side| side as f64);
+        let segments = legs(contour).filter(|ends| {
+            ends.iter().all(|[x, y]| *x < 1.0 || *x > right || -y < 1.0 || -y > bottom)
+        });
+        segments.map(|[a, b]| distance(a, b)).sum()
+    }
+
+    /// Marks of ink across the edge of the picture: runs of its outermost pixels.
+    fn marks_across_edge(&self) -> usize {
+        let (right, bottom) = (self.width - 2, self.height - 2);
+        let rows = [1, bottom].map(|y| (1..=right).map(|x| (x, y)).collect::<Vec<_>>());
+        let columns = [1, right].map(|x| (1..=bottom).map(|y| (x, y)).collect::<Vec<_>>());
+        let sides = rows.iter().chain(&columns).map(|side| {
+            let is_ink = |(x, y): &(usize, usize)| self.ink[y * self.width + x] > EDGE;
+            side.chunk_by(|a, b| is_ink(a) == is_ink(b)).filter(|run| is_ink(&run[0])).count()
+        });
+        sides.sum()
+    }
+
+    /// Warnings, also of patches at the edge, specks and lines by their numbers.
+    pub(super) fn warnings(
+        &self,
+        n_cut: usize,
+        n_specks: usize,
+        n_lines: usize,
+    ) -> Vec<Diagnostic> {
+        let is_touched = self.inner_edges() > self.width.max(self.height);
+        let counts = [
+            usize::from(self.is_photo),
+            n_specks,
+            n_cut,
+            usize::from(self.faint > FAINT),
+            Some(self.marks_across_edge()).filter(|n| *n >= RULINGS).unwrap_or(0),
+            usize::from(is_touched),
+            Some(n_lines).filter(|n| *n >= FINE).unwrap_or(0),
+        ];
+        let warnings = WARNINGS.iter().zip(counts).filter(|(_, n)| *n > 0);
+        let warnings = warnings.map(|((code, message), n)| {
+            Diagnostic::warning(code, message.replace("{n}", &n.to_string()))
+        });
+        warnings.collect()
+    }
+
+    /// The hue of the ink along a line at full saturation, or black for gray ink.
+    pub(super) fn hue(&self, line: &[[f64; 2]]) -> [u8; 3] {
+        // Four points of each segment, where they lie in the ink.
+        let mut sum = [0.0; 3];
+        let [mut n, mut contrast] = [0.0; 2];
+        for [from, to] in legs(line) {
+            for pixel in [0.0, 0.25, 0.5, 0.75].map(|part| self.pixel(between(from, to, part))) {
+                if self.ink[pixel] > EDGE {
+                    (0..3).for_each(|i| sum[i] += self.color[pixel][i]);
+                    contrast += self.contrast[pixel];
+                    n += 1.0;
+                }
+            }
+        }
+        let n = f64::max(n, 1.0);
+        saturated(sum.map(|value| value / n), (CHROMA * contrast / n).max(GRAY))
+    }
+
+    /// The pixel at a point, outside the margin.
+    #[expect(clippy::cast_possible_truncation, reason = "within the picture")]
+    fn pixel(&self, [x, y]: [f64; 2]) -> usize {
+        let [row, column] = [(-y, self.height), (x, self.width)]
+            .map(|(place, side)| (place.round().max(1.0) as usize).min(side - 2));
+        row * self.width + column
+    }
+}
+
+/// The hue of a color at full saturation, or black if its chroma is at most `gray`.
+fn saturated(color: [f64; 3], gray: f64) -> [u8; 3] {
+    let least = color.into_iter().fold(f64::MAX, f64::min);
+    let most = color.into_iter().fold(0.0, f64::max);
+    if most - least <= gray {
+        return [0; 3];
+    }
+    // In halves, so that strokes of one pen have one color.
+    color.map(|value| [0, 128, 255][level(2.0 * (value - least) / (most - least) + 0.5).min(2)])
+}
+
+/// Patches without specks that no pen of the drawing leaves, and the number of these.
+pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<Contour>>, usize) {
+    let ink = |patch: &Vec<Contour>| patch.iter().map(|contour| area(contour)).sum::<f64>();
+    let largest = patches.iter().max_by(|a, b| ink(a).total_cmp(&ink(b)));
+    // A speck is smaller than the pen.
+    let width = largest.map_or(0.0, |patch| mean_stroke_width(patch));
+    let most = (SPECK[1] * width).min(SPECK[0] * side);
+    let total: f64 = patches.iter().map(ink).sum();
+    let (specks, drawn): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
+        let [left, bottom, right, top] = bounds(patch[0].iter().copied());
+        (right - left).max(top - bottom) <= most
+    });
+    let n_specks = specks.len();
+    // A drawing of dots has no specks.
+    if specks.iter().map(ink).sum::<f64>() > SPECKLED / (1.0 + SPECKLED) * total {
+        return (drawn.into_iter().chain(specks).collect(), 0);
+    }
+    (drawn, n_specks)
+}
+
+/// Patches of ink, each a contour with its holes, of at least an area.
+fn nested(contours: Vec<Contour>, least: f64) -> Vec<Vec<Contour>> {
+    let (outer, holes): (Vec<Contour>, Vec<Contour>) = contours
+        .into_iter()
+        .filter(|contour| area(contour).abs() >= least)
+        .partition(|contour| area(contour) > 0.0);
+    let mut patches: Vec<Vec<Contour>> = outer.into_iter().map(|c| vec![c]).collect();
+    // The smallest patch that holds a point of a hole has the hole.
+    patches.sort_by(|a, b| area(&a[0]).total_cmp(&area(&b[0])));
+    let budget = Budget::new("", "");
+    let boxes: Vec<[f64; 4]> = patches.iter().map(|p| bounds(p[0].iter().copied())).collect();
+    for hole in holes {
+        let [x, y] = hole[0];
+        let owner = (0..patches.len()).find(|k| {
+            let [left, bottom, right, top] = boxes[*k];
+            (left..=right).contains(&x)
+                && (bottom..=top).contains(&y)
+                && Filled::new(&patches[*k][..1], &budget).holds([x, y])
+        });
+        if let Some(owner) = owner {
+            patches[owner].push(hole);
+        }
+    }
+    patches
+}
