@@ -89,7 +89,7 @@ impl Glow {
         }
         let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
-        // Corners of the coarse grid, each of which up to four squares share.
+        // Corners of the coarse grid, each of up to four squares.
         let corners = (0..=rows).into_par_iter().map(|j| {
             let points_px = (0..=columns).map(|i| [[i * SIDE_PX, j * SIDE_PX]]);
             points_px.flat_map(|point_px| floor.seen_lx_s(point_px)).collect()

@@ -139,7 +139,7 @@ impl Chunk {
             for (to, from) in along.iter_mut().zip(drawn.along(k, 0)) {
                 to[k] = *from;
             }
-            // Both parts of a value across share a number, 16 bits each.
+            // Both parts of a value across in one number, 16 bits each.
             let [high, low] = drawn.across(k, 0..height);
             for (to, (high, low)) in across.iter_mut().zip(high.iter().zip(low)) {
                 to[k] = high << 16 | low;

@@ -356,7 +356,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
         if most == 0.0 {
             continue;
         }
-        // Lamps of one color share a plane, in counts of its brightest channel.
+        // Lamps of one color are in one plane, in counts of its brightest channel.
         #[expect(clippy::cast_possible_truncation, reason = "0 to 2^31")]
         let shares = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
         let known = tints.iter().position(|tint| tint.shares == shares).unwrap_or_else(|| {

@@ -98,7 +98,6 @@ struct Photograph {
 }
 
 impl Photograph {
-    /// Sets sensor, lens, exposure and aspect of a camera.
     fn set(&mut self, camera: &mut CameraOptions, place: &str) -> Result<()> {
         let body = self.text(Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
         let focal_length_m = self.number(Tag::FocalLength).map(|mm| mm / 1000.0);
@@ -282,7 +281,6 @@ impl Photograph {
         Some(width_m)
     }
 
-    /// Width and height of the picture by its tags.
     fn tagged_size_px(&self) -> Option<[f64; 2]> {
         let side = |tag, or| self.number(tag).or_else(|| self.number(or));
         let width = side(Tag::PixelXDimension, Tag::ImageWidth)?;
@@ -330,7 +328,6 @@ impl Photograph {
             .then(|| format!("it was taken at {taken} and changed at {written}"))
     }
 
-    /// Sensitivity, ISO.
     fn iso(&self) -> Option<f64> {
         let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
         match self.number(Tag::PhotographicSensitivity) {
@@ -376,12 +373,10 @@ impl Photograph {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
-    /// Positive number of a tag.
     fn number(&self, tag: Tag) -> Option<f64> {
         self.signed(tag).filter(|value| *value > 0.0)
     }
 
-    /// Number of a tag.
     fn signed(&self, tag: Tag) -> Option<f64> {
         let value = match self.value(tag)? {
             Value::Rational(values) => values.first()?.to_f64(),
@@ -479,7 +474,7 @@ mod tests {
     use super::*;
     use exif::{Field, Rational, experimental::Writer};
 
-    /// A TIFF file with these tags alone.
+    /// A TIFF file with only these tags.
     fn tiff(fields: &[(Tag, Value)]) -> tempfile::NamedTempFile {
         let fields: Vec<Field> = fields
             .iter()
@@ -511,7 +506,7 @@ mod tests {
         ]
     }
 
-    /// Its tags without some, and with others added or in their place.
+    /// Its tags without some, and with others added or replaced.
     fn telephone_with(left_out: &[Tag], added: &[(Tag, Value)]) -> Vec<(Tag, Value)> {
         let mut tags = telephone();
         tags.retain(|(tag, _)| {
@@ -696,7 +691,7 @@ mod tests {
         assert_eq!(read(file.path()).unwrap().0.iso, 50.0);
     }
 
-    /// A JPEG of a size with these tags: markers alone.
+    /// The markers of a JPEG of a size with these tags.
     fn jpeg(tags: &[(Tag, Value)], [width, height]: [u16; 2]) -> tempfile::NamedTempFile {
         let exif = std::fs::read(tiff(tags).path()).unwrap();
         let length = u16::try_from(exif.len() + 8).unwrap().to_be_bytes();
