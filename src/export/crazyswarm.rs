@@ -1,12 +1,11 @@
 //! Crazyswarm2: a CSV of polynomials for each drone, `crazyflies.yaml` and a Python script.
 //!
 //! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads to the drone's
-//! memory with an offset in pieces; the script follows Crazyswarm2's Python interface
+//! memory with an offset in pieces. The script follows Crazyswarm2's Python interface
 //! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`.
 //! It judges the drones by the facts of the check ([`super::safety`]), through the topics that
-//! `crazyflies.yaml` asks the server for: pose, status and one of its own. The server reads no
-//! value of a parameter unless its own configuration says so; decks and the firmware's release are
-//! asked for.
+//! `crazyflies.yaml` asks the server for: pose, status and a custom one. The server reads no value
+//! of a parameter by default, so the operator is asked for decks and the firmware's release.
 
 use serde_json::json;
 
@@ -36,7 +35,7 @@ const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
 /// # Errors
 ///
 /// [`Error::Input`] for a controller or a drone that the firmware does not have, and for plans that
-/// are paced for a clock, which the script does; as [`Poly4d::fit`].
+/// are paced for a clock, which the script does. Also as [`Poly4d::fit`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let kind = job.sim.controller.kind;
     // Lamps are timed for the flight under the scene's controller.
@@ -55,6 +54,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         let hint = "plan with 1: the script paces the trajectory by the firmware's release";
         return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
     }
+    // A trajectory and an entry for each drone. All trajectories start together.
     let before_s = earliest_s(job.plans)?;
     let mut files = per_drone(job, "csv", |drone, plan| {
         let stretch = Stretch::new(plan)?;
@@ -82,7 +82,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         "critical_v": CRITICAL_BATTERY_V,
         "fence_m": FENCE_M,
         "wrong_s": WRONG_S,
-        // As long as the firmware waits for setpoints.
+        // Same as the firmware's setpoint timeout.
         "silent_s": MOTORS_STOP_S,
         "slow_clock": SLOW_CLOCK,
         "last_slow_release": Feature::CLOCK.last_without().name(),
@@ -116,6 +116,7 @@ fn entry(
     let dark = dark(plan, job.light)?;
     let start_m = plan.setpoints[0].position_m;
     let battery = job.checks.batteries.get(index).copied().flatten();
+    // The Kalman filter starts anew with the plan's heading, since the server does not.
     let before = json!([
         ["stabilizer.estimator", 2],
         ["kalman.initialYaw", plan.yaw_rad],
@@ -146,6 +147,7 @@ fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
         Platform::Crazyflie2 => "cf21",
         Platform::Brushless => "cf21bl",
     };
+    // One entry for each robot, then their type, then what holds for all of them.
     let mut text = "fileversion: 3\nrobots:\n".to_owned();
     for (drone, plan) in job.plans.iter().enumerate() {
         let start_m = plan.setpoints[0].position_m;
