@@ -62,7 +62,6 @@ pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Strin
     Ok(with_caution(job, script.replace("@DATA@", &literal)))
 }
 
-/// The script that flies several drones by theirs.
 pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
     let names = serde_json::to_string(scripts).expect("names are serializable");
     with_caution(job, LAUNCHER.replace("@SCRIPTS@", &names))
@@ -99,6 +98,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     };
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
+    // Several drones have an address and a log each, by their number.
     let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
     // As `noctograph plan` writes it, so that a log finds its plan.
     let mut csv = Vec::new();
@@ -214,6 +214,7 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
         Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
         Positioning::Gnss => vec!["bcGTGPS"],
     };
+    // Decks of lamps by name, since a deck may have several channels.
     let mut decks = vec![("positioning", position)];
     for channel in plan.lamps().filter_map(|(name, _)| Channel::named(name)) {
         let (name, parameters) = channel.deck;
@@ -558,7 +559,7 @@ mod tests {
             first["start_m"],
             json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
         );
-        // Unsafe as a trajectory, and not to be asked for; a plan for a slow clock neither.
+        // Unsafe as a trajectory, and not to be asked for. So is a plan for a slow clock.
         let refused = |data: &Value| data["refused"]["trajectory"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
         let slow = data(&Job { trajectory_clock: 0.99, flown: &plans, ..job }, 0, 0.0).unwrap();

@@ -127,11 +127,8 @@ impl Compressed {
 
     /// The bytes of a flight from the floor to the floor, after which the firmware stops the
     /// motors. The script lands `over_s` after the end of the trajectory.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] if the drone's memory does not hold them.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
+        // Take-off and path, the letters without their start and end, hover and landing.
         let mut bytes = millimeters(&timeline.before[0].1).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
@@ -304,6 +301,7 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     if flies_heading(release, yaw_rad) {
         return Ok(());
     }
+    // Older releases take ten times the stored number for radians.
     let (stored, since) = (f64::from(tenths(yaw_rad)), Feature::HEADING.since.name());
     let flown_turns = 10.0 * stored / TAU;
     let actual = format!(

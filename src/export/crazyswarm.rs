@@ -31,29 +31,8 @@ const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
 /// All files for Crazyswarm2.
-///
-/// # Errors
-///
-/// [`Error::Input`] for a controller or a drone that the firmware does not have, and for plans that
-/// are paced for a clock, which the script does. Also as [`Poly4d::fit`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
-    let kind = job.sim.controller.kind;
-    // Lamps are timed for the flight under the scene's controller.
-    let Some(controller) = firmware_controller(kind) else {
-        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
-        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
-        return Err(Error::input("controller.kind", kind.name(), wanted, hint));
-    };
-    let Some(platform) = job.checks.platform else {
-        let drone = "a drone without Bitcraze's firmware";
-        let hint = "name the preset of the drone that flies";
-        return Err(Error::input("preset", drone, "a Crazyflie", hint));
-    };
-    let clock = job.trajectory_clock;
-    if clock != 1.0 {
-        let hint = "plan with 1: the script paces the trajectory by the firmware's release";
-        return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
-    }
+    let (controller, platform) = firmware(job)?;
     // A trajectory and an entry for each drone. All trajectories start together.
     let before_s = earliest_s(job.plans)?;
     let mut files = per_drone(job, "csv", |drone, plan| {
@@ -95,7 +74,28 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// When the script sends the landing: all letters flown and all lamps off, s in the plan.
+/// Number of the controller in the firmware, and the drone.
+fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
+    let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
+    // Lamps are timed for the flight under the scene's controller.
+    let Some(controller) = firmware_controller(kind) else {
+        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
+        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
+        return Err(Error::input("controller.kind", kind.name(), wanted, hint));
+    };
+    let Some(platform) = job.checks.platform else {
+        let drone = "a drone without Bitcraze's firmware";
+        let hint = "name the preset of the drone that flies";
+        return Err(Error::input("preset", drone, "a Crazyflie", hint));
+    };
+    if clock != 1.0 {
+        let hint = "plan with 1: the script paces the trajectory by the firmware's release";
+        return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
+    }
+    Ok((controller, platform))
+}
+
+/// Time in the plan of the landing: all letters flown and all lamps off, s.
 fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
     let dark_s = job.trajectory_lights(drone)?.last().map_or(0.0, |last| last.time_s);
     Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
@@ -116,7 +116,7 @@ fn entry(
     let dark = dark(plan, job.light)?;
     let start_m = plan.setpoints[0].position_m;
     let battery = job.checks.batteries.get(index).copied().flatten();
-    // The Kalman filter starts anew with the plan's heading, since the server does not.
+    // The Kalman filter starts anew, with the plan's heading.
     let before = json!([
         ["stabilizer.estimator", 2],
         ["kalman.initialYaw", plan.yaw_rad],

@@ -145,7 +145,6 @@ fn header(design: &Design, sim: &SimOptions) -> String {
     )
 }
 
-/// A matrix as an array in C.
 fn table(name: &str, matrix: &DMatrix<f64>) -> String {
     let rows = matrix.row_iter().map(|row| {
         let entries: Vec<String> = row.iter().map(|entry| format!("{entry:.9e}f")).collect();

@@ -154,10 +154,6 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
-///
-/// # Errors
-///
-/// As [`commands`].
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
@@ -429,7 +425,7 @@ mod tests {
             plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s));
             timing(&plan, &commands(&plan, &options).unwrap())
         };
-        // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s; drift does not add up.
+        // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s. Drift does not add up.
         let played = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
         let (on, dark, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
         assert_eq!(played.entries, [(51, on), (25, dark), (25, half), (2, dark)]);

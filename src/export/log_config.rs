@@ -71,6 +71,7 @@ pub(super) fn files() -> Vec<File> {
         let text = format!("{:#}\n", json!({ "logconfig": { "logblock": block } }));
         File::new(format!("noctograph-{name}.json"), text)
     });
+    // The card logs all variables at one rate, without blocks.
     let mut card = format!(
         "1     # version\n1024  # buffer size in bytes\nlog   # file name\n0     # enable on startup \
          (0/1): set usd.logging to 1 before take-off, and to 0 after landing\n\

@@ -44,10 +44,6 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// # Errors
-    ///
-    /// [`Error::Input`] for a plan without letters, [`Error::Infeasible`] for one that reaches the
-    /// floor.
     pub(super) fn new(plan: &Plan) -> Result<Self> {
         let first = plan.setpoints.iter().position(|setpoint| setpoint.letter.is_some());
         let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some());
@@ -90,7 +86,6 @@ impl Stretch {
         Ok(Self { setpoints, stop_m_s2, yaw_rad: plan.yaw_rad })
     }
 
-    /// Time of the first setpoint in the plan, s.
     pub(super) fn start_s(&self) -> f64 {
         self.setpoints[0].time_s
     }
@@ -178,7 +173,6 @@ impl Stretch {
 /// Coefficients of an axis in ascending powers of the time in s.
 pub(super) type Polynomial = [f64; 8];
 
-/// Motion along one piece.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Polynomials {
     pub(super) duration_s: f64,
@@ -294,7 +288,6 @@ pub(super) fn pieces<P>(
 /// Motion of the piece between two setpoints after the pieces so far.
 type Motion<'a, P> = dyn Fn(usize, usize, &[P], Rounding) -> Polynomials + 'a;
 
-/// The requirements of pieces.
 struct Fit<'a, P> {
     stretch: &'a Stretch,
     limits: [f64; 2],

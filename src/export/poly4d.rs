@@ -24,7 +24,6 @@ const PIECE_BYTES: usize = 33 * 4;
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
 /// Shortest segment, s: a drone that starts first waits for none.
 const LEAST_SEGMENT_S: f64 = 1e-3;
-/// Header of the CSV.
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
 
@@ -79,10 +78,6 @@ impl Poly4d {
     /// piece is NaN, so that the commander on board gives no more setpoints
     /// (`crtp_commander_high_level.c`, "invalid eval") and the watchdog ends the flight 2 s later.
     /// The script lands `over_s` after the trajectory's end.
-    ///
-    /// # Errors
-    ///
-    /// [`noctograph_core::error::Error::Infeasible`] if the drone's memory does not hold it.
     pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
         let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
         let before = segment_pieces(&timeline.segments_before());
@@ -174,6 +169,7 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
 
 /// The quintic with position, velocity and acceleration given at both ends.
 fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
+    // What the motion with constant acceleration lacks at the end.
     let d = q - p - v * t - 0.5 * a * t * t;
     let e = (w - v - a * t) * t;
     let f = (b - a) * t * t;

@@ -27,9 +27,6 @@ const WHITE: u8 = 7;
 /// Width of the film that Skybrush's focal lengths are for, mm.
 const FILM_MM: f64 = 36.0;
 
-/// # Errors
-///
-/// As [`Compressed::of_any_length`], and [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let before_s = earliest_s(job.plans)?;
     let drones =

@@ -29,10 +29,6 @@ pub(super) fn zero_s(before_s: f64) -> f64 {
 }
 
 /// When the first of several trajectories starts, in the time of their plans, s.
-///
-/// # Errors
-///
-/// As [`Stretch::new`].
 pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
     let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
     Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
@@ -68,6 +64,7 @@ impl Timeline {
         before_s: f64,
         [first_m, last_m]: [Vector3<f64>; 2],
     ) -> Self {
+        // Straight up, level to the first letter, and a hover until the drone's turn.
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
         let zero_s = zero_s(before_s);

@@ -18,9 +18,6 @@ use noctograph_plan::Plan;
 const POSITION_HZ: f64 = 10.0;
 const COLOR_HZ: f64 = 20.0;
 
-/// # Errors
-///
-/// [`Error::Input`] for a plan with a turned nose, and as [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
         let wanted = "0 for VVIZ: no document says from where and which way its headings turn";

@@ -82,6 +82,7 @@ fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
             if rows.is_empty() {
                 continue;
             }
+            // A loop of its length for each number of spots.
             tiles.light(&columns, &rows);
             curves.draw(record, counts_per_lx_s);
             let part = [columns, rows];

@@ -33,7 +33,6 @@ const STEP: usize = 32;
 /// Exponent of 2 that stands for zero.
 const NOTHING: f32 = -125.0;
 
-/// Curves of a record.
 #[derive(Debug, Default)]
 pub(super) struct Curves {
     /// Along a row of the box, spot after spot, padded with zeros to whole lanes and one more.
@@ -191,7 +190,6 @@ fn exp2(power: f32) -> f32 {
     f32::from_bits(series.to_bits().wrapping_add(whole.to_bits() << 23))
 }
 
-/// Sum of integers in lanes.
 #[inline(always)]
 fn sum<T>(rows: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
     let mut sum = [0; LANES];

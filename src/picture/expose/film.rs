@@ -12,7 +12,6 @@ use noctograph_core::digest::Digest;
 use noctograph_core::error::Result;
 use noctograph_core::product::{Rules, Valid, check_picture};
 
-/// Side of a tile.
 const TILE_PX: u32 = 16;
 
 /// Bits of the sum of peaks on a tile, in counts.

@@ -32,7 +32,6 @@ const SIDE_PX: u32 = 32;
 /// of 8 bits), and relative to saturation (a fifth of what the camera tone shows as black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
-/// Glow on the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
     /// Squares by bands of [`SIDE_PX`] rows.
@@ -118,12 +117,10 @@ impl Glow {
         Some(Self { bands, unevenness, peak_lx_s, reflectance: None })
     }
 
-    /// The first row that it lights.
     pub(super) fn top_px(&self) -> usize {
         self.bands.iter().flatten().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
     }
 
-    /// Adds the glow to a film.
     pub(super) fn add_to(&self, film: &mut FilmData) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
@@ -133,6 +130,7 @@ impl Glow {
         let [red, green, blue] = planes;
         let bands = (red, green, blue).into_par_iter().zip(&self.bands);
         bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
+            // Rows of the band, in the planes of the film and of the photographed room.
             let mut planes = [red, green, blue];
             let first = band * SIDE_PX as usize * width;
             let room = self.reflectance.as_ref();
@@ -230,6 +228,7 @@ impl<'a> Floor<'a> {
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
+        // Points below sources so low that their light changes within a square.
         let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;
@@ -237,6 +236,7 @@ impl<'a> Floor<'a> {
             (height_px < f64::from(SIDE_PX)).then_some([image.x_px, image.y_px, height_px])
         });
         let feet_px = feet_px.collect();
+        // What the floor reflects lights the walls.
         let n_lamps = trees.len();
         if let Some([width_m, depth_m, _]) = options.room_m {
             let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);

@@ -13,7 +13,6 @@ use super::record::SPOTS;
 use super::tile;
 use noctograph_core::error::{Error, Result};
 
-/// The shader.
 pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 
 /// Bytes of the counts of a tile.
@@ -23,7 +22,6 @@ const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX 
 /// workgroups.
 const TILES: u64 = 16_384;
 
-/// An open graphics device.
 #[derive(Debug)]
 pub(super) struct Gpu {
     device: wgpu::Device,

@@ -9,7 +9,6 @@ use super::curves::Curves;
 use super::record::{Record, SPOTS};
 use super::{Latent, Tint};
 
-/// Side of a tile.
 pub(super) const TILE_PX: u32 = 64;
 
 /// Numbers along and across in a chunk, or a few more: 4 MB.
@@ -32,7 +31,6 @@ pub(super) struct Part {
     pub(super) unused: u32,
 }
 
-/// Parts of records, and their curves.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     /// With the index of their tile among the lit ones.
@@ -115,6 +113,7 @@ fn part(
         let Range { start, end } = inside[axis];
         start.max(corner[axis])..end.min(corner[axis] + TILE_PX)
     });
+    // Offsets wrap, since the box may begin outside the picture.
     let [i, j] = [columns.start - corner[0], rows.start - corner[1]];
     Part {
         place: (slot as u32 * TILE_PX + j) * TILE_PX + i,

@@ -11,9 +11,7 @@ use noctograph_core::geometry::Chords;
 /// A straight stretch of trail, traversed at constant speed, whose brightness changes evenly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Segment {
-    /// First and last point, in px.
     pub(super) ends_px: [Px; 2],
-    /// Standard deviation of the spot.
     pub(super) sigma_px: f64,
     /// Half the width and half the height of the rectangle that it blurs. 0 for a Gaussian spot.
     pub(super) half_px: Px,

@@ -84,7 +84,6 @@ pub struct Latent {
     glow: Option<Glow>,
 }
 
-/// All light of one color.
 #[derive(Clone, Debug, PartialEq)]
 struct Tint {
     /// Red, green and blue relative to the brightest of them, which is [`ALL`].
@@ -331,6 +330,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
         ("camera: vignetting", camera.vignetting, [0.0, 1.0]),
         ("camera: focus_m", camera.focus_m.unwrap_or(1.0), [1e-3, 1e9]),
     ];
+    // All numbers of the camera's distortion and pose, which may be negative.
     let distortion = camera.distortion.map(|k| ("camera: distortion", k, [-1e3, 1e3]));
     let pose = camera.position_m.iter().chain(camera.camera_from_world.iter());
     let pose = pose.map(|value| ("camera: position and attitude", *value, [-1e9, 1e9]));

@@ -14,7 +14,6 @@ use nalgebra::Vector3;
 use crate::light::{Emitter, Lamp, LightSample};
 use noctograph_core::camera::Camera;
 
-/// A point in the picture.
 pub(super) type Px = DVec2;
 
 /// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus,
@@ -44,7 +43,6 @@ const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 /// Stretch between two neighboring samples with the shutter open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interval {
-    /// Start and end.
     pub(super) time_s: [f64; 2],
     /// Position of the spot at both.
     pub(super) at_px: [Px; 2],
@@ -57,13 +55,11 @@ pub(super) struct Interval {
 }
 
 impl Interval {
-    /// Light in lx s px².
     pub(super) fn light(&self) -> f64 {
         0.5 * (self.light_lx_px2[0] + self.light_lx_px2[1]) * (self.time_s[1] - self.time_s[0])
     }
 }
 
-/// Image of a lamp at one instant.
 #[derive(Clone, Copy)]
 struct Spot {
     at_px: Px,
@@ -126,6 +122,7 @@ impl<'a> Lens<'a> {
         let pupil_m2 = std::f64::consts::PI * radius_m * radius_m * camera.transmission;
         let blur_px = camera.blur_m / pitch_m;
         let airy_px = AIRY_SIGMA * WAVELENGTH_M * camera.f_number / pitch_m;
+        // A cylinder is drawn as a rectangle, not as a disc.
         let disc_m = if emitter.depth_m.is_some() { 0.0 } else { emitter.diameter_m };
         let disc_px = disc_m * camera.focal_length_px();
         Self {

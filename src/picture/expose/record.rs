@@ -74,7 +74,6 @@ pub(super) struct Record {
     pub(super) share: [f32; SPOTS],
     /// Luminous exposure in the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
-    /// Inverse of σ in pixels.
     pub(super) per_px: f32,
     /// Half the width and half the height of the rectangle that the Gaussian blurs. 0 for none.
     pub(super) half_px: [f32; 2],
@@ -84,7 +83,6 @@ pub(super) struct Record {
     /// Pixels in the box.
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Number of spots, 1 to [`SPOTS`].
     pub(super) spots: u32,
     /// Threshold of the first pixel: see [`DITHER`].
     pub(super) dither: u32,
@@ -129,6 +127,7 @@ impl Record {
 /// Passes on the records of the part of a segment that reaches the picture. A long part is split.
 pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
     let Some([from, to]) = visible(segment, size_px) else { return };
+    // Pieces of even length, each short enough for the quadrature with most nodes.
     let length_sigma = length_sigma(segment);
     let n = ((to - from) * length_sigma / LONGEST_SIGMA[SPOTS - 1]).ceil().max(1.0);
     let mut dither = dither(segment.start_s);
@@ -160,6 +159,7 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     let [start, end] = segment.ends_px;
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
+        // Borders of the picture, wider by the reach of a spot.
         let borders = [-reach[axis], f64::from(size_px[axis]) + reach[axis]];
         if [start, end].iter().all(|px| (borders[0]..=borders[1]).contains(&px[axis])) {
             continue;

@@ -130,7 +130,6 @@ impl Room {
 }
 
 impl Surface {
-    /// A matte surface.
     pub(super) fn matte(normal: Vector3<f64>, at_m: f64, albedo: f64) -> Self {
         Self { normal, at_m, albedo, roughness: None }
     }

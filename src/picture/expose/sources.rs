@@ -20,7 +20,6 @@ const LOWEST_M: f64 = 0.002;
 /// straight below it, and by less elsewhere.
 const OPENING: f64 = 0.3;
 
-/// Red, green, blue.
 pub(super) type Rgb = [f64; 3];
 
 /// Sources of one beam shape and about one axis.
@@ -38,7 +37,6 @@ pub(super) struct Branch {
     next: usize,
 }
 
-/// A point source.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Source {
     pub(super) position_m: Vector3<f64>,
@@ -265,6 +263,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
                         let shown = 0.5 + 0.5 * past / (radius_m * per_m[n]);
                         beam += edge * (shown - f64::from(u8::from(past >= 0.0)));
                     }
+                    // Beam and sheen, relative to a lamp and a surface that are even.
                     weights[n] *= beam;
                     if let Some(roughness) = surface.roughness.filter(|_| weights[n] > 0.0) {
                         let from = Vector3::new(to[0][n], to[1][n], to[2][n]) * -per_m[n];

@@ -15,7 +15,6 @@ const ALL_BITS: u32 = 31;
 /// Light of one color, in counts of its brightest channel.
 #[derive(Debug)]
 pub(super) struct Tiles {
-    /// Rows of the picture.
     pub(super) rows: Range<u32>,
     /// Distance between rows, in pixels: at least the width of the picture.
     pub(super) stride: usize,
@@ -27,7 +26,6 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    /// Dark tiles.
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];

@@ -18,7 +18,6 @@ use noctograph_core::files::{Head, Text, bracketed, simplified, unit};
 use noctograph_core::flight::stamps::unit_of;
 use noctograph_core::flight::table::{Table, on_grid};
 
-/// Columns of the file.
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 
 /// Resolution of an intensity: rows whose colors differ by no more have one color.
@@ -117,6 +116,7 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
         let first_s = on_grid(first * unit_s);
         warnings.push(format!("its clock begins at {first_s} s, and the exposure at 0 s"));
     }
+    // Positions may have any sign, intensities may not be negative.
     let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
     let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
     for (name, column) in [("r", r), ("g", g), ("b", b)] {
@@ -175,7 +175,6 @@ fn too_fast(instants: &[Instant]) -> Option<String> {
     })
 }
 
-/// A row of the table.
 struct Instant {
     time_s: f64,
     position_m: Vector3<f64>,

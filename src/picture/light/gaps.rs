@@ -22,7 +22,6 @@ const LEAST_M_S2: f64 = 0.4;
 /// Time over which velocities are measured: ten samples of the firmware's position loop.
 const VELOCITY_S: f64 = 0.1;
 
-/// Time between the samples of a bridge.
 const STEP_S: f64 = 0.01;
 
 /// Largest distance of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between
@@ -74,6 +73,7 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     }
     let (mut stretches, mut stretch) = (Vec::new(), Vec::new());
     let mut rest = &flight.samples[..];
+    // Up to each gap, and over it if it is bridged.
     for gap in gaps(flight) {
         let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap.span_s[1]));
         rest = after;
@@ -119,7 +119,6 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     }))
 }
 
-/// Mean velocity over some samples.
 fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
     let (first, last) = (samples.first()?, samples.last()?);
     let lasts_s = last.time_s - first.time_s;

@@ -292,6 +292,7 @@ const MAX_COLORS: usize = 8;
 /// for each primary color.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let moments = moments(dies);
+    // Every color that is ever shown, as levels relative to the highest.
     let mut colors: Vec<Vec<f64>> = Vec::new();
     for (_, levels) in &moments {
         let color = color_of(levels);
@@ -365,6 +366,7 @@ fn most(levels: &[f64]) -> f64 {
 
 /// The source of light that the dies of a lamp make together at these levels.
 pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
+    // Additive mixing: luminances and XYZ add up.
     let (mut intensity_cd, mut mixture) = (0.0, [0.0; 3]);
     for (die, level) in fixture.dies.iter().zip(levels) {
         let part_cd = level * die.intensity_cd;

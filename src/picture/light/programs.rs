@@ -16,7 +16,6 @@ use noctograph_core::srgb::{
     RGB_FROM_XYZ, encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz,
 };
 
-/// Programs of the lamps of one drone during one flight.
 #[derive(Debug)]
 pub(super) struct Programs<'a> {
     flight: &'a Flight,
@@ -25,7 +24,6 @@ pub(super) struct Programs<'a> {
     drone: u64,
     begin_s: f64,
     end_s: f64,
-    /// Frames of the ring, computed once.
     ring: OnceCell<Vec<(f64, Frame)>>,
 }
 
@@ -97,7 +95,6 @@ impl<'a> Programs<'a> {
         changes
     }
 
-    /// Changes of a lamp that flashes at random times.
     fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, name);
         let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
@@ -148,6 +145,7 @@ impl<'a> Programs<'a> {
     fn color_led_sent(&self) -> Vec<f64> {
         let level = self.flight.lights.get(COLOR_LED.name);
         let colors = COLOR_LED_COLORS.map(|name| self.flight.lights.get(name));
+        // A letter's color stays until the next letter, if the plan has no color channels.
         let mut letter = None;
         let samples = self.flight.samples.iter().enumerate();
         Vec::from_iter(samples.map(|(row, sample)| {

@@ -73,7 +73,6 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
     commands
 }
 
-/// State of the ring in the firmware.
 #[derive(Debug)]
 struct Ring {
     effect: RingEffect,
@@ -88,7 +87,6 @@ struct Ring {
     fade: Fade,
 }
 
-/// A fade from one color to the next.
 #[derive(Debug)]
 struct Fade {
     from: [f32; 3],
@@ -108,6 +106,7 @@ impl Ring {
             }
             RingEffect::Fade(RingFade { color, fade_s }) => (*color, *fade_s),
         };
+        // Channels of the plan take precedence over the scene's color.
         for (value, channel) in color.iter_mut().zip(1..) {
             *value = first(channel).map_or(*value, byte);
         }

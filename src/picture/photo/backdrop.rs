@@ -33,7 +33,6 @@ pub(super) struct Backdrop {
 /// Distance of the columns between which the light of a surface is linear.
 const STEP_PX: usize = 8;
 
-/// A background picture.
 #[derive(Debug)]
 struct Picture {
     photo: Photo,

@@ -129,6 +129,7 @@ impl Photograph {
         else {
             return Err(self.incomplete(&needed, place));
         };
+        // The lens keeps the distortion of the scene, which EXIF does not have.
         camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
         let distortion = match &camera.lens {
             LensModel::Custom(lens) => lens.distortion,
@@ -210,6 +211,7 @@ impl Photograph {
             }
             (width, height) = (real_width, real_height);
         }
+        // As many pixels on the longer side as before.
         let longer = camera.width_px.max(camera.height_px);
         let shorter = f64::from(longer) * (width.min(height) / width.max(height));
         #[expect(clippy::cast_possible_truncation, reason = "a side")]
@@ -227,27 +229,9 @@ impl Photograph {
     /// Width of the sensor of an unknown camera, from tags of one age.
     fn sensor_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_width_m = self.equivalent_width_m(focal_length_m);
-        let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
-            None | Some(2.0) => 0.0254, // inches by default
-            Some(3.0) => 0.01,
-            Some(4.0) => 1e-3,
-            Some(5.0) => 1e-6,
-            Some(unit) => {
-                if film_width_m.is_none() {
-                    let message = format!("FocalPlaneResolutionUnit {unit} is none of EXIF's");
-                    self.warn("resolution-unit", message);
-                }
-                return film_width_m;
-            }
-        };
-        let pixels = self.number(Tag::PixelXDimension).or_else(|| self.number(Tag::ImageWidth));
-        let resolution = pixels.zip(self.number(Tag::FocalPlaneXResolution));
-        let Some((pixels, per_unit)) = resolution else { return film_width_m };
-        let canon_width_m = self.canon_width().map(|units| units * unit_m);
-        let width_m = canon_width_m.unwrap_or(pixels / per_unit * unit_m);
-        if !SENSORS_M.contains(&width_m) {
-            return film_width_m;
-        }
+        let resolution = self.resolution_width_m(film_width_m.is_none());
+        let plausible = resolution.filter(|(_, width_m, _)| SENSORS_M.contains(width_m));
+        let Some((pixels, width_m, is_of_one_age)) = plausible else { return film_width_m };
         let mm = 1e3 * width_m;
         match film_width_m {
             // Programs that shrink a picture leave its resolution tags unchanged.
@@ -260,7 +244,7 @@ impl Photograph {
                 self.warn("sensor-width", message);
                 return Some(film_m);
             }
-            None if canon_width_m.is_none() => {}
+            None if !is_of_one_age => {}
             _ => return Some(width_m),
         }
         // No other tag confirms the resolution, so it counts only in a picture as it was taken.
@@ -279,6 +263,26 @@ impl Photograph {
         );
         self.warn("sensor-width", message);
         Some(width_m)
+    }
+
+    /// Pixels across, the width of the sensor by its resolution, and true if both are certainly of
+    /// one age. A unit that is not EXIF's is worth a warning if the width is needed.
+    fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
+        let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
+            None | Some(2.0) => 0.0254, // inches by default
+            Some(3.0) => 0.01,
+            Some(4.0) => 1e-3,
+            Some(5.0) => 1e-6,
+            Some(unit) => {
+                let message = format!("FocalPlaneResolutionUnit {unit} is none of EXIF's");
+                is_needed.then(|| self.warn("resolution-unit", message));
+                return None;
+            }
+        };
+        let pixels = self.number(Tag::PixelXDimension).or_else(|| self.number(Tag::ImageWidth))?;
+        let per_unit = self.number(Tag::FocalPlaneXResolution)?;
+        let canon = self.canon_width();
+        Some((pixels, canon.unwrap_or(pixels / per_unit) * unit_m, canon.is_some()))
     }
 
     fn tagged_size_px(&self) -> Option<[f64; 2]> {
@@ -516,7 +520,6 @@ mod tests {
         tags
     }
 
-    /// The camera of a file, and the texts of its warnings.
     fn read(path: &Path) -> Result<(CameraOptions, Vec<String>)> {
         let Warned { product, warnings } = taken_as(CameraOptions::default(), path)?;
         Ok((product, warnings.iter().map(Diagnostic::to_string).collect()))
@@ -691,7 +694,6 @@ mod tests {
         assert_eq!(read(file.path()).unwrap().0.iso, 50.0);
     }
 
-    /// The markers of a JPEG of a size with these tags.
     fn jpeg(tags: &[(Tag, Value)], [width, height]: [u16; 2]) -> tempfile::NamedTempFile {
         let exif = std::fs::read(tiff(tags).path()).unwrap();
         let length = u16::try_from(exif.len() + 8).unwrap().to_be_bytes();

@@ -137,6 +137,7 @@ impl Perceived {
             let rgb = Vec3::from(pixel.map(|level| light[usize::from(level)]));
             opponent_from_xyz(XYZ_FROM_RGB * rgb)
         });
+        // Features are of the unfiltered luminance, colors are filtered in linear light.
         let opponent = Plane { width, values: opponent.collect() };
         let gray = opponent.values.iter().map(|color| (color.x + 16.0) / 116.0);
         let [edges, points] = Plane { width, values: gray.collect() }.features();
@@ -294,7 +295,6 @@ mod tests {
         Photo::made(PhotoData { width_px: width, height_px: height, rgb8, scene_toml: None })
     }
 
-    /// A trail, a dot, a ramp of colors and a checkerboard.
     fn drawing(shift: u32) -> Photo {
         picture(96, 64, |x, y| {
             let (x, y) = (x + shift, y);

@@ -21,7 +21,6 @@ pub(super) const CELL_PX: usize = 4;
 /// Unit of fractions of light.
 pub(super) const WHOLE: u32 = 1 << 16;
 
-/// The light that the lens scatters.
 #[derive(Debug)]
 pub(super) struct Glare {
     /// Scattered fraction of each pixel's counts, in units of 1 / [`WHOLE`].
@@ -69,6 +68,7 @@ impl Glare {
             for (out, &count) in out.iter_mut().zip(pixels) {
                 *out = count - scattered(count, self.share);
             }
+            // Along the row in 32 bits if the cells are faint, as nearly all are.
             let most = cells.iter().copied().fold(0, u64::max);
             if most < QUADRUPLE.most_narrow() {
                 QUADRUPLE.along_narrow(cells, out);
@@ -103,6 +103,7 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
                     for (sum, pixels) in sums.iter_mut().zip(cells) {
                         *sum += pixels.iter().map(light).sum::<u64>();
                     }
+                    // The last cell may be narrower.
                     if let Some(sum) = sums.get_mut(cells.len()) {
                         *sum += rest.iter().map(light).sum::<u64>();
                     }

@@ -24,7 +24,6 @@ pub(super) struct Kernel<const PARTS: usize> {
     shift: u32,
 }
 
-/// 1-2-1.
 pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
 /// Cells twice as wide to cells, 1-3-3-1.
@@ -151,14 +150,12 @@ impl Plane {
         }
     }
 
-    /// Blurred by 1-2-1 along both axes.
     pub(super) fn blurred(&self) -> Self {
         let mut out = Self::dark(self.width, self.height);
         self.spread_into(&BLUR, &mut out);
         out
     }
 
-    /// Sums of 2 × 2 cells.
     pub(super) fn halved(&self) -> Self {
         let mut out = Self::dark(self.width.div_ceil(2), self.height.div_ceil(2));
         for (y, row) in self.values.chunks_exact(self.width).enumerate() {

@@ -205,6 +205,7 @@ impl Lens<'_> {
             Some(glare) => glare.row(channel, y, film, scratch, out),
             None => out.copy_from_slice(film),
         }
+        // Changes are sorted by pixel.
         let start = self.spikes.partition_point(|change| change.index < first);
         let changes = self.spikes[start..].iter();
         for change in changes.take_while(|change| change.index < first + width) {

@@ -21,14 +21,12 @@ use crate::narrow;
 use noctograph_core::camera::Camera;
 use noctograph_core::random::poisson;
 
-/// A sensor with its settings for one picture.
 #[derive(Debug)]
 pub(super) struct Sensor {
     /// Luminous exposure at white.
     pub(super) white_lx_s: f64,
     /// Matrix of the leak between the channels, and its inverse.
     leak: Option<[[[f32; 3]; 3]; 2]>,
-    /// Gains of the channels.
     white_balance: [f32; 3],
     noise: Option<Noisy>,
 }
@@ -119,7 +117,6 @@ fn leak() -> [[[f32; 3]; 3]; 2] {
     [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }
 
-/// Mixes the channels of each pixel.
 #[inline(always)]
 fn mix(by: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
     let [red, green, blue] = rows;
@@ -135,6 +132,7 @@ impl Noisy {
         let gain = (camera.iso / camera.base_iso).max(1.0);
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
         let largest = noise.response.into_iter().fold(0.0, f64::max);
+        // At a gain the converter clips before the well does.
         let clip = noise.full_well_e / gain;
         let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
         Self {

@@ -32,10 +32,8 @@ const REACH_CELLS: usize = 1;
 /// Start of the spikes, outside of those cells.
 const INNER_PX: f64 = 6.0;
 
-/// End of the spikes.
 const OUTER_PX: f64 = 240.0;
 
-/// Width of a spike, σ.
 const WIDTH_PX: f64 = 0.9;
 
 /// Rotation of the iris, so that no spike runs along rows or columns like an artifact.
@@ -141,7 +139,6 @@ fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)
     y.flat_map(move |y| x.clone().map(move |x| (x, y)))
 }
 
-/// Centroid of the light of a block.
 fn center_px(film: &Film, corner: [usize; 2]) -> DVec2 {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let (mut sum, mut weight) = (DVec2::ZERO, 0.0);
