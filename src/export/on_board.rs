@@ -56,8 +56,8 @@ pub enum Length {
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode`] and [`Poly4d::fit`], and [`Error::Infeasible`] if, with trajectories on
-/// board, a drone that hovers at its start is too near to the path of another.
+/// As [`Compressed::encode`] and [`Poly4d::fit`], and [`Error::Infeasible`] if, with trajectories
+/// on board, a drone that hovers at its start is too near to the path of another.
 pub fn flown(
     release: Release,
     plans: &[Plan],

@@ -13,8 +13,8 @@ use nalgebra::Vector3;
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::{Plan, Setpoint};
 
-/// Least number of times between two setpoints at which a piece is compared with the design, and the
-/// longest time between two of them, s: a run-up is 0.5 s without a setpoint.
+/// Least number of times between two setpoints at which a piece is compared with the design, and
+/// the longest time between two of them, s: a run-up is 0.5 s without a setpoint.
 const CHECKS_PER_SETPOINT: f64 = 4.0;
 const CHECK_INTERVAL_S: f64 = 0.02;
 
@@ -128,8 +128,8 @@ impl Stretch {
         [speeds.fold(0.0, f64::max), accelerations.fold(0.0, f64::max)]
     }
 
-    /// Largest distance of a trajectory from the design at any of the drone's milliseconds, m: those
-    /// just before a setpoint, too, when a design of constant accelerations is the farthest off.
+    /// Largest distance of a trajectory from the design at any of the drone's milliseconds, m. Just
+    /// before a setpoint a design of constant accelerations is the farthest off.
     pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
         let (mut worst_m, mut start_s) = (0.0, 0.0);
         for piece in pieces {

@@ -1,9 +1,9 @@
 //! Segments: neighboring intervals that run straight and evenly, merged into one.
 //!
-//! Greedy and linear in time: swinging-door thinning (Bristol 1990). An interval joins the run while
-//! three things stay within tolerance of the chord from the run's first sample to its last: the
-//! position, at constant speed, the brightness, so that a fade is one segment, and the width of the
-//! spot. The segment carries the exact sum of the light.
+//! Greedy and linear in time: swinging-door thinning (Bristol 1990). An interval joins the run
+//! while three things stay within tolerance of the chord from the run's first sample to its last:
+//! the position, at constant speed, the brightness, so that a fade is one segment, and the width of
+//! the spot. The segment carries the exact sum of the light.
 
 use super::project::{Interval, Px};
 use noctograph_core::geometry::Chords;

@@ -4,8 +4,8 @@
 //! direction). More columns are allowed. A table has no beams.
 //!
 //! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case,
-//! after `#`, in every form of table that [`Head`] knows, units in brackets, timestamps in ms, µs or
-//! ns by their steps, levels from 0 to 255 (1 cd). Guesses and omissions are warnings.
+//! after `#`, in every form of table that [`Head`] knows, units in brackets, timestamps in ms, µs
+//! or ns by their steps, levels from 0 to 255 (1 cd). Guesses and omissions are warnings.
 
 use std::collections::BTreeMap;
 

@@ -29,8 +29,8 @@ pub(super) const COARSE_M: f64 = 60e-6;
 /// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.
 const ARM_M: f64 = 0.07;
 
-/// Poses of a flight between which the motion is straight and even within the tolerance. An open gap
-/// in a real log separates one stretch of poses from the next.
+/// Poses of a flight between which the motion is straight and even within the tolerance. An open
+/// gap in a real log separates one stretch of poses from the next.
 pub(super) fn stretches(samples: &[Cow<'_, [FlightSample]>], tolerance_m: f64) -> Vec<Vec<Pose>> {
     samples.iter().map(|stretch| poses(stretch, tolerance_m)).collect()
 }

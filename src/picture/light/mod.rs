@@ -12,10 +12,11 @@
 //!    in long ones, where nothing says where they were.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
-//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
-//! modeled: light reflected by the body, effects of the ring that depend on sensors, a falling
-//! battery voltage, pulses (a lamp dimmed by pulse width shines with its mean), rare stalls of the
-//! radio (up to 0.7 s in the team's log), the firmware's clock, 1.2 % slow until 2026.
+//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp.
+//!
+//! Not modeled: light reflected by the body, effects of the ring that depend on sensors, a falling
+//! battery voltage, the firmware's clock (1.2 % slow until 2026). A lamp dimmed by pulse width
+//! shines with its mean. Rare stalls of the radio (up to 0.7 s in the team's log) are left out.
 
 use std::cell::LazyCell;
 

@@ -21,8 +21,8 @@ const DARK: Frame = [[0; 3]; RING_LEDS];
 /// Channels of a plan for the ring: on, red, green, blue.
 pub(super) const CHANNELS: [&str; 4] = [RING.name, RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
-/// Changes of the frame of the ring during a flight. A ring without the channel `ring` is always on.
-/// One that is on at the start of the flight has been on for long.
+/// Changes of the frame of the ring during a flight. A ring without the channel `ring` is always
+/// on. One that is on at the start of the flight has been on for long.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,

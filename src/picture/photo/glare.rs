@@ -1,8 +1,8 @@
 //! Veiling glare and halo: the lens scatters a fraction of all light, in integers.
 //!
 //! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves: bell-shaped blurs of
-//! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is
-//! made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
+//! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave
+//! is made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
 //! scattered within 4 px stays in its pixel. Every count is conserved.
 //!
 //! Not modeled: ghosts, and light that crosses the border of the picture (it is mirrored).
@@ -46,7 +46,7 @@ impl Glare {
         Some(Self { share, halo, rows })
     }
 
-    /// Counts of a row of the film, `pixels`, after the scatter. They saturate. `cells` is a buffer.
+    /// Counts of a row of the film, `pixels`, after the scatter. `cells` is a buffer.
     pub(super) fn row(
         &self,
         channel: usize,
