@@ -456,7 +456,7 @@ mod tests {
         assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
     }
 
-    /// A drone that stands at (0.2, 0.3) m, and then writes for 1 s.
+    /// A drone that takes off at (0.2, 0.3) m, and then writes for 1 s.
     fn beside() -> Plan {
         let setpoint = |time_s, position_m: [f64; 3], vx, letter| Setpoint {
             time_s,

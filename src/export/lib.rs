@@ -73,7 +73,7 @@ pub struct Job<'a> {
     /// The flights of the trajectories that are exported ([`flown`]), with the lights timed on
     /// them. Empty if none is ([`Format::trajectory`]), or none fits.
     pub flown: &'a [Plan],
-    /// Why they should not be flown, if they are exported all the same. Scripts quote it.
+    /// Why they should not be flown, although they are exported. Scripts quote it.
     pub unsafe_because: Option<&'a str>,
     /// The word, for names and titles.
     pub word: &'a str,

@@ -177,7 +177,7 @@ mod tests {
         plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
     }
 
-    /// A plan that begins later and stands farther to the right.
+    /// A plan that begins later and farther to the right.
     fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
         let mut plan = plan.clone();
         plan.edit(|plan| {
@@ -213,7 +213,7 @@ mod tests {
                 assert!(off_m_s <= 0.3, "{off_m_s} m/s at {} s", pair[0].time_s);
                 mean_off_m_s += off_m_s / plan.setpoints.len() as f64;
             }
-            // Where no piece begins they agree: an acceleration of the other sign is 8 mm/s off.
+            // Within a piece they agree: an acceleration of the other sign is 8 mm/s off.
             assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
         }
     }
@@ -231,7 +231,7 @@ mod tests {
                 n += f64::from(u8::from(changed.norm() > 0.01));
             }
             changes.sort_by(f64::total_cmp);
-            // Where no piece begins.
+            // Within a piece.
             let most = changes[changes.len() * 8 / 10];
             assert!(most < 2e-3 && n > 100.0, "{most} m/s2, {n}");
         }

@@ -33,7 +33,7 @@ const STEP_S: f64 = 0.001;
 const RETRIES: u32 = 200;
 
 /// The part of a plan that flies as a trajectory: a run-up from rest, all letters, and a run-out to
-/// rest. Take-off and landing are commands of their own.
+/// rest. Take-off and landing are separate commands.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) setpoints: Vec<Setpoint>,

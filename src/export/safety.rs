@@ -252,7 +252,7 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
 
-    /// A flight of a short word from a charge, and what the table's rule says of it.
+    /// A flight of a short word from a charge, and if the battery lasts by the table's rule.
     fn flown(charge_frac: f64) -> (Battery, bool) {
         let mut options = SimOptions::default();
         options.battery.capacity_ah = 0.25;

@@ -17,7 +17,7 @@ use super::record::{DITHER, Record};
 use super::tile::Tiles;
 use super::{Latent, Tint};
 
-/// Least number of pixels, summed over the boxes of the records, for a band of its own: about a
+/// Least number of pixels of a band, summed over the boxes of the records: about a
 /// quarter of a millisecond.
 const BAND_PIXELS: u64 = 1 << 19;
 

@@ -164,11 +164,11 @@ fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     }
 }
 
-/// Twice the fraction of a Gaussian about 0 that lies within `half_px` of x.
+/// Twice the fraction of a Gaussian about 0 within `half_px` of x.
 fn between(x: f32, per_px: f32, half_px: f32) -> f32 {
     let [from, to] = [x - half_px, x + half_px].map(|edge| {
         let sigmas = edge * per_px * std::f32::consts::FRAC_1_SQRT_2;
-        // The function is 1 in f32 beyond. Most edges lie there.
+        // The function is 1 in f32 beyond, as at most edges.
         if sigmas.abs() < 4.0 { libm::erff(sigmas) } else { sigmas.signum() }
     });
     to - from

@@ -56,8 +56,8 @@ const HALF_SLACK: f64 = 4.0;
 /// Merges the intervals of one lamp into `segments`. The brightest channel has the fraction `share`
 /// of its light. A `tolerance_px` of 0 merges nothing.
 ///
-/// Every skipped sample lies within `tolerance_px` of the position of its segment at that time, and
-/// its brightness and spot width within [`UNEVENNESS`] of the segment's.
+/// Every skipped sample is within `tolerance_px` of the position of its segment at that time, and
+/// its brightness and spot width are within [`UNEVENNESS`] of the segment's.
 pub(super) fn merge(
     intervals: impl Iterator<Item = Interval>,
     share: f64,

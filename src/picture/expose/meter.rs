@@ -70,7 +70,7 @@ pub struct HotSpot {
 pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
-    /// Sensitivity. `None` below that of a full well, which saturates all the same.
+    /// Sensitivity. `None` below that of a full well, which would still saturate.
     pub iso: Option<f64>,
     /// Level of the lamp relative to the present one. `None` above it, since a lamp at full level
     /// gives no more.

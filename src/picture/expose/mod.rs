@@ -283,7 +283,7 @@ impl Developer {
     ///
     /// # Errors
     ///
-    /// [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
+    /// [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or the device fails.
     pub fn develop(mut self, latent: &Latent) -> Result<Exposure> {
         let gpu = match self.device.take() {
             None if self.choice != BackendChoice::Wgpu => return Ok(latent.on_cpu()),
@@ -363,7 +363,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
             tints.push(Tint { shares, records: Vec::new() });
             tints.len() - 1
         });
-        // Each lamp on its own: its path, merged to segments, becomes records.
+        // Lamp by lamp: its path, merged to segments, becomes records.
         segments.clear();
         let intervals = project::intervals(lamp, camera);
         merge::merge(intervals, most, merge_tolerance_px, &mut segments);

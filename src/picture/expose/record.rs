@@ -77,7 +77,7 @@ pub(super) struct Record {
     pub(super) per_px: f32,
     /// Half the width and half the height of the rectangle that the Gaussian blurs. 0 for none.
     pub(super) half_px: [f32; 2],
-    /// First pixel of the box, which may lie outside the picture.
+    /// First pixel of the box, which may be outside the picture.
     pub(super) x: i32,
     pub(super) y: i32,
     /// Pixels in the box.
@@ -103,7 +103,7 @@ impl Record {
         self.light_lx_s * gaussian * flat[0] * flat[1]
     }
 
-    /// Columns and rows of the box that lie in the picture and among these rows.
+    /// Columns and rows of the box in the picture and among these rows.
     #[inline(always)]
     pub(super) fn inside(&self, width: u32, rows: &Range<u32>) -> [Range<u32>; 2] {
         let end = |first: i32, pixels: u32| (first + pixels.cast_signed()).max(0).cast_unsigned();

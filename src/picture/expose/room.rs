@@ -44,7 +44,7 @@ pub(crate) struct Room {
 }
 
 impl Room {
-    /// The room around a camera, which looks through a wall that it stands behind.
+    /// The room around a camera. A camera outside looks through the wall.
     pub(crate) fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
         let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
         let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);

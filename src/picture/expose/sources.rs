@@ -166,7 +166,7 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
 /// The floor of a room as sources of the light that it reflects.
 ///
 /// Each square counts as evenly lit as its middle would be from lamps its edge higher up: their
-/// light is the same in all, and no square misses a lamp that stands at its corner.
+/// light is the same in all, and no square misses a lamp at its corner.
 pub(super) fn reflected(
     trees: &[Tree<'_>],
     [width_m, depth_m]: [f64; 2],
@@ -199,8 +199,8 @@ pub(super) fn reflected(
 /// Exposure of points of a surface. Light counts as much as it reflects `toward` a unit vector at
 /// each point, relative to what it reflects evenly.
 ///
-/// The points lie near each other, so that they mostly open the same branches, and are lit side by
-/// side. Each gets the same bits as on its own.
+/// The points are near each other, so that they mostly open the same branches, and are lit side by
+/// side. The bits are those of each point by itself.
 #[inline(always)]
 pub(super) fn exposures_lx_s<const N: usize>(
     trees: &[Tree<'_>],

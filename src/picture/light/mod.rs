@@ -313,7 +313,7 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
     }))
 }
 
-/// One source for each primary color of sRGB, with the part of it that every color has: dies lie
+/// One source for each primary color of sRGB, with the part of it that every color has. Dies are
 /// outside sRGB, so that each clipped by itself would be paler than the mixture.
 fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
     let parts = moments.iter().map(|(time_s, levels)| {

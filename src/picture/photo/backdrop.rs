@@ -132,8 +132,8 @@ impl Backdrop {
     }
 }
 
-/// What floor and walls reflect if the background stands for the room: its light in each channel
-/// over the median, as if it was evenly lit, at most four times. `None` without a background.
+/// Relative albedo of floor and walls by the background: its light in each channel over the median,
+/// as if it was evenly lit, at most four times. `None` without a background.
 ///
 /// # Errors
 ///

@@ -87,7 +87,7 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
     Ok(Warned { product: camera, warnings: warnings.collect() })
 }
 
-/// A tag that a camera needs, the key that stands for it, and its value.
+/// A tag that a camera needs, the key of a scene for it, and its value.
 type Needed = (Tag, &'static str, Option<f64>);
 
 /// The tags of a photograph, its size in pixels, and warnings about the tags.
@@ -146,7 +146,7 @@ impl Photograph {
 
     /// The error of tags that are missing, or 0.
     fn incomplete(&self, needed: &[Needed], place: &str) -> Error {
-        // Cameras write 0 for what they do not know, which has a hint of its own.
+        // Cameras write 0 for what they do not know, which gets another hint.
         let is_zero =
             |tag| self.value(tag).is_some() && self.signed(tag).is_none_or(|value| value <= 0.0);
         let film_mm = self

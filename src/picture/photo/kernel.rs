@@ -110,7 +110,7 @@ impl Kernel<8> {
             }
             before = upper;
         }
-        // What is left belongs to the border, where parts that leave the picture are mirrored.
+        // The border is left: parts that leave the picture are mirrored there.
         let n_inside = inside.len();
         let last = cells.len().saturating_sub(2).max(1)..cells.len();
         for cell in (0..cells.len().min(1)).chain(last) {

@@ -138,7 +138,7 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let n = samples.len() / bytes;
     samples.resize(samples.len().max(3 * n), 0);
     for index in 0..n {
-        // Forward where pixels shrink, backward where they grow, so that none is overwritten
+        // Forward if pixels shrink, backward if they grow, so that none is overwritten
         // unread.
         let index = if bytes >= 3 { index } else { n - 1 - index };
         let pixel = &samples[index * bytes..][..bytes];

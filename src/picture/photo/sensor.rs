@@ -79,7 +79,7 @@ impl Sensor {
     }
 
     /// Reads row `y`: light relative to white becomes the readout of the camera, 1 at saturation (a
-    /// little below 0 where noise or the matrix leads there). It runs in the widest registers of
+    /// little below 0 by noise or the matrix). It runs in the widest registers of
     /// this processor, with the same bits in all, since no product is fused with a sum.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
         // Crosstalk of the color filters, noise and clipping, the matrix that undoes the crosstalk,
