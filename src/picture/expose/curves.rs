@@ -41,7 +41,6 @@ pub(super) struct Curves {
     /// zeros to whole lanes.
     high: Vec<u32>,
     low: Vec<u32>,
-    /// Distance between spots, along and across.
     strides: [usize; 2],
     /// Sums are in counts times `2^shift`, from 1 to 30.
     pub(super) shift: u32,

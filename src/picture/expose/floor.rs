@@ -38,7 +38,6 @@ pub(super) struct Glow {
     bands: Vec<Vec<Square>>,
     /// Standard deviation of the floor's albedo, relative.
     unevenness: f32,
-    /// Exposure of the brightest corner.
     pub(super) peak_lx_s: f64,
     /// What a photographed room reflects, in place of the unevenness.
     pub(super) reflectance: Option<Reflectance>,
@@ -62,7 +61,6 @@ fn corners([x, y]: [u32; 2], side_px: u32) -> [[u32; 2]; 4] {
     [[x, y], [x + side_px, y], [x, y + side_px], [x + side_px, y + side_px]]
 }
 
-/// Floor and walls, lit and seen by a camera.
 struct Floor<'a> {
     camera: &'a Camera,
     room: Room,

@@ -15,7 +15,6 @@ use noctograph_core::error::{Error, Result};
 
 pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 
-/// Bytes of the counts of a tile.
 const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
 /// Most tiles of a buffer: 256 MiB, all of a picture of 67 megapixels. Every device takes as many
@@ -27,10 +26,8 @@ pub(super) struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
     pipeline: wgpu::ComputePipeline,
-    /// Name and driver.
     pub(super) adapter: String,
     pub(super) max_tiles_bytes: u64,
-    /// First error that the device reported.
     complaint: Arc<Mutex<Option<String>>>,
 }
 

@@ -79,7 +79,6 @@ pub(super) fn merge(
 
 /// Intervals that are one segment so far.
 struct Merged {
-    /// From the first sample to the last.
     span: Interval,
     /// In x, y and brightness.
     chords: Chords<3>,

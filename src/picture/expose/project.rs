@@ -44,7 +44,6 @@ const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interval {
     pub(super) time_s: [f64; 2],
-    /// Position of the spot at both.
     pub(super) at_px: [Px; 2],
     /// Brightness of the spot at both, linear in between.
     pub(super) light_lx_px2: [f64; 2],

@@ -12,7 +12,6 @@ use super::project::Px;
 use crate::narrow;
 use noctograph_core::random::{GOLDEN, split_mix};
 
-/// Most spots of a record.
 pub(super) const SPOTS: usize = 4;
 
 /// Radius of a spot. Beyond it lies 3.7e-6 of the light, which goes to the rest of the spot, and at
@@ -80,7 +79,6 @@ pub(super) struct Record {
     /// First pixel of the box, which may be outside the picture.
     pub(super) x: i32,
     pub(super) y: i32,
-    /// Pixels in the box.
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) spots: u32,

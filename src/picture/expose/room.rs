@@ -21,7 +21,6 @@ const MOST_LIT: f64 = 30.0;
 /// A plane of the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Surface {
-    /// Into the room.
     pub(super) normal: Vector3<f64>,
     /// `normal · p` of its points.
     at_m: f64,

@@ -34,14 +34,12 @@ const SENSITIVITY: [[Vec3; 2]; 2] = [
     [Vec3::new(0.0, 0.0, 13.5), Vec3::new(1e-5, 1e-5, 0.025)],
 ];
 
-/// Exponents of colors and of features.
 const COLOR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
 
 /// Compression of large color differences: the first fraction of the largest maps to the second.
 const COMPRESSED: [f32; 2] = [0.4, 0.95];
 
-/// Width of edges and points, in degrees.
 const FEATURE_DEG: f32 = 0.082;
 
 /// A difference of two pictures.
@@ -124,7 +122,6 @@ struct Plane<T> {
 struct Perceived {
     /// Hunt-adjusted `L*`, `a*`, `b*`.
     lab: Vec<Vec3>,
-    /// Strength of edges and points.
     edges: Plane<f32>,
     points: Plane<f32>,
 }

@@ -15,9 +15,7 @@ pub(super) struct Plane {
 /// Kernel that spreads the light of a cell over finer places along an axis. Values are below 2^58.
 #[derive(Debug)]
 pub(super) struct Kernel<const PARTS: usize> {
-    /// Places per cell.
     pub(super) step: usize,
-    /// First place of cell 0.
     first: isize,
     /// Sums of the fractions up to and with each part, in units of `2^-shift`.
     cumulative: [u64; PARTS],

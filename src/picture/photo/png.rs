@@ -85,7 +85,6 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     ))
 }
 
-/// The photo turned upright.
 pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
     if orientation == Orientation::NoTransforms {
         return photo;

@@ -23,7 +23,6 @@ use noctograph_core::random::poisson;
 
 #[derive(Debug)]
 pub(super) struct Sensor {
-    /// Luminous exposure at white.
     pub(super) white_lx_s: f64,
     /// Matrix of the leak between the channels, and its inverse.
     leak: Option<[[[f32; 3]; 3]; 2]>,
@@ -39,7 +38,6 @@ struct Noisy {
     poisson: &'static Poisson,
     /// Electrons of each channel at white.
     at_white: [f32; 3],
-    /// Electrons at which a pixel clips.
     clip: f32,
     dark: f32,
     read_variance: f32,

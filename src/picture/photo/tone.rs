@@ -31,7 +31,6 @@ const GRAY_LEVEL: f64 = 118.0 / 255.0;
 /// Change of the encoded value per stop at middle gray.
 const CONTRAST: f64 = 0.2;
 
-/// Stops from middle gray down to black.
 const BLACK_STOPS: f64 = 8.0;
 
 /// Sharpness of the bends to white and to black. 1 is softest.
