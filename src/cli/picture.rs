@@ -45,9 +45,9 @@ impl CameraFlags {
             Some(named) => scene.camera = find_scene(named, &[])?.scene.camera,
         }
         if let Some(path) = &self.camera_from {
-            let (camera, warnings) = taken_as(std::mem::take(&mut scene.camera), path)?;
-            warn(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
-            scene.camera = camera;
+            let camera = taken_as(std::mem::take(&mut scene.camera), path)?;
+            warn(&camera.warnings);
+            scene.camera = camera.product;
         }
         Ok(())
     }

@@ -50,16 +50,16 @@ VERSION_CHANNEL, ASK_FIRMWARE, ASK_PLATFORM = 1, 1, 2  # of the platform port
 CAN_BE_ARMED, CAN_FLY, FLYING = 0, 3, 4
 FAULTS = {5: "tumbled", 6: "locked", 7: "crashed", 11: "a deck's fault"}
 
-# What noctograph's import and compare read, by type; 26 bytes a block at most.
+# What noctograph's import and compare read, by type. A block has 26 bytes at most.
 LOG = @LOG@
-# The observer of the AE483 course, where the firmware has it.
+# The observer of the AE483 course, if the firmware has it.
 OPTIONAL = @OPTIONAL@
 # What the script judges by, on the ground and in the air.
 WATCH = @WATCH@
 
 
 class Stopped(Exception):
-    """The flight ends early; the text says why."""
+    """The flight ends early. The text is the reason."""
 
 
 class LinkLost(Stopped):
@@ -157,7 +157,7 @@ class Drone:
             time.sleep(min(left_s, 0.05))
 
     def wait_for(self, condition, seconds):
-        """Waits for a condition; returns whether it came true."""
+        """Waits for a condition. Returns True if it came true."""
         end_s = self.clock() + seconds
         while not condition():
             if self.clock() >= end_s:
@@ -166,17 +166,17 @@ class Drone:
         return True
 
     def heard(self, sent_s):
-        """Whether the drone has heard what was sent until then: its packets are answers to ours."""
+        """True if the drone has heard what was sent until then: its packets are answers to ours."""
         return self.heard_last_s > sent_s + HEARD_S
 
     def hears(self, sent_s):
-        """Whether it hears what was just sent."""
+        """True if it hears what was just sent."""
         with contextlib.suppress(LinkLost):
             return self.wait_for(lambda: self.heard(sent_s), 4 * HEARD_S)
         return False
 
     def stays_heard(self, seconds):
-        """Waits; returns whether the drone's packets came to the end."""
+        """Waits. Returns True if the drone's packets came to the end."""
         least_s = self.clock() + 2 * HEARD_S
         with contextlib.suppress(LinkLost):
             return not self.wait_for(
@@ -189,7 +189,7 @@ class Drone:
         self.cf.commander.send_position_setpoint(x, y, z, math.degrees(DATA["yaw_rad"]))
 
     def full_state(self, position, velocity, acceleration):
-        # cflib truncates to millimeters; a quarter of one makes that rounding.
+        # cflib truncates to millimeters. A quarter of one makes that rounding.
         rounded = [[(round(1000 * v) + math.copysign(0.25, v)) / 1000 for v in vector]
                    for vector in (position, velocity, acceleration)]
         half_yaw = DATA["yaw_rad"] / 2
@@ -197,7 +197,7 @@ class Drone:
         self.cf.commander.send_full_state_setpoint(*rounded, heading, 0.0, 0.0, 0.0)
 
     def upload(self, data):
-        """Loads the trajectory, which takes off where the drone stands."""
+        """Loads the trajectory, which takes off from the place of the drone."""
         from cflib.crazyflie.mem import MemoryElement
 
         data = bytearray.fromhex(data)
@@ -248,11 +248,11 @@ class Drone:
         self.cf.high_level_commander.land(0.0, duration_s, yaw=DATA["yaw_rad"])
 
     def is_down(self):
-        """Whether a drone that heard the landing is down; one that reports no height anymore is."""
+        """True if a drone that heard the landing is down. One that reports no height anymore is."""
         return self.latest.get("stateEstimate.z", math.inf) < DOWN_M or "where" in self.silent()
 
     def was_up(self):
-        """Whether it was last heard above the floor."""
+        """True if it was last heard above the floor."""
         return self.latest.get("stateEstimate.z", 0.0) > DOWN_M
 
     def stop(self):
@@ -288,7 +288,7 @@ class Drone:
     # Parameters and lamps
 
     def value(self, name):
-        """A parameter as the drone has it; None where it cannot be told."""
+        """A parameter's value on the drone. None if it is unknown."""
         found = self.cf.param.get_value(name)
         return None if found is None else float(found)
 
@@ -316,7 +316,7 @@ class Drone:
             raise Stopped("parameters could not be set")
 
     def has_all(self, values):
-        """Whether parameters are as they were set; what cannot be told counts as set."""
+        """True if parameters are as they were set. Unknown ones count as set."""
         found = [(self.value(name), value) for name, value in values]
         return all(value is None or same(value, wanted) for value, wanted in found)
 
@@ -335,7 +335,7 @@ class Drone:
     # What is connected
 
     def ask(self, question):
-        """A text from the drone's version port; None where it does not answer."""
+        """A text from the drone's version port. None if it does not answer."""
         from cflib.crtp.crtpstack import CRTPPacket, CRTPPort
 
         answers = []
@@ -388,7 +388,7 @@ class Drone:
         self.wait_for(lambda: self.sigma_m() < math.sqrt(LIMITS["variance_m2"]), SETTLE_S)
 
     def sigma_m(self):
-        """Standard deviation of the worst coordinate; what is no number is none."""
+        """Standard deviation of the worst coordinate. None if it is not a number."""
         names = ("kalman.varPX", "kalman.varPY", "kalman.varPZ")
         return math.sqrt(max(known(self.latest.get(name, 1e4)) for name in names))
 
@@ -420,7 +420,7 @@ class Drone:
             self.heard_s[block.name] = self.clock()
 
     def silent(self):
-        """The log blocks that no packet came of for too long, in words; empty where all came."""
+        """The log blocks without a packet for too long, in words. Empty if all came."""
         now_s = self.clock()
         return ", ".join(name for name, heard_s in self.heard_s.items() if now_s - heard_s > SILENT_S)
 
@@ -447,7 +447,7 @@ class Drone:
         column["data"].append(value)
 
     def finish(self):
-        """Ends the log and writes its file; elsewhere, where it cannot be written."""
+        """Ends the log and writes its file, elsewhere if it cannot be written here."""
         for block in self.blocks:
             if not self.lost.is_set():
                 attempt("ending a log block", block.stop)
@@ -478,12 +478,12 @@ class Drone:
     # What ends a flight early
 
     def has(self, bit, unknown=False):
-        """Whether the supervisor sets a bit."""
+        """True if the supervisor sets a bit."""
         info = self.latest.get("supervisor.info")
         return unknown if info is None else bool(int(info) >> bit & 1)
 
     def faults(self):
-        """Why the firmware has stopped the motors; empty where it has not."""
+        """Why the firmware has stopped the motors. Empty if it has not."""
         return ", ".join(name for bit, name in FAULTS.items() if self.has(bit))
 
     def _watch(self):
@@ -528,7 +528,7 @@ def say(text):
 
 
 def attempt(what, action, *values, times=1):
-    """Does what must not keep the next step from being taken; returns whether it was done."""
+    """Does what must not keep the next step from being taken. Returns True if it was done."""
     for _ in range(times):
         try:
             action(*values)
@@ -544,7 +544,7 @@ def known(value):
 
 
 def same(found, wanted):
-    """Whether a parameter has a value, in the 32 bits of the firmware."""
+    """True if a parameter has a value, in the 32 bits of the firmware."""
     return found is not None and math.isclose(found, wanted, rel_tol=1e-6, abs_tol=1e-9)
 
 
@@ -559,13 +559,13 @@ def table(rows):
 
 
 def release(firmware):
-    """Year and month of a release; None of a build between releases or of one's own."""
+    """Year and month of a release. None for a build between releases or a custom one."""
     found = re.fullmatch(r"(\d{4})\.(\d{2})(?:\.\d+)?", firmware or "")
     return found and (int(found[1]), int(found[2]))
 
 
 def known_clock(firmware):
-    """Rate of the clock on board that paces trajectories; None where it is to be measured."""
+    """Rate of the clock on board that paces trajectories. None if it is to be measured."""
     number = release(firmware)
     return LIMITS["slow_clock"] if number and number <= release(LIMITS["slow_release"]) else None
 
@@ -669,7 +669,7 @@ HINTS = {
 
 
 def judge(rows, accepted=()):
-    """Prints the table; raises Stopped where something is not as it was checked."""
+    """Prints the table. Raises Stopped if something is not as it was checked."""
     verdict = {True: "ok", False: "NO"}
     shown = [(what, found, wanted, "accepted" if not ok and what in accepted else verdict[ok])
              for what, found, wanted, ok in rows]
@@ -685,7 +685,7 @@ def judge(rows, accepted=()):
 
 
 def paced(time_s, clock):
-    """True time of a time in the plan, where the clock on board runs at another rate."""
+    """True time of a time in the plan, if the clock on board runs at another rate."""
     start_s = DATA["trajectory"]["start_s"]
     return start_s + (time_s - start_s) / clock
 
@@ -759,7 +759,7 @@ def events(mode, clock):
 
 
 def prepare(drone, mode, controller=None, set_gains=False, accepted=()):
-    """Reads what is connected, judges it and loads the memory; nothing moves and no lamp changes."""
+    """Reads what is connected, judges it and loads the memory. Nothing moves and no lamp changes."""
     controller = DATA["controller"] if controller is None else controller
     if isinstance(drone, Paper):
         drone.reset_estimate()
@@ -1017,7 +1017,7 @@ def landing_on_signals(drones):
 
 
 def check_geometry(drone):
-    """What the drone reads on the corners of the canvas, beside where it stands."""
+    """Positions that the drone reads at the corners of the canvas, beside the true ones."""
     missing = names_missing(drone, DATA["controller"])
     if missing:
         raise Stopped(f"the firmware has no {', '.join(missing)}")

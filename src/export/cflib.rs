@@ -1,6 +1,6 @@
 //! A Python script that flies a plan with cflib, switches its lights and records the flight.
 //!
-//! The script is `cflib.py`; the plan enters as one JSON text in a string literal, so that no word
+//! The script is `cflib.py`. The plan enters as one JSON text in a string literal, so that no word
 //! becomes code. The script sends positions or full states (position, velocity and acceleration)
 //! over the radio, or starts a compressed trajectory on board.
 
@@ -50,8 +50,8 @@ settings! {
     }
 }
 
-/// The script for one drone of several, counted from 0; `before_s` is when the first of them starts
-/// its trajectory, in the time of their plans.
+/// The script for one drone of several, counted from 0. The first of them starts its trajectory at
+/// `before_s`, in the time of their plans.
 pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<String> {
     let data = data(job, drone, before_s)?;
     // A JSON text as a JSON string is a Python string literal as well.
@@ -62,7 +62,6 @@ pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Strin
     Ok(with_caution(job, script.replace("@DATA@", &literal)))
 }
 
-/// The script that flies several drones by theirs.
 pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
     let names = serde_json::to_string(scripts).expect("names are serializable");
     with_caution(job, LAUNCHER.replace("@SCRIPTS@", &names))
@@ -70,40 +69,25 @@ pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
 
 /// Data of one drone for the cflib script, as JSON.
 fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
-    let (plan, release) = (&job.plans[drone], job.sim.vehicle.firmware);
+    let plan = &job.plans[drone];
     let stretch = Stretch::new(plan)?;
+    // Lights for setpoints, and those for the trajectory, which the ring's memory may play.
     let lights = commands(plan, job.light)?;
     let on_board = job.trajectory_lights(drone)?;
     let timing = timing(plan, &on_board).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES);
-    // Notes of the changes in the log need the channel: the memory plays the ring alone.
     let timing = timing.map(|timing| {
         let entries = timing.entries.iter().map(|(lasts, [r, g, b])| json!([lasts, r, g, b]));
         let changes = timing.changes.iter().map(|(time_s, level)| json!([time_s, "ring", level]));
         json!({ "entries": entries.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
     });
-
     let sent_until_s = end_s(plan, &stretch, &lights);
-    let trajectory = match job.trajectory_clock {
-        1.0 => Compressed::encode_for(release, plan, job.tolerance_m).and_then(|trajectory| {
-            job.flown.get(drone).map(|_| trajectory).ok_or_else(|| {
-                Error::infeasible(
-                    "as a trajectory on board the flight is not safe",
-                    "export the trajectory to see why",
-                )
-            })
-        }),
-        clock => {
-            let wanted = "1 for a trajectory on board";
-            let hint = "plan with 1: the script finds the clock of the drone";
-            Err(Error::input("plan.trajectory_clock", clock, wanted, hint))
-        }
-    };
     let trajectory_end_s = end_s(plan, &stretch, &on_board);
-    let flight = trajectory.and_then(|trajectory| {
+    let flight = trajectory(job, drone).and_then(|trajectory| {
         let timeline = Timeline::new(plan, &stretch, before_s, trajectory.ends_m());
         let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
         trajectory.flight(&timeline, over_s)
     });
+    // A script of setpoints goes without a trajectory, and refuses it with the reason.
     let mut refused = job.refused.to_vec();
     let bytes = match flight {
         Err(error) if job.mode == Mode::Trajectory => return Err(error),
@@ -114,6 +98,7 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     };
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
+    // Several drones have an address and a log each, by their number.
     let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
     // As `noctograph plan` writes it, so that a log finds its plan.
     let mut csv = Vec::new();
@@ -163,6 +148,22 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
     }))
 }
 
+/// The trajectory of a drone for its memory.
+fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
+    if job.trajectory_clock != 1.0 {
+        let wanted = "1 for a trajectory on board";
+        let hint = "plan with 1: the script finds the clock of the drone";
+        return Err(Error::input("plan.trajectory_clock", job.trajectory_clock, wanted, hint));
+    }
+    let (plan, release) = (&job.plans[drone], job.sim.vehicle.firmware);
+    let trajectory = Compressed::encode(release, plan, job.tolerance_m)?;
+    if drone >= job.flown.len() {
+        let what = "as a trajectory on board the flight is not safe";
+        return Err(Error::infeasible(what, "export the trajectory to see why"));
+    }
+    Ok(trajectory)
+}
+
 /// Light commands as `[time, parameter, value, channel, level]`.
 fn command_rows(commands: &[Command]) -> Vec<Value> {
     commands.iter().map(|c| json!([c.time_s, c.parameter, c.value, c.channel, c.level])).collect()
@@ -175,6 +176,7 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     let variance_m2 = safety::variance_m2(checks.positioning);
     let battery = checks.batteries.get(drone).copied().flatten();
     let rest_v = battery.map_or(Some(safety::REST_V), |battery| battery.least_rest_v);
+    // The fence is outside the volume that was checked, in whole micrometers.
     let [low_m, high_m] = checks.volume_m;
     let fence_m = [low_m.map(|m| m - safety::FENCE_M), high_m.map(|m| m + safety::FENCE_M)]
         .map(|corner_m| corner_m.map(|m| (1e6 * m).round() / 1e6));
@@ -202,7 +204,7 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     })
 }
 
-/// Decks that a flight needs, each with parameters in `deck.`; one of them has to be set (firmware
+/// Decks that a flight needs, each with parameters in `deck.`, of which one has to be set (firmware
 /// `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
 fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
     let position = match positioning {
@@ -212,6 +214,7 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
         Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
         Positioning::Gnss => vec!["bcGTGPS"],
     };
+    // Decks of lamps by name, since a deck may have several channels.
     let mut decks = vec![("positioning", position)];
     for channel in plan.lamps().filter_map(|(name, _)| Channel::named(name)) {
         let (name, parameters) = channel.deck;
@@ -231,7 +234,7 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
-/// Number of the controller in the firmware (`controller.h`), where the firmware has it.
+/// Number of the controller in the firmware (`controller.h`), if the firmware has it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind.law() {
         Law::Cascade => Some(1),
@@ -240,7 +243,7 @@ pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     }
 }
 
-/// When writing is over: all letters flown and all lights off; s in the plan.
+/// Time in the plan at which all letters are flown and all lights are off, s.
 fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let letters_s = stretch.start_s() + stretch.duration_s();
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
@@ -248,12 +251,12 @@ fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     letters_s.max(dark_s).min(in_the_air.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
 }
 
-/// Whether a plan's setpoints are far enough apart to be sent one by one.
+/// True if a plan's setpoints are far enough apart to be sent one by one.
 pub(super) fn fits_the_radio(plan: &Plan) -> bool {
     setpoints(plan, f64::INFINITY).is_ok_and(|rows| !rows.is_empty())
 }
 
-/// Whether a setpoint only continues the one before it, or holds its position.
+/// True if a setpoint only continues the one before it, or holds its position.
 fn continues(plan: &Plan, from: usize, to: usize) -> bool {
     let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
     let held = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
@@ -416,7 +419,7 @@ mod tests {
         let (_, plan, data) = exported("NO", &checks());
         let trajectory = &data["trajectory"];
         let hex = trajectory["hex"].as_str().unwrap();
-        let letters = Compressed::encode(&plan, 0.002).unwrap().to_bytes();
+        let letters = Compressed::encode(Release::MODELED, &plan, 0.002).unwrap().to_bytes();
         let letters: String = letters.iter().map(|byte| format!("{byte:02x}")).collect();
         let (before, after) = hex.split_once(&letters[16..letters.len() - 6]).unwrap();
         assert_eq!((before.len() / 2, &after[after.len() - 10..]), (59, "1000000000"));
@@ -556,7 +559,7 @@ mod tests {
             first["start_m"],
             json!([one.setpoints[0].position_m.x, one.setpoints[0].position_m.y])
         );
-        // Unsafe as a trajectory, and not to be asked for; a plan for a slow clock neither.
+        // Unsafe as a trajectory, and not to be asked for. So is a plan for a slow clock.
         let refused = |data: &Value| data["refused"]["trajectory"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
         let slow = data(&Job { trajectory_clock: 0.99, flown: &plans, ..job }, 0, 0.0).unwrap();

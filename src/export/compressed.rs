@@ -6,17 +6,17 @@
 //! design at both ends.
 //!
 //! Form (firmware `src/modules/src/pptraj_compressed.c`, little-endian): the start as four int16
-//! (x, y, z in mm, yaw in 0.1°); then a piece after another: a byte with two bits an axis (x, y, z,
-//! yaw from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the duration as uint16 in ms,
-//! and for each axis in turn 0, 1, 3 or 7 further control points as int16; at the end three zero
-//! bytes. The first control point of a piece is the last of the piece before.
+//! (x, y, z in mm, yaw in 0.1°), the pieces, and three zero bytes. A piece is a byte with two bits
+//! an axis (x, y, z, yaw from the lowest: 0 constant, 1 linear, 2 cubic, 3 degree 7), the duration
+//! as uint16 in ms, and for each axis in turn 0, 1, 3 or 7 further control points as int16. The
+//! first control point of a piece is the last of the piece before.
 
 use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
 use super::pieces::{Polynomials, Rounding, Stretch, pieces};
-use super::timeline::{Leg, Timeline};
+use super::timeline::{Segment, Timeline};
 use noctograph_core::crazyflie::{Feature, Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
@@ -38,16 +38,16 @@ const END: [u8; 3] = [0; 3];
 /// Bytes that end a trajectory without a goal: a line along z of zero duration, which makes the
 /// firmware divide by zero. Its commander then gives no more setpoints
 /// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later. At
-/// [`END`] the drone would hover for ever. True since release 2023.11.
+/// [`END`] the drone would hover for ever. So it is since release 2023.11.
 const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
 
 /// Offsets of the take-off position in the bytes of a flight: along x, and along y.
 pub(super) const START_BYTES: [[usize; 4]; 2] = [[0, 28, 30, 32], [2, 42, 44, 46]];
 
-/// Place of the heading in the bytes of a flight.
+/// The heading in the bytes of a flight.
 pub(super) const YAW_BYTES: std::ops::Range<usize> = 6..8;
 
-/// A trajectory as the drone stores it: a piece at least.
+/// A trajectory as the drone stores it: at least one piece.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Compressed {
     pub(super) pieces: Vec<Piece>,
@@ -55,22 +55,14 @@ pub struct Compressed {
     pub(super) yaw: i16,
 }
 
-/// One piece.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Piece {
     /// The first control point, which is the end of the piece before, mm.
     pub(super) start_mm: [i16; 3],
     pub(super) duration_ms: u16,
-    /// The control points of each axis after the first one.
-    pub(super) axes: [Axis; 3],
-}
-
-/// The further control points of an axis, mm.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Axis {
-    Constant,
-    Linear(i16),
-    Cubic([i16; 3]),
+    /// The further control points of each axis, mm: none for a constant, the end for a line, three
+    /// for a cubic.
+    pub(super) axes: [Vec<i16>; 3],
 }
 
 impl Compressed {
@@ -78,23 +70,18 @@ impl Compressed {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a plan without letters, and for a heading that the release misreads;
+    /// [`Error::Input`] for a plan without letters, and for a heading that the release misreads.
     /// [`Error::Infeasible`] for a plan beyond ±32.767 m, with setpoints more than 65.535 s apart,
     /// or longer than the memory.
-    pub fn encode_for(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
+    pub fn encode(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
         check_heading(release, plan.yaw_rad)?;
-        Self::encode(plan, tolerance_m)
-    }
-
-    /// The same, for a release that reads any heading.
-    pub(super) fn encode(plan: &Plan, tolerance_m: f64) -> Result<Self> {
         let stretch = Stretch::new(plan)?;
         let trajectory = Self::of_any_length(&stretch, tolerance_m)?;
         let bytes = trajectory.to_bytes().len();
         if bytes <= TRAJECTORY_MEMORY_BYTES {
             return Ok(trajectory);
         }
-        // Bytes and time as the pieces end; a run-out of one more piece ends each part.
+        // For the error: when the memory is full. A run-out of one more piece ends each part.
         let (mut used, mut until_s) = (8 + END.len() + MAX_PIECE_BYTES, 0.0);
         for piece in &trajectory.pieces {
             used += piece.n_bytes();
@@ -110,7 +97,7 @@ impl Compressed {
         Err(stretch.too_long(until_s, &needs, hint))
     }
 
-    /// The same, whether or not it fits the memory.
+    /// The same for any memory.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
         let start_mm = millimeters(&stretch.setpoints[0].position_m);
@@ -127,10 +114,11 @@ impl Compressed {
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            let [x, y, z] = piece.axes.map(Axis::code);
+            // The code of an axis by the number of its further control points.
+            let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
-            let points_mm = piece.axes.iter().flat_map(Axis::points_mm);
+            let points_mm = piece.axes.iter().flatten();
             bytes.extend(points_mm.flat_map(|point_mm| point_mm.to_le_bytes()));
         }
         bytes.extend(END);
@@ -139,17 +127,14 @@ impl Compressed {
 
     /// The bytes of a flight from the floor to the floor, after which the firmware stops the
     /// motors. The script lands `over_s` after the end of the trajectory.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] where the drone's memory does not hold them.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
+        // Take-off and path, the letters without their start and end, hover and landing.
         let mut bytes = millimeters(&timeline.before[0].1).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
-        timeline.legs_before().iter().for_each(|leg| add_leg(&mut bytes, leg));
-        let own = self.to_bytes();
-        bytes.extend(&own[8..own.len() - END.len()]);
-        timeline.legs_alone(over_s).iter().for_each(|leg| add_leg(&mut bytes, leg));
+        timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
+        let letters = self.to_bytes();
+        bytes.extend(&letters[8..letters.len() - END.len()]);
+        timeline.segments_alone(over_s).iter().for_each(|segment| add_segment(&mut bytes, segment));
         bytes.extend(END_WITHOUT_GOAL);
         if bytes.len() > TRAJECTORY_MEMORY_BYTES {
             let what = format!(
@@ -168,12 +153,10 @@ impl Compressed {
         self.polynomials().iter().map(|piece| piece.duration_s).sum()
     }
 
-    /// Its pieces as polynomials.
     pub(super) fn polynomials(&self) -> Vec<Polynomials> {
         self.pieces.iter().map(Piece::polynomials).collect()
     }
 
-    /// Where it begins and ends.
     pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
         let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
         [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
@@ -185,69 +168,45 @@ impl Compressed {
     }
 }
 
-impl Axis {
-    /// Its four control points as a cubic, mm.
-    fn control_mm(self, start_mm: i16) -> [f64; 4] {
-        let a = f64::from(start_mm);
-        match self {
-            Self::Constant => [a; 4],
-            Self::Linear(end_mm) => {
-                let d = f64::from(end_mm);
-                [a, a + (d - a) / 3.0, d - (d - a) / 3.0, d]
-            }
-            Self::Cubic(points_mm) => {
-                let [b, c, d] = points_mm.map(f64::from);
-                [a, b, c, d]
-            }
-        }
+/// The four control points of an axis as a cubic, mm.
+fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
+    let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
+    match points_mm {
+        [b, c, _] => [a, f64::from(*b), f64::from(*c), d],
+        _ => [a, a + (d - a) / 3.0, d - (d - a) / 3.0, d],
     }
+}
 
-    /// Its coefficients in m and s, from those over a unit of time.
-    fn polynomial(self, start_mm: i16, duration_s: f64) -> [f64; 8] {
-        let [a, b, c, d] = self.control_mm(start_mm).map(|mm| mm / 1000.0);
-        let unit = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
-        let (t, t2) = (duration_s, duration_s * duration_s);
-        [unit[0], unit[1] / t, unit[2] / t2, unit[3] / (t2 * t), 0.0, 0.0, 0.0, 0.0]
-    }
-
-    fn code(self) -> u8 {
-        match self {
-            Self::Constant => 0,
-            Self::Linear(_) => 1,
-            Self::Cubic(_) => 2,
-        }
-    }
-
-    fn points_mm(&self) -> &[i16] {
-        match self {
-            Self::Constant => &[],
-            Self::Linear(end_mm) => std::slice::from_ref(end_mm),
-            Self::Cubic(points_mm) => points_mm,
-        }
-    }
+/// The coefficients of an axis in m and s.
+fn polynomial(start_mm: i16, points_mm: &[i16], duration_s: f64) -> [f64; 8] {
+    // From the Bernstein basis to powers of time over the duration, and of time.
+    let [a, b, c, d] = control_mm(start_mm, points_mm).map(|mm| mm / 1000.0);
+    let unit = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
+    let (t, t2) = (duration_s, duration_s * duration_s);
+    [unit[0], unit[1] / t, unit[2] / t2, unit[3] / (t2 * t), 0.0, 0.0, 0.0, 0.0]
 }
 
 impl Piece {
     /// Bytes on board.
     fn n_bytes(&self) -> usize {
-        3 + 2 * self.axes.iter().map(|axis| axis.points_mm().len()).sum::<usize>()
+        3 + 2 * self.axes.iter().map(Vec::len).sum::<usize>()
     }
 
     /// The last control point, mm.
     pub(super) fn end_mm(&self) -> [i16; 3] {
-        [0, 1, 2].map(|k| *self.axes[k].points_mm().last().unwrap_or(&self.start_mm[k]))
+        [0, 1, 2].map(|k| *self.axes[k].last().unwrap_or(&self.start_mm[k]))
     }
 
     /// Its motion as the firmware computes it.
     fn polynomials(&self) -> Polynomials {
         let duration_s = f64::from(self.duration_ms) / 1000.0;
-        let axes = [0, 1, 2].map(|k| self.axes[k].polynomial(self.start_mm[k], duration_s));
+        let axes = [0, 1, 2].map(|k| polynomial(self.start_mm[k], &self.axes[k], duration_s));
         Polynomials { duration_s, axes }
     }
 
     /// As a Bézier curve: its four control points, m.
     fn curve_m(&self) -> [Vector3<f64>; 4] {
-        let axes = [0, 1, 2].map(|axis| self.axes[axis].control_mm(self.start_mm[axis]));
+        let axes = [0, 1, 2].map(|axis| control_mm(self.start_mm[axis], &self.axes[axis]));
         [0, 1, 2, 3].map(|k| Vector3::from(axes.map(|axis| axis[k])) / 1000.0)
     }
 }
@@ -259,22 +218,24 @@ fn piece(
     start_mm: [i16; 3],
     rounding: Rounding,
 ) -> Piece {
+    // Differences of rounded times do not drift.
     let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
     #[expect(clippy::cast_possible_truncation, reason = "below 65 535")]
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
     let duration_s = f64::from(duration_ms) / 1000.0;
     let (here, there) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let axes = [0, 1, 2].map(|axis| {
+        // A constant or a line, if the design is near enough.
         let end_mm = round_mm(there.position_m[axis]);
-        let forms = [(Axis::Constant, CONSTANT_M), (Axis::Linear(end_mm), LINEAR_M)];
-        let simple = forms.into_iter().find(|(form, tolerance_m)| {
-            let [start_m, slope_m_s, ..] = form.polynomial(start_mm[axis], duration_s);
+        let forms = [(Vec::new(), CONSTANT_M), (vec![end_mm], LINEAR_M)];
+        let simple = forms.into_iter().find(|(points_mm, tolerance_m)| {
+            let [start_m, slope_m_s, ..] = polynomial(start_mm[axis], points_mm, duration_s);
             stretch.check_times_s(from, to).all(|time_s| {
                 let line_m = start_m + slope_m_s * (time_s - stretch.time_s(from));
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
         });
-        // From the rounded ends, so that the velocities at them are rounded once.
+        // Else a cubic from the rounded ends, so that the velocities at them are rounded once.
         let third_s = duration_s / 3.0;
         let [ahead_m, behind_m] = [here, there].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [
@@ -283,9 +244,9 @@ fn piece(
             end_mm,
         ];
         match (simple, rounding) {
-            (Some((form, _)), _) => form,
-            (None, Rounding::Nearest) => Axis::Cubic(cubic_mm),
-            (None, Rounding::Gentlest) => gentlest(start_mm[axis], cubic_mm),
+            (Some((points_mm, _)), _) => points_mm,
+            (None, Rounding::Nearest) => cubic_mm.to_vec(),
+            (None, Rounding::Gentlest) => gentlest(start_mm[axis], cubic_mm).to_vec(),
         }
     });
     Piece { start_mm, duration_ms, axes }
@@ -293,14 +254,14 @@ fn piece(
 
 /// The cubic whose inner control points are within a millimeter of given ones, with the least
 /// acceleration at its ends.
-fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> Axis {
+fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> [i16; 3] {
     let [near_b, near_c] = [b, c].map(|mm| [mm, mm.saturating_sub(1), mm.saturating_add(1)]);
     let cubics = near_b.into_iter().flat_map(|b| near_c.map(|c| [b, c, end_mm]));
     let gentlest = cubics.min_by_key(|points_mm| {
         let [b, c, d] = points_mm.map(i32::from);
         (i32::from(start_mm) - 2 * b + c).abs().max((b - 2 * c + d).abs())
     });
-    Axis::Cubic(gentlest.expect("nine cubics"))
+    gentlest.expect("nine cubics")
 }
 
 fn check_range(stretch: &Stretch) -> Result<()> {
@@ -330,7 +291,7 @@ fn tenths(yaw_rad: f64) -> i16 {
     (10.0 * yaw_rad.to_degrees()).round() as i16
 }
 
-/// Whether a release flies the heading of a compressed trajectory: any, or 0 alone.
+/// True if a release flies the heading of a compressed trajectory: any, or only 0.
 pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
     release.has(&Feature::HEADING) || tenths(yaw_rad) == 0
 }
@@ -340,6 +301,7 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     if flies_heading(release, yaw_rad) {
         return Ok(());
     }
+    // Older releases take ten times the stored number for radians.
     let (stored, since) = (f64::from(tenths(yaw_rad)), Feature::HEADING.since.name());
     let flown_turns = 10.0 * stored / TAU;
     let actual = format!(
@@ -356,32 +318,31 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     Err(Error::input("vehicle.firmware", actual, wanted, hint))
 }
 
-/// Adds a leg from rest to rest: an axis that moves is of degree 7, and has its start and its end
-/// four times each as control points. A long hover takes several pieces, and none no piece: a
-/// duration of 0 ends a trajectory.
-fn add_leg(bytes: &mut Vec<u8>, leg: &Leg) {
+/// Adds a segment from rest to rest: an axis that moves is of degree 7, and has its start and its
+/// end four times each as control points. A long hover takes several pieces. A segment of 0 ms is
+/// left out, since a duration of 0 ends a trajectory.
+fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-    let mut left_ms = (1e3 * leg.duration_s).round() as u32;
-    let ends_mm = leg.ends_m.each_ref().map(millimeters);
+    let mut left_ms = (1e3 * segment.duration_s).round() as u32;
+    let ends_mm = segment.ends_m.each_ref().map(millimeters);
     while left_ms > 0 {
         let piece_ms = u16::try_from(left_ms).unwrap_or(u16::MAX);
-        bytes.push(leg.axes.iter().map(|axis| 3 << (2 * axis)).sum());
+        bytes.push(segment.axes.iter().map(|axis| 3 << (2 * axis)).sum());
         bytes.extend(piece_ms.to_le_bytes());
-        for axis in leg.axes {
+        for axis in segment.axes {
             let [from_mm, to_mm] = ends_mm.map(|end_mm| end_mm[*axis]);
             let points_mm = [[from_mm; 3].as_slice(), &[to_mm; 4]].concat();
             bytes.extend(points_mm.into_iter().flat_map(i16::to_le_bytes));
         }
-        left_ms = if leg.axes.is_empty() { left_ms - u32::from(piece_ms) } else { 0 };
+        left_ms = if segment.axes.is_empty() { left_ms - u32::from(piece_ms) } else { 0 };
     }
 }
 
-/// A place in whole millimeters.
-fn millimeters(place_m: &Vector3<f64>) -> [i16; 3] {
-    [0, 1, 2].map(|axis| round_mm(place_m[axis]))
+fn millimeters(position_m: &Vector3<f64>) -> [i16; 3] {
+    [0, 1, 2].map(|axis| round_mm(position_m[axis]))
 }
 
-/// A coordinate in whole millimeters; control points beyond the range saturate.
+/// A coordinate in whole millimeters. Control points beyond the range saturate.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn round_mm(x_m: f64) -> i16 {
     (x_m * 1000.0).round() as i16
@@ -444,13 +405,13 @@ mod tests {
                 let is_right = release.has(&Feature::HEADING);
                 let flown_rad = if is_right { since_rad } else { before_rad };
                 let is_flown = (flown_rad - yaw_rad).abs() < 1e-6;
-                let encoded = Compressed::encode_for(release, &plan, 0.0001);
+                let encoded = Compressed::encode(release, &plan, 0.0001);
                 assert_eq!(encoded.is_ok(), is_flown, "{release:?}: {line}");
                 assert!(encoded.is_err() || encoded.unwrap().yaw == tenths(yaw_rad));
             }
         }
         let turned = Plan::made(PlanData { yaw_rad: -FRAC_PI_2, ..beside().into_data() });
-        let error = Compressed::encode_for(Release::R2025_12, &turned, 0.0001).unwrap_err();
+        let error = Compressed::encode(Release::R2025_12, &turned, 0.0001).unwrap_err();
         let wanted = "vehicle.firmware: found 2025.12, which flies a compressed trajectory with a \
                       heading of -90° (plan.yaw_rad) at -142°, wanted 2026.08 or newer, or a \
                       heading of 0";
@@ -470,14 +431,14 @@ mod tests {
             acceleration_m_s2: Vector3::zeros(),
             letter: Some(0),
         };
-        // At rest, then 0.1 m to the right at 0.2 m/s; z rises by 3 mm in a jump at the end.
+        // At rest, then 0.1 m to the right at 0.2 m/s. z rises by 3 mm in a jump at the end.
         let setpoints = vec![
             setpoint(1.0, 0.0, 0.2, 0.5),
             setpoint(1.5, 0.1, 0.0, 0.5),
             setpoint(2.0, 0.1, 0.0, 0.5),
         ];
         let plan = Plan::made(PlanData { setpoints, ..PlanData::default() });
-        let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
+        let trajectory = Compressed::encode(Release::MODELED, &plan, 0.0001).unwrap();
         let bytes = trajectory.to_bytes();
         let want: Vec<u8> = [
             &[0xCE, 0xFF, 0, 0, 0xF4, 1, 0, 0][..], // -50, 0, 500 mm, 0°: where the run-up begins
@@ -495,7 +456,7 @@ mod tests {
         assert!((trajectory.duration_s() - 2.0).abs() < 1e-12);
     }
 
-    /// A drone that stands at (0.2, 0.3) m, and then writes for 1 s.
+    /// A drone that takes off at (0.2, 0.3) m, and then writes for 1 s.
     fn beside() -> Plan {
         let setpoint = |time_s, position_m: [f64; 3], vx, letter| Setpoint {
             time_s,
@@ -516,7 +477,7 @@ mod tests {
     /// The flight of [`beside`] whose drone waits for a time before it writes.
     fn flight_of_beside(waits_s: f64) -> (Timeline, Vec<u8>) {
         let (plan, stretch) = (beside(), Stretch::new(&beside()).unwrap());
-        let trajectory = Compressed::encode(&plan, 0.0001).unwrap();
+        let trajectory = Compressed::encode(Release::MODELED, &plan, 0.0001).unwrap();
         let before_s = stretch.start_s() - waits_s;
         let timeline = Timeline::new(&plan, &stretch, before_s, trajectory.ends_m());
         let bytes = trajectory.flight(&timeline, 0.2).unwrap();
@@ -564,12 +525,16 @@ mod tests {
         let (timeline, bytes) = flight_of_beside(0.0);
         let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
         assert_eq!(lines.next().unwrap(), format!("bytes {hex}"));
-        fn flown(legs: &[Leg]) -> Vec<Polynomials> {
-            let legs = legs.iter().filter(|leg| leg.duration_s > 0.0);
-            legs.map(|leg| Polynomials::from_rest_to_rest(leg.ends_m, leg.duration_s)).collect()
+        fn flown(segments: &[Segment]) -> Vec<Polynomials> {
+            let segments = segments.iter().filter(|segment| segment.duration_s > 0.0);
+            segments
+                .map(|segment| Polynomials::from_rest_to_rest(segment.ends_m, segment.duration_s))
+                .collect()
         }
-        let letters = Compressed::encode(&beside(), 0.0001).unwrap().polynomials();
-        let (before, after) = (flown(&timeline.legs_before()), flown(&timeline.legs_alone(0.2)));
+        let letters =
+            Compressed::encode(Release::MODELED, &beside(), 0.0001).unwrap().polynomials();
+        let (before, after) =
+            (flown(&timeline.segments_before()), flown(&timeline.segments_alone(0.2)));
         let all = [before, letters, after].concat();
         let lasts_s: f64 = all.iter().map(|piece| piece.duration_s).sum();
         let mut last_s = 0.0;
@@ -589,11 +554,11 @@ mod tests {
     #[test]
     fn a_flight_that_the_memory_does_not_hold_is_refused_with_a_remedy() {
         let (timeline, bytes) = flight_of_beside(0.0);
-        let own = Compressed::encode(&beside(), 0.0001).unwrap();
+        let own = Compressed::encode(Release::MODELED, &beside(), 0.0001).unwrap();
         let most = (TRAJECTORY_MEMORY_BYTES - bytes.len()) / 3;
         let with = |n: usize| {
             let hover =
-                Piece { axes: [Axis::Constant; 3], ..own.pieces[own.pieces.len() - 1].clone() };
+                Piece { axes: Default::default(), ..own.pieces[own.pieces.len() - 1].clone() };
             let pieces = [own.pieces.clone(), vec![hover; n]].concat();
             Compressed { pieces, ..own }.flight(&timeline, 0.2)
         };
@@ -609,11 +574,13 @@ mod tests {
             plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
         }
         let word = "NOCTOGRAPH".repeat(6);
-        Compressed::encode(&plan_of(&word[..24]), 0.002).unwrap();
-        let error = Compressed::encode(&plan_of(&word), 0.002).unwrap_err().to_string();
+        Compressed::encode(Release::MODELED, &plan_of(&word[..24]), 0.002).unwrap();
+        let error =
+            Compressed::encode(Release::MODELED, &plan_of(&word), 0.002).unwrap_err().to_string();
         let (before, _) = error.split_once(" of 60 letters fit").unwrap();
         let n: usize = before.rsplit(' ').next().unwrap().parse().unwrap();
-        let fits = |n: usize| Compressed::encode(&plan_of(&word[..n]), 0.002).is_ok();
+        let fits =
+            |n: usize| Compressed::encode(Release::MODELED, &plan_of(&word[..n]), 0.002).is_ok();
         assert!(fits(n) && !fits(n + 2), "{error}");
     }
 
@@ -629,7 +596,7 @@ mod tests {
             plan in waves(),
             tolerance_m in 0.0025..0.01_f64,
         ) {
-            let trajectory = Compressed::encode(&plan, tolerance_m).unwrap();
+            let trajectory = Compressed::encode(Release::MODELED, &plan, tolerance_m).unwrap();
             let stretch = Stretch::new(&plan).unwrap();
             let worst_m = checked_m(&stretch, &trajectory.polynomials());
             let [max_m_s, max_m_s2] = stretch.limits();
@@ -650,7 +617,7 @@ mod tests {
     #[test]
     fn noor_fits_the_memory_six_times_within_two_and_a_half_millimeters() {
         let plan = noor();
-        let trajectory = Compressed::encode(&plan, 0.002).unwrap();
+        let trajectory = Compressed::encode(Release::MODELED, &plan, 0.002).unwrap();
         let (bytes, stretch) = (trajectory.to_bytes().len(), Stretch::new(&plan).unwrap());
         let worst_m = checked_m(&stretch, &trajectory.polynomials());
         assert!(bytes <= 700 && worst_m <= 0.0025, "{bytes} bytes, {worst_m} m");
@@ -662,7 +629,7 @@ mod tests {
     #[test]
     fn the_deviation_is_that_of_the_bytes_at_each_of_the_drones_milliseconds() {
         let plan = noor();
-        let bytes = Compressed::encode(&plan, 0.002).unwrap().to_bytes();
+        let bytes = Compressed::encode(Release::MODELED, &plan, 0.002).unwrap().to_bytes();
         let trajectory = decoded(&bytes);
         let stretch = Stretch::new(&plan).unwrap();
         // De Casteljau's way from point to point, which `motion` does not go.
@@ -693,7 +660,7 @@ mod tests {
         fn refused(change: fn(&mut Setpoint)) -> String {
             let mut plan = noor();
             plan.edit(|plan| plan.setpoints.iter_mut().for_each(change));
-            Compressed::encode(&plan, 0.002).unwrap_err().to_string()
+            Compressed::encode(Release::MODELED, &plan, 0.002).unwrap_err().to_string()
         }
         assert!(refused(|s| s.position_m.x += 33.0).contains("32.767"));
         assert!(refused(|s| s.letter = None).contains("no letter"));

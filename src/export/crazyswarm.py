@@ -32,12 +32,12 @@ CAN_BE_ARMED, ARMED, CAN_FLY, FLYING = 1, 2, 8, 16
 FAULTS = {32: "tumbled", 64: "locked", 128: "crashed", 2048: "a deck has a fault"}
 # The custom topic of crazyflies.yaml.
 TOPIC = "noctograph"
-# What is left of a way from rest to rest, in ascending powers of the share of its time.
+# What is left of a path from rest to rest, in ascending powers of the fraction of its time.
 LEFT = (1, 0, 0, 0, -35, 84, -70, 20)
 
 
 class Stopped(Exception):
-    """The flight ends, or does not begin; the text says why."""
+    """The flight ends, or does not begin. The text is the reason."""
 
 
 class Presses:
@@ -70,7 +70,7 @@ def attempt(command, *values):
 
 
 def take_off_here(trajectory, place):
-    """The trajectory straight up from where the drone stands, and from there to the first letter."""
+    """The trajectory straight up from the place of the drone, and from there to the first letter."""
     up, level = trajectory.polynomials[:2]
     for rise, way, x in ((up.px, level.px, place[0]), (up.py, level.py, place[1])):
         off_m = x - rise.p[0]
@@ -100,7 +100,7 @@ class Member:
         return [name for bit, name in FAULTS.items() if info & bit]
 
     def is_inside(self):
-        """Whether it is in the volume that was checked; no number is nowhere."""
+        """True if it is in the volume that was checked. What is not a number is outside."""
         (low, high), most_m = DATA["volume_m"], DATA["fence_m"]
         lows = low[:2] + [-math.inf]
         return all(a - most_m <= x <= b + most_m
@@ -133,7 +133,7 @@ class Member:
         ]
 
     def watch(self, now_s):
-        """Ends the flight where the drone says that something is wrong for long enough."""
+        """Ends the flight if the drone reports something wrong for long enough."""
         status = self.cf.get_status()
         self.stamps["status"] = status["timestamp_sec"], status["timestamp_nsec"]
         for topic, stamp in self.stamps.items():
@@ -163,7 +163,7 @@ class Member:
         return self.drone["name"]
 
     def is_down(self):
-        """Whether it is known to be on the floor: it was not told to fly, or says so still."""
+        """True if it is known to be on the floor: it was not commanded to fly, or still reports it."""
         says_m = self.cf.get_position()[2]
         stamp = self.heard.get("pose", (None,))[0]
         return not self.airborne or (stamp != self.stamps["pose"] and says_m < DOWN_M)
@@ -183,7 +183,7 @@ class Flight:
         self.crew = [Member(known[drone["name"]], drone, kinds) for drone in DRONES]
 
     def sleep(self, seconds):
-        """Hears the drones for so long."""
+        """Hears the drones for some seconds."""
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             self.spin_once(self.node, timeout_sec=min(0.05, end_s - time.monotonic()))
@@ -193,7 +193,7 @@ class Flight:
             member.cf.setParam(name, value)
 
     def prepare(self):
-        """Checks every drone and loads its memory; nothing moves and no lamp changes."""
+        """Checks every drone and loads its memory. Nothing moves and no lamp changes."""
         for member in self.crew:
             drone = member.drone
             names = [name for name, *_ in drone["before"] + drone["parameters"] + drone["dark"]]
@@ -223,7 +223,7 @@ class Flight:
                 and all(variance <= DATA["variance_m2"] for variance in member.logged[:3]))
 
     def table(self):
-        """Prints what was found and wanted of every drone; goes on when all is right."""
+        """Prints what was found and wanted of every drone. Goes on when all is right."""
         wrong = []
         for member in self.crew:
             if not member.cf.get_status() or not member.logged:
@@ -302,7 +302,7 @@ class Flight:
             command(*values)
 
     def land(self):
-        """Down first, in every way out; whatever the lamps say to it."""
+        """Lands before all else, even if a lamp fails."""
         lasts_s = max(2.0, max(drone["top_m"] for drone in DRONES) / SINK_M_S)
         airborne = [member for member in self.crew if member.airborne]
         for member in airborne:
@@ -319,7 +319,7 @@ class Flight:
         print("the drones keep the controller and the gains of this flight until they restart")
 
     def come_down(self, lasts_s):
-        """Waits for the floor; a second press cuts the motors."""
+        """Waits for the floor. A second press cuts the motors."""
         for member in self.crew:
             member.heard["pose"] = (member.stamps["pose"], 0.0)
         end_s, asked = time.monotonic() + lasts_s, False

@@ -1,12 +1,11 @@
 //! Crazyswarm2: a CSV of polynomials for each drone, `crazyflies.yaml` and a Python script.
 //!
 //! The CSV is that of `uav_trajectories` ([`super::poly4d`]). The server uploads to the drone's
-//! memory with an offset in pieces; the script follows Crazyswarm2's Python interface
+//! memory with an offset in pieces. The script follows Crazyswarm2's Python interface
 //! (`crazyflie_py`): `uploadTrajectory`, `startTrajectory`, `setParam`, `land`.
 //! It judges the drones by the facts of the check ([`super::safety`]), through the topics that
-//! `crazyflies.yaml` asks the server for: pose, status and one of its own. The server reads no
-//! value of a parameter unless its own configuration says so; decks and the firmware's release are
-//! asked for.
+//! `crazyflies.yaml` asks the server for: pose, status and a custom one. The server reads no value
+//! of a parameter by default, so the operator is asked for decks and the firmware's release.
 
 use serde_json::json;
 
@@ -32,29 +31,9 @@ const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
 /// All files for Crazyswarm2.
-///
-/// # Errors
-///
-/// [`Error::Input`] for a controller or a drone that the firmware does not have, and for plans that
-/// are paced for a clock, which the script does; as [`Poly4d::fit`].
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
-    let kind = job.sim.controller.kind;
-    // Lamps are timed for the flight under the scene's controller.
-    let Some(controller) = firmware_controller(kind) else {
-        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
-        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
-        return Err(Error::input("controller.kind", kind.name(), wanted, hint));
-    };
-    let Some(platform) = job.checks.platform else {
-        let drone = "a drone without Bitcraze's firmware";
-        let hint = "name the preset of the drone that flies";
-        return Err(Error::input("preset", drone, "a Crazyflie", hint));
-    };
-    let clock = job.trajectory_clock;
-    if clock != 1.0 {
-        let hint = "plan with 1: the script paces the trajectory by the firmware's release";
-        return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
-    }
+    let (controller, platform) = firmware(job)?;
+    // A trajectory and an entry for each drone. All trajectories start together.
     let before_s = earliest_s(job.plans)?;
     let mut files = per_drone(job, "csv", |drone, plan| {
         let stretch = Stretch::new(plan)?;
@@ -82,7 +61,7 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
         "critical_v": CRITICAL_BATTERY_V,
         "fence_m": FENCE_M,
         "wrong_s": WRONG_S,
-        // As long as the firmware waits for setpoints.
+        // Same as the firmware's setpoint timeout.
         "silent_s": MOTORS_STOP_S,
         "slow_clock": SLOW_CLOCK,
         "last_slow_release": Feature::CLOCK.last_without().name(),
@@ -95,7 +74,28 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// When the script sends the landing: all letters flown and all lamps off, s in the plan.
+/// Number of the controller in the firmware, and the drone.
+fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
+    let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
+    // Lamps are timed for the flight under the scene's controller.
+    let Some(controller) = firmware_controller(kind) else {
+        let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
+        let hint = "choose one of these, or fly a controller of your own with the script for cflib";
+        return Err(Error::input("controller.kind", kind.name(), wanted, hint));
+    };
+    let Some(platform) = job.checks.platform else {
+        let drone = "a drone without Bitcraze's firmware";
+        let hint = "name the preset of the drone that flies";
+        return Err(Error::input("preset", drone, "a Crazyflie", hint));
+    };
+    if clock != 1.0 {
+        let hint = "plan with 1: the script paces the trajectory by the firmware's release";
+        return Err(Error::input("plan.trajectory_clock", clock, "1 for Crazyswarm2", hint));
+    }
+    Ok((controller, platform))
+}
+
+/// Time in the plan of the landing: all letters flown and all lamps off, s.
 fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
     let dark_s = job.trajectory_lights(drone)?.last().map_or(0.0, |last| last.time_s);
     Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
@@ -116,6 +116,7 @@ fn entry(
     let dark = dark(plan, job.light)?;
     let start_m = plan.setpoints[0].position_m;
     let battery = job.checks.batteries.get(index).copied().flatten();
+    // The Kalman filter starts anew, with the plan's heading.
     let before = json!([
         ["stabilizer.estimator", 2],
         ["kalman.initialYaw", plan.yaw_rad],
@@ -146,6 +147,7 @@ fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
         Platform::Crazyflie2 => "cf21",
         Platform::Brushless => "cf21bl",
     };
+    // One entry for each robot, then their type, then what holds for all of them.
     let mut text = "fileversion: 3\nrobots:\n".to_owned();
     for (drone, plan) in job.plans.iter().enumerate() {
         let start_m = plan.setpoints[0].position_m;

@@ -1,10 +1,10 @@
 //! Gains of a scene's controller for the firmware: parameters, or a table in C.
 //!
 //! - `geometric`: parameters of two controllers that are the same for small angles. `ctrlLee.*`
-//!   (firmware `controller_lee.c`) has torques (N m per rad) where the scene has angular
-//!   accelerations; `ctrlMel.*` (`controller_mellinger.c`) has forces (N per m) and, for the
-//!   attitude, motor commands per twice the sine of the error. Its derivative of the body rate,
-//!   which the scene lacks, is 0.
+//!   (firmware `controller_lee.c`) has torques (N m per rad) for the scene's angular accelerations.
+//!   `ctrlMel.*` (`controller_mellinger.c`) has forces (N per m) and, for the attitude, motor
+//!   commands per twice the sine of the error. Its derivative of the body rate, which the scene
+//!   lacks, is 0.
 //! - `pid`: the gains of the firmware's cascade (`posCtlPid`, `velCtlPid`, `pid_attitude`,
 //!   `pid_rate`), which the scene flies.
 //! - `lqr` and its variants: the matrix as a C header for a custom controller, such as that of the
@@ -18,7 +18,6 @@ use noctograph_core::error::{Error, Result};
 use noctograph_sim::gain_design::{Design, INPUTS, MOTOR_LAG_S, design};
 use noctograph_sim::{Law, SimOptions};
 
-/// Firmware parameters of a controller.
 type Parameters = Vec<(String, f64)>;
 
 /// Firmware parameters of the scene's controller.
@@ -67,12 +66,12 @@ fn mellinger(sim: &SimOptions) -> Parameters {
     let roll = 1.0 / (2.0 * vehicle.arm_m * vehicle.k_f_n * command);
     let yaw = 1.0 / (4.0 * vehicle.k_m_n_m * command);
     // The attitude error is twice the sine of the angle.
-    for (name, accelerations, share) in
+    for (name, accelerations, factor) in
         [("kR", k.k_attitude, 0.5), ("kw", k.k_rate, 1.0), ("ki_m", k.k_attitude_integral, 0.5)]
     {
         let [x, y, z] = [0, 1, 2].map(|axis| vehicle.inertia_kg_m2[axis] * accelerations[axis]);
-        gains.push((name, "_xy", share * (roll * f64::midpoint(x, y))));
-        gains.push((name, "_z", share * (yaw * z)));
+        gains.push((name, "_xy", factor * (roll * f64::midpoint(x, y))));
+        gains.push((name, "_z", factor * (yaw * z)));
     }
     gains.push(("kd_omega_rp", "", 0.0));
     gains.push(("mass", "", mass_kg));
@@ -81,7 +80,7 @@ fn mellinger(sim: &SimOptions) -> Parameters {
     gains.into_iter().map(|(name, axis, gain)| (format!("ctrlMel.{name}{axis}"), gain)).collect()
 }
 
-/// The firmware's cascade.
+/// Parameters of the firmware's cascade.
 fn pid(sim: &SimOptions) -> Parameters {
     let names = [
         ("posCtlPid", ["xK", "yK", "zK"]),
@@ -146,7 +145,6 @@ fn header(design: &Design, sim: &SimOptions) -> String {
     )
 }
 
-/// A matrix as an array in C.
 fn table(name: &str, matrix: &DMatrix<f64>) -> String {
     let rows = matrix.row_iter().map(|row| {
         let entries: Vec<String> = row.iter().map(|entry| format!("{entry:.9e}f")).collect();

@@ -28,7 +28,7 @@ def load(name):
 
 
 def together(work, crew):
-    """Does work for every drone in a thread of its own; raises what went wrong, causes first."""
+    """Does work for every drone, each in a thread. Raises what went wrong, causes first."""
     errors = []
 
     def guarded(script, drone, choice):

@@ -4,8 +4,8 @@
 //! out: [`File`]s, one module for each format. SI units and radians up to the last line of each.
 //!
 //! A trajectory on board flies from a run-up before the first letter to a run-out after the last
-//! one; scripts upload it with take-off, the way there and a landing, other files have the letters
-//! alone. [`flown`] is the plan of such a flight, decoded from what was exported.
+//! one. Scripts upload it with take-off, the path there and a landing. Other files have only the
+//! letters. [`flown`] is the plan of such a flight, decoded from what was exported.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -71,9 +71,9 @@ pub struct Job<'a> {
     /// One plan for each drone.
     pub plans: &'a [Plan],
     /// The flights of the trajectories that are exported ([`flown`]), with the lights timed on
-    /// them; empty where none is ([`Format::trajectory`]), or none fits.
+    /// them. Empty if none is ([`Format::trajectory`]), or none fits.
     pub flown: &'a [Plan],
-    /// What speaks against flying them, where it is exported nevertheless; scripts say it.
+    /// Why they should not be flown, although they are exported. Scripts quote it.
     pub unsafe_because: Option<&'a str>,
     /// The word, for names and titles.
     pub word: &'a str,
@@ -85,7 +85,7 @@ pub struct Job<'a> {
     pub camera: &'a Camera,
     /// Largest distance of a trajectory from the design, m.
     pub tolerance_m: f64,
-    /// What the script for cflib sends unless it is told otherwise.
+    /// What the script for cflib sends by default.
     pub mode: Mode,
     /// Names of other modes that it must not fly, and why.
     pub refused: &'a [(&'static str, String)],
@@ -108,7 +108,7 @@ impl Format {
         }
     }
 
-    /// Uses that its files do not serve, where that is not obvious.
+    /// Uses that its files do not serve, if that is not obvious.
     pub fn note(self) -> Option<&'static str> {
         match self {
             Self::Skyc => Some(
@@ -125,12 +125,12 @@ impl Format {
         }
     }
 
-    /// Whether its files fly a drone.
+    /// True if its files fly a drone.
     pub fn flies(self) -> bool {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
-    /// Whether its files are trajectories of the letters alone, which begin and end in the air.
+    /// True if its files are trajectories of only the letters, which begin and end in the air.
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)
     }
@@ -163,8 +163,8 @@ fn ascii(json: &Value) -> String {
     text
 }
 
-/// A script with a comment below its first line that says what speaks against flying it. The reason
-/// may quote a typed word: characters that are invisible or turn the line are escaped.
+/// A script with the reason not to fly it as a comment below its first line. The reason may quote a
+/// typed word: characters that are invisible or turn the line are escaped.
 fn with_caution(job: &Job<'_>, script: String) -> String {
     let Some(reason) = job.unsafe_because else { return script };
     let (first, rest) = script.split_once('\n').expect("a script has lines");
@@ -184,7 +184,7 @@ fn visible(text: &str) -> String {
     visible
 }
 
-/// A file on its way.
+/// An exported file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
     /// Its name, without a folder.
@@ -204,7 +204,7 @@ impl File {
 /// # Errors
 ///
 /// [`noctograph_core::error::Error::Input`] for plans without letters and lamps that the format
-/// does not know; [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
+/// does not know, [`noctograph_core::error::Error::Infeasible`] for what does not fit the format.
 pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     let shows = matches!(format, Format::Skyc | Format::Vviz);
     assert!(!shows || job.flown.len() == job.plans.len(), "shows are of flown trajectories");
@@ -212,7 +212,7 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     match format {
         Format::Cflib => scripts(job),
         Format::Compressed => per_drone(job, "traj", |_, plan| {
-            Ok(compressed::Compressed::encode_for(release, plan, job.tolerance_m)?.to_bytes())
+            Ok(compressed::Compressed::encode(release, plan, job.tolerance_m)?.to_bytes())
         }),
         Format::Poly4d => per_drone(job, "poly4d", |_, plan| {
             Ok(poly4d::Poly4d::fit(release, plan, job.tolerance_m)?.to_bytes())
@@ -235,19 +235,19 @@ pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
     Ok([0, stretch.last()].map(|index| stretch.setpoints[index].position_m.z))
 }
 
-/// What a plan takes of the trajectory memory on board, and how it can be sent.
+/// The trajectory memory on board that a plan takes, and how it can be sent.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory {
     /// Bytes as a compressed trajectory, of [`TRAJECTORY_MEMORY_BYTES`].
     pub bytes: usize,
-    /// Whether the release flies the heading of a compressed trajectory.
+    /// True if the release flies the heading of a compressed trajectory.
     pub flies_heading: bool,
     /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
     /// Names of the formats in which it fits: the memory as either trajectory, and the radio as the
     /// setpoints of a script.
     pub formats: Vec<&'static str>,
-    /// Whether it fits in all of them.
+    /// True if it fits in all of them.
     pub fits_all: bool,
 }
 
@@ -255,13 +255,12 @@ pub struct Memory {
 ///
 /// # Errors
 ///
-/// As [`compressed::Compressed::encode_for`], but for length and heading.
+/// As [`compressed::Compressed::encode`], but for length and heading.
 pub fn memory(release: Release, plan: &Plan) -> Result<Memory> {
     let flies_heading = compressed::flies_heading(release, plan.yaw_rad);
     let (stretch, within_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
     let bytes = compressed::Compressed::of_any_length(&stretch, within_m)?.to_bytes().len();
-    let all = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?;
-    let pieces = all.pieces.len();
+    let pieces = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?.pieces.len();
     let fits = [
         (Format::Compressed, flies_heading && bytes <= TRAJECTORY_MEMORY_BYTES),
         (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
@@ -285,30 +284,15 @@ fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Letters that have no decomposition, and their spelling in ASCII.
-const SPELLED: [(char, &str); 14] = [
-    ('Ł', "L"),
-    ('ł', "l"),
-    ('Ø', "O"),
-    ('ø', "o"),
-    ('Đ', "D"),
-    ('đ', "d"),
-    ('ı', "i"),
-    ('ß', "ss"),
-    ('ẞ', "SS"),
-    ('Æ', "AE"),
-    ('æ', "ae"),
-    ('Œ', "OE"),
-    ('œ', "oe"),
-    ('Þ', "Th"),
-];
+/// Letters that have no decomposition, each before its spelling in ASCII.
+const SPELLED: &str = "ŁL łl ØO øo ĐD đd ıi ßss ẞSS ÆAE æae ŒOE œoe ÞTh";
 
 /// A word as the stem of a file's name: its letters and digits in ASCII, without accents.
 pub fn stem(word: &str) -> String {
     let mut stem = String::new();
     for letter in word.nfkd() {
-        match SPELLED.iter().find(|(known, _)| *known == letter) {
-            Some((_, spelling)) => stem += spelling,
+        match SPELLED.split(' ').find_map(|pair| pair.strip_prefix(letter)) {
+            Some(spelling) => stem += spelling,
             None if letter.is_ascii_alphanumeric() => stem.push(letter),
             None => {}
         }
@@ -317,7 +301,7 @@ pub fn stem(word: &str) -> String {
     if stem.is_empty() { "drawing".to_owned() } else { stem }
 }
 
-/// One file for each drone, with its number in the name where there are several.
+/// One file for each drone, with its number in the name if there are several.
 fn per_drone(
     job: &Job<'_>,
     ending: &str,
@@ -331,7 +315,7 @@ fn per_drone(
     files.collect()
 }
 
-/// Largest distance of the trajectories in a format from the design, m; `None` where it has none.
+/// Largest distance of the trajectories in a format from the design, m. `None` if it has none.
 ///
 /// # Errors
 ///

@@ -1,7 +1,7 @@
 //! Light commands as firmware parameters.
 //!
 //! Lamps listen to parameters: deck lamps to those of [`CHANNELS`], a custom lamp to the one in its
-//! row of the emitter table. The firmware shows a change at its next tick of 50 ms; plans on the
+//! row of the emitter table. The firmware shows a change at its next tick of 50 ms. Plans on the
 //! light's clock are sent early by the radio delay and half a tick.
 //!
 //! A ring with few changes can play them from its timing memory (`Timing`) on the clock of a
@@ -20,7 +20,7 @@ use noctograph_plan::Plan;
 
 /// `led.bitmask` with the board's own LEDs dark.
 const BOARD_DARK: u32 = 128;
-/// Whether the color LED deck corrects its brightness, as [`COLOR_LED`] sets it.
+/// 1 if the color LED deck corrects its brightness, as [`COLOR_LED`] sets it.
 const BRIGHTNESS_CORRECTION: &str = "colorLedBot.brightCorr";
 
 /// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase,
@@ -44,21 +44,22 @@ pub struct Command {
 }
 
 /// The parameter that a light channel of a plan sets.
-enum Target<'a> {
-    /// The parameter of a deck.
-    Deck(&'static Channel),
-    /// The parameter of a custom lamp, and its value at full level.
-    Own(&'a str, u32),
+struct Target<'a> {
+    parameter: &'a str,
+    /// Channels of the color, for a deck that has any.
+    colors: &'static [&'static str],
+    /// Value at full level: 1 for a pin, any for a custom lamp.
+    most: u32,
 }
 
 impl<'a> Target<'a> {
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
-        if let Some(channel) = Channel::named(channel) {
-            return Ok(Self::Deck(channel));
+        if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
+            return Ok(Self { parameter, colors, most: 1 });
         }
-        let mut own = fixtures.iter().filter(|it| it.drive.channel() == Some(channel));
-        let own = own.find_map(|it| Some(Self::Own(it.parameter.as_deref()?, it.parameter_max)));
-        own.ok_or_else(|| {
+        let mut lamps = fixtures.iter().filter(|lamp| lamp.drive.channel() == Some(channel));
+        let custom = lamps.find_map(|lamp| Some((lamp.parameter.as_deref()?, lamp.parameter_max)));
+        custom.map(|(parameter, most)| Self { parameter, colors: &[], most }).ok_or_else(|| {
             let names = CHANNELS.map(|channel| channel.name).join(", ");
             let wanted = format!("{names}, or a lamp that names its firmware parameter");
             let hint = "light with one of these, or set `parameter` of the lamp in light.fixtures";
@@ -68,20 +69,14 @@ impl<'a> Target<'a> {
 
     /// The command at a level from 0 to 1, with the color for a lamp that has colors.
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
-        // A pin is on at any level above 0.
-        let pin = (u32::from(level > 0.0), level.ceil());
         #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
-        let (parameter, (value, level)) = match *self {
-            Self::Deck(Channel { parameter, colors: [], .. }) => (*parameter, pin),
-            Self::Deck(Channel { parameter, colors, .. }) => {
-                (*parameter, (packed(&wrgb[4 - colors.len()..], level), level))
-            }
-            Self::Own(parameter, 1) => (parameter, pin),
-            Self::Own(parameter, most) => {
-                (parameter, ((f64::from(most) * level.clamp(0.0, 1.0)).round() as u32, level))
-            }
+        let (value, level) = match (self.colors.len(), self.most) {
+            // A pin is on at any level above 0.
+            (0, 1) => (u32::from(level > 0.0), level.ceil()),
+            (0, most) => ((f64::from(most) * level.clamp(0.0, 1.0)).round() as u32, level),
+            (n, _) => (packed(&wrgb[4 - n..], level), level),
         };
-        let (parameter, channel) = (parameter.to_owned(), channel.to_owned());
+        let (parameter, channel) = (self.parameter.to_owned(), channel.to_owned());
         Command { time_s, parameter, value, channel, level }
     }
 }
@@ -90,10 +85,9 @@ impl<'a> Target<'a> {
 pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     let fixtures = options.fixtures();
     let channels = plan.lamps().map(|(channel, _)| channel.as_str());
-    Vec::from_iter(channels.filter(|channel| match Target::new(channel, &fixtures) {
-        Ok(Target::Deck(channel)) => channel.colors.is_empty(),
-        Ok(Target::Own(_, most)) => most == 1,
-        Err(_) => false,
+    Vec::from_iter(channels.filter(|channel| {
+        let target = Target::new(channel, &fixtures);
+        target.is_ok_and(|target| target.colors.is_empty() && target.most == 1)
     }))
 }
 
@@ -107,18 +101,20 @@ fn color(
     options: &LightOptions,
 ) -> [u8; 4] {
     let [r, g, b] = options.ring_rgb_of(letter);
-    let own = if channel == RING.name { [0, r, g, b] } else { options.wrgb_of(letter) };
+    let of_letter = if channel == RING.name { [0, r, g, b] } else { options.wrgb_of(letter) };
     let colors = Channel::named(channel).map_or(&[][..], |channel| channel.colors);
+    // The channels are the last of the four bytes.
     std::array::from_fn(|k| {
         let name = (k + colors.len()).checked_sub(4).and_then(|k| colors.get(k));
-        name.and_then(|name| plan.lights.get(*name)).map_or(own[k], |levels| byte(levels[row]))
+        let levels = name.and_then(|name| plan.lights.get(*name));
+        levels.map_or(of_letter[k], |levels| byte(levels[row]))
     })
 }
 
-/// A share from 0 to 1 as a byte.
+/// A level from 0 to 1 as a byte.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
-fn byte(share: f64) -> u8 {
-    (255.0 * share.clamp(0.0, 1.0)).round() as u8
+fn byte(level: f64) -> u8 {
+    (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
 /// All changes of a plan's lights, which are dark at first, in order of time.
@@ -131,6 +127,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let (letters, fixtures) = (noctograph_plan::light_letters(plan), options.fixtures());
     for (channel, levels) in plan.lamps() {
         let target = Target::new(channel, &fixtures)?;
+        // A command for each change of the value, which is dark at first.
         let mut value = target.command(0.0, channel, 0.0, [0; 4]).value;
         for (row, (setpoint, level)) in plan.setpoints.iter().zip(levels).enumerate() {
             let wrgb = color(plan, channel, row, letters[row], options);
@@ -157,17 +154,14 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
 }
 
 /// Parameters before the flight: the lamps of the plan ready and dark, all others off.
-///
-/// # Errors
-///
-/// As [`commands`].
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
     for Channel { name, ready, idle, .. } in &CHANNELS {
+        let is_fitted = |lamp: &Fixture| lamp.drive.channel() == Some(*name);
         let set = match plan.lights.contains_key(*name) {
             true => *ready,
-            false if fixtures.iter().any(|it| it.drive.channel() == Some(*name)) => *idle,
+            false if fixtures.iter().any(is_fitted) => *idle,
             false => &[],
         };
         parameters.extend(set.iter().map(|(parameter, value)| ((*parameter).to_owned(), *value)));
@@ -176,8 +170,10 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
         let corrected = parameters.iter_mut().find(|(name, _)| name == BRIGHTNESS_CORRECTION);
         corrected.into_iter().for_each(|(_, value)| *value = 0);
     }
-    let own = dark(plan, options)?.into_iter().filter(|it| Channel::named(&it.channel).is_none());
-    parameters.extend(own.map(|it| (it.parameter, it.value)));
+    // Custom lamps: those of the plan, then those that it does not light.
+    let mut custom = dark(plan, options)?;
+    custom.retain(|command| Channel::named(&command.channel).is_none());
+    parameters.extend(custom.into_iter().map(|command| (command.parameter, command.value)));
     for parameter in fixtures.into_iter().filter_map(|lamp| lamp.parameter) {
         if parameters.iter().all(|(name, _)| *name != parameter) {
             parameters.push((parameter, 0));
@@ -186,7 +182,7 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     Ok(parameters)
 }
 
-/// Entries of the timing memory that the lights of a flight take; `None` unless the ring is the
+/// Entries of the timing memory that the lights of a flight take. `None` unless the ring is the
 /// only lamp.
 ///
 /// # Errors
@@ -206,8 +202,8 @@ pub(super) struct Timing {
     pub(super) changes: Vec<(f64, f64)>,
 }
 
-/// The timing memory of any length of a plan that lights the ring alone; `None` for other lamps,
-/// and where it does not end dark.
+/// The timing memory of any length of a plan that lights only the ring. `None` for other lamps, and
+/// if it does not end dark.
 pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (first, last) = (commands.first()?, commands.last()?);
     if !plan.lamps().map(|(channel, _)| channel).eq([RING.name]) || last.value != 0 {
@@ -225,6 +221,7 @@ pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
         let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
         let [_, r, g, b] = command.value.to_be_bytes();
         let (until, color) = (until.max(played + least), ring_memory_rgb([r, g, b]));
+        // A long one takes several entries.
         while played < until {
             let lasts = (until - played).min(MAX_RING_TIMING);
             entries.push((u8::try_from(lasts).expect("at most 255"), color));
@@ -243,7 +240,7 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let alike = deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
     let mut light = Vector3::zeros();
     for lamp in lamps_on(&command.channel, options) {
-        // A deck's last bytes drive its dies; any other lamp has all of them on.
+        // A deck's last bytes drive its dies. Any other lamp has all of them on.
         let drives = deck.map_or([u8::MAX; 4], |_| command.value.to_be_bytes());
         let drives = drives.into_iter().rev().chain(std::iter::repeat(u8::MAX));
         for (drive, die) in drives.zip(lamp.dies.iter().rev()) {
@@ -260,7 +257,7 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     light.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
 }
 
-/// The lamps on a channel: the scene's, or those of a deck where the scene has none.
+/// The lamps on a channel: the scene's, or those of a deck if the scene has none.
 fn lamps_on(channel: &str, options: &LightOptions) -> Vec<Fixture> {
     let mut lamps = options.fixtures();
     lamps.retain(|lamp| lamp.drive.channel() == Some(channel));
@@ -428,7 +425,7 @@ mod tests {
             plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= step_s));
             timing(&plan, &commands(&plan, &options).unwrap())
         };
-        // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s; drift does not add up.
+        // From 1.01 s on: lit for 2.02 s, dark for 1.01 s, half for 1.01 s. Drift does not add up.
         let played = timing("ring", &[0.0, 1.0, 1.0, 0.0, 0.5, 0.0], 1.01).unwrap();
         let (on, dark, half) = ([197, 101, 0], [0; 3], [99, 49, 0]);
         assert_eq!(played.entries, [(51, on), (25, dark), (25, half), (2, dark)]);

@@ -1,5 +1,5 @@
-//! What to log in a flight: the variables that [`crate::logs`] reads, for cfclient, for the µSD
-//! card and for our own script.
+//! Variables to log in a flight, which [`crate::logs`] reads: for cfclient, for the µSD card and
+//! for the script.
 //!
 //! Formats: log configurations of cfclient (`cfclient/configs/log/*.json`), and `config.txt` of the
 //! µSD deck (firmware documentation, "Micro SD card deck"). A radio block holds 26 bytes.
@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::File;
 
-/// A block: its name, and the variables that it logs, parted by blanks.
+/// A block: its name, and the variables that it logs, separated by blanks.
 type Block = (&'static str, &'static str);
 
 /// Blocks of variables that any Crazyflie has.
@@ -39,7 +39,6 @@ pub(super) const WATCH_BLOCKS: [Block; 2] = [
     ("state", "stateEstimate.yaw stateEstimate.pitch stateEstimate.roll pm.vbat supervisor.info"),
 ];
 
-/// Type of a variable.
 fn kind(variable: &str) -> &'static str {
     let is_short = variable.starts_with("motor.") || variable == "supervisor.info";
     if is_short { "uint16_t" } else { "float" }
@@ -72,6 +71,7 @@ pub(super) fn files() -> Vec<File> {
         let text = format!("{:#}\n", json!({ "logconfig": { "logblock": block } }));
         File::new(format!("noctograph-{name}.json"), text)
     });
+    // The card logs all variables at one rate, without blocks.
     let mut card = format!(
         "1     # version\n1024  # buffer size in bytes\nlog   # file name\n0     # enable on startup \
          (0/1): set usd.logging to 1 before take-off, and to 0 after landing\n\

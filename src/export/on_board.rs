@@ -16,7 +16,7 @@ use noctograph_plan::{Plan, PlanData, Setpoint, conflict};
 
 /// Time between two setpoints of the plan, s: the commander on board computes as often.
 const STEP_S: f64 = 0.01;
-/// Step of the differences for velocity and acceleration, and for the jerk, s: pieces end at whole
+/// Steps of the differences for velocity and acceleration, and for the jerk, s: pieces end at whole
 /// milliseconds.
 const DIFFERENCE_S: f64 = 5e-4;
 const JERK_DIFFERENCE_S: f64 = 1e-3 / 3.0;
@@ -56,8 +56,8 @@ pub enum Length {
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode_for`] and [`Poly4d::fit`]; [`Error::Infeasible`] for trajectories on
-/// board where a drone that hovers at its start is in the way of another.
+/// As [`Compressed::encode`] and [`Poly4d::fit`], and [`Error::Infeasible`] if, with trajectories
+/// on board, a drone that hovers at its start is too near to the path of another.
 pub fn flown(
     release: Release,
     plans: &[Plan],
@@ -71,6 +71,7 @@ pub fn flown(
         flown_alone(plan, before_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
+    // Drones that wait in the air were not in the plans, so their distances are checked again.
     let mut pairs =
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
     let near = pairs.find_map(|(a, b)| conflict(a, b)).filter(|_| length == Length::OnBoard);
@@ -89,7 +90,7 @@ pub fn flown(
 ///
 /// # Errors
 ///
-/// As [`Compressed::encode_for`] and [`Poly4d::fit`].
+/// As [`Compressed::encode`] and [`Poly4d::fit`].
 pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f64) -> Result<()> {
     let fits = |plan| pieces(release, plan, form, tolerance_m, Length::OnBoard).map(drop);
     plans.iter().try_for_each(fits)
@@ -105,7 +106,7 @@ pub(super) fn pieces(
 ) -> Result<Vec<Polynomials>> {
     Ok(match (form, length) {
         (Form::Compressed, Length::OnBoard) => {
-            Compressed::encode_for(release, plan, tolerance_m)?.polynomials()
+            Compressed::encode(release, plan, tolerance_m)?.polynomials()
         }
         (Form::Compressed, Length::Any) => {
             Compressed::of_any_length(&Stretch::new(plan)?, tolerance_m)?.polynomials()
@@ -127,12 +128,12 @@ fn flown_alone(
     let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
     let (zero_s, end_s) = (timeline.zero_s, timeline.after[1].0);
 
-    let mut changes_s: Vec<f64> = plan.setpoints.iter().map(|s| s.time_s - zero_s).collect();
-    changes_s.retain(|time_s| *time_s > 0.0 && *time_s < end_s);
+    // Even steps, and the plan's times, at which its lights change.
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let steps = (end_s / STEP_S).ceil() as u32;
     let mut times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();
-    times_s.extend(changes_s);
+    let changes_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s - zero_s);
+    times_s.extend(changes_s.filter(|time_s| *time_s > 0.0 && *time_s < end_s));
     times_s.sort_by(f64::total_cmp);
     times_s.dedup_by(|b, a| *b - *a < 1e-6);
     let lit = plan.lit();
@@ -145,7 +146,8 @@ fn flown_alone(
             let level = row.map_or(0.0, |row| levels[row]);
             out.lights.entry(channel.clone()).or_default().push(level);
         }
-        // Derivatives to the right: a piece may begin here.
+        // Derivatives by forward differences, since a piece may begin here: v to the second order,
+        // (4b - 3a - c) / 2h, a as (a - 2b + c) / h², the jerk as the third difference.
         let h = DIFFERENCE_S;
         let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h]
             .map(|time_s| timeline.position_m(time_s, &position_m));
@@ -175,7 +177,7 @@ mod tests {
         plan(&write(word, &LetterOptions::default()).unwrap(), &PlanOptions::even()).unwrap()
     }
 
-    /// A plan that begins later and stands farther to the right.
+    /// A plan that begins later and farther to the right.
     fn moved(plan: &Plan, later_s: f64, right_m: f64) -> Plan {
         let mut plan = plan.clone();
         plan.edit(|plan| {
@@ -211,7 +213,7 @@ mod tests {
                 assert!(off_m_s <= 0.3, "{off_m_s} m/s at {} s", pair[0].time_s);
                 mean_off_m_s += off_m_s / plan.setpoints.len() as f64;
             }
-            // Where no piece begins they agree: an acceleration of the other sign is 8 mm/s off.
+            // Within a piece they agree: an acceleration of the other sign is 8 mm/s off.
             assert!(mean_off_m_s < 0.002, "{mean_off_m_s} m/s");
         }
     }
@@ -229,7 +231,7 @@ mod tests {
                 n += f64::from(u8::from(changed.norm() > 0.01));
             }
             changes.sort_by(f64::total_cmp);
-            // Where no piece begins.
+            // Within a piece.
             let most = changes[changes.len() * 8 / 10];
             assert!(most < 2e-3 && n > 100.0, "{most} m/s2, {n}");
         }

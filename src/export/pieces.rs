@@ -13,8 +13,8 @@ use nalgebra::Vector3;
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::{Plan, Setpoint};
 
-/// Times between two setpoints at which a piece is held against the design, at least, and the
-/// longest time between two of them, s: a run-up is 0.5 s without a setpoint.
+/// Least number of times between two setpoints at which a piece is compared with the design, and
+/// the longest time between two of them, s: a run-up is 0.5 s without a setpoint.
 const CHECKS_PER_SETPOINT: f64 = 4.0;
 const CHECK_INTERVAL_S: f64 = 0.02;
 
@@ -22,18 +22,18 @@ const CHECK_INTERVAL_S: f64 = 0.02;
 /// that of the last one to rest, s: 0.4 m/s² at 0.2 m/s.
 const RUN_S: f64 = 0.5;
 
-/// Largest speed and acceleration of a piece where it is held against the design, relative to those
-/// of the design; a twentieth over them between these times.
+/// Largest speed and acceleration of a piece at the times of comparison, relative to those of the
+/// design. Between these times they are up to a twentieth over.
 const OVER_LIMITS: f64 = 1.04;
 
 /// Step of the drone's evaluator, s (`stabilizer.c`).
 const STEP_S: f64 = 0.001;
 
-/// Shorter pieces that are tried before one that must be left over the limits.
+/// Shorter pieces that are tried before one is left over the limits.
 const RETRIES: u32 = 200;
 
 /// The part of a plan that flies as a trajectory: a run-up from rest, all letters, and a run-out to
-/// rest. Take-off and landing are commands of their own.
+/// rest. Take-off and landing are separate commands.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
     pub(super) setpoints: Vec<Setpoint>,
@@ -44,12 +44,6 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// The stretch of a plan.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] for a plan without letters, [`Error::Infeasible`] for one that reaches the
-    /// floor.
     pub(super) fn new(plan: &Plan) -> Result<Self> {
         let first = plan.setpoints.iter().position(|setpoint| setpoint.letter.is_some());
         let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some());
@@ -60,6 +54,7 @@ impl Stretch {
         // The last stroke ends at the setpoint after the last one of a letter.
         let end = (last + 1).min(plan.setpoints.len() - 1);
         let (start, stop) = (&plan.setpoints[first], &plan.setpoints[end]);
+        // Even acceleration over RUN_S to the speed of the first letter, and from the last one's.
         let run_up = Setpoint {
             time_s: start.time_s - RUN_S,
             position_m: start.position_m - start.velocity_m_s * (RUN_S / 2.0),
@@ -81,28 +76,24 @@ impl Stretch {
             [run_up].into_iter().chain(letters).chain([run_out, rest]).collect();
         if let Some(low) = setpoints.iter().find(|setpoint| setpoint.on_floor()) {
             let (z_m, time_s) = (low.position_m.z, low.time_s);
-            return Err(Error::infeasible(
-                format!(
-                    "the letters or the run-up to them reach down to {z_m:.2} m at {time_s:.1} s"
-                ),
-                "write higher (letters.baseline_m) or slower (plan.stroke_speed_m_s)",
-            ));
+            let what = format!(
+                "the letters or the run-up to them reach down to {z_m:.2} m at {time_s:.1} s"
+            );
+            let hint = "write higher (letters.baseline_m) or slower (plan.stroke_speed_m_s)";
+            return Err(Error::infeasible(what, hint));
         }
         let stop_m_s2 = stop.acceleration_m_s2;
         Ok(Self { setpoints, stop_m_s2, yaw_rad: plan.yaw_rad })
     }
 
-    /// Time of the first setpoint in the plan, s.
     pub(super) fn start_s(&self) -> f64 {
         self.setpoints[0].time_s
     }
 
-    /// Duration, s.
     pub(super) fn duration_s(&self) -> f64 {
         self.time_s(self.last())
     }
 
-    /// Index of the last setpoint.
     pub(super) fn last(&self) -> usize {
         self.setpoints.len() - 1
     }
@@ -137,9 +128,8 @@ impl Stretch {
         [speeds.fold(0.0, f64::max), accelerations.fold(0.0, f64::max)]
     }
 
-    /// Largest distance of a trajectory from the design at any of the drone's milliseconds, m:
-    /// those just before a setpoint, too, where a design of constant accelerations is the farthest
-    /// from the next.
+    /// Largest distance of a trajectory from the design at any of the drone's milliseconds, m. Just
+    /// before a setpoint a design of constant accelerations is the farthest off.
     pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
         let (mut worst_m, mut start_s) = (0.0, 0.0);
         for piece in pieces {
@@ -158,16 +148,16 @@ impl Stretch {
     /// The error for a trajectory that `needs` more than the drone's memory, with the number of
     /// letters that fit before `until_s`.
     pub(super) fn too_long(&self, until_s: f64, needs: &str, hint: &str) -> Error {
-        let [begun, all] = [until_s, f64::INFINITY].map(|until_s| {
+        let [begun, total] = [until_s, f64::INFINITY].map(|until_s| {
             let flown = self.setpoints.iter().filter(|s| s.time_s - self.start_s() < until_s);
             flown.filter_map(|setpoint| setpoint.letter).collect::<BTreeSet<_>>().len()
         });
         // The last letter that begins in time does not end in time.
-        let what = format!("{needs}: {} of {all} letters fit", begun.saturating_sub(1));
+        let what = format!("{needs}: {} of {total} letters fit", begun.saturating_sub(1));
         Error::infeasible(what, hint)
     }
 
-    /// Times at which a piece between two setpoints is held against the design.
+    /// Times at which a piece between two setpoints is compared with the design.
     pub(super) fn check_times_s(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
         (from..to).flat_map(move |index| {
             let (start_s, end_s) = (self.time_s(index), self.time_s(index + 1));
@@ -183,7 +173,6 @@ impl Stretch {
 /// Coefficients of an axis in ascending powers of the time in s.
 pub(super) type Polynomial = [f64; 8];
 
-/// Motion along one piece.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Polynomials {
     pub(super) duration_s: f64,
@@ -194,11 +183,12 @@ impl Polynomials {
     /// From rest to rest without jerk at the ends, as the firmware's take-off and landing
     /// (`pptraj.c`, `poly7_nojerk`).
     pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
-        let way_m = to_m - from_m;
+        let path_m = to_m - from_m;
         let axes = [0, 1, 2].map(|axis| {
+            // The smoothstep 35 s⁴ - 84 s⁵ + 70 s⁶ - 20 s⁷ of s = t/T.
             let mut power = 1.0;
-            let mut polynomial = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0].map(|share| {
-                let coefficient = way_m[axis] * share / power;
+            let mut polynomial = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0].map(|factor| {
+                let coefficient = path_m[axis] * factor / power;
                 power *= duration_s;
                 coefficient
             });
@@ -219,8 +209,8 @@ impl Polynomials {
     }
 }
 
-/// Position, velocity and acceleration of pieces in order at a time since their start; at rest at
-/// the last one's end after it.
+/// Position, velocity and acceleration of pieces in order at a time since their start. After the
+/// last one they are at rest at its end.
 pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
     let (mut left_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
     for piece in pieces {
@@ -242,11 +232,11 @@ pub(super) enum Rounding {
     Gentlest,
 }
 
-/// The pieces of a stretch. Each is the longest that stays within `tolerance_m` of the design,
-/// within `max_piece_s`, and within the speed and acceleration of the design. Where no piece can
-/// follow it, a shorter one is taken. `piece` makes the piece between two setpoints after the
-/// pieces so far. Where the design states no acceleration the distance alone decides, and the piece
-/// to the next setpoint is taken in any case.
+/// The pieces of a stretch, found greedily with backtracking. Each is the longest that stays within
+/// `tolerance_m` of the design, within `max_piece_s`, and within the speed and acceleration of the
+/// design. If no piece can follow it, a shorter one is taken. `piece` makes the piece between two
+/// setpoints after the pieces so far. If the design states no acceleration, only the distance
+/// decides, and the piece to the next setpoint is taken in any case.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
@@ -270,6 +260,7 @@ pub(super) fn pieces<P>(
         if next.is_none() {
             (stuck_start, retries) =
                 if start > stuck_start { (start, 1) } else { (stuck_start, retries + 1) };
+            // Back to the last piece that can be shorter. Those after it are made again.
             let other =
                 (0..done.len()).rev().filter(|_| retries <= RETRIES).find_map(|index: usize| {
                     let (from, untried) = &mut tried[index];
@@ -282,6 +273,7 @@ pub(super) fn pieces<P>(
                 next = Some(to);
             }
         }
+        // The retries are used up: the piece with the least effort, over the limits or not.
         let next = next.map(|to| (to, Rounding::Nearest)).or_else(|| fit.gentlest(start, &done));
         let (to, rounding) = next.expect("the next setpoint");
         let made = piece(start, to, &done, rounding);
@@ -296,7 +288,6 @@ pub(super) fn pieces<P>(
 /// Motion of the piece between two setpoints after the pieces so far.
 type Motion<'a, P> = dyn Fn(usize, usize, &[P], Rounding) -> Polynomials + 'a;
 
-/// The requirements of pieces.
 struct Fit<'a, P> {
     stretch: &'a Stretch,
     limits: [f64; 2],
@@ -354,7 +345,7 @@ impl<P> Fit<'_, P> {
         })
     }
 
-    /// End and rounding of the piece with the least effort; to the next setpoint in any case.
+    /// End and rounding of the piece with the least effort. One to the next setpoint always counts.
     fn gentlest(&self, from: usize, before: &[P]) -> Option<(usize, Rounding)> {
         let ends = (from + 1..=self.farthest(from, before))
             .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));

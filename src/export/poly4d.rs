@@ -13,7 +13,7 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::compressed::{Compressed, flies_heading};
 use super::pieces::{Polynomial, Polynomials, Stretch, pieces};
-use super::timeline::{Leg, Timeline};
+use super::timeline::{Segment, Timeline};
 use noctograph_core::crazyflie::{Release, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
@@ -22,9 +22,8 @@ use noctograph_plan::Plan;
 const PIECE_BYTES: usize = 33 * 4;
 /// Most pieces that the trajectory memory holds.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
-/// Shortest leg, s: a drone that starts first waits for none.
-const LEAST_LEG_S: f64 = 1e-3;
-/// Header of the CSV.
+/// Shortest segment, s: a drone that starts first waits for none.
+const LEAST_SEGMENT_S: f64 = 1e-3;
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
 
@@ -38,19 +37,19 @@ pub struct Poly4d {
 
 impl Poly4d {
     /// Fits the letters of a plan within a distance of its design, in as many pieces as the drone's
-    /// memory holds. The release decides what is advised where they are too many.
+    /// memory holds. The release decides what is advised if they are too many.
     ///
     /// # Errors
     ///
     /// [`noctograph_core::error::Error::Input`] for a plan without letters,
     /// [`noctograph_core::error::Error::Infeasible`] for one that takes more.
     pub fn fit(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
-        let (stretch, all) = (Stretch::new(plan)?, Self::fit_any_length(plan, tolerance_m)?);
-        let n = all.pieces.len();
+        let (stretch, long) = (Stretch::new(plan)?, Self::fit_any_length(plan, tolerance_m)?);
+        let n = long.pieces.len();
         if n <= MAX_PIECES {
-            return Ok(all);
+            return Ok(long);
         }
-        let until_s = all.pieces[..MAX_PIECES - 1].iter().map(|piece| piece.duration_s).sum();
+        let until_s = long.pieces[..MAX_PIECES - 1].iter().map(|piece| piece.duration_s).sum();
         let compressed = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
         let needs = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
         let other = match flies_heading(release, plan.yaw_rad) {
@@ -79,14 +78,10 @@ impl Poly4d {
     /// piece is NaN, so that the commander on board gives no more setpoints
     /// (`crtp_commander_high_level.c`, "invalid eval") and the watchdog ends the flight 2 s later.
     /// The script lands `over_s` after the trajectory's end.
-    ///
-    /// # Errors
-    ///
-    /// [`noctograph_core::error::Error::Infeasible`] where the drone's memory does not hold it.
     pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
         let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
-        let before = leg_pieces(&timeline.legs_before());
-        let after = leg_pieces(&timeline.legs_alone(over_s));
+        let before = segment_pieces(&timeline.segments_before());
+        let after = segment_pieces(&timeline.segments_alone(over_s));
         let pieces = [before, self.pieces, after, vec![no_goal]].concat();
         let n = pieces.len();
         if n > MAX_PIECES {
@@ -100,7 +95,6 @@ impl Poly4d {
         Ok(Self { pieces, ..self })
     }
 
-    /// Where it begins and ends.
     pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
         let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
         [first.evaluate(0.0)[0], last.evaluate(last.duration_s)[0]]
@@ -127,19 +121,21 @@ impl Poly4d {
     }
 }
 
-/// Legs from rest to rest as pieces.
-fn leg_pieces(legs: &[Leg]) -> Vec<Polynomials> {
-    let legs = legs.iter().filter(|leg| leg.duration_s > LEAST_LEG_S);
-    legs.map(|leg| Polynomials::from_rest_to_rest(leg.ends_m, leg.duration_s)).collect()
+/// Segments from rest to rest as pieces.
+fn segment_pieces(segments: &[Segment]) -> Vec<Polynomials> {
+    let segments = segments.iter().filter(|segment| segment.duration_s > LEAST_SEGMENT_S);
+    segments
+        .map(|segment| Polynomials::from_rest_to_rest(segment.ends_m, segment.duration_s))
+        .collect()
 }
 
-/// The constant polynomial.
 fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
 /// The piece between two setpoints.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
+    // The quintic Hermite interpolation of both ends.
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
     let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let arrival_m_s2 = stretch.acceleration_before_m_s2(to);
@@ -149,13 +145,14 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
         quintic(ends, duration_s)
     });
     let mut piece = Polynomials { duration_s, axes: quintics };
+    // Least squares of what is left, by the normal equations, which all axes have alike.
     let (mut normal, mut sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
     for time_s in stretch.check_times_s(from, to) {
         let t = time_s - stretch.time_s(from);
         // Two bumps that vanish at both ends with two derivatives, scaled to about 1.
-        let (share, rest) = (t / duration_s, 1.0 - t / duration_s);
-        let bump = 64.0 * share * share * share * rest * rest * rest;
-        let row = Vector2::new(bump, bump * (2.0 * share - 1.0));
+        let (s, rest) = (t / duration_s, 1.0 - t / duration_s);
+        let bump = 64.0 * s * s * s * rest * rest * rest;
+        let row = Vector2::new(bump, bump * (2.0 * s - 1.0));
         let residual_m = stretch.position_m(time_s) - piece.evaluate(t)[0];
         normal += row * row.transpose();
         for axis in 0..3 {
@@ -172,6 +169,7 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
 
 /// The quintic with position, velocity and acceleration given at both ends.
 fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
+    // What the motion with constant acceleration lacks at the end.
     let d = q - p - v * t - 0.5 * a * t * t;
     let e = (w - v - a * t) * t;
     let f = (b - a) * t * t;

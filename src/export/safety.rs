@@ -21,7 +21,7 @@ pub const START_RADIUS_M: f64 = 0.2;
 /// (an assumption).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
 /// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside
-/// the ring by the turn's sine, and a nose along another axis is 90° off.
+/// the ring by the turn's sine. A nose along another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
 /// Largest roll and pitch before take-off, rad: 5°. More is a drone on an edge or a cable.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
@@ -35,19 +35,19 @@ pub const FENCE_M: f64 = 0.1;
 pub const STRAY_M: f64 = 0.8;
 /// Speed of landing, m/s: slow enough for the ground effect not to throw the drone back up.
 pub const SINK_M_S: f64 = 0.3;
-/// Time for which something has to be wrong in the air before the script lands, s, so that a single
-/// bad sample does not end a flight. The firmware levels a silent drone after the same time
+/// Time for which something has to be wrong in the air before the script lands, s, so that one bad
+/// sample does not end a flight. The firmware levels a silent drone after the same time
 /// ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
-/// Least voltage at rest where the scene's drone has no battery, V: a Crazyflie's cell is then
-/// charged to some 28 %, and a flight of a word should begin with more.
+/// Least voltage at rest if the scene's drone has no battery, V: a Crazyflie's cell is then charged
+/// to some 28 %, and a flight of a word should begin with more.
 pub const REST_V: f64 = 3.8;
 /// Variance of a coordinate whose position is lost in the air, relative to a settled one.
 pub const LOST_FACTOR: f64 = 10.0;
 /// Voltage under load at which the script lands at once, V (`DEFAULT_BAT_CRITICAL_LOW_VOLTAGE` of
 /// all platforms).
 pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
-/// Time below its low voltage after which the firmware says that the battery is low, s
+/// Time below its low voltage after which the firmware reports a low battery, s
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off
 /// empties no battery.
 pub const LOW_BATTERY_S: f64 = 5.0;
@@ -84,10 +84,10 @@ impl Platform {
 
 /// Largest variance of an estimated coordinate that has settled, m².
 ///
-/// Lighthouse: 3 cm, the limit of Bitcraze's own examples (cflib, `autonomous_sequence.py`); the
-/// filter settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a
-/// second, and the filter's process noise of 0.5 m/s² in a millisecond make 3.4 cm with anchors all
-/// around, and two to three times as much beside them: it would never settle within 3 cm.
+/// Lighthouse: 3 cm, the limit of Bitcraze's examples (cflib, `autonomous_sequence.py`). The filter
+/// settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a second,
+/// and the filter's process noise of 0.5 m/s² in a millisecond make 3.4 cm with anchors all around,
+/// and two to three times as much beside them: it would never settle within 3 cm.
 pub fn variance_m2(positioning: Positioning) -> f64 {
     match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => 1e-3,
@@ -95,7 +95,7 @@ pub fn variance_m2(positioning: Positioning) -> f64 {
     }
 }
 
-/// Whether a voltage stays above the firmware's limit: never below it for [`LOW_BATTERY_S`] at a
+/// True if a voltage stays above the firmware's limit: never below it for [`LOW_BATTERY_S`] at a
 /// stretch.
 fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     let mut since_s = None;
@@ -111,7 +111,7 @@ fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
     true
 }
 
-/// Steps in which the least charge is looked for: a hundredth of a percent.
+/// Resolution of the least charge: a hundredth of a percent.
 const CHARGE_STEPS: u32 = 10_000;
 
 /// The load of a flight on its battery.
@@ -119,15 +119,15 @@ const CHARGE_STEPS: u32 = 10_000;
 pub struct Battery {
     /// Voltage at rest of the scene's battery as it is charged, V.
     pub rest_v: f64,
-    /// Least voltage at rest with which the flight stays above the firmware's limit, V; `None`:
-    /// not even a full battery does.
+    /// Least voltage at rest with which the flight stays above the firmware's limit, V. `None` if
+    /// not even a full battery suffices.
     pub least_rest_v: Option<f64>,
     /// Greatest drop below the voltage at rest during the flight, V.
     pub sag_v: f64,
 }
 
 impl Battery {
-    /// The battery of a simulated flight; `None` where the scene's drone has none.
+    /// The battery of a simulated flight. `None` if the scene's drone has none.
     ///
     /// Currents are computed from the flight's voltages. They give the voltages of the same flight
     /// from any other charge.
@@ -148,6 +148,7 @@ impl Battery {
             before_s = *time_s;
             (*time_s, spent_frac, drop_v)
         }));
+        // Binary search for the least charge that lasts.
         let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);
         while low < high {
             let middle = low.midpoint(high);
@@ -171,7 +172,7 @@ impl Battery {
         })
     }
 
-    /// Whether the battery lasts as it is charged.
+    /// True if the battery lasts as it is charged.
     pub fn lasts(&self) -> bool {
         self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - 1e-9)
     }
@@ -180,16 +181,16 @@ impl Battery {
 /// The facts behind a flight's checks that its files carry: what was checked is what flies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checks {
-    /// The drone; `None` where the script cannot tell it.
+    /// The drone. `None` if its firmware is not Bitcraze's.
     pub platform: Option<Platform>,
     /// Its positioning.
     pub positioning: Positioning,
     /// Least and greatest x, y, z of the volume in which `check` keeps the plans, within the room
     /// if there is one.
     pub volume_m: [[f64; 3]; 2],
-    /// Width, depth and height of the room, where it is known.
+    /// Width, depth and height of the room, if it is known.
     pub room_m: Option<[f64; 3]>,
-    /// The battery load of each plan's flight; `None` where it was not simulated.
+    /// The battery load of each plan's flight. `None` if it was not simulated.
     pub batteries: Vec<Option<Battery>>,
     /// SHA-256 of the scene as it is printed.
     pub scene_sha256: String,
@@ -197,9 +198,8 @@ pub struct Checks {
     pub scene_toml: String,
 }
 
-/// All checks in the order in which they are made, as a table for `docs/fly.md`. Columns: the
-/// check; who makes it (`check` and `export`, a script, the firmware); its limit; the source of the
-/// limit.
+/// All checks in the order in which they are made, as a table for `docs/fly.md`. Its columns: the
+/// check, who makes it (`check` and `export`, a script, the firmware), its limit, and the source.
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
     let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]
@@ -208,6 +208,7 @@ pub fn table() -> String {
     let corner = 100.0 * CORNER_M;
     let releases = [Release::OLDEST, Feature::CLOCK.last_without(), Feature::HEADING.since];
     let [oldest, slow, heading] = releases.map(Release::name);
+    // Numbers are those of the code, so that the page cannot differ.
     format!(
         "\
 | what is checked | by | limit | from |
@@ -251,7 +252,7 @@ mod tests {
     use noctograph_plan::{PlanOptions, plan};
     use noctograph_sim::{Drone, SimOptions, fly};
 
-    /// A flight of a short word from a charge, and what the table's rule says of it.
+    /// A flight of a short word from a charge, and if the battery lasts by the table's rule.
     fn flown(charge_frac: f64) -> (Battery, bool) {
         let mut options = SimOptions::default();
         options.battery.capacity_ah = 0.25;

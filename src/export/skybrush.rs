@@ -1,7 +1,7 @@
 //! Skybrush: `.skyc` shows, with the photographer's camera.
 //!
 //! Format: the JSON schema of `.skyc` (`@skybrush/file-formats-doc`). Coordinates are ours in
-//! meters; lights are programs of Skybrush's light player in steps of 20 ms.
+//! meters. Lights are programs of Skybrush's light player in steps of 20 ms.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -19,7 +19,7 @@ use noctograph_plan::{MIN_HORIZONTAL_M, Plan};
 
 /// Steps of a light program per second.
 const LIGHT_HZ: f64 = 50.0;
-/// Commands of a light program.
+// Commands of a light program.
 const END: u8 = 0;
 const COLOR: u8 = 4;
 const BLACK: u8 = 6;
@@ -27,15 +27,11 @@ const WHITE: u8 = 7;
 /// Width of the film that Skybrush's focal lengths are for, mm.
 const FILM_MM: f64 = 36.0;
 
-/// A show.
-///
-/// # Errors
-///
-/// As [`Compressed::of_any_length`], and [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     let before_s = earliest_s(job.plans)?;
     let drones =
         job.plans.iter().enumerate().map(|(index, plan)| drone(job, index, plan, before_s));
+    // Limits of the show's validation, which no drone exceeds.
     let setpoints = job.plans.iter().flat_map(|plan| &plan.setpoints);
     let level_m_s = setpoints.clone().map(|s| s.velocity_m_s.xy().norm());
     let vertical_m_s = setpoints.clone().map(|s| s.velocity_m_s.z.abs());
@@ -59,8 +55,8 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// A leg that ends at a time: from rest to rest, with control points at the ends.
-fn leg(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
+/// A segment that ends at a time: from rest to rest, with control points at the ends.
+fn segment(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
     match from == to {
         true => json!([time_s, to.as_slice(), []]),
         false => json!([time_s, to.as_slice(), [from.as_slice(), to.as_slice()]]),
@@ -75,17 +71,19 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
     let ends_m = [curves[0].1[0], curves[curves.len() - 1].1[3]];
     let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
     let home_m = timeline.before[0].1;
+    // The trajectory as Bézier curves: to the first letter, the letters, a hover and the landing.
     let mut points = vec![json!([0.0, home_m.as_slice(), []])];
     // The first drone of a fleet waits for none.
-    let legs = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > 1e-6);
-    points.extend(legs.map(|ends| leg(ends[0].1, ends[1].0, ends[1].1)));
+    let segments = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > 1e-6);
+    points.extend(segments.map(|ends| segment(ends[0].1, ends[1].0, ends[1].1)));
     let mut time_s = timeline.before[3].0;
     for (duration_s, [_, b, c, d]) in curves {
         time_s += duration_s;
         points.push(json!([time_s, d.as_slice(), [b.as_slice(), c.as_slice()]]));
     }
-    points.push(leg(ends_m[1], timeline.after[0].0, ends_m[1]));
-    points.push(leg(ends_m[1], timeline.after[1].0, timeline.after[1].1));
+    points.push(segment(ends_m[1], timeline.after[0].0, ends_m[1]));
+    points.push(segment(ends_m[1], timeline.after[1].0, timeline.after[1].1));
+    // Lights are timed on the flight of the trajectory.
     let lights = commands(&job.flown[index], job.light)?;
     let colors: Vec<(f64, [u8; 3])> =
         lights.iter().map(|command| (command.time_s, screen_rgb(command, job.light))).collect();
@@ -112,6 +110,7 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
         let step = (time_s * LIGHT_HZ).round() as u64;
         colors.push((step, *color));
     }
+    // A color lasts until the next. Of several in one step the last one counts.
     let mut bytes = Vec::new();
     for (index, &(from, color)) in colors.iter().enumerate() {
         let until = colors.get(index + 1).map_or(from + 1, |next| next.0);
@@ -129,7 +128,7 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     bytes
 }
 
-/// Seven bits a byte, the lowest first; the highest bit says that another byte follows.
+/// Seven bits a byte, the lowest first. The highest bit is set if another byte follows.
 fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     while value > 127 {
         bytes.push((value & 127) as u8 | 128);

@@ -1,5 +1,4 @@
-//! What the tests of trajectories share: random plans, and recorded answers of outside programs to
-//! our files.
+//! Tests of trajectories: random plans, and recorded answers of outside programs to our files.
 //!
 //! A recorded file has comment lines (`#`) with the program and its version, a line `bytes` in
 //! hexadecimal, and rows of the time in s with position, velocity and acceleration in m and s.
@@ -10,7 +9,7 @@ use proptest::strategy::Strategy;
 
 use serde_json::{Value, json};
 
-use super::compressed::{Axis, Compressed, Piece};
+use super::compressed::{Compressed, Piece};
 use super::lights::preparation;
 use super::pieces::{Polynomials, Stretch, motion};
 use super::poly4d::{MAX_PIECES, Poly4d};
@@ -58,11 +57,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Compressed {
             let n = [0, 1, 3, 7][usize::from(header >> shift & 3)];
             let points_mm: Vec<i16> = (0..n).map(|k| int16(offset + 2 * k)).collect();
             offset += 2 * n;
-            match points_mm[..] {
-                [] => Axis::Constant,
-                [end_mm] => Axis::Linear(end_mm),
-                _ => Axis::Cubic(points_mm.try_into().expect("no axis of degree 7")),
-            }
+            points_mm
         });
         pieces.push(Piece { start_mm, duration_ms, axes });
         start_mm = pieces[pieces.len() - 1].end_mm();
@@ -71,7 +66,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Compressed {
     Compressed { pieces, yaw }
 }
 
-/// Whether our evaluation gives the recorded answers, within the single precision of the programs:
+/// Compares our evaluation with the recorded answers, within the single precision of the programs:
 /// of a time of 35 s it is 4 µs, in which a drone flies 1 µm.
 pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     for (time_s, want) in rows {
@@ -83,8 +78,7 @@ pub(super) fn assert_same(rows: &[Row], pieces: &[Polynomials]) {
     }
 }
 
-/// Largest distance of a trajectory from the design where pieces are held against it as they are
-/// made, m.
+/// Largest distance of a trajectory from the design at the times at which pieces are checked, m.
 pub(super) fn checked_m(stretch: &Stretch, pieces: &[Polynomials]) -> f64 {
     let off_m = |t: f64| (motion(pieces, t)[0] - stretch.position_m(t)).norm();
     stretch.check_times_s(0, stretch.last()).map(off_m).fold(0.0, f64::max)
@@ -240,8 +234,8 @@ fn crazyswarm2_gets_a_trajectory_of_each_drone_its_configuration_and_one_script(
     let files = with_job(&plans, &flown, |job| {
         let job = Job { tolerance_m: 0.005, ..job };
         let refused = |job: &Job<'_>| export(Format::Crazyswarm2, job).unwrap_err().to_string();
-        let own = SimOptions::default();
-        assert!(refused(&Job { sim: &own, ..job }).contains("controller.kind"));
+        let regulator = SimOptions::default();
+        assert!(refused(&Job { sim: &regulator, ..job }).contains("controller.kind"));
         let unknown = Checks { platform: None, ..job.checks.clone() };
         assert!(refused(&Job { checks: &unknown, ..job }).contains("preset"));
         assert!(refused(&Job { trajectory_clock: 0.99, ..job }).contains("plan.trajectory_clock"));

@@ -1,9 +1,8 @@
 //! From the floor to the floor: what scripts upload around the letters of a trajectory.
 //!
-//! Take-off, the way to the first letter, a hover until the drone's turn, the letters, and a hover
-//! and a landing for a drone that hears nothing more. The script's own landing comes before that
-//! one. Legs from rest to rest are polynomials of degree 7, as those of the firmware's high-level
-//! commander.
+//! Take-off, the path to the first letter, a hover until the drone's turn, the letters, and a hover
+//! and a landing for a drone that hears nothing more. The script lands before that. Segments from
+//! rest to rest are polynomials of degree 7, as those of the firmware's high-level commander.
 
 use nalgebra::Vector3;
 
@@ -12,7 +11,7 @@ use super::safety::SINK_M_S;
 use noctograph_core::error::Result;
 use noctograph_plan::Plan;
 
-/// Duration of the take-off, and of the way to the first letter, s; as in `cflib.py`.
+/// Duration of the take-off, and of the path to the first letter, s, as in `cflib.py`.
 const TAKE_OFF_S: f64 = 3.5;
 /// Hover before the script lands, s.
 const HOVER_S: f64 = 0.5;
@@ -30,18 +29,13 @@ pub(super) fn zero_s(before_s: f64) -> f64 {
 }
 
 /// When the first of several trajectories starts, in the time of their plans, s.
-///
-/// # Errors
-///
-/// As [`Stretch::new`].
 pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
     let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
     Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
 }
 
-/// A leg from rest to rest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Leg {
+pub(super) struct Segment {
     /// The axes that move.
     pub(super) axes: &'static [usize],
     pub(super) duration_s: f64,
@@ -49,16 +43,15 @@ pub(super) struct Leg {
 }
 
 const UP: &[usize] = &[2];
-/// Both axes, even where the plan's ends are the same: a drone that stands beside the plan's start
-/// flies there.
+/// Both axes, even if the plan's ends are the same: a drone beside the plan's start flies there.
 const LEVEL: &[usize] = &[0, 1];
 const HOVER: &[usize] = &[];
 
-/// Positions of a drone with a trajectory on board; time zero is the command to take off.
+/// Positions of a drone with a trajectory on board. Time zero is the command to take off.
 pub(super) struct Timeline {
     /// That command in the time of the plan, s.
     pub(super) zero_s: f64,
-    /// Rest to rest before the trajectory, and after it: end, s, and place.
+    /// Rest to rest before the trajectory, and after it: end, s, and position.
     pub(super) before: [(f64, Vector3<f64>); 4],
     pub(super) after: [(f64, Vector3<f64>); 2],
 }
@@ -71,6 +64,7 @@ impl Timeline {
         before_s: f64,
         [first_m, last_m]: [Vector3<f64>; 2],
     ) -> Self {
+        // Straight up, level to the first letter, and a hover until the drone's turn.
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
         let zero_s = zero_s(before_s);
@@ -89,24 +83,24 @@ impl Timeline {
         }
     }
 
-    /// The legs from the floor to the beginning of the trajectory.
-    pub(super) fn legs_before(&self) -> [Leg; 3] {
+    /// The segments from the floor to the beginning of the trajectory.
+    pub(super) fn segments_before(&self) -> [Segment; 3] {
         [(0, UP), (1, LEVEL), (2, HOVER)].map(|(index, axes)| {
             let [from, to] = [self.before[index], self.before[index + 1]];
-            Leg { axes, duration_s: to.0 - from.0, ends_m: [from.1, to.1] }
+            Segment { axes, duration_s: to.0 - from.0, ends_m: [from.1, to.1] }
         })
     }
 
-    /// The legs after the trajectory of a drone that is told nothing more, where the script lands
+    /// The segments after the trajectory for a drone that hears nothing more. The script lands
     /// `over_s` after the trajectory's end.
-    pub(super) fn legs_alone(&self, over_s: f64) -> [Leg; 2] {
+    pub(super) fn segments_alone(&self, over_s: f64) -> [Segment; 2] {
         let last_m = self.after[0].1;
         let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
         let sinks_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
         let hovers_s = over_s.max(0.0) + ALONE_S;
         [
-            Leg { axes: HOVER, duration_s: hovers_s, ends_m: [last_m; 2] },
-            Leg { axes: UP, duration_s: sinks_s, ends_m: [last_m, below_m] },
+            Segment { axes: HOVER, duration_s: hovers_s, ends_m: [last_m; 2] },
+            Segment { axes: UP, duration_s: sinks_s, ends_m: [last_m, below_m] },
         ]
     }
 
@@ -120,9 +114,13 @@ impl Timeline {
         if (start_s..self.after[0].0).contains(&time_s) {
             return trajectory_m(time_s - start_s);
         }
-        let legs: &[_] = if time_s < start_s { &self.before } else { &self.after };
-        let leg = legs.windows(2).find(|leg| time_s < leg[1].0).unwrap_or(&legs[legs.len() - 2..]);
-        let [(from_s, from_m), (to_s, to_m)] = [leg[0], leg[1]];
+        // Before or after it the drone flies from rest to rest, or is at rest.
+        let segments: &[_] = if time_s < start_s { &self.before } else { &self.after };
+        let segment = segments
+            .windows(2)
+            .find(|segment| time_s < segment[1].0)
+            .unwrap_or(&segments[segments.len() - 2..]);
+        let [(from_s, from_m), (to_s, to_m)] = [segment[0], segment[1]];
         if time_s >= to_s {
             return to_m;
         }
@@ -143,13 +141,17 @@ mod tests {
         let stretch = Stretch::new(&plan).unwrap();
         let [first_m, last_m] = [Vector3::new(0.0, 0.0, 0.9), Vector3::new(1.0, 0.2, 1.1)];
         let timeline = Timeline::new(&plan, &stretch, stretch.start_s(), [first_m, last_m]);
-        let [hover, descent] = timeline.legs_alone(0.5);
+        let [hover, descent] = timeline.segments_alone(0.5);
         assert_eq!((hover.duration_s, hover.ends_m), (3.5, [last_m; 2]));
         assert_eq!(descent.ends_m, [last_m, Vector3::new(1.0, 0.2, -0.1)]);
         assert!((descent.duration_s - 4.0).abs() < 1e-9, "1.2 m at 0.3 m/s: {descent:?}");
-        assert_eq!(timeline.legs_alone(-9.0)[0].duration_s, 3.0, "the script lands before the end");
+        assert_eq!(
+            timeline.segments_alone(-9.0)[0].duration_s,
+            3.0,
+            "the script lands before the end"
+        );
         let low = Timeline::new(&plan, &stretch, 0.0, [first_m, Vector3::new(0.0, 0.0, 0.2)]);
-        assert_eq!(low.legs_alone(0.0)[1].duration_s, 2.0, "no faster than any landing");
+        assert_eq!(low.segments_alone(0.0)[1].duration_s, 2.0, "no faster than any landing");
         assert_eq!(low.after[1].0 - low.after[0].0, 2.0);
     }
 }

@@ -1,10 +1,10 @@
 //! VVIZ 1.0, the interchange format of drone shows for viewing (Verge Aero, Finale 3D).
 //!
-//! Steps of position in meters at 10 Hz from each drone's home, x to the right, y up and z forward;
-//! a color for each frame of 20 Hz. Sources: docs.verge.aero ("VVIZ format") for the header and the
-//! axes, finale3d.com ("vviz file format") for the home and the steps; `Light` as public exporters
-//! to Finale 3D write it. `frames` of a color is left out: whether it counts from the color before
-//! or to the next one is not said, and one color a frame means the same in both readings.
+//! Steps of position in meters at 10 Hz from each drone's home, x to the right, y up and z forward,
+//! and a color for each frame of 20 Hz. Sources: docs.verge.aero ("VVIZ format") for the header and
+//! the axes, finale3d.com ("vviz file format") for the home and the steps, public exporters to
+//! Finale 3D for `Light`. `frames` of a color is left out: no document says if it counts from the
+//! color before or to the next one. One color a frame means the same in both readings.
 
 use nalgebra::Vector3;
 use serde_json::{Value, json};
@@ -18,17 +18,13 @@ use noctograph_plan::Plan;
 const POSITION_HZ: f64 = 10.0;
 const COLOR_HZ: f64 = 20.0;
 
-/// The show.
-///
-/// # Errors
-///
-/// [`Error::Input`] for a plan with a turned nose, and as [`commands`].
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
         let wanted = "0 for VVIZ: no document says from where and which way its headings turn";
         let hint = "export a show for Skybrush, which has headings, or plan with 0";
         return Err(Error::input("plan.yaw_rad", plan.yaw_rad, wanted, hint));
     }
+    // y is up in the show, and z in the plan.
     let drones = job.plans.iter().zip(job.flown).enumerate().map(|(index, (plan, flown))| {
         let home = plan.setpoints[0].position_m;
         Ok(json!({
@@ -56,11 +52,12 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
 }
 
 fn steps(flown: &Plan) -> Vec<Value> {
-    // Rounded places, so that the rounding does not add up.
-    let places = rows(flown, POSITION_HZ).map(|(_, place_m)| (place_m * 1e4).map(f64::round));
-    let places: Vec<_> = places.collect();
-    let from = places.first().copied().into_iter().chain(places.iter().copied());
-    let steps = from.zip(&places).map(|(a, b)| (b - a) / 1e4);
+    // Differences of rounded positions, so that the rounding does not add up.
+    let rounded =
+        rows(flown, POSITION_HZ).map(|(_, position_m)| (position_m * 1e4).map(f64::round));
+    let rounded: Vec<_> = rounded.collect();
+    let from = rounded.first().into_iter().chain(&rounded);
+    let steps = from.zip(&rounded).map(|(a, b)| (b - a) / 1e4);
     steps.map(|step| json!({ "dx": step.x, "dy": step.z, "dz": step.y })).collect()
 }
 
@@ -76,7 +73,7 @@ fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     Ok(colors.collect())
 }
 
-/// Times and places of a plan at a rate, to its end.
+/// Times and positions of a plan at a rate, to its end.
 fn rows(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let n = (plan.duration_s() * hz).ceil() as u32;

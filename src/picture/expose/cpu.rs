@@ -1,8 +1,8 @@
 //! The splat on the CPU: the twin of `splat.wgsl`, in the same integers.
 //!
-//! Each thread takes a band of rows; sums of integers are the same in any order. The inner loop
-//! works on [`LANES`] pixels at once, in the widest registers of this processor (selected by pulp
-//! at run time), down the columns of a box, with the curves along x in registers.
+//! Each thread takes a band of rows, since sums of integers are the same in any order. The inner
+//! loop works on [`LANES`] pixels at once, in the widest registers of this processor (selected by
+//! pulp at run time), down the columns of a box, with the curves along x in registers.
 
 #![expect(clippy::cast_possible_truncation, reason = "sides of a picture fit u32")]
 
@@ -17,7 +17,7 @@ use super::record::{DITHER, Record};
 use super::tile::Tiles;
 use super::{Latent, Tint};
 
-/// Least number of pixels, summed over the boxes of the records, for a band of its own: about a
+/// Least number of pixels of a band, summed over the boxes of the records: about a
 /// quarter of a millisecond.
 const BAND_PIXELS: u64 = 1 << 19;
 
@@ -36,16 +36,15 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let ends = ends_of_bands(&latent.tints, latent.size_px, n_bands);
     let mut rest: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
     let starts = [0].into_iter().chain(ends.iter().copied());
-    let bands = starts.zip(&ends).map(|(start, &end)| Band {
-        latent,
-        tiles: Tiles::new(start..end, width, width + LANES),
-        planes: rest
-            .iter_mut()
-            .filter_map(|plane| plane.split_off_mut(..(end - start) as usize * width))
-            .collect(),
+    let bands = starts.zip(&ends).map(|(start, &end)| {
+        let pixels = (end - start) as usize * width;
+        let planes = rest.iter_mut().filter_map(|plane| plane.split_off_mut(..pixels));
+        (Tiles::new(start..end, width, width + LANES), planes.collect())
     });
-    let bands: Vec<Band<'_>> = bands.collect();
-    bands.into_par_iter().for_each(noctograph_core::dispatch);
+    let bands: Vec<(Tiles, Vec<&mut [u32]>)> = bands.collect();
+    bands.into_par_iter().for_each(|(mut tiles, mut planes)| {
+        noctograph_core::dispatch!(|| splat_band(latent, &mut tiles, &mut planes));
+    });
     counts
 }
 
@@ -72,40 +71,29 @@ fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     ends
 }
 
-/// A band of rows, and all records.
-struct Band<'a> {
-    latent: &'a Latent,
-    tiles: Tiles,
-    /// Its rows of the three planes.
-    planes: Vec<&'a mut [u32]>,
-}
-
-impl pulp::NullaryFnOnce for Band<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { latent, mut tiles, mut planes } = self;
-        let counts_per_lx_s = latent.counts_per_lx_s();
-        let mut curves = Curves::default();
-        for tint in &latent.tints {
-            for record in &tint.records {
-                let [columns, rows] = record.inside(latent.size_px[0], &tiles.rows);
-                if rows.is_empty() {
-                    continue;
-                }
-                tiles.light(&columns, &rows);
-                curves.draw(record, counts_per_lx_s);
-                let part = [columns, rows];
-                match record.spots {
-                    1 => add::<1>(record, &curves, part, &mut tiles),
-                    2 => add::<2>(record, &curves, part, &mut tiles),
-                    3 => add::<3>(record, &curves, part, &mut tiles),
-                    _ => add::<4>(record, &curves, part, &mut tiles),
-                }
+/// Adds up the light of all records on a band of rows: the tiles, and their rows of the planes.
+#[inline(always)]
+fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
+    let counts_per_lx_s = latent.counts_per_lx_s();
+    let mut curves = Curves::default();
+    for tint in &latent.tints {
+        for record in &tint.records {
+            let [columns, rows] = record.inside(latent.size_px[0], &tiles.rows);
+            if rows.is_empty() {
+                continue;
             }
-            tiles.count(tint.shares, &mut planes);
+            // A loop of its length for each number of spots.
+            tiles.light(&columns, &rows);
+            curves.draw(record, counts_per_lx_s);
+            let part = [columns, rows];
+            match record.spots {
+                1 => add::<1>(record, &curves, part, tiles),
+                2 => add::<2>(record, &curves, part, tiles),
+                3 => add::<3>(record, &curves, part, tiles),
+                _ => add::<4>(record, &curves, part, tiles),
+            }
         }
+        tiles.count(tint.shares, planes);
     }
 }
 
@@ -117,8 +105,9 @@ fn add<const N: usize>(
     [columns, rows]: [Range<u32>; 2],
     tiles: &mut Tiles,
 ) {
-    let first = |range: &Range<u32>, of_box: i32| (range.start.cast_signed() - of_box) as usize;
-    let [i, j] = [first(&columns, record.x), first(&rows, record.y)];
+    // Start of the part within the box.
+    let [i, j] = [(&columns, record.x), (&rows, record.y)]
+        .map(|(part, first)| (part.start.cast_signed() - first) as usize);
     let across: [[&[u32]; 2]; N] = std::array::from_fn(|k| curves.across(k, j..j + rows.len()));
     let dither = record.dither_at(columns.start, rows.start);
     let shift = curves.shift;
@@ -129,13 +118,15 @@ fn add<const N: usize>(
             curves.along(k, i + c).first_chunk().expect("curves are as long as whole lanes")
         });
         let x = columns.start as usize + c;
-        let dither = dither.wrapping_add(DITHER[0].wrapping_mul(c as u32));
-        let mut dither: [u32; LANES] =
-            std::array::from_fn(|lane| dither.wrapping_add(LANE_DITHER[lane]));
+        let mut dither: [u32; LANES] = std::array::from_fn(|lane| {
+            dither.wrapping_add(DITHER[0].wrapping_mul((c + lane) as u32))
+        });
+        // Down the rows: the product of the curves, rounded at the dither.
         for (j, row) in pixels.chunks_exact_mut(tiles.stride).enumerate() {
             let counts: &mut [u32; LANES] =
                 row[x..].first_chunk_mut().expect("rows are as long as whole lanes");
             let across: [[u32; 2]; N] = std::array::from_fn(|k| across[k].map(|part| part[j]));
+            // Upper and lower part of the product apart: either sum fits into 32 bits.
             let mut sums = [0_u32; LANES];
             for lane in 0..LANES {
                 let (mut sum, mut rest) = (0_u32, 0_u32);
@@ -153,17 +144,6 @@ fn add<const N: usize>(
         }
     }
 }
-
-/// Steps of the dither from lane to lane.
-const LANE_DITHER: [u32; LANES] = {
-    let mut steps = [0; LANES];
-    let mut lane = 1;
-    while lane < LANES {
-        steps[lane] = DITHER[0].wrapping_mul(lane as u32);
-        lane += 1;
-    }
-    steps
-};
 
 #[cfg(test)]
 mod tests {

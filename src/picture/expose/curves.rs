@@ -1,8 +1,8 @@
-//! Curves of a record as integers, which the backends multiply.
+//! Fixed-point profiles (curves) of the spots of a record. CPU and GPU multiply the same integers.
 //!
 //! A spot is a Gaussian, `exp(-(u² + v²) / 2)` with u and v in σ, or a rectangle blurred by it: the
 //! product of one curve along each axis of the picture. A pixel gets `Σ along[i] × across[j]` over
-//! the spots of the record; light, share and scale are in the curve across. Curves are divided by
+//! the spots of the record, with the light and the scale in the curve across. Curves are divided by
 //! their sums, so that a spot keeps its light anywhere between the pixels and after rounding.
 //!
 //! This is f32 in `+ - ×`, with `÷` and the error function of libm for rectangles, and integers, in
@@ -33,24 +33,22 @@ const STEP: usize = 32;
 /// Exponent of 2 that stands for zero.
 const NOTHING: f32 = -125.0;
 
-/// Curves of a record.
 #[derive(Debug, Default)]
 pub(super) struct Curves {
-    /// Along a row of the box, padded with zeros to whole lanes and one more; spot after spot.
+    /// Along a row of the box, spot after spot, padded with zeros to whole lanes and one more.
     along: Vec<u32>,
-    /// Down a column, the bits above [`LOW_BITS`] and those below, padded with zeros to whole
-    /// lanes; spot after spot.
+    /// Down a column, spot after spot: the bits above [`LOW_BITS`] and those below, padded with
+    /// zeros to whole lanes.
     high: Vec<u32>,
     low: Vec<u32>,
-    /// Distance between spots, along and across.
     strides: [usize; 2],
-    /// Sums are in counts times `2^shift`; from 1 to 30.
+    /// Sums are in counts times `2^shift`, from 1 to 30.
     pub(super) shift: u32,
     bells: Vec<f32>,
 }
 
 impl Curves {
-    /// Draws the curves of a record, for a film of so many counts per lx s.
+    /// Draws the curves of a record, for a film of that scale.
     #[inline(always)]
     pub(super) fn draw(&mut self, record: &Record, counts_per_lx_s: f64) {
         let (width, height) = (record.width as usize, record.height as usize);
@@ -63,7 +61,7 @@ impl Curves {
         self.along.resize(n_along.next_multiple_of(STEP), 0);
         self.high.resize(n_steps, 0);
         self.low.resize(n_steps, 0);
-
+        // Gaussians of all spots: first the exponents of 2, then their powers in one long loop.
         let (along, across) = self.bells.split_at_mut(n_along);
         for k in 0..spots {
             let along = &mut along[k * strides[0]..][..strides[0]];
@@ -84,12 +82,20 @@ impl Curves {
                 *along = whole(bell * ALONG);
             }
         }
+        self.draw_across(record, counts_per_lx_s, n_along);
+    }
 
+    /// Scales the curves across, in `bells` from `n_along` on, and makes them integers.
+    #[inline(always)]
+    fn draw_across(&mut self, record: &Record, counts_per_lx_s: f64, n_along: usize) {
+        let strides = self.strides;
+        // The finest scale at which the sum of a pixel fits.
         let exponent = exponent(record.peak_lx_s() * counts_per_lx_s);
         self.shift = (SUM_BITS - exponent).clamp(1, SUM_BITS).cast_unsigned();
         let in_sums = f64::from(1_u32 << self.shift) * f64::from(1_u32 << LOW_BITS);
         let light = record.light_lx_s * counts_per_lx_s * in_sums;
-        for k in 0..spots {
+        // The light of a spot over the sums of both its curves, as rounded.
+        for k in 0..record.spots as usize {
             let across = k * strides[1]..(k + 1) * strides[1];
             let bells = self.bells[n_along..][across].as_chunks_mut::<LANES>().0;
             let along = sum(self.along[k * strides[0]..][..strides[0]].as_chunks().0, |&x| x);
@@ -98,6 +104,7 @@ impl Curves {
             let factor = narrow(light * share / (f64::from(along) * f64::from(sum)));
             bells.as_flattened_mut().iter_mut().for_each(|bell| *bell *= factor);
         }
+        // Split into upper and lower bits, rounded by the addition of MAGIC.
         let values = self.bells[n_along..].as_chunks::<STEP>().0;
         let high = self.high.as_chunks_mut::<STEP>().0.iter_mut();
         let low = self.low.as_chunks_mut::<STEP>().0;
@@ -112,19 +119,12 @@ impl Curves {
 
     /// Draws the curves of a blurred rectangle over those of the Gaussian.
     fn widen(&mut self, record: &Record, n_along: usize) {
-        let (along, across) = self.bells.split_at_mut(n_along);
-        let axes = [
-            (along, record.x_px, record.width, self.strides[0]),
-            (across, record.y_px, record.height, self.strides[1]),
-        ];
-        for ((curves, middles_px, pixels, stride), half_px) in axes.into_iter().zip(record.half_px)
-        {
-            if half_px == 0.0 {
-                continue;
-            }
-            for k in 0..record.spots as usize {
-                let curve = &mut curves[k * stride..][..pixels as usize];
-                blurred(curve, middles_px[k], record.per_px, half_px);
+        let axes = [(0, record.x_px, record.width), (n_along, record.y_px, record.height)];
+        for (axis, (start, middles_px, pixels)) in axes.into_iter().enumerate() {
+            for k in (0..record.spots as usize).filter(|_| record.half_px[axis] != 0.0) {
+                let first = start + k * self.strides[axis];
+                let curve = &mut self.bells[first..first + pixels as usize];
+                blurred(curve, middles_px[k], record.per_px, record.half_px[axis]);
             }
         }
     }
@@ -155,7 +155,7 @@ fn powers(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
     out[pixels..].fill(NOTHING);
 }
 
-/// A line of so much to either side, blurred by a Gaussian: 1 in its middle.
+/// A line of `half_px` to either side, blurred by a Gaussian: 1 in its middle.
 fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     let most = between(0.0, per_px, half_px);
     for (x, value) in (0_u16..).zip(out) {
@@ -163,11 +163,11 @@ fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     }
 }
 
-/// Twice the share of a Gaussian that lies within so much of a place.
+/// Twice the fraction of a Gaussian about 0 within `half_px` of x.
 fn between(x: f32, per_px: f32, half_px: f32) -> f32 {
     let [from, to] = [x - half_px, x + half_px].map(|edge| {
         let sigmas = edge * per_px * std::f32::consts::FRAC_1_SQRT_2;
-        // The function is 1 in f32 beyond; most edges lie there.
+        // The function is 1 in f32 beyond, as at most edges.
         if sigmas.abs() < 4.0 { libm::erff(sigmas) } else { sigmas.signum() }
     });
     to - from
@@ -189,7 +189,6 @@ fn exp2(power: f32) -> f32 {
     f32::from_bits(series.to_bits().wrapping_add(whole.to_bits() << 23))
 }
 
-/// Sum of integers in lanes.
 #[inline(always)]
 fn sum<T>(rows: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
     let mut sum = [0; LANES];

@@ -12,7 +12,6 @@ use noctograph_core::digest::Digest;
 use noctograph_core::error::Result;
 use noctograph_core::product::{Rules, Valid, check_picture};
 
-/// Side of a tile.
 const TILE_PX: u32 = 16;
 
 /// Bits of the sum of peaks on a tile, in counts.
@@ -78,8 +77,8 @@ impl FilmData {
         &self.counts[channel * pixels..][..pixels]
     }
 
-    /// SHA-256 of size, scale and counts (little endian), in hexadecimal; the same for equal films
-    /// on every backend and machine.
+    /// SHA-256 of size, scale and counts (little endian), in hexadecimal. It is the same for equal
+    /// films on every backend and machine.
     #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
@@ -105,11 +104,12 @@ pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2
         for record in &tint.records {
             let peak_lx_s = record.peak_lx_s();
             brightest_record = brightest_record.max(peak_lx_s);
-            let [across, down] = record.inside(width, &(0..height));
-            let tile = |px: u32| (px / TILE_PX) as usize;
-            for row in tile(down.start)..=tile(down.end - 1) {
-                let first = row * columns;
-                for sum in &mut tiles[first + tile(across.start)..=first + tile(across.end - 1)] {
+            // The peak counts on every tile that the box touches.
+            let [across, down] = record
+                .inside(width, &(0..height))
+                .map(|pixels| [pixels.start, pixels.end - 1].map(|px| (px / TILE_PX) as usize));
+            for row in down[0]..=down[1] {
+                for sum in &mut tiles[row * columns..][across[0]..=across[1]] {
                     for (sum, share) in sum.iter_mut().zip(shares) {
                         *sum += share * peak_lx_s;
                     }
@@ -118,10 +118,9 @@ pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2
         }
     }
     let brightest_tile = tiles.iter().flatten().copied().fold(0.0, f64::max);
-    // x < 2^exponent
-    let exponent = |x: f64| if x > 0.0 { libm::frexp(x).1 } else { MIN_SCALE_LOG2 };
-    (exponent(brightest_tile) - TILE_BITS)
-        .max(exponent(brightest_record) - PEAK_BITS)
-        .max(exponent(glow_lx_s) - GLOW_BITS)
-        .max(MIN_SCALE_LOG2)
+    let brightest =
+        [(brightest_tile, TILE_BITS), (brightest_record, PEAK_BITS), (glow_lx_s, GLOW_BITS)];
+    // frexp gives the exponent with x < 2^exponent.
+    let lit = brightest.into_iter().filter(|(x, _)| *x > 0.0);
+    lit.map(|(x, bits)| libm::frexp(x).1 - bits).fold(MIN_SCALE_LOG2, i32::max)
 }

@@ -6,8 +6,8 @@
 //!
 //! 1. The lamps become point sources: see `sources`. The floor is a grid of more of them for the
 //!    walls, which receive its reflected light.
-//! 2. The picture is divided into squares. A square is quartered while its center differs from the
-//!    mean of its corners, or while a lamp is above it at less than its own side.
+//! 2. The picture is divided into a quadtree (Finkel and Bentley 1974): a square is quartered while
+//!    its center differs from the mean of its corners, or while a lamp is low above it.
 //! 3. Light is bilinear within a square, and counted with the film's dither.
 //!
 //! Not modeled: light that a wall throws back, the drone's shadow.
@@ -29,17 +29,15 @@ use noctograph_core::camera::Camera;
 const SIDE_PX: u32 = 32;
 
 /// Largest difference between the center of a square and the mean of its corners: relative (a level
-/// of 8 bits), and as a share of saturation (a fifth of what the camera tone shows as black).
+/// of 8 bits), and relative to saturation (a fifth of what the camera tone shows as black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
-/// Glow on the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
     /// Squares by bands of [`SIDE_PX`] rows.
     bands: Vec<Vec<Square>>,
     /// Standard deviation of the floor's albedo, relative.
     unevenness: f32,
-    /// Exposure of the brightest corner.
     pub(super) peak_lx_s: f64,
     /// What a photographed room reflects, in place of the unevenness.
     pub(super) reflectance: Option<Reflectance>,
@@ -48,22 +46,25 @@ pub(super) struct Glow {
 /// What floor and walls reflect at each pixel of red, green and blue, relative to their albedo.
 pub type Reflectance = Arc<[Vec<f32>; 3]>;
 
-/// A square of the picture, and the exposure in lx s at its corners: top left, top right, bottom
-/// left, bottom right.
+/// A square of the picture, and the exposure in lx s at its [`corners`].
 #[derive(Clone, Debug, PartialEq)]
 struct Square {
     corner_px: [u32; 2],
     side_px: u32,
     corners_lx_s: [Rgb; 4],
-    /// Places of its corners on the floor's texture; `None` on a wall, on edges and in the dark.
-    on_floor: Option<[[f32; 2]; 4]>,
+    /// Its corners on the floor's texture. `None` on a wall, on edges and in the dark.
+    on_texture: Option<[[f32; 2]; 4]>,
 }
 
-/// Floor and walls, lit and seen by a camera.
+/// Corners of a square: top left, top right, bottom left, bottom right.
+fn corners([x, y]: [u32; 2], side_px: u32) -> [[u32; 2]; 4] {
+    [[x, y], [x + side_px, y], [x, y + side_px], [x + side_px, y + side_px]]
+}
+
 struct Floor<'a> {
     camera: &'a Camera,
     room: Room,
-    /// Those of the lamps, and that of the floor last where there are walls.
+    /// Those of the lamps, and that of the floor last if there are walls.
     trees: Vec<Tree<'a>>,
     n_lamps: usize,
     /// Points on the floor straight below low sources: x, y and the source's height, in pixels.
@@ -73,7 +74,7 @@ struct Floor<'a> {
 }
 
 impl Glow {
-    /// The glow of a trace; `None` where the floor is dark or the camera is not above it.
+    /// The glow of a trace. `None` if the floor is dark or the camera is not above it.
     pub(super) fn new(
         trace: &LightTrace,
         camera: &Camera,
@@ -85,11 +86,13 @@ impl Glow {
         }
         let floor = Floor::new(trace, camera, options, room);
         let [columns, rows] = [camera.width_px, camera.height_px].map(|px| px.div_ceil(SIDE_PX));
-        let corner_lx_s = |corner_px: [u32; 2]| floor.seen_lx_s([corner_px])[0];
-        let corners = (0..=rows)
-            .into_par_iter()
-            .map(|j| (0..=columns).map(|i| corner_lx_s([i * SIDE_PX, j * SIDE_PX])).collect());
+        // Corners of the coarse grid, each of up to four squares.
+        let corners = (0..=rows).into_par_iter().map(|j| {
+            let points_px = (0..=columns).map(|i| [[i * SIDE_PX, j * SIDE_PX]]);
+            points_px.flat_map(|point_px| floor.seen_lx_s(point_px)).collect()
+        });
         let corners: Vec<Vec<Rgb>> = corners.collect();
+        // Bands of the picture are divided in parallel.
         let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
         let bands = rows.map(|(j, corners)| {
             let mut squares = Vec::new();
@@ -100,8 +103,8 @@ impl Glow {
             for (i, (above, below)) in (0..).zip(pairs) {
                 let corners_lx_s = [above[0], above[1], below[0], below[1]];
                 let corner_px = [i * SIDE_PX, j * SIDE_PX];
-                let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s, on_floor: None };
-                let middle_lx_s = corner_lx_s(corner_px.map(|px| px + SIDE_PX / 2));
+                let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s, on_texture: None };
+                let [middle_lx_s] = floor.seen_lx_s([corner_px.map(|px| px + SIDE_PX / 2)]);
                 floor.divide(square, middle_lx_s, &feet_px, &mut squares);
             }
             squares
@@ -112,12 +115,10 @@ impl Glow {
         Some(Self { bands, unevenness, peak_lx_s, reflectance: None })
     }
 
-    /// The first row that it lights.
     pub(super) fn top_px(&self) -> usize {
         self.bands.iter().flatten().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
     }
 
-    /// Adds the glow to a film.
     pub(super) fn add_to(&self, film: &mut FilmData) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
@@ -127,6 +128,7 @@ impl Glow {
         let [red, green, blue] = planes;
         let bands = (red, green, blue).into_par_iter().zip(&self.bands);
         bands.enumerate().for_each(|(band, ((red, green, blue), squares))| {
+            // Rows of the band, in the planes of the film and of the photographed room.
             let mut planes = [red, green, blue];
             let first = band * SIDE_PX as usize * width;
             let room = self.reflectance.as_ref();
@@ -167,11 +169,12 @@ impl Square {
         let rows = (planes[0].len() / width).saturating_sub(top as usize);
         let mut albedo = [1.0; SIDE_PX as usize];
         for row in (0..self.side_px).take(rows) {
+            // Relative albedo of the row's pixels: the floor's texture, or the photographed room.
             let down = (row as f32 + 0.5) * step;
-            if let (Some(places), None) = (self.on_floor, reflected[0]) {
-                let places = along(places, down, step);
-                for (albedo, place) in albedo[..across].iter_mut().zip(places) {
-                    *albedo = (1.0 + unevenness * texture::deviation(place)).max(0.0);
+            if let (Some(points), None) = (self.on_texture, reflected[0]) {
+                let points = along(points, down, step);
+                for (albedo, point) in albedo[..across].iter_mut().zip(points) {
+                    *albedo = (1.0 + unevenness * texture::deviation(point)).max(0.0);
                 }
             }
             let first = (top + row) as usize * width + left;
@@ -180,6 +183,7 @@ impl Square {
                 if let Some(reflected) = reflected[channel] {
                     albedo[..across].copy_from_slice(&reflected[first..][..across]);
                 }
+                // Ordered dither: each count is rounded at a threshold of its pixel.
                 let lights = along(corners.map(|rgb| [rgb[channel]]), down, step);
                 let counts = plane[first..][..across].iter_mut().zip(&albedo);
                 for (i, ((count, albedo), [light])) in (0..).zip(counts.zip(lights)) {
@@ -193,12 +197,12 @@ impl Square {
         }
     }
 
-    /// Whether a source stands above the square or close to it, lower than the square is wide.
+    /// True if a source is above the square or close to it, lower than the square is wide.
     fn is_under(&self, [x, y, height_px]: [f64; 3]) -> bool {
         let side = f64::from(self.side_px);
         let mut pairs = [x, y].into_iter().zip(self.corner_px);
         height_px < side
-            && pairs.all(|(place, corner)| (place - f64::from(corner) - 0.5 * side).abs() < side)
+            && pairs.all(|(foot, corner)| (foot - f64::from(corner) - 0.5 * side).abs() < side)
     }
 }
 
@@ -222,6 +226,7 @@ impl<'a> Floor<'a> {
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
+        // Points below sources so low that their light changes within a square.
         let feet_px = trees.iter().flat_map(|tree| &tree.branches).filter_map(|branch| {
             let source_m = branch.source.position_m;
             let image = camera.image_from_world(Vector3::new(source_m.x, source_m.y, z_m))?;
@@ -229,6 +234,7 @@ impl<'a> Floor<'a> {
             (height_px < f64::from(SIDE_PX)).then_some([image.x_px, image.y_px, height_px])
         });
         let feet_px = feet_px.collect();
+        // What the floor reflects lights the walls.
         let n_lamps = trees.len();
         if let Some([width_m, depth_m, _]) = options.room_m {
             let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);
@@ -245,15 +251,17 @@ impl<'a> Floor<'a> {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
             let (on, point_m) = self.room.met(ray)?;
+            // The exposure of the sensor over that of the surface: ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
-            let surface = &self.room.surfaces[on];
             let n = camera.f_number;
-            let reflected = surface.albedo * camera.transmission / (4.0 * n * n);
-            let share = reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
-            Some((on, point_m, -ray, share))
+            let reflected = self.room.surfaces[on].albedo * camera.transmission / (4.0 * n * n);
+            let factor = reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
+            Some((on, point_m, -ray, factor))
         });
+        // Points of one surface are lit side by side, others one by one.
         let first = met[0].map(|(on, ..)| on);
-        let (Some(on), true) = (first, met.iter().all(|it| it.map(|(on, ..)| on) == first)) else {
+        let is_one = met.iter().all(|point| point.map(|(on, ..)| on) == first);
+        let Some(on) = first.filter(|_| is_one) else {
             return match N {
                 1 => [[0.0; 3]; N],
                 _ => corners_px.map(|corner_px| self.seen_lx_s([corner_px])[0]),
@@ -269,29 +277,22 @@ impl<'a> Floor<'a> {
         std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
     }
 
-    /// Places of a square's corners on the texture of the floor; `None` where one is elsewhere, or
-    /// where it is too dark to show.
-    fn texture(&self, square: &Square) -> Option<[[f32; 2]; 4]> {
+    /// A square's corners on the texture of the floor. `None` if one is elsewhere, or if the square
+    /// is too dark to show it.
+    fn on_texture(&self, square: &Square) -> Option<[[f32; 2]; 4]> {
         if square.peak_lx_s() * self.room.unevenness <= self.even_lx_s {
             return None;
         }
-        let ([x, y], side) = (square.corner_px, square.side_px);
-        let mut places = [[0.0; 2]; 4];
-        for (place, [x, y]) in
-            places.iter_mut().zip([[x, y], [x + side, y], [x, y + side], [x + side, y + side]])
-        {
-            let ray = self.camera.world_from_image(f64::from(x), f64::from(y))?;
-            let (on, point_m) = self.room.met(ray)?;
-            *place = self.room.on_texture(on, point_m);
-            if !self.room.surfaces[on].is_floor() {
-                return None;
-            }
-        }
-        Some(places)
+        let [nw, ne, sw, se] = corners(square.corner_px, square.side_px).map(|corner_px| {
+            let [x_px, y_px] = corner_px.map(f64::from);
+            let (on, point_m) = self.room.met(self.camera.world_from_image(x_px, y_px)?)?;
+            self.room.surfaces[on].is_floor().then(|| self.room.on_texture(on, point_m))
+        });
+        Some([nw?, ne?, sw?, se?])
     }
 
     /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in
-    /// its middle; `feet_px` are those that may be under it.
+    /// its middle, and `feet_px` are those that may be under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se], .. } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);
@@ -299,17 +300,18 @@ impl<'a> Floor<'a> {
             let mean = 0.25 * (nw[c] + ne[c] + sw[c] + se[c]);
             (middle[c] - mean).abs() > EVEN[0] * middle[c].max(mean) + self.even_lx_s
         });
-        // Feet that are under a quarter are under the whole, too.
+        // Feet that are under a quarter are under the square, too.
         let feet_px = feet_px.iter().copied().filter(|foot_px| square.is_under(*foot_px));
         let feet_px: Vec<[f64; 3]> = feet_px.collect();
         if half == 0 || (!uneven && feet_px.is_empty()) {
             if square.corners_lx_s != [[0.0; 3]; 4] {
-                let on_floor = self.texture(&square);
-                squares.push(Square { on_floor, ..square });
+                let on_texture = self.on_texture(&square);
+                squares.push(Square { on_texture, ..square });
             }
             return;
         }
-        let quarters_px = [[x, y], [x + half, y], [x, y + half], [x + half, y + half]];
+        // The quarters need the middles of the sides and their own middles.
+        let quarters_px = corners([x, y], half);
         let [m_nw, m_ne, m_sw, m_se] = quarters_px.map(|corner| corner.map(|px| px + quarter));
         let [north, south, west, east, m_nw, m_ne, m_sw, m_se] = self.seen_lx_s([
             [x + half, y],
@@ -328,7 +330,7 @@ impl<'a> Floor<'a> {
             ([middle, east, south, se], m_se),
         ];
         for (corner_px, (corners_lx_s, middle)) in quarters_px.into_iter().zip(quarters) {
-            let quarter = Square { corner_px, side_px: half, corners_lx_s, on_floor: None };
+            let quarter = Square { corner_px, side_px: half, corners_lx_s, on_texture: None };
             self.divide(quarter, middle, &feet_px, squares);
         }
     }
@@ -349,17 +351,22 @@ mod tests {
         unevenness: 0.0,
     };
 
+    /// A film of the glow without the lamp.
+    fn glow_alone(trace: &LightTrace, options: &ExposeOptions) -> FilmData {
+        let counts = vec![0; 3 * 320 * 200];
+        let mut film = FilmData { width_px: 320, height_px: 200, counts, scale_log2: -24 };
+        Glow::new(trace, &looking_down(), options).unwrap().add_to(&mut film);
+        film
+    }
+
     #[test]
     fn a_lamp_over_a_matte_floor_leaves_the_textbook_exposure() {
         let (camera, height_m) = (looking_down(), 0.4);
-        let glow = Glow::new(&hanging([0.1, 2.2, height_m]), &camera, &MATTE).unwrap();
-        let counts = vec![0; 3 * 320 * 200];
-        let mut film = FilmData { width_px: 320, height_px: 200, counts, scale_log2: -24 };
-        glow.add_to(&mut film);
+        let film = glow_alone(&hanging([0.1, 2.2, height_m]), &MATTE);
         for [x, y] in [[0.1, 2.2], [0.0, 2.0], [-0.5, 1.6], [0.4, 2.9], [0.6, 2.0]] {
             let point_m = Vector3::new(x, y, 0.0);
             let image = camera.image_from_world(point_m).unwrap();
-            // E = I cos² / d² for a Lambertian lamp; L = ρ E / π.
+            // E = I cos² / d² for a Lambertian lamp, and L = ρ E / π.
             let d_sq = height_m * height_m + (x - 0.1) * (x - 0.1) + (y - 2.2) * (y - 2.2);
             let e_lx_s = 1.8 * height_m * height_m / d_sq / d_sq * 3.0;
             let cos = image.depth_m / (point_m - camera.position_m).norm();
@@ -374,20 +381,13 @@ mod tests {
     /// The uneven floor against the even one, pixel by pixel: as uneven as asked, and as bright.
     #[test]
     fn an_uneven_floor_reflects_as_much_as_an_even_one() {
-        let (trace, camera) = (hanging([0.1, 2.2, 0.4]), looking_down());
-        let lit = |unevenness| {
+        let lit = [0.1, 0.0].map(|unevenness| {
             let options = ExposeOptions { unevenness, ..MATTE };
-            let mut film = FilmData {
-                width_px: 320,
-                height_px: 200,
-                counts: vec![0; 3 * 320 * 200],
-                scale_log2: -24,
-            };
-            Glow::new(&trace, &camera, &options).unwrap().add_to(&mut film);
-            film.counts.into_iter().map(f64::from)
-        };
-        let ratios =
-            Vec::from_iter(lit(0.1).zip(lit(0.0)).map(|(uneven, even)| uneven / even - 1.0));
+            glow_alone(&hanging([0.1, 2.2, 0.4]), &options).counts
+        });
+        let ratios = lit[0].iter().zip(&lit[1]);
+        let ratios = ratios.map(|(uneven, even)| f64::from(*uneven) / f64::from(*even) - 1.0);
+        let ratios = Vec::from_iter(ratios);
         let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
         let variance =
             ratios.iter().map(|r| (r - mean) * (r - mean)).sum::<f64>() / ratios.len() as f64;
@@ -402,12 +402,13 @@ mod tests {
             (0..320 * 200).map(|i| if i % 320 < 160 { channel } else { 0.0 }).collect()
         });
         let options = ExposeOptions { unevenness: 0.1, ..MATTE };
-        let [even, lit] = [(MATTE, None), (options, Some(Arc::new(room)))].map(|(it, room)| {
-            let latent = super::super::project(&trace, &camera, &it).unwrap();
-            let mut latent = latent.reflected_by(room);
-            latent.tints.clear();
-            latent.on_cpu().film
-        });
+        let [even, lit] =
+            [(MATTE, None), (options, Some(Arc::new(room)))].map(|(options, room)| {
+                let latent = super::super::project(&trace, &camera, &options).unwrap();
+                let mut latent = latent.reflected_by(room);
+                latent.tints.clear();
+                latent.on_cpu().film
+            });
         for (channel, share) in [1.0, 2.0, 0.5].into_iter().enumerate() {
             let [left, right] = [100 * 320 + 120, 100 * 320 + 200];
             let ratio = lit.exposure_lx_s(channel, left) / even.exposure_lx_s(channel, left);

@@ -13,34 +13,26 @@ use super::record::SPOTS;
 use super::tile;
 use noctograph_core::error::{Error, Result};
 
-/// The shader.
 pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 
-/// Bytes of the counts of a tile.
 const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
-/// Most tiles of a buffer: every device takes as many workgroups.
-const TILES: u64 = 65_535;
+/// Most tiles of a buffer: 256 MiB, all of a picture of 67 megapixels. Every device takes as many
+/// workgroups.
+const TILES: u64 = 16_384;
 
-/// Bytes of one readback.
-const READ_BYTES: u64 = 256 * TILE_BYTES;
-
-/// An open graphics device.
 #[derive(Debug)]
 pub(super) struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
     pipeline: wgpu::ComputePipeline,
-    /// Name and driver.
     pub(super) adapter: String,
-    /// Largest buffer of tiles.
     pub(super) max_tiles_bytes: u64,
-    /// First error that the device reported.
     complaint: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
-    /// Opens the default device of the system; [`Error::Gpu`] where there is none.
+    /// Opens the default device of the system. [`Error::Gpu`] if there is none.
     pub(super) fn open() -> Result<Self> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Instance::enabled_backend_features(),
@@ -55,6 +47,7 @@ impl Gpu {
         })?;
         let about = adapter.get_info();
         let name = [about.name, about.driver_info].join(", ");
+        // All that the adapter can do, since the buffers are as large as it takes.
         let limits = adapter.limits();
         let max_tiles_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
@@ -64,6 +57,7 @@ impl Gpu {
         }))
         .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
 
+        // Errors of later calls come to this handler. The first one names the cause.
         let complaint = Arc::new(Mutex::new(None));
         let first = Arc::clone(&complaint);
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
@@ -86,7 +80,6 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// Replaces the shader.
     #[cfg(test)]
     pub(super) fn load(&mut self, shader: &str) {
         self.pipeline = pipeline(&self.device, shader);
@@ -102,14 +95,14 @@ impl Gpu {
         let mut counts = vec![0; 3 * width * height];
         let mut planes: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
         for tint in &latent.tints {
+            // One color after the other: its light on the device, then its counts in the film.
             let (across, lit) = lit_tiles(tint, latent.size_px);
             for lit in lit.chunks(most) {
                 let tiles = self.dark_tiles(lit.len());
                 chunks(tint, latent, lit, |chunk| self.dispatch(chunk, &tiles));
-                let mut lit = lit.iter();
                 self.read(&tiles, lit.len(), |light| {
                     let size = TILE_PX as usize;
-                    for (light, tile) in light.chunks_exact(size * size).zip(&mut lit) {
+                    for (light, tile) in light.chunks_exact(size * size).zip(lit) {
                         let [x, y] = [tile % across * size, tile / across * size];
                         let inside = [size.min(width - x), size.min(height - y)];
                         let to = [width, y * width + x];
@@ -121,7 +114,6 @@ impl Gpu {
         Ok(counts)
     }
 
-    /// A buffer of dark tiles on the device.
     fn dark_tiles(&self, n: usize) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles"),
@@ -131,21 +123,24 @@ impl Gpu {
         })
     }
 
+    fn filled(&self, label: &str, contents: &[u8]) -> wgpu::Buffer {
+        let usage = wgpu::BufferUsages::STORAGE;
+        self.device.create_buffer_init(&BufferInitDescriptor {
+            label: Some(label),
+            contents,
+            usage,
+        })
+    }
+
     /// Lets the device add a chunk to the tiles.
     fn dispatch(&self, chunk: &mut Chunk, tiles: &wgpu::Buffer) {
-        let filled = |label, contents: &[u8]| {
-            self.device.create_buffer_init(&BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage: wgpu::BufferUsages::STORAGE,
-            })
-        };
         let (rounds, parts) = chunk.by_tile();
-        let parts = filled("records", bytemuck::cast_slice(&parts));
-        let curves = filled("curves", bytemuck::cast_slice(&chunk.curves));
+        let parts = self.filled("records", bytemuck::cast_slice(&parts));
+        let curves = self.filled("curves", bytemuck::cast_slice(&chunk.curves));
         let mut encoder = self.device.create_command_encoder(&Default::default());
+        // A pass waits for the one before, so that no two workgroups add to one tile.
         for lists in &rounds {
-            let on_device = filled("lists", bytemuck::cast_slice(lists));
+            let on_device = self.filled("lists", bytemuck::cast_slice(lists));
             let entries = [(0, &on_device), (1, &parts), (2, &curves), (3, tiles)];
             let entries = entries.map(|(binding, buffer)| wgpu::BindGroupEntry {
                 binding,
@@ -165,43 +160,31 @@ impl Gpu {
     }
 
     /// Waits for the device, and passes on `n` tiles, in order.
-    fn read(&self, tiles: &wgpu::Buffer, n: usize, mut take: impl FnMut(&[u32])) -> Result<()> {
-        let bytes = TILE_BYTES * n as u64;
+    fn read(&self, tiles: &wgpu::Buffer, n: usize, take: impl FnOnce(&[u32])) -> Result<()> {
+        let size = TILE_BYTES * n as u64;
         let out = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles out"),
-            size: READ_BYTES.min(bytes),
+            size,
             usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let mut start = 0;
-        while start < bytes {
-            let part = READ_BYTES.min(bytes - start);
-            let mut encoder = self.device.create_command_encoder(&Default::default());
-            encoder.copy_buffer_to_buffer(tiles, start, &out, 0, part);
-            self.queue.submit([encoder.finish()]);
-            self.map(&out, part, &mut take)?;
-            start += part;
-        }
-        Ok(())
-    }
-
-    /// Waits for the device, and passes on the content of a buffer.
-    fn map(&self, out: &wgpu::Buffer, bytes: u64, mut take: impl FnMut(&[u32])) -> Result<()> {
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(tiles, 0, &out, 0, size);
+        self.queue.submit([encoder.finish()]);
         let (sender, receiver) = std::sync::mpsc::channel();
-        out.map_async(wgpu::MapMode::Read, ..bytes, move |mapped| {
+        out.map_async(wgpu::MapMode::Read, .., move |mapped| {
             // Without a receiver an error has been reported already.
             let _ = sender.send(mapped);
         });
+        // The handler's error names the cause, the others what follows from it.
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         if let Some(complaint) = self.complaint.lock().ok().and_then(|mut c| c.take()) {
             return Err(self.fail(complaint));
         }
         waited.map_err(|e| self.fail(e))?;
         receiver.recv().map_err(|e| self.fail(e))?.map_err(|e| self.fail(e))?;
-        let mapped = out.get_mapped_range(..bytes).map_err(|e| self.fail(e))?;
+        let mapped = out.get_mapped_range(..).map_err(|e| self.fail(e))?;
         take(bytemuck::cast_slice(&mapped));
-        drop(mapped);
-        out.unmap();
         Ok(())
     }
 
@@ -228,7 +211,6 @@ fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
     })
 }
 
-/// Error of a driver that panicked.
 pub(super) fn driver_panicked() -> Error {
     gpu_error("its driver panicked".to_owned(), "choose the processor as the backend")
 }

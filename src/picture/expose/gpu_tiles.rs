@@ -1,7 +1,7 @@
 //! Parts of records on the lit tiles of a picture, in chunks for a graphics device.
 //!
 //! A workgroup of the shader is a tile and goes through all parts on it, so that no two threads add
-//! to one pixel. The curves of the records are drawn here, while the device adds up those before.
+//! to one pixel. The curves of the records are drawn here, while the device adds up earlier ones.
 
 use std::ops::Range;
 
@@ -9,7 +9,6 @@ use super::curves::Curves;
 use super::record::{Record, SPOTS};
 use super::{Latent, Tint};
 
-/// Side of a tile.
 pub(super) const TILE_PX: u32 = 64;
 
 /// Numbers along and across in a chunk, or a few more: 4 MB.
@@ -32,7 +31,6 @@ pub(super) struct Part {
     pub(super) unused: u32,
 }
 
-/// Parts of records, and their curves.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     /// With the index of their tile among the lit ones.
@@ -70,8 +68,9 @@ pub(super) fn chunks(
 ) {
     let [width, height] = latent.size_px;
     let across = width.div_ceil(TILE_PX) as usize;
-    let mut places = vec![None; across * height.div_ceil(TILE_PX) as usize];
-    lit.iter().enumerate().for_each(|(place, &tile)| places[tile] = Some(place));
+    // Index of each tile of the picture among the lit ones.
+    let mut slots = vec![None; across * height.div_ceil(TILE_PX) as usize];
+    lit.iter().enumerate().for_each(|(slot, &tile)| slots[tile] = Some(slot));
 
     let (mut drawn, mut chunk) = (Curves::default(), Chunk::default());
     for record in &tint.records {
@@ -81,12 +80,13 @@ pub(super) fn chunks(
         let [columns, rows] = inside.clone().map(tiles);
         for row in rows {
             for column in columns.clone() {
-                if let Some(place) = places[row * across + column] {
-                    let part = part(record, drawn.shift, curves, &inside, [column, row], place);
-                    chunk.parts.push((place, part));
+                if let Some(slot) = slots[row * across + column] {
+                    let part = part(record, drawn.shift, curves, &inside, [column, row], slot);
+                    chunk.parts.push((slot, part));
                 }
             }
         }
+        // The device works on this chunk while the next one is drawn.
         if chunk.curves.len() > CHUNK {
             send(&mut chunk);
             chunk.parts.clear();
@@ -98,7 +98,7 @@ pub(super) fn chunks(
     }
 }
 
-/// The part of a record on a tile, with the tile's index among the lit ones.
+/// The part of a record on a tile, whose index among the lit ones is `slot`.
 #[expect(clippy::cast_possible_truncation, reason = "tiles have fewer than 2^32 pixels")]
 fn part(
     record: &Record,
@@ -106,16 +106,17 @@ fn part(
     [along, across]: [u32; 2],
     inside: &[Range<u32>; 2],
     tile: [usize; 2],
-    place: usize,
+    slot: usize,
 ) -> Part {
     let corner = tile.map(|tile| tile as u32 * TILE_PX);
     let [columns, rows] = [0, 1].map(|axis| {
         let Range { start, end } = inside[axis];
         start.max(corner[axis])..end.min(corner[axis] + TILE_PX)
     });
+    // Offsets wrap, since the box may begin outside the picture.
     let [i, j] = [columns.start - corner[0], rows.start - corner[1]];
     Part {
-        place: (place as u32 * TILE_PX + j) * TILE_PX + i,
+        place: (slot as u32 * TILE_PX + j) * TILE_PX + i,
         columns: columns.end - columns.start,
         rows: rows.end - rows.start,
         along: along.wrapping_add(columns.start).wrapping_sub(record.x.cast_unsigned()),
@@ -127,7 +128,7 @@ fn part(
 }
 
 impl Chunk {
-    /// Adds the curves of a record; returns the start of those along and of those across.
+    /// Adds the curves of a record. Returns the start of those along and of those across.
     fn push_curves(&mut self, record: &Record, drawn: &Curves) -> [u32; 2] {
         let (width, height) = (record.width as usize, record.height as usize);
         let first = self.curves.len();
@@ -137,6 +138,7 @@ impl Chunk {
             for (to, from) in along.iter_mut().zip(drawn.along(k, 0)) {
                 to[k] = *from;
             }
+            // Both parts of a value across in one number, 16 bits each.
             let [high, low] = drawn.across(k, 0..height);
             for (to, (high, low)) in across.iter_mut().zip(high.iter().zip(low)) {
                 to[k] = high << 16 | low;
@@ -148,21 +150,23 @@ impl Chunk {
     /// Start and end of the parts of each tile, in rounds within [`TURNS`], and the parts in that
     /// order.
     pub(super) fn by_tile(&mut self) -> (Vec<Vec<[u32; 2]>>, Vec<Part>) {
-        self.parts.sort_by_key(|&(place, _)| place);
+        self.parts.sort_by_key(|&(slot, _)| slot);
         let (mut rounds, mut end): (Vec<Vec<[u32; 2]>>, _) = (Vec::new(), 0);
         for tile in self.parts.chunk_by(|a, b| a.0 == b.0) {
-            let (mut start, mut turns, mut round) = (end, 0, 0);
+            let (mut turns, mut round) = (TURNS, 0);
             for (_, part) in tile {
+                // A tile with too much work for one dispatch goes on in the next round.
                 if turns + part.turns() > TURNS {
                     rounds.resize(rounds.len().max(round + 1), Vec::new());
-                    rounds[round].push([start, end]);
-                    (start, turns, round) = (end, 0, round + 1);
+                    rounds[round].push([end, end]);
+                    (turns, round) = (0, round + 1);
                 }
                 turns += part.turns();
                 end += 1;
+                if let Some([_, last]) = rounds[round - 1].last_mut() {
+                    *last = end;
+                }
             }
-            rounds.resize(rounds.len().max(round + 1), Vec::new());
-            rounds[round].push([start, end]);
         }
         (rounds, self.parts.iter().map(|&(_, part)| part).collect())
     }

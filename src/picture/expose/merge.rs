@@ -1,9 +1,9 @@
 //! Segments: neighboring intervals that run straight and evenly, merged into one.
 //!
-//! Greedy and linear in time. An interval joins the run while three things stay within tolerance of
-//! the chord from the run's first sample to its last: the place, at constant speed; the brightness,
-//! so that a fade is one segment; and the width of the spot. The segment carries the exact sum of
-//! the light.
+//! Greedy and linear in time: swinging-door thinning (Bristol 1990). An interval joins the run
+//! while three things stay within tolerance of the chord from the run's first sample to its last:
+//! the position, at constant speed, the brightness, so that a fade is one segment, and the width of
+//! the spot. The segment carries the exact sum of the light.
 
 use super::project::{Interval, Px};
 use noctograph_core::geometry::Chords;
@@ -11,24 +11,20 @@ use noctograph_core::geometry::Chords;
 /// A straight stretch of trail, traversed at constant speed, whose brightness changes evenly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Segment {
-    /// First and last point, in px.
     pub(super) ends_px: [Px; 2],
-    /// Standard deviation of the spot.
     pub(super) sigma_px: f64,
-    /// Half the width and half the height of the rectangle that it blurs; 0 of a Gaussian spot.
+    /// Half the width and half the height of the rectangle that it blurs. 0 for a Gaussian spot.
     pub(super) half_px: Px,
     /// Light of the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
-    /// Brightness changes from `1 - ramp` times its mean to `1 + ramp` times; -1 to 1.
+    /// Brightness changes from `1 - ramp` times its mean to `1 + ramp` times: -1 to 1.
     pub(super) ramp: f64,
-    /// Time at the first point.
     pub(super) start_s: f64,
-    /// Time from the first point to the last.
     pub(super) duration_s: f64,
 }
 
 impl Segment {
-    /// The part between two shares of the length, 0 to 1.
+    /// The part between two fractions of the length.
     pub(super) fn part(&self, [from, to]: [f64; 2]) -> Self {
         let [start, end] = self.ends_px;
         let mean = 1.0 + self.ramp * (from + to - 1.0);
@@ -40,30 +36,28 @@ impl Segment {
         }
     }
 
-    /// Length of the trail.
     pub(super) fn length_px(&self) -> f64 {
         (self.ends_px[1] - self.ends_px[0]).length()
     }
 
-    /// Point halfway along.
     pub(super) fn middle_px(&self) -> Px {
         (self.ends_px[0] + self.ends_px[1]) * 0.5
     }
 }
 
 /// Relative error of brightness and of spot width for each pixel of tolerance. Less makes more
-/// segments where the light changes; at 1, the error of a ramp would be ten times that of position.
+/// segments of a changing light. At 1, the error of a ramp would be ten times that of position.
 const UNEVENNESS: f64 = 0.2;
 
 /// Change of half the width or height of a rectangle for each pixel of tolerance: it changes with
-/// the height of the camera over the lamp, and its ends are at the rim of a stroke.
+/// the height of the camera over the lamp, and its ends are at the edge of a stroke.
 const HALF_SLACK: f64 = 4.0;
 
-/// Merges the intervals of one lamp into `segments`; `share` is the share of its light that the
-/// brightest channel has. A `tolerance_px` of 0 merges nothing.
+/// Merges the intervals of one lamp into `segments`. The brightest channel has the fraction `share`
+/// of its light. A `tolerance_px` of 0 merges nothing.
 ///
-/// Every skipped sample lies within `tolerance_px` of the position of its segment at that time, and
-/// its brightness and spot width within [`UNEVENNESS`] of the segment's.
+/// Every skipped sample is within `tolerance_px` of the position of its segment at that time, and
+/// its brightness and spot width are within [`UNEVENNESS`] of the segment's.
 pub(super) fn merge(
     intervals: impl Iterator<Item = Interval>,
     share: f64,
@@ -73,7 +67,7 @@ pub(super) fn merge(
     let mut open: Option<Merged> = None;
     for next in intervals {
         if let Some(run) = &mut open {
-            if tolerance_px > 0.0 && run.takes(&next, tolerance_px) {
+            if tolerance_px > 0.0 && run.extend(&next, tolerance_px) {
                 continue;
             }
             segments.push(run.segment(share));
@@ -85,18 +79,15 @@ pub(super) fn merge(
 
 /// Intervals that are one segment so far.
 struct Merged {
-    /// From the first sample to the last.
-    whole: Interval,
+    span: Interval,
     /// In x, y and brightness.
     chords: Chords<3>,
-    /// Least and greatest width of the spot.
+    /// Least and greatest width of the spot, and half size of its rectangle.
     sigmas_px: [f64; 2],
-    /// Least and greatest half width and half height of its rectangle.
     halves_px: [Px; 2],
     light: f64,
-    /// Sum of light times width.
+    /// Sums of light times width, and of light times half size.
     light_sigma: f64,
-    /// Sum of light times half width and half height.
     light_half: Px,
 }
 
@@ -104,7 +95,7 @@ impl Merged {
     fn new(first: Interval) -> Self {
         let light = first.light();
         Self {
-            whole: first,
+            span: first,
             chords: Chords::ALL,
             sigmas_px: [first.sigma_px; 2],
             halves_px: [first.half_px; 2],
@@ -116,11 +107,12 @@ impl Merged {
 
     /// Adds the interval if the run stays straight and even with it. A run that refused an interval
     /// is complete.
-    fn takes(&mut self, next: &Interval, tolerance_px: f64) -> bool {
-        let [start_s, end_s] = self.whole.time_s;
-        let [first, here] = self.whole.light_lx_px2;
+    fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
+        let [start_s, end_s] = self.span.time_s;
+        let [first, here] = self.span.light_lx_px2;
         let slack = UNEVENNESS * tolerance_px * first.max(here);
-        let follows = next.time_s[0] == end_s && next.at_px[0] == self.whole.at_px[1];
+        // A gap or a step of the brightness ends the run, and so does a spot of another size.
+        let follows = next.time_s[0] == end_s && next.at_px[0] == self.span.at_px[1];
         if !follows || (next.light_lx_px2[0] - here).abs() > slack {
             return false;
         }
@@ -134,26 +126,22 @@ impl Merged {
         if (halves_px[1] - halves_px[0]).max_element() > HALF_SLACK * tolerance_px {
             return false;
         }
-
-        // The last sample is skipped if the interval joins. Each axis takes the side of the square
-        // inside the circle of the tolerance.
+        // The last sample is skipped if the interval joins: the chords, the doors that swing about
+        // the first sample, must pass it. Each axis takes the side of the square inside the circle
+        // of the tolerance.
         let slack_px = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
-        let offset = |at_px: Px, light: f64| {
-            let moved = at_px - self.whole.at_px[0];
-            [moved.x, moved.y, light - first]
-        };
-        let [x, y, _] = offset(self.whole.at_px[1], here);
-        let low = [x - slack_px, y - slack_px, here - slack - first];
-        let high = [x + slack_px, y + slack_px, here + slack - first];
-        let wanted = offset(next.at_px[1], next.light_lx_px2[1]);
+        let skipped = self.span.at_px[1] - self.span.at_px[0];
+        let low = [skipped.x - slack_px, skipped.y - slack_px, here - slack - first];
+        let high = [skipped.x + slack_px, skipped.y + slack_px, here + slack - first];
         self.chords.keep_between(low, high, end_s - start_s);
-        if !self.chords.contain(wanted, next.time_s[1] - start_s) {
+        let moved = next.at_px[1] - self.span.at_px[0];
+        let chord = [moved.x, moved.y, next.light_lx_px2[1] - first];
+        if !self.chords.contain(chord, next.time_s[1] - start_s) {
             return false;
         }
-
-        self.whole.time_s[1] = next.time_s[1];
-        self.whole.at_px[1] = next.at_px[1];
-        self.whole.light_lx_px2[1] = next.light_lx_px2[1];
+        self.span.time_s[1] = next.time_s[1];
+        self.span.at_px[1] = next.at_px[1];
+        self.span.light_lx_px2[1] = next.light_lx_px2[1];
         (self.sigmas_px, self.halves_px) = (sigmas_px, halves_px);
         self.light += next.light();
         self.light_sigma += next.light() * next.sigma_px;
@@ -162,15 +150,15 @@ impl Merged {
     }
 
     fn segment(&self, share: f64) -> Segment {
-        let [first, last] = self.whole.light_lx_px2;
+        let [first, last] = self.span.light_lx_px2;
         Segment {
-            ends_px: self.whole.at_px,
+            ends_px: self.span.at_px,
             sigma_px: self.light_sigma / self.light,
             half_px: self.light_half / self.light,
             light_lx_s: share * self.light,
             ramp: (last - first) / (last + first),
-            start_s: self.whole.time_s[0],
-            duration_s: self.whole.time_s[1] - self.whole.time_s[0],
+            start_s: self.span.time_s[0],
+            duration_s: self.span.time_s[1] - self.span.time_s[0],
         }
     }
 }
@@ -213,7 +201,6 @@ mod tests {
             let segments = merged(&intervals, tolerance_px);
             assert!(segments.len() < intervals.len() / 2, "{} segments", segments.len());
 
-            // Follows the intervals along the segments; a segment ends on a sample.
             let mut first = 0;
             for segment in &segments {
                 let [start, end] = segment.ends_px;
@@ -228,8 +215,8 @@ mod tests {
                 assert_eq!(intervals[last - 1].at_px[1], end, "segments end on a sample");
                 let (t0, t1) = (intervals[first].time_s[0], intervals[last - 1].time_s[1]);
                 for skipped in &intervals[first..last] {
-                    let share = (skipped.time_s[0] - t0) / (t1 - t0);
-                    let error_px = (skipped.at_px[0] - start.lerp(end, share)).length();
+                    let part = (skipped.time_s[0] - t0) / (t1 - t0);
+                    let error_px = (skipped.at_px[0] - start.lerp(end, part)).length();
                     assert!(error_px <= tolerance_px * (1.0 + 1e-9), "{error_px} px off");
                 }
                 first = last;

@@ -3,7 +3,7 @@
 //!
 //! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`LampReading`] for each emitter. The
 //! exposure in the middle of a trail is the sum of the lamp's own light nearby, in f64, as `expose`
-//! draws it, and of what it lights on the drone's body around it; light of other lamps, glare and
+//! draws it, and of what it lights on the drone's body around it. Light of other lamps, glare and
 //! ambient light are not included.
 
 use serde::Serialize;
@@ -23,7 +23,7 @@ const MERGE_PX: f64 = 0.05;
 /// Distance along or across a segment beyond which its light is ignored.
 const REACH_SIGMA: f64 = 5.0;
 
-/// Exposure of a hot spot above the median of the lamp; an even stroke varies by about one stop.
+/// Exposure of a hot spot above the median of the lamp. An even stroke varies by about one stop.
 const HOT_STOPS: f64 = 2.0;
 
 /// Speed of a streak in the picture over the median speed of the lamp.
@@ -33,7 +33,7 @@ const STREAK_SPEED: f64 = 2.0;
 /// and refer to luminance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LampReading {
-    /// Its drone; `None` where there is but one. The name says it in JSON.
+    /// Its drone, part of the name in JSON. `None` if there is only one.
     #[serde(skip)]
     pub drone: Option<DroneIndex>,
     /// Its label ([`Lamp::label`]).
@@ -65,16 +65,15 @@ pub struct HotSpot {
     pub stops: f64,
 }
 
-/// Settings that would give a trail the wanted exposure, each by itself; `None` where it has no
-/// such effect.
+/// Settings that would give a trail the wanted exposure, each by itself. `None` if one cannot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
-    /// Sensitivity; `None` below that of a full well, which saturates all the same.
+    /// Sensitivity. `None` below that of a full well, which would still saturate.
     pub iso: Option<f64>,
-    /// Level of the lamp relative to the present one; `None` above it: a lamp at full level gives
-    /// no more.
+    /// Level of the lamp relative to the present one. `None` above it, since a lamp at full level
+    /// gives no more.
     #[serde(rename = "level_factor")]
     pub level: Option<f64>,
 }
@@ -87,19 +86,18 @@ impl LampReading {
     }
 
     /// The reading of a lamp with the light of discs around it, quantile by quantile.
-    fn with_discs_around(&self, lamp: &Lamp, all: &[(&Lamp, Self)]) -> Self {
-        let others = all.iter().filter(|(disc, _)| lamp.is_within(disc)).map(|(_, disc)| disc);
-        others.fold(self.clone(), |sum, other| {
-            fn add(stops: f64, others: f64) -> f64 {
-                libm::log2(libm::exp2(stops) + libm::exp2(others))
+    fn with_discs_around(&self, lamp: &Lamp, readings: &[(&Lamp, Self)]) -> Self {
+        let mut sum = self.clone();
+        for (_, disc) in readings.iter().filter(|(disc, _)| lamp.is_within(disc)) {
+            for (stops, disc_stops) in [
+                (&mut sum.median_stops, disc.median_stops),
+                (&mut sum.p5_stops, disc.p5_stops),
+                (&mut sum.p95_stops, disc.p95_stops),
+            ] {
+                *stops = libm::log2(libm::exp2(*stops) + libm::exp2(disc_stops));
             }
-            Self {
-                median_stops: add(sum.median_stops, other.median_stops),
-                p5_stops: add(sum.p5_stops, other.p5_stops),
-                p95_stops: add(sum.p95_stops, other.p95_stops),
-                ..sum
-            }
-        })
+        }
+        sum
     }
 
     /// Settings that would put the median at `target_stops`.
@@ -115,7 +113,7 @@ impl LampReading {
     }
 }
 
-/// Meters each emitter of a trace, by name; those that leave no light in the picture are omitted.
+/// Meters each emitter of a trace, by name. Those that leave no light in the picture are omitted.
 ///
 /// # Errors
 ///
@@ -130,28 +128,26 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
             known.drone == lamp.drone && known.emitter.name == lamp.emitter.name
         });
         match trail {
-            Some((_, all)) => all.append(&mut segments),
+            Some((_, known)) => known.append(&mut segments),
             None => trails.push((lamp, segments)),
         }
     }
-    let alone = Vec::from_iter(trails.into_iter().filter_map(|(lamp, mut segments)| {
+    let readings = Vec::from_iter(trails.into_iter().filter_map(|(lamp, mut segments)| {
         segments.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
         Some((lamp, reading(lamp, &segments, camera)?))
     }));
-    let readings: Vec<LampReading> =
-        alone.iter().map(|(lamp, reading)| reading.with_discs_around(lamp, &alone)).collect();
     if readings.is_empty() {
         let hint = "check the lights of the flight, the shutter and the pose of the camera";
         let lack = "no lamp that is lit in the picture";
         return Err(Error::input("light", lack, "light to measure", hint));
     }
-    Ok(readings)
+    Ok(readings.iter().map(|(lamp, it)| it.with_discs_around(lamp, &readings)).collect())
 }
 
-/// Least ratio of the strongest channel to the luminance of colored light; white has 1.
+/// Least ratio of the strongest channel to the luminance of colored light. White has 1.
 const COLORED: f64 = 1.25;
 
-/// Whether the light of a lamp with all of its dies at full level is metered as a color.
+/// True if the light of a lamp with all of its dies at full level is metered as a color.
 #[must_use]
 pub fn is_colored(lamp: &Fixture) -> bool {
     is_color(emitter(lamp, &vec![1.0; lamp.dies.len()]).rgb)
@@ -162,7 +158,7 @@ fn is_color(rgb: [f64; 3]) -> bool {
 }
 
 /// Exposure of the trail of a label in the strongest channel of its brightest color and of its
-/// brightest white, median over the length, in stops relative to saturation; `None` where it has no
+/// brightest white, median over the length, in stops relative to saturation. `None` if it has no
 /// such light.
 #[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
@@ -170,13 +166,14 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f
         let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
         let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
         let alike = channels.filter(|(lamp, _)| is_color(lamp.emitter.rgb) == colored);
-        let readings = alike
-            .filter_map(|(lamp, share)| reading(lamp, &in_picture(lamp, share, camera), camera));
-        readings.map(|reading| reading.median_stops).max_by(f64::total_cmp)
+        let stops = alike.filter_map(|(lamp, share)| {
+            Some(reading(lamp, &in_picture(lamp, share, camera), camera)?.median_stops)
+        });
+        stops.max_by(f64::total_cmp)
     })
 }
 
-/// The trail of a lamp in the picture, in a channel that has a share of its light.
+/// The trail of a lamp in the picture, in a channel with the fraction `share` of its light.
 fn in_picture(lamp: &Lamp, share: f64, camera: &Camera) -> Vec<Segment> {
     let mut segments = Vec::new();
     merge::merge(project::intervals(lamp, camera), share, MERGE_PX, &mut segments);
@@ -187,7 +184,7 @@ fn in_picture(lamp: &Lamp, share: f64, camera: &Camera) -> Vec<Segment> {
     segments
 }
 
-/// Brightest light of the floor, in stops relative to saturation; `None` where it is dark or out of
+/// Brightest light of the floor, in stops relative to saturation. `None` if it is dark or out of
 /// the picture.
 #[must_use]
 pub fn floor_stops(
@@ -199,20 +196,20 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
-/// Segments of one trail from which on neighbors at one place are metered as one.
+/// Segments of one trail from which on neighbors at one point are metered as one.
 const MANY: usize = 20_000;
 
-/// Share of the spot's σ within which segments count as at one place.
-const ONE_PLACE_SIGMA: f64 = 0.1;
+/// Distance, in σ of the spot, within which segments count as at one point.
+const ONE_POINT_SIGMA: f64 = 0.1;
 
-/// A long trail with successive segments at one place, such as the pulses of a slow lamp, joined:
+/// A long trail with successive segments at one point, such as the pulses of a slow lamp, joined:
 /// each is then compared with few others for any number of pulses.
 fn gathered(segments: &[Segment]) -> Vec<Segment> {
-    let mut all: Vec<Segment> = Vec::new();
+    let mut joined: Vec<Segment> = Vec::new();
     for segment in segments {
-        let near = all.last_mut().filter(|last| {
+        let near = joined.last_mut().filter(|last| {
             let far = segment.ends_px.map(|end| (end - last.ends_px[0]).length());
-            far[0].max(far[1]) < ONE_PLACE_SIGMA * last.sigma_px
+            far[0].max(far[1]) < ONE_POINT_SIGMA * last.sigma_px
         });
         match near {
             Some(last) => {
@@ -220,51 +217,31 @@ fn gathered(segments: &[Segment]) -> Vec<Segment> {
                 last.light_lx_s += segment.light_lx_s;
                 last.duration_s += segment.duration_s;
             }
-            None => all.push(*segment),
+            None => joined.push(*segment),
         }
     }
-    all
+    joined
 }
 
-/// Exposure along the trail of a lamp in the picture; `None` for an invisible lamp.
+/// Exposure along the trail of a lamp in the picture. `None` for an invisible lamp.
 fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
     let few = (segments.len() > MANY).then(|| gathered(segments));
     let segments = few.as_deref().unwrap_or(segments);
-    let all_lx_s = (0..segments.len()).map(|i| exposure_lx_s(segments, i));
-    let all: Vec<f64> = all_lx_s.map(|lx_s| libm::log2(lx_s / camera.saturation_lx_s())).collect();
+    let stops = (0..segments.len())
+        .map(|i| libm::log2(exposure_lx_s(segments, i) / camera.saturation_lx_s()));
+    let stops: Vec<f64> = stops.collect();
+    // Quantiles over the length of the trail.
     let lengths = segments.iter().map(|segment| segment.length_px().max(1e-9));
-    let mut by_brightness: Vec<(f64, f64)> = all.iter().copied().zip(lengths).collect();
+    let mut by_brightness: Vec<(f64, f64)> = stops.iter().copied().zip(lengths).collect();
     let [p5_stops, median_stops, p95_stops] =
-        [0.05, 0.5, 0.95].map(|share| weighted_quantile(&mut by_brightness, share));
+        [0.05, 0.5, 0.95].map(|part| weighted_quantile(&mut by_brightness, part));
     let (p5_stops, median_stops, p95_stops) = (p5_stops?, median_stops?, p95_stops?);
 
+    // Streaks are faster than the median over the time.
     let speeds = segments.iter().map(|s| (s.length_px() / s.duration_s, s.duration_s));
     let mut speeds: Vec<(f64, f64)> = speeds.collect();
     let usual = weighted_quantile(&mut speeds, 0.5)?;
     let streaks = speeds.iter().filter(|(speed, _)| *speed > STREAK_SPEED * usual && usual > 0.0);
-
-    let mut hot_spots: Vec<HotSpot> = Vec::new();
-    let mut hot_until_s = f64::NEG_INFINITY;
-    for (segment, stops) in segments.iter().zip(&all) {
-        let hot = *stops > median_stops + HOT_STOPS;
-        // A spot ends in the dark.
-        let goes_on = segment.start_s <= hot_until_s + 1e-6;
-        let end_s = segment.start_s + segment.duration_s;
-        match hot_spots.last_mut().filter(|_| hot && goes_on) {
-            Some(spot) => {
-                spot.duration_s = end_s - spot.time_s;
-                spot.stops = spot.stops.max(*stops);
-            }
-            None if hot => hot_spots.push(HotSpot {
-                time_s: segment.start_s,
-                duration_s: segment.duration_s,
-                at_px: segment.middle_px().into(),
-                stops: *stops,
-            }),
-            None => {}
-        }
-        hot_until_s = if hot { end_s } else { f64::NEG_INFINITY };
-    }
     Some(LampReading {
         drone: lamp.drone,
         name: lamp.label(),
@@ -272,9 +249,27 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
         median_stops,
         p5_stops,
         p95_stops,
-        hot_spots,
+        hot_spots: hot_spots(segments, &stops, median_stops + HOT_STOPS),
         streak_s: streaks.fold(0.0, |sum, (_, duration_s)| sum + duration_s),
     })
+}
+
+/// Stretches of a trail brighter than a limit. Each ends in the dark.
+fn hot_spots(segments: &[Segment], stops: &[f64], limit_stops: f64) -> Vec<HotSpot> {
+    let trail: Vec<(&Segment, f64)> = segments.iter().zip(stops.iter().copied()).collect();
+    let runs = trail.chunk_by(|(a, stops), (b, next_stops)| {
+        stops.min(*next_stops) > limit_stops && b.start_s <= a.start_s + a.duration_s + 1e-6
+    });
+    let spots = runs.filter(|run| run[0].1 > limit_stops).map(|run| {
+        let (first, last) = (run[0].0, run[run.len() - 1].0);
+        HotSpot {
+            time_s: first.start_s,
+            duration_s: last.start_s + last.duration_s - first.start_s,
+            at_px: first.middle_px().into(),
+            stops: run.iter().map(|(_, stops)| *stops).fold(limit_stops, f64::max),
+        }
+    });
+    spots.collect()
 }
 
 /// Exposure in the middle of a segment, from itself and from the adjoining segments.
@@ -295,6 +290,7 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     if segment.half_px != Px::ZERO {
         return left_by_rectangle(segment, at_px);
     }
+    // A Gaussian across the segment, and along it a Gaussian averaged over its length.
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = segment.length_px();
     let along = if length > 0.0 { (end - start) / length } else { Px::X };
@@ -310,20 +306,19 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     light_lx_s * smear * across
 }
 
-/// The same of a blurred rectangle: the mean over places along the segment, a σ apart, of those
-/// whose light reaches the point.
+/// The same of a blurred rectangle: the mean over points along the segment, a σ apart.
 fn left_by_rectangle(segment: &Segment, at_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, half_px, light_lx_s, .. } = *segment;
     #[expect(clippy::cast_possible_truncation, reason = "within 1 and 1000")]
     let n = (segment.length_px() / sigma).ceil().clamp(1.0, 1000.0) as u32;
-    let places = (0..n).map(|i| start.lerp(end, (f64::from(i) + 0.5) / f64::from(n)) - at_px);
-    let near = places.filter(|by| (by.abs() - half_px).max_element() < REACH_SIGMA * sigma);
+    let offsets = (0..n).map(|i| start.lerp(end, (f64::from(i) + 0.5) / f64::from(n)) - at_px);
+    let near = offsets.filter(|by| (by.abs() - half_px).max_element() < REACH_SIGMA * sigma);
     let sum: f64 =
         near.map(|by| density(by.x, half_px.x, sigma) * density(by.y, half_px.y, sigma)).sum();
     light_lx_s * sum / f64::from(n)
 }
 
-/// Light per pixel of a line of so much to either side, blurred, at a distance from its middle.
+/// Light per pixel of a line of `half` to either side, blurred, at a distance from its middle.
 fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
     let half = half.max(MIN_HALF_SIGMA * sigma);
     let [lower, upper] = [from_middle - half, from_middle + half]
@@ -386,8 +381,7 @@ mod tests {
             project::intervals(&lamp, &camera).next().unwrap().sigma_px * camera.pixel_pitch_m();
         let metered =
             meter(&LightTrace::made(LightTraceData { lamps: vec![lamp] }), &camera).unwrap();
-        // The gaussian's peak is that of a trail of even brightness, √(2π) σ wide; at the ends of
-        // the trail the lamp is off the axis.
+        // The Gaussian's peak is that of a trail of even brightness, √(2π) σ wide.
         let width_m = std::f64::consts::TAU.sqrt() * sigma_m;
         let wanted = trail_exposure_lx_s(1.8, &camera, 3.0, 0.2, width_m);
         let wanted = libm::log2(wanted / camera.saturation_lx_s());

@@ -12,15 +12,15 @@
 //! 3. Lamps of one color are added up in one plane, which is then counted into the three of the
 //!    film. The glow of the floor is added last.
 //!
-//! Vectors are nalgebra's and f64 up to the segments; records are scalars in f32, and all that
+//! Vectors are nalgebra's and f64 up to the segments. Records are scalars in f32, and all that
 //! follows is integers. The width changes in `record`.
 //!
-//! Accuracy: the light of a spot to 1e-6; pixels to 2e-5 of the brightest unmerged, and to 1e-3
+//! Accuracy: the light of a spot to 1e-6, pixels to 2e-5 of the brightest unmerged, and to 1e-3
 //! merged at 0.005 px. No pixel can overflow: a bound on the brightest sets the scale of the
 //! counts.
 //!
 //! A lamp of I cd that moves at v m/s, d m away, leaves `I τ π f / (4 N² d v)` lx s m across its
-//! trail on the sensor; at rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source
+//! trail on the sensor. At rest for t s it leaves `I τ π (f/2N)² t / d²` lm s in its spot. Source
 //! of the smeared Gaussian: Vereš et al. 2012 (trails of asteroids).
 //!
 //! Not modeled: occlusion by drone or hands, rolling shutter, lamps nearer than 0.1 m. Ambient
@@ -71,7 +71,7 @@ pub struct Exposure {
     pub film: Film,
     /// The backend that exposed it.
     pub backend: Backend,
-    /// Name and driver of the graphics device; `CPU` without one.
+    /// Name and driver of the graphics device, `CPU` without one.
     pub adapter: String,
 }
 
@@ -84,7 +84,6 @@ pub struct Latent {
     glow: Option<Glow>,
 }
 
-/// All light of one color.
 #[derive(Clone, Debug, PartialEq)]
 struct Tint {
     /// Red, green and blue relative to the brightest of them, which is [`ALL`].
@@ -103,7 +102,7 @@ settings! {
 
     /// Choice of the backend.
     pub enum BackendChoice {
-        /// A graphics device where one works, else the processor.
+        /// A graphics device if one works, else the processor.
         "auto" => Auto,
         /// A graphics device, or an error.
         "wgpu" => Wgpu,
@@ -113,14 +112,14 @@ settings! {
 
     /// Resolution of the exposure, and the floor and the walls that the lamps light.
     pub struct ExposeOptions {
-        /// Share of light that the floor reflects, evenly to all sides (its albedo): a dark carpet
-        /// 0.1, gray concrete 0.3, a black floor 0.
+        /// Fraction of light that the floor reflects, evenly to all sides (its albedo): a dark
+        /// carpet 0.1, gray concrete 0.3, a black floor 0.
         floor_albedo: f64 = 0.2, in 0.0..=1.0;
         /// Sheen of the floor: mean slope of its facets (α of GGX), 0.15 for polished stone, 0.3
-        /// for linoleum, 0.6 for worn boards (assumptions); matte if left out.
+        /// for linoleum, 0.6 for worn boards (assumptions). Matte if left out.
         floor_roughness: Option<f64> = None, in 0.1..=1.0, for "expose.floor_albedo";
         /// Width, depth and height of the room, its middle at x = y = 0: its walls are lit, and
-        /// flights are checked against them; none if left out.
+        /// flights are checked against them. No walls if left out.
         room_m: Option<[f64; 3]> = None, in 0.1..=1e3;
         /// Unevenness of floor and walls, from worn spots to stains: standard deviation of their
         /// albedo, relative.
@@ -130,14 +129,14 @@ settings! {
         unevenness: f64 = 0.05, in 0.0..=1.0;
         fixed {
             /// How far a sample may lie from the segment that replaces it. 0 merges nothing and
-            /// errs least; 0.005 errs by up to 1e-3 of the peak; more is faster and coarser.
+            /// errs least, 0.005 errs by up to 1e-3 of the peak, more is faster and coarser.
             merge_tolerance_px: f64 = 0.005;
             /// Height of the floor below the position of a standing drone.
             ///
             /// That of a Crazyflie is the position of its board, 2 cm above the floor (an
             /// assumption: feet below the motor mounts).
             floor_z_m: f64 = -0.02;
-            /// Share of light that the walls and the ceiling reflect, evenly to all sides: white
+            /// Fraction of light that the walls and the ceiling reflect, evenly to all sides: white
             /// paint 0.8, gray 0.4, black cloth 0.05.
             wall_albedo: f64 = 0.4;
         }
@@ -153,8 +152,8 @@ settings! {
 ///
 /// [`Error::Input`] for numbers of a lamp that are not finite or out of range and for time that
 /// falls (with lamp and time), for numbers of the camera or the options out of range, and above the
-/// largest picture or [`MAX_SAMPLES`]. [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device
-/// or the device fails.
+/// largest picture or [`MAX_SAMPLES`]. [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or
+/// the device fails.
 pub fn expose(
     trace: &LightTrace,
     camera: &Camera,
@@ -186,7 +185,7 @@ impl Latent {
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] where counts so fine would overflow.
+    /// [`Error::Infeasible`] if counts so fine would overflow.
     pub fn at_scale(self, scale_log2: i32) -> Result<Self> {
         if scale_log2 < self.scale_log2 {
             return Err(Error::infeasible(
@@ -208,7 +207,7 @@ impl Latent {
         self
     }
 
-    /// Adds up the light on the processor, in at most so many bands of rows at a time.
+    /// Adds up the light on the processor, in at most one band of rows for each core.
     #[must_use]
     pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
         self.film(cpu::splat(cores.get() as u64, self))
@@ -263,8 +262,8 @@ impl Latent {
 #[derive(Debug)]
 pub struct Developer {
     choice: BackendChoice,
-    /// The device that is being opened; `None` where the processor was chosen, and where no thread
-    /// could be started.
+    /// The device that is being opened. `None` if the processor was chosen, or no thread could be
+    /// started.
     device: Option<JoinHandle<Result<Gpu>>>,
 }
 
@@ -284,7 +283,7 @@ impl Developer {
     ///
     /// # Errors
     ///
-    /// [`Error::Gpu`] where [`BackendChoice::Wgpu`] finds no device or the device fails.
+    /// [`Error::Gpu`] if [`BackendChoice::Wgpu`] finds no device or the device fails.
     pub fn develop(mut self, latent: &Latent) -> Result<Exposure> {
         let gpu = match self.device.take() {
             None if self.choice != BackendChoice::Wgpu => return Ok(latent.on_cpu()),
@@ -303,7 +302,7 @@ impl Developer {
 ///
 /// # Errors
 ///
-/// [`Error::Gpu`] where there is none, or it fails.
+/// [`Error::Gpu`] if there is none, or it fails.
 pub fn try_device() -> Result<String> {
     Gpu::ready().map(|gpu| gpu.adapter)
 }
@@ -331,6 +330,7 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
         ("camera: vignetting", camera.vignetting, [0.0, 1.0]),
         ("camera: focus_m", camera.focus_m.unwrap_or(1.0), [1e-3, 1e9]),
     ];
+    // All numbers of the camera's distortion and pose, which may be negative.
     let distortion = camera.distortion.map(|k| ("camera: distortion", k, [-1e3, 1e3]));
     let pose = camera.position_m.iter().chain(camera.camera_from_world.iter());
     let pose = pose.map(|value| ("camera: position and attitude", *value, [-1e9, 1e9]));
@@ -346,7 +346,6 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     Ok(())
 }
 
-/// The light of the lamps by color.
 fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
     let mut tints: Vec<Tint> = Vec::new();
     let (mut segments, mut n) = (Vec::new(), 0);
@@ -356,12 +355,14 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
         if most == 0.0 {
             continue;
         }
+        // Lamps of one color are in one plane, in counts of its brightest channel.
         #[expect(clippy::cast_possible_truncation, reason = "0 to 2^31")]
         let shares = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
         let known = tints.iter().position(|tint| tint.shares == shares).unwrap_or_else(|| {
             tints.push(Tint { shares, records: Vec::new() });
             tints.len() - 1
         });
+        // Lamp by lamp: its path, merged to segments, becomes records.
         segments.clear();
         let intervals = project::intervals(lamp, camera);
         merge::merge(intervals, most, merge_tolerance_px, &mut segments);

@@ -6,7 +6,6 @@ use noctograph_core::error::{Error, Result};
 /// A graphics device that cannot be.
 #[derive(Debug)]
 pub(super) struct Gpu {
-    /// Name and driver.
     pub(super) adapter: String,
 }
 

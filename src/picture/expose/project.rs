@@ -14,7 +14,6 @@ use nalgebra::Vector3;
 use crate::light::{Emitter, Lamp, LightSample};
 use noctograph_core::camera::Camera;
 
-/// A point in the picture.
 pub(super) type Px = DVec2;
 
 /// Least depth of a lamp that leaves light. This model does not hold for nearer points (focus,
@@ -22,10 +21,10 @@ pub(super) type Px = DVec2;
 pub(super) const NEAREST_M: f64 = 0.1;
 
 /// Width of the narrowest spot. Sampled at pixel centers, the sum of a Gaussian of this width
-/// differs by 1.4 % between the pixels (`2 exp(-2 π² σ²)`); curves are divided by their sums.
+/// differs by 1.4 % between the pixels (`2 exp(-2 π² σ²)`), hence curves are divided by their sums.
 pub(super) const MIN_SIGMA_PX: f64 = 0.5;
 
-/// Width of the widest spot; wider ones are drawn this wide, with all their light.
+/// Width of the widest spot. Wider ones are drawn this wide, with all their light.
 pub(super) const MAX_SIGMA_PX: f64 = 256.0;
 
 /// Greatest distance of a spot from the corner of the picture, for the precision of differences.
@@ -44,27 +43,22 @@ const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 /// Stretch between two neighboring samples with the shutter open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interval {
-    /// Start and end.
     pub(super) time_s: [f64; 2],
-    /// Position of the spot at both.
     pub(super) at_px: [Px; 2],
-    /// Brightness of the spot at both; linear in between.
+    /// Brightness of the spot at both, linear in between.
     pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, mean of its ends.
     pub(super) sigma_px: f64,
-    /// Half the width and half the height of the cylinder that it blurs, mean of its ends; 0 of a
-    /// disc.
+    /// Half the size of the box of a cylinder that it blurs, mean of its ends. 0 for a disc.
     pub(super) half_px: Px,
 }
 
 impl Interval {
-    /// Light in lx s px².
     pub(super) fn light(&self) -> f64 {
         0.5 * (self.light_lx_px2[0] + self.light_lx_px2[1]) * (self.time_s[1] - self.time_s[0])
     }
 }
 
-/// Image of a lamp at one instant.
 #[derive(Clone, Copy)]
 struct Spot {
     at_px: Px,
@@ -89,7 +83,7 @@ pub(super) fn intervals<'a>(
         }
         let first = if a.time_s < open { a.toward(&b, open) } else { a };
         let second = if b.time_s > close { a.toward(&b, close) } else { b };
-
+        // The start is mostly the end of the interval before, which was projected already.
         let from = match last {
             Some((sample, spot)) if sample == first => spot,
             _ => lens.see(&first),
@@ -127,6 +121,7 @@ impl<'a> Lens<'a> {
         let pupil_m2 = std::f64::consts::PI * radius_m * radius_m * camera.transmission;
         let blur_px = camera.blur_m / pitch_m;
         let airy_px = AIRY_SIGMA * WAVELENGTH_M * camera.f_number / pitch_m;
+        // A cylinder is drawn as a rectangle, not as a disc.
         let disc_m = if emitter.depth_m.is_some() { 0.0 } else { emitter.diameter_m };
         let disc_px = disc_m * camera.focal_length_px();
         Self {
@@ -138,7 +133,7 @@ impl<'a> Lens<'a> {
         }
     }
 
-    /// Spot of a lamp; `None` where it is nearer than [`NEAREST_M`], behind the camera, or beyond
+    /// Spot of a lamp. `None` if it is nearer than [`NEAREST_M`], behind the camera, or beyond
     /// [`FARTHEST_PX`].
     fn see(&self, sample: &LightSample) -> Option<Spot> {
         let image = self.camera.image_from_world(sample.position_m)?;
@@ -146,6 +141,7 @@ impl<'a> Lens<'a> {
         if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
             return None;
         }
+        // Light of the spot: I(θ) cosα / d² through the pupil, less vignetting.
         let to_camera_m = self.camera.position_m - sample.position_m;
         let distance_sq_m2 = to_camera_m.norm_squared();
         let distance_m = distance_sq_m2.sqrt();
@@ -154,6 +150,7 @@ impl<'a> Lens<'a> {
         let intensity_cd = sample.level * self.emitter.intensity_cd(cos_beam);
         let light = self.light_at_1m * intensity_cd * cos_lens / distance_sq_m2
             * self.camera.unvignetted(image.x_px, image.y_px);
+        // Variances add up: lens and pixel, disc of the lamp, circle of confusion.
         let defocus_px = self.camera.defocus_m(image.depth_m) / self.camera.pixel_pitch_m();
         let variance = self.blur_px2
             + self.disc_at_1m_px2 / (image.depth_m * image.depth_m)

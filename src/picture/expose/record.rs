@@ -3,15 +3,15 @@
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature makes it a
 //! sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which the
 //! backends add up. What holds for a Gaussian holds for a rectangle that it blurs. A ramp of the
-//! brightness is in the shares of the spots, so a fade costs nothing. Here f64 becomes f32.
+//! brightness is in the weights of the spots, so a fade costs nothing. Here f64 becomes f32.
 
 use std::ops::Range;
 
 use super::merge::Segment;
 use super::project::Px;
 use crate::narrow;
+use noctograph_core::random::{GOLDEN, split_mix};
 
-/// Most spots of a record.
 pub(super) const SPOTS: usize = 4;
 
 /// Radius of a spot. Beyond it lies 3.7e-6 of the light, which goes to the rest of the spot, and at
@@ -49,9 +49,9 @@ const RULES: [&[(f64, f64)]; SPOTS] = [
     ],
 ];
 
-/// Steps along x and y of the dither, the threshold at which counts are rounded up; it also differs
-/// from segment to segment. Rounding to nearest would lose the faint rim of every spot where
-/// thousands of segments overlap (2e-6 of the light of a hover at 250 Hz).
+/// Steps along x and y of the dither, the threshold at which counts are rounded up. Rounding to
+/// nearest would lose the faint edge of every spot if thousands of segments overlap (2e-6 of the
+/// light of a hover at 250 Hz).
 ///
 /// The steps are 2^32 over the plastic number and its square, for a threshold that is evenly
 /// distributed in the plane (Roberts 2018, the R2 sequence).
@@ -66,25 +66,21 @@ const LEAST_HALF_SIGMA: f64 = 0.1;
 /// A short segment as the sum of its spots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Record {
-    /// Centers of the spots, from the center of the first pixel of the box; the first `spots`
-    /// count.
+    /// Centers of the first `spots` spots, from the center of the first pixel of the box.
     pub(super) x_px: [f32; SPOTS],
     pub(super) y_px: [f32; SPOTS],
-    /// Shares of the light, with sum 1.
+    /// Fractions of the light, with sum 1.
     pub(super) share: [f32; SPOTS],
     /// Luminous exposure in the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
-    /// Inverse of σ in pixels.
     pub(super) per_px: f32,
-    /// Half the width and half the height of the rectangle that the Gaussian blurs; 0 for none.
+    /// Half the width and half the height of the rectangle that the Gaussian blurs. 0 for none.
     pub(super) half_px: [f32; 2],
-    /// First pixel of the box, which may lie outside the picture.
+    /// First pixel of the box, which may be outside the picture.
     pub(super) x: i32,
     pub(super) y: i32,
-    /// Pixels in the box.
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Number of spots, 1 to [`SPOTS`].
     pub(super) spots: u32,
     /// Threshold of the first pixel: see [`DITHER`].
     pub(super) dither: u32,
@@ -105,7 +101,7 @@ impl Record {
         self.light_lx_s * gaussian * flat[0] * flat[1]
     }
 
-    /// Columns and rows of the box that lie in the picture and among these rows.
+    /// Columns and rows of the box in the picture and among these rows.
     #[inline(always)]
     pub(super) fn inside(&self, width: u32, rows: &Range<u32>) -> [Range<u32>; 2] {
         let end = |first: i32, pixels: u32| (first + pixels.cast_signed()).max(0).cast_unsigned();
@@ -126,9 +122,10 @@ impl Record {
     }
 }
 
-/// Passes on the records of the part of a segment that reaches the picture; a long part is split.
+/// Passes on the records of the part of a segment that reaches the picture. A long part is split.
 pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
     let Some([from, to]) = visible(segment, size_px) else { return };
+    // Pieces of even length, each short enough for the quadrature with most nodes.
     let length_sigma = length_sigma(segment);
     let n = ((to - from) * length_sigma / LONGEST_SIGMA[SPOTS - 1]).ceil().max(1.0);
     let mut dither = dither(segment.start_s);
@@ -153,13 +150,14 @@ fn length_sigma(segment: &Segment) -> f64 {
     segment.length_px() / segment.sigma_px / if is_flat { LONGER_FLAT } else { 1.0 }
 }
 
-/// Shares of the length, 0 to 1, between which the light of a segment reaches the picture: the part
-/// between each pair of borders (Liang and Barsky 1984).
+/// Fractions of the length, 0 to 1, between which the light of a segment reaches the picture: the
+/// part between each pair of borders (Liang and Barsky 1984).
 fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     let reach = reach_px(segment) + Px::ONE;
     let [start, end] = segment.ends_px;
     let (mut from, mut to) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
+        // Borders of the picture, wider by the reach of a spot.
         let borders = [-reach[axis], f64::from(size_px[axis]) + reach[axis]];
         if [start, end].iter().all(|px| (borders[0]..=borders[1]).contains(&px[axis])) {
             continue;
@@ -180,19 +178,19 @@ fn reach_px(segment: &Segment) -> Px {
     segment.half_px + REACH_SIGMA * segment.sigma_px
 }
 
-/// The record of a short segment; `None` where its box misses the picture.
+/// The record of a short segment. `None` if its box misses the picture.
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
+    // The box of pixels whose centers, at +0.5, the light reaches.
     let [start, end] = segment.ends_px;
     let sigma = segment.sigma_px;
     let reach = reach_px(segment);
-    // Pixel centers are at +0.5.
     let half = Px::splat(0.5);
     let first = (start.min(end) - reach - half).ceil();
     let last = (start.max(end) + reach - half).floor();
     if (0..2).any(|axis| last[axis] < 0.0 || first[axis] >= f64::from(size_px[axis])) {
         return None;
     }
-
+    // The quadrature with the fewest nodes that is accurate for this length.
     let length_sigma = length_sigma(segment);
     let enough = LONGEST_SIGMA.iter().position(|longest| length_sigma <= *longest);
     let rule = RULES[enough.unwrap_or(SPOTS - 1)];
@@ -213,21 +211,17 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
         spots: u32::try_from(rule.len()).expect("four at most"),
         dither,
     };
-    for (k, (place, weight)) in rule.iter().enumerate() {
-        let spot = segment.middle_px() + (end - start) * (0.5 * place) - first - half;
+    for (k, (node, weight)) in rule.iter().enumerate() {
+        let spot = segment.middle_px() + (end - start) * (0.5 * node) - first - half;
         (record.x_px[k], record.y_px[k]) = (narrow(spot.x), narrow(spot.y));
-        record.share[k] = narrow(weight * (1.0 + segment.ramp * place));
+        record.share[k] = narrow(weight * (1.0 + segment.ramp * node));
     }
     Some(record)
 }
 
-/// First dither of a segment: a hash of its time (Steele et al. 2014, splitmix64). It depends on
-/// the segment alone, so that films add up.
+/// First dither of a segment: a hash of its time. It depends on nothing else, so that films add up.
 fn dither(start_s: f64) -> u32 {
-    let mut z = start_s.to_bits();
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 32) as u32
+    (split_mix(start_s.to_bits().wrapping_sub(GOLDEN)) >> 32) as u32
 }
 
 /// A whole number of pixels as an integer.

@@ -1,8 +1,8 @@
 //! Room: the floor and the walls as planes, their intersection with rays, and how they reflect.
 //!
-//! Walls are matte. The floor is matte or has a sheen on top: facets whose slopes are spread as GGX
-//! (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect as
-//! glass and polish do, 4 % straight on and all of it at grazing angles (Schlick 1994).
+//! Walls are matte. The floor is matte or has a sheen on top: microfacets with GGX-distributed
+//! normals (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect
+//! as glass and polish do, 4 % straight on and all of it at grazing angles (Schlick 1994).
 //!
 //! Not modeled: furniture, doors, and what a surface hides from another.
 
@@ -12,7 +12,7 @@ use super::ExposeOptions;
 use super::project::NEAREST_M;
 use super::texture;
 
-/// Share of light that a polished surface of refractive index 1.5 reflects straight on.
+/// Fraction of light that a polished surface of refractive index 1.5 reflects straight on.
 const STRAIGHT_ON: f64 = 0.04;
 
 /// Most light of a gap right beside it, relative to a wall at the depth of the room.
@@ -21,13 +21,12 @@ const MOST_LIT: f64 = 30.0;
 /// A plane of the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Surface {
-    /// Into the room.
     pub(super) normal: Vector3<f64>,
     /// `normal · p` of its points.
     at_m: f64,
-    /// Share of light that it reflects evenly to all sides.
+    /// Fraction of light that it reflects evenly to all sides.
     pub(super) albedo: f64,
-    /// Slope of the facets of its sheen.
+    /// Mean slope of the facets of its sheen.
     pub(super) roughness: Option<f64>,
 }
 
@@ -35,35 +34,36 @@ pub(crate) struct Surface {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Room {
     camera_m: Vector3<f64>,
-    /// The floor first, where the camera is above it.
+    /// The floor first, if the camera is above it.
     pub(super) surfaces: Vec<Surface>,
-    /// Width, depth and height, where there are walls.
+    /// Width, depth and height, if there are walls.
     size_m: Option<[f64; 3]>,
     /// Standard deviation of the albedo, relative.
     pub(super) unevenness: f64,
 }
 
 impl Room {
-    /// The room around a camera, which looks through a wall that it stands behind.
+    /// The room around a camera. A camera outside looks through the wall.
     pub(crate) fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
         let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
-        let wall = |normal, at_m| Surface::matte(normal, at_m, wall_albedo);
         let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);
         let mut surfaces = vec![Surface { roughness: floor_roughness, ..floor }];
         if let Some([width_m, depth_m, height_m]) = options.room_m {
-            surfaces.extend([
-                wall(-Vector3::y(), -0.5 * depth_m),
-                wall(Vector3::y(), -0.5 * depth_m),
-                wall(Vector3::x(), -0.5 * width_m),
-                wall(-Vector3::x(), -0.5 * width_m),
-                wall(-Vector3::z(), -(floor_z_m + height_m)),
-            ]);
+            let walls = [
+                (-Vector3::y(), -0.5 * depth_m),
+                (Vector3::y(), -0.5 * depth_m),
+                (Vector3::x(), -0.5 * width_m),
+                (-Vector3::x(), -0.5 * width_m),
+                (-Vector3::z(), -(floor_z_m + height_m)),
+            ];
+            surfaces.extend(walls.map(|(normal, at_m)| Surface::matte(normal, at_m, wall_albedo)));
         }
+        // Seen from behind, a wall is transparent.
         surfaces.retain(|surface| surface.height_m(camera_m) >= NEAREST_M);
         Self { camera_m, surfaces, size_m: options.room_m, unevenness: options.unevenness }
     }
 
-    /// The surface that a ray from the camera meets, its number, and the point.
+    /// Index of the first surface that a ray from the camera meets, and the point.
     pub(crate) fn met(&self, ray: Vector3<f64>) -> Option<(usize, Vector3<f64>)> {
         let met = self.surfaces.iter().enumerate().filter_map(|(i, surface)| {
             let toward = surface.normal.dot(&ray);
@@ -73,7 +73,7 @@ impl Room {
         Some((i, self.camera_m + ray * far_m))
     }
 
-    /// Place of a point of a surface on the texture.
+    /// A point of a surface on the texture.
     pub(super) fn on_texture(&self, on: usize, point_m: Vector3<f64>) -> [f32; 2] {
         let normal = self.surfaces[on].normal;
         texture::on_tile(match (normal.x != 0.0, normal.y != 0.0) {
@@ -83,21 +83,19 @@ impl Room {
         })
     }
 
-    /// Albedo of a point of a surface relative to the surface's; walls are half as uneven as the
+    /// Albedo of a point of a surface relative to the surface's. Walls are half as uneven as the
     /// floor.
     pub(crate) fn uneven(&self, on: usize, point_m: Vector3<f64>) -> f64 {
         let deviation = f64::from(texture::deviation(self.on_texture(on, point_m)));
-        let share = if self.surfaces[on].is_floor() { 1.0 } else { 0.5 };
-        (1.0 + share * self.unevenness * deviation).max(0.0)
+        let factor = if self.surfaces[on].is_floor() { 1.0 } else { 0.5 };
+        (1.0 + factor * self.unevenness * deviation).max(0.0)
     }
 
     /// Luminance of a point of a surface in the light of the room relative to that of a wall far
-    /// from the floor; 1 without walls.
+    /// from the floor. Without walls it is 1.
     ///
-    /// The light is diffuse by reflection between walls and ceiling. A darker floor takes its share
-    /// from a surface at right angles to it: that of a plane of width h which begins at the
-    /// distance d, `(1 - d / √(d² + h²)) / 2`. Half of it comes from a gap at `from_m` where there
-    /// is one, by the cosine and the inverse square relative to the depth of the room.
+    /// The light is diffuse by reflection between walls and ceiling. Half of it comes from a gap at
+    /// `from_m`, if there is one.
     pub(crate) fn ambient(
         &self,
         on: usize,
@@ -108,6 +106,8 @@ impl Room {
         let surface = &self.surfaces[on];
         let albedos = self.surfaces.iter().map(|surface| surface.albedo);
         let brightest = albedos.fold(1e-9, f64::max);
+        // A darker plane at right angles, of width h and at the distance d, fills the fraction
+        // (1 - d / √(d² + h²)) / 2 of the view (its form factor).
         let others = self.surfaces.iter().filter(|other| other.normal.dot(&surface.normal) == 0.0);
         let hidden = others.map(|other| {
             let d = other.height_m(point_m).max(0.0);
@@ -116,6 +116,7 @@ impl Room {
             0.5 * (1.0 - d / (d * d + h * h).sqrt()) * (1.0 - other.albedo / brightest).max(0.0)
         });
         let even = 1.0 - hidden.sum::<f64>();
+        // The gap's light falls with the cosine over d², relative to the depth of the room.
         let light = from_m.map_or(even, |from_m| {
             let toward_m = from_m - point_m;
             let d_sq = toward_m.norm_squared() + NEAREST_M;
@@ -128,7 +129,6 @@ impl Room {
 }
 
 impl Surface {
-    /// A matte one.
     pub(super) fn matte(normal: Vector3<f64>, at_m: f64, albedo: f64) -> Self {
         Self { normal, at_m, albedo, roughness: None }
     }
@@ -142,14 +142,16 @@ impl Surface {
         self.normal.dot(&point_m) - self.at_m
     }
 
-    /// Light that it reflects in all relative to what it reflects evenly, from one direction to
-    /// another, both away from it.
+    /// Light that it reflects from one direction to another, both away from it, relative to what it
+    /// reflects evenly.
     pub(super) fn sheen(&self, roughness: f64, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
+        // Facets along the half vector mirror: D = α² / (π (cos² (α² - 1) + 1)²).
         let half = (from + to).normalize();
         let [cos_from, cos_to, cos] = [from, to, half].map(|v| self.normal.dot(&v).max(1e-6));
         let a_sq = roughness * roughness;
         let spread = cos * cos * (a_sq - 1.0) + 1.0;
         let facets = a_sq / (std::f64::consts::PI * spread * spread);
+        // Schlick's Fresnel term.
         let away = 1.0 - from.dot(&half).clamp(0.0, 1.0);
         let reflected = STRAIGHT_ON + (1.0 - STRAIGHT_ON) * away * away * away * away * away;
         // Smith's shadowing, with the cosines of the microfacet model divided out.

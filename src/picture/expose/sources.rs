@@ -1,8 +1,7 @@
 //! Point sources of the light on floor and walls, in trees.
 //!
 //! Each lamp becomes point sources along its path. Those of one beam shape and about one axis form
-//! a tree (Barnes and Hut 1986), in which a branch that is small for its distance counts as one
-//! source.
+//! a tree (Barnes and Hut 1986): a branch that is small for its distance counts as one source.
 
 use std::sync::LazyLock;
 
@@ -10,6 +9,7 @@ use nalgebra::Vector3;
 
 use super::room::Surface;
 use crate::light::{Emitter, LightSample, LightTrace};
+use crate::whole;
 use noctograph_core::camera::Camera;
 
 /// Least height of a lamp above the floor: half the thickness of an LED package. The zero of a
@@ -20,7 +20,6 @@ const LOWEST_M: f64 = 0.002;
 /// straight below it, and by less elsewhere.
 const OPENING: f64 = 0.3;
 
-/// Red, green, blue.
 pub(super) type Rgb = [f64; 3];
 
 /// Sources of one beam shape and about one axis.
@@ -29,16 +28,15 @@ pub(super) struct Tree<'a> {
     pub(super) branches: Vec<Branch>,
 }
 
-/// A branch of a tree; its own branches follow it.
+/// A branch of a tree, followed by its children.
 pub(super) struct Branch {
     pub(super) source: Source,
     /// Half the diagonal of the box around its sources.
     radius_m: f64,
-    /// Index of the first branch that is not its own.
+    /// Index of the first branch after its descendants.
     next: usize,
 }
 
-/// A point source.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Source {
     pub(super) position_m: Vector3<f64>,
@@ -49,24 +47,20 @@ pub(super) struct Source {
 
 /// The light of a trace while the shutter is open.
 pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) -> Vec<Tree<'a>> {
-    // Axes whose doubled coordinates round alike are about one axis.
-    #[expect(clippy::cast_possible_truncation, reason = "-2 to 2")]
-    let rough = |axis: Vector3<f64>| axis.map(|value| (2.0 * value).round() as i32);
-    let shape = |emitter: &Emitter| [emitter.beam_exponent, emitter.spill, emitter.visible_cos];
-    let mut groups: Vec<(&Emitter, Vector3<i32>, Vec<Source>)> = Vec::new();
+    let mut groups: Vec<(&Emitter, [f64; 6], Vec<Source>)> = Vec::new();
     for lamp in &trace.lamps {
         let emitter = &lamp.emitter;
-        let light_cd = emitter.rgb.map(|share| share * emitter.intensity_cd);
+        let light_cd = emitter.rgb.map(|channel| channel * emitter.intensity_cd);
         for LightSample { position_m, axis, level, .. } in moments(&lamp.samples, camera, floor_z_m)
         {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
-            let rough = if emitter.is_even() { Vector3::zeros() } else { rough(axis) };
-            let alike = groups.iter_mut().rev().find(|(other, other_axis, _)| {
-                shape(other) == shape(emitter) && *other_axis == rough
-            });
-            match alike {
+            // Axes whose doubled coordinates round alike are about one axis.
+            let turn = if emitter.is_even() { 0.0 } else { 2.0 };
+            let [x, y, z] = axis.map(|value| (turn * value).round()).into();
+            let shape = [emitter.beam_exponent, emitter.spill, emitter.visible_cos, x, y, z];
+            match groups.iter_mut().rev().find(|(_, other, _)| *other == shape) {
                 Some((.., sources)) => sources.push(source),
-                None => groups.push((emitter, rough, vec![source])),
+                None => groups.push((emitter, shape, vec![source])),
             }
         }
     }
@@ -83,6 +77,7 @@ fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Ligh
     let mut moments: Vec<LightSample> = Vec::new();
     let mut start_m: Option<Vector3<f64>> = None;
     for pair in samples.windows(2) {
+        // The part of the interval with the shutter open, in steps short for the height.
         let (a, b) = (&pair[0], &pair[1]);
         let from_s = a.time_s.max(camera.shutter_open_s);
         let to_s = b.time_s.min(camera.shutter_close_s);
@@ -99,11 +94,12 @@ fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Ligh
             let mut next = a.toward(b, time_s);
             next.position_m.z = next.position_m.z.max(floor_z_m + LOWEST_M);
             next.level = next.level * (to_s - from_s) / f64::from(n);
+            // Steps that stay near the start of a moment are averaged into it by their light.
             match moments.last_mut().zip(start_m) {
                 Some((last, start_m)) if (next.position_m - start_m).norm() < step_m => {
-                    let share = next.level / (last.level + next.level).max(f64::MIN_POSITIVE);
-                    last.position_m += (next.position_m - last.position_m) * share;
-                    last.axis += (next.axis - last.axis) * share;
+                    let part = next.level / (last.level + next.level).max(f64::MIN_POSITIVE);
+                    last.position_m += (next.position_m - last.position_m) * part;
+                    last.axis += (next.axis - last.axis) * part;
                     last.level += next.level;
                 }
                 _ => {
@@ -116,26 +112,28 @@ fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Ligh
     moments
 }
 
-/// Adds the branch of some sources to a tree, and its own branches after it.
+/// Adds the branch of some sources to a tree, and its children after it.
 fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let Some(first) = sources.first() else { return };
+    // The branch as one source: the light of all, at the mean weighted by it.
     let (mut low, mut high) = (first.position_m, first.position_m);
-    let (mut sum, mut all) = (Source::default(), 0.0);
+    let (mut sum, mut total) = (Source::default(), 0.0);
     for source in &sources {
         (low, high) = (low.inf(&source.position_m), high.sup(&source.position_m));
         let weight: f64 = source.light_cd_s.iter().sum();
         sum.position_m += weight * source.position_m;
         sum.axis += weight * source.axis;
-        all += weight;
+        total += weight;
         for (sum, light) in sum.light_cd_s.iter_mut().zip(source.light_cd_s) {
             *sum += light;
         }
     }
-    sum.position_m = if all > 0.0 { sum.position_m / all } else { first.position_m };
+    sum.position_m = if total > 0.0 { sum.position_m / total } else { first.position_m };
     sum.axis /= sum.axis.norm().max(f64::MIN_POSITIVE);
-    let (size, own) = (high - low, branches.len());
+    let (size, index) = (high - low, branches.len());
     let radius_m = 0.5 * size.norm();
     branches.push(Branch { source: sum, radius_m, next: 0 });
+    // A branch that is large for the nearest point of the floor is halved along its longest side.
     if radius_m > OPENING * (low.z - floor_z_m) {
         let axis = size.imax();
         let middle = low[axis] + 0.5 * size[axis];
@@ -146,7 +144,7 @@ fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
             grow(halves.1, floor_z_m, branches);
         }
     }
-    branches[own].next = branches.len();
+    branches[index].next = branches.len();
 }
 
 /// Edge of the squares of the floor that light the walls, and most of them along a wall.
@@ -168,7 +166,7 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
 /// The floor of a room as sources of the light that it reflects.
 ///
 /// Each square counts as evenly lit as its middle would be from lamps its edge higher up: their
-/// light is the same in all, and no square misses a lamp that stands at its corner.
+/// light is the same in all, and no square misses a lamp at its corner.
 pub(super) fn reflected(
     trees: &[Tree<'_>],
     [width_m, depth_m]: [f64; 2],
@@ -178,31 +176,31 @@ pub(super) fn reflected(
     let side_m = PATCH_M.max(width_m.max(depth_m) / MAX_PATCHES);
     let (columns, rows) = ((width_m / side_m).ceil(), (depth_m / side_m).ceil());
     let floor = Surface::matte(Vector3::z(), floor_z_m, albedo);
-    let mut sources = Vec::new();
-    let mut y = 0.5;
-    while y < rows {
-        let mut x = 0.5;
-        while x < columns {
-            let (x_m, y_m) = ((x / columns - 0.5) * width_m, (y / rows - 0.5) * depth_m);
-            let below_m = Vector3::new(x_m, y_m, floor_z_m - side_m);
-            let area_m2 = width_m * depth_m / (columns * rows);
-            let share = albedo * area_m2 / std::f64::consts::PI;
-            let [light_cd_s] = exposures_lx_s(trees, [below_m], &floor, [Vector3::z()]);
-            let light_cd_s = light_cd_s.map(|channel| channel * share);
-            let position_m = Vector3::new(x_m, y_m, floor_z_m);
-            sources.push(Source { position_m, axis: Vector3::z(), light_cd_s });
-            x += 1.0;
+    // A Lambertian square of area A under E lx s has the intensity ρ A E / π cd s.
+    let area_m2 = width_m * depth_m / (columns * rows);
+    let factor = albedo * area_m2 / std::f64::consts::PI;
+    let sources = (0..whole(columns * rows)).map(|square| {
+        let [column, row] = [square % whole(columns), square / whole(columns)];
+        let x_m = ((column as f64 + 0.5) / columns - 0.5) * width_m;
+        let y_m = ((row as f64 + 0.5) / rows - 0.5) * depth_m;
+        let below_m = Vector3::new(x_m, y_m, floor_z_m - side_m);
+        let [lit_lx_s] = exposures_lx_s(trees, [below_m], &floor, [Vector3::z()]);
+        Source {
+            position_m: Vector3::new(x_m, y_m, floor_z_m),
+            axis: Vector3::z(),
+            light_cd_s: lit_lx_s.map(|channel| channel * factor),
         }
-        y += 1.0;
-    }
+    });
     let mut branches = Vec::new();
-    grow(sources, floor_z_m, &mut branches);
+    grow(sources.collect(), floor_z_m, &mut branches);
     Tree { emitter: &PATCH, branches }
 }
 
-/// Exposure of points of a surface, in light that counts as much as it reflects `toward` a side of
-/// each, of length 1, relative to what it reflects evenly. The points lie near each other, so that
-/// they part mostly the same branches, and are lit side by side; in the bits of each alone.
+/// Exposure of points of a surface. Light counts as much as it reflects `toward` a unit vector at
+/// each point, relative to what it reflects evenly.
+///
+/// The points are near each other, so that they mostly open the same branches, and are lit side by
+/// side. The bits are those of each point by itself.
 #[inline(always)]
 pub(super) fn exposures_lx_s<const N: usize>(
     trees: &[Tree<'_>],
@@ -215,15 +213,13 @@ pub(super) fn exposures_lx_s<const N: usize>(
     let opening = surface.roughness.map_or(OPENING, |roughness| OPENING.min(0.5 * roughness));
     let mut sums = [[0.0; N]; 3];
     for Tree { emitter, branches } in trees {
-        // Where the body hides the lamp, its light ends at once.
-        let edge = match emitter.visible_cos {
-            everywhere if everywhere <= -1.0 => 0.0,
-            cos => emitter.share(cos),
-        };
+        // Intensity at the edge of the body's shadow, beyond which the light ends at once.
+        let edge =
+            if emitter.visible_cos <= -1.0 { 0.0 } else { emitter.share(emitter.visible_cos) };
         let is_even = emitter.is_even();
+        // Walk down the tree. Each point skips the children of a branch that it has counted.
         let mut index = 0;
-        // The first branch that is not part of one that a point has taken as a source.
-        let mut awaits = [0; N];
+        let mut skipped_until = [0; N];
         while let Some(Branch { source, radius_m, next }) = branches.get(index) {
             let to: [[f64; N]; 3] = std::array::from_fn(|axis| {
                 points_m[axis].map(|point| point - source.position_m[axis])
@@ -234,52 +230,57 @@ pub(super) fn exposures_lx_s<const N: usize>(
             let squares: [f64; N] = std::array::from_fn(|n| {
                 to[0][n] * to[0][n] + to[1][n] * to[1][n] + to[2][n] * to[2][n]
             });
+            // Opening criterion: a branch is near if its radius over the distance is too large.
             let is_leaf = *next == index + 1;
             let is_near: [bool; N] =
                 std::array::from_fn(|n| radius_m * radius_m > opening * opening * squares[n]);
-            // Near the root no point takes a branch as a source.
-            if !is_leaf && (0..N).all(|n| is_near[n] && awaits[n] <= index) {
+            // About the root every point opens the branch, which saves all that follows.
+            if !is_leaf && (0..N).all(|n| is_near[n] && skipped_until[n] <= index) {
                 index += 1;
                 continue;
             }
+            // Branches at the edge of the body's shadow are opened, too.
             let per_m = squares.map(|square| 1.0 / square.sqrt());
             let cos_beam = if is_even { [0.0; N] } else { dot(&source.axis) };
             let cos_beam: [f64; N] = std::array::from_fn(|n| cos_beam[n] * per_m[n]);
             let at_edge: [bool; N] = std::array::from_fn(|n| {
                 edge > 0.0 && (cos_beam[n] - emitter.visible_cos).abs() < radius_m * per_m[n]
             });
-            let parts: [bool; N] = std::array::from_fn(|n| !is_leaf && (is_near[n] || at_edge[n]));
-            let takes: [bool; N] = std::array::from_fn(|n| awaits[n] <= index && !parts[n]);
+            let opens: [bool; N] = std::array::from_fn(|n| !is_leaf && (is_near[n] || at_edge[n]));
+            let counts: [bool; N] = std::array::from_fn(|n| skipped_until[n] <= index && !opens[n]);
+            // The cosine law and the inverse square, in lx for each cd: cos / d².
             let down = dot(&surface.normal);
-            let mut shares: [f64; N] = std::array::from_fn(|n| {
-                let share = (-down[n] * per_m[n] / squares[n]).max(0.0);
-                if takes[n] { share } else { 0.0 }
+            let mut weights: [f64; N] = std::array::from_fn(|n| {
+                let weight = (-down[n] * per_m[n] / squares[n]).max(0.0);
+                if counts[n] { weight } else { 0.0 }
             });
             if !is_even || surface.roughness.is_some() {
-                for n in (0..N).filter(|n| takes[*n]) {
-                    let mut share = emitter.share(cos_beam[n]);
+                for n in (0..N).filter(|n| counts[*n]) {
+                    let mut beam = emitter.share(cos_beam[n]);
                     if at_edge[n] {
                         // The sources of a branch are hidden one after another, not all at once.
                         let past = cos_beam[n] - emitter.visible_cos;
                         let shown = 0.5 + 0.5 * past / (radius_m * per_m[n]);
-                        share += edge * (shown - f64::from(u8::from(past >= 0.0)));
+                        beam += edge * (shown - f64::from(u8::from(past >= 0.0)));
                     }
-                    shares[n] *= share;
-                    if let Some(roughness) = surface.roughness.filter(|_| shares[n] > 0.0) {
+                    // Beam and sheen, relative to a lamp and a surface that are even.
+                    weights[n] *= beam;
+                    if let Some(roughness) = surface.roughness.filter(|_| weights[n] > 0.0) {
                         let from = Vector3::new(to[0][n], to[1][n], to[2][n]) * -per_m[n];
-                        shares[n] *= surface.sheen(roughness, from, toward[n]);
+                        weights[n] *= surface.sheen(roughness, from, toward[n]);
                     }
                 }
             }
             for (sums, light) in sums.iter_mut().zip(source.light_cd_s) {
-                sums.iter_mut().zip(shares).for_each(|(sum, share)| *sum += share * light);
+                sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight * light);
             }
-            let mut any_parts = false;
+            // Down to the children if any point opens the branch, else past them.
+            let mut any_opens = false;
             for n in 0..N {
-                any_parts |= parts[n] && awaits[n] <= index;
-                awaits[n] = if takes[n] { *next } else { awaits[n] };
+                any_opens |= opens[n] && skipped_until[n] <= index;
+                skipped_until[n] = if counts[n] { *next } else { skipped_until[n] };
             }
-            index = if any_parts { index + 1 } else { *next };
+            index = if any_opens { index + 1 } else { *next };
         }
     }
     std::array::from_fn(|n| sums.map(|sums| sums[n]))
@@ -341,10 +342,10 @@ mod tests {
             let point_m = Vector3::new(f64::from(x) * 0.1, 2.0, 0.0);
             let mut wanted = 0.0;
             for pair in trace.lamps[0].samples.windows(2) {
-                for part in 0..20 {
-                    let share = (f64::from(part) + 0.5) / 20.0;
-                    let to_point_m = point_m - pair[0].position_m.lerp(&pair[1].position_m, share);
-                    let axis = pair[0].axis.lerp(&pair[1].axis, share).normalize();
+                for step in 0..20 {
+                    let part = (f64::from(step) + 0.5) / 20.0;
+                    let to_point_m = point_m - pair[0].position_m.lerp(&pair[1].position_m, part);
+                    let axis = pair[0].axis.lerp(&pair[1].axis, part).normalize();
                     let cos_beam = axis.dot(&to_point_m.normalize()).max(0.0);
                     let cos_floor = -to_point_m.z / to_point_m.norm();
                     wanted += 1.8 * cos_beam * cos_floor / to_point_m.norm_squared() / 800.0;

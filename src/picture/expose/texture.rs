@@ -22,9 +22,9 @@ static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
         let nodes: Vec<f32> = (0..across * across)
             .map(|i| (split_mix((cell * SIDE * SIDE + i) as u64) >> 40) as f32 / 8_388_608.0 - 1.0)
             .collect();
-        let node = |x: usize, y: usize| nodes[y % across * across + x % across];
         for (i, value) in tile.iter_mut().enumerate() {
-            *value += bilinear(node, [i % SIDE, i / SIDE].map(|point| point as f32 / cell as f32));
+            let point = [i % SIDE, i / SIDE].map(|point| point as f32 / cell as f32);
+            *value += bilinear(|x, y| nodes[y % across * across + x % across], point);
         }
     }
     let variance = tile.iter().map(|value| value * value).sum::<f32>() / tile.len() as f32;
@@ -32,21 +32,21 @@ static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     tile
 });
 
-/// A place on a surface in meters as a place on the tile, which repeats.
-pub(super) fn on_tile(place_m: [f64; 2]) -> [f32; 2] {
+/// A point of a surface in meters as a point on the tile, which repeats.
+pub(super) fn on_tile(point_m: [f64; 2]) -> [f32; 2] {
     // Tiles away from the corner, so that no coordinate of a room is negative.
     let far = f64::from(1 << 17);
-    place_m.map(|place_m| narrow((place_m / STEP_M).clamp(-far, far) + far))
+    point_m.map(|point_m| narrow((point_m / STEP_M).clamp(-far, far) + far))
 }
 
-/// The deviation at a place on the tile, bilinear.
+/// The deviation at a point on the tile, bilinear.
 #[inline(always)]
-pub(super) fn deviation(place: [f32; 2]) -> f32 {
+pub(super) fn deviation(point: [f32; 2]) -> f32 {
     let tile = &*TILE;
-    bilinear(|x, y| tile[(y % SIDE) * SIDE + x % SIDE], place)
+    bilinear(|x, y| tile[(y % SIDE) * SIDE + x % SIDE], point)
 }
 
-/// Value at a place between four nodes.
+/// Value at a point between four nodes.
 #[inline(always)]
 fn bilinear(node: impl Fn(usize, usize) -> f32, [x, y]: [f32; 2]) -> f32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^24")]

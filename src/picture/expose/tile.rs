@@ -8,26 +8,24 @@ use std::ops::Range;
 /// Width and height of the tiles that are counted.
 const TILE_PX: [usize; 2] = [64, 16];
 
-/// Share of a channel with all light of the tiles.
+/// Fraction of a channel with all light of the tiles.
 pub(super) const ALL: u32 = 1 << ALL_BITS;
 const ALL_BITS: u32 = 31;
 
 /// Light of one color, in counts of its brightest channel.
 #[derive(Debug)]
 pub(super) struct Tiles {
-    /// Rows of the picture.
     pub(super) rows: Range<u32>,
     /// Distance between rows, in pixels: at least the width of the picture.
     pub(super) stride: usize,
-    /// Counts row by row; those beyond the width have no meaning.
+    /// Counts row by row. Those beyond the width have no meaning.
     pub(super) counts: Vec<u32>,
     width: usize,
-    /// Whether each tile has light, row by row.
+    /// True for each tile that has light, row by row.
     lit: Vec<bool>,
 }
 
 impl Tiles {
-    /// Dark tiles.
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];
@@ -47,8 +45,8 @@ impl Tiles {
         }
     }
 
-    /// Counts its light, with the share of each channel relative to [`ALL`], into these rows of the
-    /// planes of the film, and clears it.
+    /// Counts its light, of which each channel has a fraction relative to [`ALL`], into these rows
+    /// of the planes of the film, and clears it.
     #[inline(always)]
     pub(super) fn count(&mut self, shares: [u32; 3], planes: &mut [&mut [u32]]) {
         let tiles_across = self.width.div_ceil(TILE_PX[0]);
@@ -83,7 +81,7 @@ pub(super) fn count(
     }
 }
 
-/// Adds a rounded share of light.
+/// Adds a rounded fraction of light.
 #[inline(always)]
 fn add(counts: &mut [u32], light: &[u32], share: u32) {
     match share {

@@ -1,11 +1,11 @@
 //! Light traces as tables, for trails from other programs.
 //!
 //! Columns `t` (s), `x`, `y`, `z` (world, m) and `r`, `g`, `b` (linear sRGB, cd in every
-//! direction); more columns are allowed. A table has no beams.
+//! direction). More columns are allowed. A table has no beams.
 //!
 //! The logs of lights of other programs are read, too ([`read`]): titles of `TITLES` in any case,
-//! after `#`, in every form of table that [`Head`] knows; units in brackets; stamps in ms, µs or ns
-//! by their steps; levels from 0 to 255, where 255 is 1 cd. Guesses and omissions are warnings.
+//! after `#`, in every form of table that [`Head`] knows, units in brackets, timestamps in ms, µs
+//! or ns by their steps, levels from 0 to 255 (1 cd). Guesses and omissions are warnings.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,6 @@ use noctograph_core::files::{Head, Text, bracketed, simplified, unit};
 use noctograph_core::flight::stamps::unit_of;
 use noctograph_core::flight::table::{Table, on_grid};
 
-/// Columns of the file.
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 
 /// Resolution of an intensity: rows whose colors differ by no more have one color.
@@ -61,7 +60,7 @@ fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     }
 }
 
-/// Whether a text begins with the header of a light trace.
+/// True if a text begins with the header of a light trace.
 #[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
     let head = Head::find(&Text::decode(&text[..text.len().min(1 << 16)]).bytes);
@@ -69,22 +68,21 @@ pub fn is_light_trace(text: &[u8]) -> bool {
     COLUMNS.iter().all(|column| names.contains(column))
 }
 
-/// Reads the text of a light trace or of another program's light log; `file` is its name in
+/// Reads the text of a light trace or of another program's light log. `file` is its name in
 /// messages. Guesses and omissions are warnings.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] with line and column where a cell is not a number, time falls, or an intensity
-/// is negative.
+/// [`Error::Input`] with line and column if a cell is not a number, time falls, or an intensity is
+/// negative.
 pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     let text = Text::decode(text);
     let mut head = Head::find(&text.bytes);
-    let own = COLUMNS.iter().all(|column| head.has(column));
+    let is_trace = COLUMNS.iter().all(|column| head.has(column));
+    // Titles become our names, and the first of several columns for one name counts.
     let (mut units, mut others) = (BTreeMap::new(), Vec::new());
     for title in &mut head.titles {
-        let is_own = own && COLUMNS.contains(&title.as_str());
-        let named = column(title).filter(|(name, _)| !units.contains_key(name));
-        match named.filter(|_| is_own || !own || !COLUMNS.contains(&title.as_str())) {
+        match column(title).filter(|(name, _)| !units.contains_key(name)) {
             Some((name, unit)) => {
                 units.insert(name, unit);
                 *title = name.to_owned();
@@ -101,33 +99,24 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
         warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
     }
     let size = |name| units.get(name).copied().flatten();
-
+    // The unit of time is in the title, or follows from the steps.
     let mut unit_s = size("t").unwrap_or(1.0);
-    if !own && size("t").is_none() {
-        let stamps = unit_of(table.column("t")?);
-        unit_s = stamps.unit_s;
+    if !is_trace && size("t").is_none() {
+        let timestamps = unit_of(table.column("t")?);
+        unit_s = timestamps.unit_s;
         if unit_s != 1.0 {
-            warnings.push(format!("stamps {} apart: taken as {unit_s} s a unit", stamps.step));
+            let step = timestamps.step;
+            warnings.push(format!("timestamps {step} apart: taken as {unit_s} s a unit"));
         }
     }
-    let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
-    let most = colors.clone().copied().fold(0.0, f64::max);
-    let are_levels =
-        most > 1.0 && most <= FULL_LEVEL && colors.clone().all(|level| level.fract() == 0.0);
-    let unit_cd = if are_levels && !own { FULL_CD / FULL_LEVEL } else { 1.0 };
-    if are_levels && own {
-        warnings
-            .push("r, g and b are whole numbers up to 255: they are candela all the same".into());
-    } else if are_levels {
-        warnings
-            .push(format!("its colors are levels of 0 to 255, and 255 is shown as {FULL_CD} cd"));
-    }
-
+    let unit_cd = unit_cd(&table, is_trace, &mut warnings);
+    // Rows of the table, in s, m and cd.
     let t = table.times_in("t", unit_s)?;
     if let Some(first) = t.first().filter(|first| **first != 0.0) {
         let first_s = on_grid(first * unit_s);
         warnings.push(format!("its clock begins at {first_s} s, and the exposure at 0 s"));
     }
+    // Positions may have any sign, intensities may not be negative.
     let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
     let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
     for (name, column) in [("r", r), ("g", g), ("b", b)] {
@@ -149,6 +138,27 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
 }
 
+/// Unit of the colors: whole numbers up to 255 are levels, except in a light trace.
+fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
+    let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
+    let most = colors.clone().copied().fold(0.0, f64::max);
+    if most <= 1.0 || most > FULL_LEVEL || colors.into_iter().any(|level| level.fract() != 0.0) {
+        return 1.0;
+    }
+    let (unit_cd, warning) = match is_trace {
+        true => {
+            (1.0, "r, g and b are whole numbers up to 255: they are candela all the same".into())
+        }
+        false => {
+            let warning =
+                format!("its colors are levels of 0 to 255, and 255 is shown as {FULL_CD} cd");
+            (FULL_CD / FULL_LEVEL, warning)
+        }
+    };
+    warnings.push(warning);
+    unit_cd
+}
+
 /// A warning of a lamp that is faster in a tenth of its steps than any drone is.
 fn too_fast(instants: &[Instant]) -> Option<String> {
     let steps = instants.windows(2).map(|pair| {
@@ -165,7 +175,6 @@ fn too_fast(instants: &[Instant]) -> Option<String> {
     })
 }
 
-/// A row of the table.
 struct Instant {
     time_s: f64,
     position_m: Vector3<f64>,
@@ -193,6 +202,7 @@ fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
 /// Lamps of a lit run: one for each stretch of one color, which fades into the next, or one for
 /// each channel of a color that changes continuously.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
+    // Stretches of one color, which is that of the brightest row so far.
     let mut stretches = Vec::new();
     let (mut start, mut brightest) = (0, &run[0]);
     for (i, instant) in run.iter().enumerate() {
@@ -205,6 +215,7 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
         }
     }
     stretches.push((start..run.len(), brightest));
+    // Too many for a lamp each: the color changes continuously.
     if stretches.len() > run.len() / 8 + 2 {
         let channels = (0..3).map(|c| {
             lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, instant| instant.rgb_cd[c])
@@ -220,7 +231,7 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     }))
 }
 
-/// Whether two rows have one color, within the resolution of the file.
+/// True if two rows have one color, within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
     let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
     let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
@@ -229,9 +240,9 @@ fn same_color(a: &Instant, b: &Instant) -> bool {
 
 /// A lamp without a beam, with its largest intensity at level 1.
 fn lamp(run: &[Instant], rgb: [f64; 3], cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
-    let all_cd: Vec<f64> = run.iter().enumerate().map(|(i, instant)| cd(i, instant)).collect();
-    let intensity_cd = all_cd.iter().copied().fold(0.0, f64::max);
-    let samples = run.iter().zip(&all_cd).map(|(instant, cd)| LightSample {
+    let light_cd: Vec<f64> = run.iter().enumerate().map(|(i, instant)| cd(i, instant)).collect();
+    let intensity_cd = light_cd.iter().copied().fold(0.0, f64::max);
+    let samples = run.iter().zip(&light_cd).map(|(instant, cd)| LightSample {
         time_s: instant.time_s,
         position_m: instant.position_m,
         axis: -Vector3::y(),

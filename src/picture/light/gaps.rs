@@ -1,8 +1,8 @@
-//! Gaps of a real flight's log: bridged where the motion allows it, dark elsewhere.
+//! Gaps of a real flight's log: bridged if the motion allows it, else dark.
 //!
 //! Between the ends of a gap of T seconds the position follows the cubic through both ends with
 //! their velocities, and the attitude turns evenly. A drone that accelerates at `a` leaves that
-//! path by at most about `a T² / 8`; `a` is what the flight itself reaches in 95 % of its time.
+//! path by at most about `a T² / 8`. The flight itself stays below `a` in 95 % of its time.
 
 use std::borrow::Cow;
 
@@ -13,7 +13,7 @@ use noctograph_core::geometry::Attitude;
 use noctograph_core::statistics::weighted_quantile;
 
 /// Largest uncertainty of a bridge: about the width of an overexposed trail. More draws strokes
-/// that were not flown, less leaves dashes.
+/// that were not flown. Less leaves dashes.
 const BRIDGE_M: f64 = 0.02;
 
 /// Least acceleration that is assumed for a flight, m/s²: that of the reference flight.
@@ -22,10 +22,9 @@ const LEAST_M_S2: f64 = 0.4;
 /// Time over which velocities are measured: ten samples of the firmware's position loop.
 const VELOCITY_S: f64 = 0.1;
 
-/// Time between the samples of a bridge.
 const STEP_S: f64 = 0.01;
 
-/// Farthest place of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between
+/// Largest distance of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between
 /// motors.
 const LAMP_M: f64 = 0.05;
 
@@ -39,7 +38,7 @@ pub struct Gap {
 }
 
 impl Gap {
-    /// Whether lamps shine across it.
+    /// True if lamps shine across it.
     pub fn is_bridged(&self) -> bool {
         self.uncertainty_m <= BRIDGE_M
     }
@@ -57,7 +56,7 @@ pub fn gaps(flight: &Flight) -> Vec<Gap> {
     }))
 }
 
-/// The open gaps, where lamps are dark, each with the longest possible path of a lamp.
+/// The open gaps, in which lamps are dark, each with the longest possible path of a lamp.
 pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     if flight.gaps.is_empty() {
         return Vec::new();
@@ -74,6 +73,7 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     }
     let (mut stretches, mut stretch) = (Vec::new(), Vec::new());
     let mut rest = &flight.samples[..];
+    // Up to each gap, and over it if it is bridged.
     for gap in gaps(flight) {
         let (before, after) = rest.split_at(rest.partition_point(|s| s.time_s < gap.span_s[1]));
         rest = after;
@@ -91,6 +91,7 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
 /// Samples between the end of one stretch and the start of the next.
 fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> {
     let (Some(a), Some(b)) = (before.last(), after.first()) else { return Vec::new() };
+    // Velocities at both ends, or the mean over the gap if there are too few samples.
     let span_s = b.time_s - a.time_s;
     let chord_m_s = (b.position_m - a.position_m) / span_s;
     let start = before.partition_point(|s| s.time_s < a.time_s - VELOCITY_S);
@@ -100,6 +101,7 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     #[expect(clippy::cast_possible_truncation, reason = "under a minute")]
     let steps = ((span_s / STEP_S).ceil() as u32).max(1);
     Vec::from_iter((1..steps).map(|step| {
+        // Cubic Hermite interpolation, and even turns the short way round.
         let u = f64::from(step) / f64::from(steps);
         let (turn, back) = (u * u * (3.0 - 2.0 * u), (1.0 - u) * (1.0 - u));
         let position_m = a.position_m.lerp(&b.position_m, turn)
@@ -117,7 +119,6 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     }))
 }
 
-/// Mean velocity over some samples.
 fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
     let (first, last) = (samples.first()?, samples.last()?);
     let lasts_s = last.time_s - first.time_s;
@@ -199,9 +200,9 @@ mod tests {
         assert!(errors.len() >= 45, "{} samples", errors.len());
         let worst_m = errors.into_iter().fold(0.0, f64::max);
         assert!(worst_m < 0.2 * short.uncertainty_m, "{worst_m} m off the circle");
-        let [(gap, way_m)] = dark(&flight)[..] else { panic!("the long gap stays dark") };
+        let [(gap, path_m)] = dark(&flight)[..] else { panic!("the long gap stays dark") };
         assert_eq!(gap, long);
-        assert!((way_m - (2.0 * LAMP_M + 0.5 * 1.5)).abs() < 1e-3, "at 0.5 m/s: {way_m} m");
+        assert!((path_m - (2.0 * LAMP_M + 0.5 * 1.5)).abs() < 1e-3, "at 0.5 m/s: {path_m} m");
         assert!(stretches[0].windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
     }
 }

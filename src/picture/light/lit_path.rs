@@ -1,4 +1,6 @@
 //! Path of a lamp while it is lit, from its levels and the flight.
+//!
+//! Poses are thinned once for all lamps (swinging-door thinning, Bristol 1990).
 
 use std::borrow::Cow;
 
@@ -21,15 +23,14 @@ pub(super) struct Pose {
 /// millimeter. Less makes more samples and no better picture.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// The same for a row of several colors in turn, such as an LED of a spinner with many short
-/// dashes.
+/// The same for a row of several colors in turn, such as an LED of a spinner.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.
 const ARM_M: f64 = 0.07;
 
-/// Poses of a flight between which the motion is straight and even within the tolerance, for all of
-/// its lamps. An open gap in a real log separates one stretch of poses from the next.
+/// Poses of a flight between which the motion is straight and even within the tolerance. An open
+/// gap in a real log separates one stretch of poses from the next.
 pub(super) fn stretches(samples: &[Cow<'_, [FlightSample]>], tolerance_m: f64) -> Vec<Vec<Pose>> {
     samples.iter().map(|stretch| poses(stretch, tolerance_m)).collect()
 }
@@ -49,7 +50,8 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
             run = Some(Straight::new(pose, pose));
             continue;
         };
-        if !open.takes(&pose, tolerance_m) {
+        // The run's last pose ends it and begins the next.
+        if !open.extend(&pose, tolerance_m) {
             kept.push(open.last);
             *open = Straight::new(open.last, pose);
         }
@@ -71,7 +73,7 @@ impl Straight {
     }
 
     /// Extends the run to the next pose if it stays straight.
-    fn takes(&mut self, next: &Pose, tolerance_m: f64) -> bool {
+    fn extend(&mut self, next: &Pose, tolerance_m: f64) -> bool {
         // Half of the tolerance is for the position and half for the rotation.
         let slack = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
@@ -90,8 +92,7 @@ impl Straight {
 }
 
 impl Pose {
-    /// Differences of place and attitude from another pose; those of the attitude as lengths at an
-    /// arm.
+    /// Differences of position and of attitude from another pose, all as lengths.
     fn lengths_from(&self, other: &Self) -> [f64; 12] {
         std::array::from_fn(|i| match i.checked_sub(3) {
             None => self.position_m[i] - other.position_m[i],
@@ -100,10 +101,8 @@ impl Pose {
     }
 }
 
-/// Samples of a lamp over a flight; none where it is never lit.
-///
-/// A dark lamp has no samples, and each lit run begins and ends at level 0. It is dark between two
-/// stretches, where its path is unknown.
+/// Samples of a lamp over a flight. Each lit run begins and ends at level 0. The lamp is dark
+/// between two stretches, since its path is unknown there.
 pub(super) fn shine(
     stretches: &[Vec<Pose>],
     fixture: &Fixture,
@@ -111,7 +110,7 @@ pub(super) fn shine(
 ) -> Vec<LightSample> {
     let knots = knots(changes);
     let mut samples = Vec::new();
-    // Knots up to `next` have passed.
+    // Knots before `next` have passed.
     let mut next = 0;
     for poses in stretches {
         let start = samples.len();
@@ -126,7 +125,7 @@ pub(super) fn shine(
     samples
 }
 
-/// Samples of a lamp over one stretch; knots in the gap before it take effect at its start.
+/// Samples of a lamp over one stretch. Knots in the gap before it take effect at its start.
 fn shine_along(
     poses: &[Pose],
     fixture: &Fixture,
@@ -140,6 +139,7 @@ fn shine_along(
         while knots.get(*next).is_some_and(|knot| knot.time_s <= pose.time_s) {
             *next += 1;
         }
+        // A sample at each knot since the pose before, then one at the pose.
         if first < *next {
             let here = lamp(pose, fixture);
             let start = before.map_or(here, |before| lamp(before, fixture));
@@ -161,8 +161,8 @@ fn shine_along(
     }
 }
 
-/// Levels as knots, linear in between; two knots at one time are a step. Every change is a step,
-/// since LEDs take less than 1 µs.
+/// Levels as knots, linear in between. Every change is a step, two knots at one time, since LEDs
+/// take less than 1 µs.
 fn knots(changes: &[Change]) -> Vec<Change> {
     let mut level = 0.0;
     let mut knots: Vec<Change> = Vec::with_capacity(2 * changes.len());

@@ -12,10 +12,11 @@
 //!    in long ones, where nothing says where they were.
 //!
 //! Sources: Bitcraze's firmware (`ledring12.c`, `ledseq.c`, `led.c`, `color_led_deck.c`) and data
-//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp. Not
-//! modeled: light reflected by the body, effects of the ring that depend on sensors, a falling
-//! battery voltage; pulses (a lamp dimmed by pulse width shines with its mean); rare stalls of the
-//! radio (up to 0.7 s in the team's log); the firmware's clock, 1.2 % slow until 2026.
+//! sheets, in [`tables`]. The body hides a lamp beyond a cone around the axis of the lamp.
+//!
+//! Not modeled: light reflected by the body, effects of the ring that depend on sensors, a falling
+//! battery voltage, the firmware's clock (1.2 % slow until 2026). A lamp dimmed by pulse width
+//! shines with its mean. Rare stalls of the radio (up to 0.7 s in the team's log) are left out.
 
 use std::cell::LazyCell;
 
@@ -60,6 +61,7 @@ impl Rules for LightTraceData {
 fn check_lamp(lamp: &Lamp) -> Result<()> {
     let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, depth_m, .. } =
         &lamp.emitter;
+    // The emitter, each number with its largest value.
     let settings = [
         ("intensity_cd", *intensity_cd, 1e9),
         ("rgb[0]", rgb[0], 1e3),
@@ -72,13 +74,13 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
     ];
     for (key, value, max) in settings {
         if !(0.0..=max).contains(&value) {
-            let (place, wanted) =
-                (format!("lamp `{name}`: {key}"), format!("a number from 0 to {max:e}"));
+            let place = format!("lamp `{name}`: {key}");
             let hint =
                 "correct this emitter in the scene; a color outside sRGB must be brought inside";
-            return Err(Error::input(place, value, wanted, hint));
+            return Err(Error::input(place, value, format!("a number from 0 to {max:e}"), hint));
         }
     }
+    // Its samples, in order of time.
     let mut before = f64::NEG_INFINITY;
     for sample in &lamp.samples {
         let LightSample { time_s, position_m, axis, level } = sample;
@@ -102,7 +104,7 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
 }
 
 impl LightTraceData {
-    /// Time of the last sample; 0 of an empty trace.
+    /// Time of the last sample, or 0.
     #[must_use]
     pub fn end_s(&self) -> f64 {
         let ends = self.lamps.iter().filter_map(|lamp| lamp.samples.last());
@@ -118,30 +120,29 @@ impl LightTraceData {
 /// One emitter and its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
-    /// Its drone; `None` where there is but one.
+    /// Its drone. `None` if there is only one.
     pub drone: Option<DroneIndex>,
     /// Its constant properties.
     pub emitter: Emitter,
-    /// Its path, in order of time. Position, axis and level are linear between samples; two samples
+    /// Its path, in order of time. Position, axis and level are linear between samples. Two samples
     /// at one time make a step.
     pub samples: Vec<LightSample>,
 }
 
 impl Lamp {
-    /// Its name, after the number of its drone, from 1, where several fly.
+    /// Its name, after the number of its drone, from 1, if several fly.
     #[must_use]
     pub fn label(&self) -> String {
         let Self { drone, emitter: Emitter { name, .. }, .. } = self;
         drone.map_or_else(|| name.clone(), |drone| format!("{drone}: {name}"))
     }
 
-    /// Whether another lamp is a disc around it that shines at the same times, as the body does
+    /// True if another lamp is a disc around it that shines at the same times, as the body does
     /// that it lights: a picture shows one trail.
     pub(crate) fn is_within(&self, disc: &Self) -> bool {
-        let [own, around] = [&self.samples, &disc.samples];
         self.emitter.diameter_m < disc.emitter.diameter_m
-            && (self.drone, own.len()) == (disc.drone, around.len())
-            && own.iter().zip(around).all(|(a, b)| {
+            && (self.drone, self.samples.len()) == (disc.drone, disc.samples.len())
+            && self.samples.iter().zip(&disc.samples).all(|(a, b)| {
                 (a.position_m - b.position_m).norm() < disc.emitter.diameter_m && a.level == b.level
             })
     }
@@ -156,7 +157,7 @@ pub struct LightSample {
     pub position_m: Vector3<f64>,
     /// Axis of its beam, a unit vector in the world.
     pub axis: Vector3<f64>,
-    /// Share of the emitter's intensity, 0 to 1.
+    /// Level relative to the emitter's intensity, 0 to 1.
     pub level: f64,
 }
 
@@ -164,12 +165,12 @@ impl LightSample {
     /// The sample at a time on the straight path to the next one.
     #[must_use]
     pub fn toward(&self, next: &Self, time_s: f64) -> Self {
-        let share = (time_s - self.time_s) / (next.time_s - self.time_s);
+        let part = (time_s - self.time_s) / (next.time_s - self.time_s);
         Self {
             time_s,
-            position_m: self.position_m + (next.position_m - self.position_m) * share,
-            axis: self.axis + (next.axis - self.axis) * share,
-            level: self.level + (next.level - self.level) * share,
+            position_m: self.position_m + (next.position_m - self.position_m) * part,
+            axis: self.axis + (next.axis - self.axis) * part,
+            level: self.level + (next.level - self.level) * part,
         }
     }
 }
@@ -185,13 +186,13 @@ pub struct Emitter {
     pub rgb: [f64; 3],
     /// Exponent m of the beam's shape cosᵐ.
     pub beam_exponent: f64,
-    /// Share of the intensity on the axis that is emitted in all directions, 0 to 1.
+    /// Isotropic fraction: intensity in all directions relative to that on the axis, 0 to 1.
     pub spill: f64,
     /// Cosine of the angle off axis beyond which the body hides the lamp.
     pub visible_cos: f64,
     /// Diameter of the luminous disc or cylinder.
     pub diameter_m: f64,
-    /// Depth of the cylinder along the axis; `None` for a disc that faces the camera.
+    /// Depth of the cylinder along the axis. `None` for a disc that faces the camera.
     pub depth_m: Option<f64>,
 }
 
@@ -216,7 +217,7 @@ impl Emitter {
         self.spill + (1.0 - self.spill) * beam
     }
 
-    /// Whether it shines alike to all sides.
+    /// True if it shines alike to all sides.
     pub(crate) fn is_even(&self) -> bool {
         self.spill >= 1.0 && self.visible_cos <= -1.0
     }
@@ -241,6 +242,7 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
     check_channels(flight, &fixtures)?;
     let programs = Programs::new(flight, options, seed, drone);
     let samples = gaps::stretches(flight);
+    // A row of several colors has many short runs, for which coarser paths suffice.
     let fine = LazyCell::new(|| lit_path::stretches(&samples, lit_path::FINE_M));
     let coarse = LazyCell::new(|| lit_path::stretches(&samples, lit_path::COARSE_M));
     let mut trace = LightTraceData::default();
@@ -259,9 +261,10 @@ pub fn light(flight: &Flight, options: &LightOptions, seed: u64, drone: u64) -> 
 
 /// Refuses a flight without any of the channels that the lamps follow.
 fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
-    let commanded = fixtures.iter().filter(|it| matches!(it.drive, Drive::Command(_)));
-    let commanded = commanded.into_iter().find_map(|it| it.drive.channel());
-    let Some(first) = commanded else { return Ok(()) };
+    let mut drives = fixtures.iter().map(|fixture| &fixture.drive);
+    let commanded = drives.find(|drive| matches!(drive, Drive::Command(_)));
+    let Some(first) = commanded.and_then(Drive::channel) else { return Ok(()) };
+    // Any channel of a lamp suffices: the others may be dark throughout.
     if flight.lights.keys().any(|channel| {
         fixtures.iter().any(|fixture| fixture.drive.channel() == Some(channel))
             || ring::CHANNELS.contains(&channel.as_str())
@@ -275,14 +278,14 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
         format!("columns [{}]", names.join(", ")),
         format!("a column light.{first} with levels from 0 to 1"),
         format!(
-            "set plan.lights to [\"{first}\"] where the lamp writes, add the column (0 where the \
+            "set plan.lights to [\"{first}\"] if the lamp writes, add the column (0 while the \
              lights are off), or change light.fixtures in the scene"
         ),
     )
     .coded("lights-missing"))
 }
 
-/// Most colors of a row that become lamps; a row with more (a fade) becomes one lamp per primary
+/// Most colors of a row that become lamps. A row with more (a fade) becomes one lamp per primary
 /// color.
 const MAX_COLORS: usize = 8;
 
@@ -290,6 +293,7 @@ const MAX_COLORS: usize = 8;
 /// for each primary color.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
     let moments = moments(dies);
+    // Every color that is ever shown, as levels relative to the highest.
     let mut colors: Vec<Vec<f64>> = Vec::new();
     for (_, levels) in &moments {
         let color = color_of(levels);
@@ -301,14 +305,15 @@ fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>
         }
     }
     Vec::from_iter(colors.iter().map(|color| {
-        let level = |levels: &[f64]| if color_of(levels) == *color { most(levels) } else { 0.0 };
-        let changes =
-            moments.iter().map(|(time_s, levels)| Change { time_s: *time_s, level: level(levels) });
+        let changes = moments.iter().map(|(time_s, levels)| Change {
+            time_s: *time_s,
+            level: if color_of(levels) == *color { most(levels) } else { 0.0 },
+        });
         (emitter(fixture, color), changes.collect())
     }))
 }
 
-/// One source for each primary color of sRGB, with the share of it that every color has: dies lie
+/// One source for each primary color of sRGB, with the part of it that every color has. Dies are
 /// outside sRGB, so that each clipped by itself would be paler than the mixture.
 fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
     let parts = moments.iter().map(|(time_s, levels)| {
@@ -320,10 +325,10 @@ fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, V
         let most_cd = parts.iter().map(|(_, part_cd)| part_cd[k]).fold(0.0, f64::max);
         let mut rgb = [0.0; 3];
         rgb[k] = 1.0 / LUMINANCE[k];
-        let level = |part_cd: f64| if most_cd > 0.0 { part_cd / most_cd } else { 0.0 };
-        let changes = parts
-            .iter()
-            .map(|(time_s, part_cd)| Change { time_s: *time_s, level: level(part_cd[k]) });
+        let changes = parts.iter().map(|(time_s, part_cd)| Change {
+            time_s: *time_s,
+            level: if most_cd > 0.0 { part_cd[k] / most_cd } else { 0.0 },
+        });
         (Emitter { intensity_cd: most_cd, rgb, ..emitter(fixture, &[]) }, changes.collect())
     });
     primaries.into()
@@ -334,6 +339,7 @@ fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     let mut next = vec![0; dies.len()];
     let mut levels = vec![0.0; dies.len()];
     let mut moments = Vec::new();
+    // A merge of the sorted changes of all dies.
     loop {
         let upcoming = dies.iter().zip(&next).filter_map(|(changes, next)| changes.get(*next));
         let Some(time_s) = upcoming.map(|change| change.time_s).min_by(f64::total_cmp) else {
@@ -361,6 +367,7 @@ fn most(levels: &[f64]) -> f64 {
 
 /// The source of light that the dies of a lamp make together at these levels.
 pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
+    // Additive mixing: luminances and XYZ add up.
     let (mut intensity_cd, mut mixture) = (0.0, [0.0; 3]);
     for (die, level) in fixture.dies.iter().zip(levels) {
         let part_cd = level * die.intensity_cd;
@@ -381,12 +388,10 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     }
 }
 
-/// Linear sRGB with luminance 1 of a mixture given by its XYZ; colors outside sRGB are clipped at
-/// its faces.
-///
-/// Narrow-band LEDs lie outside. Clipping keeps their luminance and their hue roughly, and loses
-/// saturation: a film holds no negative light.
+/// Linear sRGB with luminance 1 of a mixture given by its XYZ. Narrow-band LEDs lie outside sRGB.
+/// Clipping at its faces keeps their luminance and roughly their hue, and loses saturation: a film
+/// holds no negative light.
 fn rgb(xyz: [f64; 3]) -> [f64; 3] {
-    let rgb = rgb_from_xyz(xyz).map(|share| share.max(0.0));
-    rgb.map(|share| share / luminance(rgb))
+    let rgb = rgb_from_xyz(xyz).map(|channel| channel.max(0.0));
+    rgb.map(|channel| channel / luminance(rgb))
 }

@@ -16,7 +16,6 @@ use noctograph_core::srgb::{
     RGB_FROM_XYZ, encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz,
 };
 
-/// Programs of the lamps of one drone during one flight.
 #[derive(Debug)]
 pub(super) struct Programs<'a> {
     flight: &'a Flight,
@@ -25,7 +24,6 @@ pub(super) struct Programs<'a> {
     drone: u64,
     begin_s: f64,
     end_s: f64,
-    /// Frames of the ring, computed once.
     ring: OnceCell<Vec<(f64, Frame)>>,
 }
 
@@ -68,7 +66,7 @@ impl<'a> Programs<'a> {
         vec![Change { time_s: self.begin_s, level }]
     }
 
-    /// Level of a lamp by `led.bitmask`, where that determines it.
+    /// Level of a lamp by `led.bitmask`, if that determines it.
     fn bitmask(&self, fixture: &Fixture) -> Option<f64> {
         let mask = self.options.led_bitmask;
         let bit = fixture.bitmask_bit.filter(|_| mask & 0x80 != 0)?;
@@ -97,7 +95,6 @@ impl<'a> Programs<'a> {
         changes
     }
 
-    /// Changes of a lamp that flashes at random times.
     fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, name);
         let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
@@ -126,6 +123,7 @@ impl<'a> Programs<'a> {
     }
 
     fn color_led(&self) -> Vec<Vec<Change>> {
+        // Commands are packed into one number, so that a change of any die is a change.
         let sent = self.color_led_sent();
         let at_first = sent.first().copied().unwrap_or(0.0);
         let chance = Chance::new(self.seed, self.drone, COLOR_LED.name);
@@ -147,6 +145,7 @@ impl<'a> Programs<'a> {
     fn color_led_sent(&self) -> Vec<f64> {
         let level = self.flight.lights.get(COLOR_LED.name);
         let colors = COLOR_LED_COLORS.map(|name| self.flight.lights.get(name));
+        // A letter's color stays until the next letter, if the plan has no color channels.
         let mut letter = None;
         let samples = self.flight.samples.iter().enumerate();
         Vec::from_iter(samples.map(|(row, sample)| {
@@ -166,9 +165,8 @@ impl<'a> Programs<'a> {
 /// of the ring.
 ///
 /// Twice as much from the deck overexposes a word of seven letters at f/22, and half as much has 8
-/// steps of green; an LED of the ring can do 1 cd. Screen colors that differ only in brightness
-/// become one color: its strongest channel is as bright as that of white, so that one exposure
-/// suits all.
+/// steps of green. An LED of the ring can do 1 cd. Screen colors that differ only in brightness
+/// become one color, whose strongest channel is as bright as that of white: one exposure suits all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
 /// That intensity in the search for the best bytes: the wanted one first.
@@ -199,6 +197,7 @@ pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
 /// The bytes for red, green and blue dies that show a color, by the luminous intensity of a die at
 /// a byte: those that a screen tells least from it.
 fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
+    // The color as a mixture of the dies, and as a screen shows it.
     let chromaticities: [_; 3] = std::array::from_fn(|die| dies[die].chromaticity);
     let color = mixture(chromaticities, srgb);
     let wanted = at_full_scale(match srgb {
@@ -206,6 +205,7 @@ fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f
         _ => srgb.map(|level| linear_from_encoded(f64::from(level) / 255.0)),
     });
     let of_die = chromaticities.map(|die| Vector3::from(rgb_from_xyz(xyz(die))));
+    // Candidates: at each intensity, the bytes below and above the mixture.
     let candidates = FITTED.into_iter().flat_map(|factor| {
         let below = [0, 1, 2].map(|die| {
             let most_cd = factor * white_cd * color[die];
@@ -229,7 +229,7 @@ fn at_full_scale(rgb: [f64; 3]) -> [f64; 3] {
 }
 
 /// Luminance of each die of a row for a screen color (sRGB) at full scale, relative to that of
-/// white; colors outside the dies' gamut are clipped. Black counts as white.
+/// white. Colors outside the dies' gamut are clipped. Black counts as white.
 pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
     let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));
@@ -252,7 +252,7 @@ pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4
                 let scaled = (f32::from(wrgb[die]) * COLOR_LED_SCALE[die]) as u8;
                 match f64::from(scaled) / 255.0 {
                     0.0 => 0.0,
-                    share => (3.0 + 252.0 * share * share).round(),
+                    level => (3.0 + 252.0 * level * level).round(),
                 }
             }
         };

@@ -1,5 +1,5 @@
-//! Radio: arrival of the commands of a plan in the firmware, and its timer; the random numbers of
-//! the lamps: named streams of one seed, each number by its index.
+//! Radio: arrival of the commands of a plan in the firmware, and the firmware's timer. The random
+//! numbers of the lamps: named streams of one seed, each number by its index.
 
 use super::LightOptions;
 use noctograph_core::flight::FlightSample;
@@ -12,7 +12,7 @@ pub(super) struct Change {
     pub(super) level: f64,
 }
 
-/// A stream. Its numbers depend on the seed, the drone, the name and their index alone, so that an
+/// A stream. Its numbers depend only on the seed, the drone, the name and their index, so that an
 /// additional lamp or drone does not change the light of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chance {
@@ -31,16 +31,13 @@ impl Chance {
         bits / 9_007_199_254_740_992.0
     }
 
-    /// Poisson number.
     pub(super) fn poisson(&self, index: u64, mean: f64) -> u32 {
         poisson(mean, self.uniform(index))
     }
 }
 
 /// Arrivals of the commands that are sent with samples and differ from the one before, the first
-/// from `at_first`.
-///
-/// Each takes the delay of the radio and a share of its jitter; none overtakes the one before.
+/// from `at_first`. Each takes the delay of the radio and a part of its jitter. None overtakes.
 pub(super) fn arrivals(
     samples: &[FlightSample],
     levels: &[f64],
@@ -78,7 +75,6 @@ impl Timer {
         ((time_s - self.phase_s) / self.period_s - 1e-9).ceil()
     }
 
-    /// Time of a tick.
     pub(super) fn tick_s(self, number: f64) -> f64 {
         self.phase_s + number * self.period_s
     }

@@ -1,7 +1,7 @@
 //! Effects of the LED ring: the colors of its twelve LEDs from tick to tick.
 //!
-//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255;
-//! the light of a WS2812B is proportional. As in the firmware, single precision and truncation.
+//! After Bitcraze's `ledring12.c`, whose timer calls the effect every 50 ms. Values are 0 to 255,
+//! and the light of a WS2812B is proportional. As in the firmware, single precision and truncation.
 
 use super::radio::{Chance, Change, Timer, arrivals};
 use super::{
@@ -13,7 +13,7 @@ use noctograph_core::flight::Flight;
 /// Red, green, blue of every LED.
 pub(super) type Frame = [[u8; 3]; RING_LEDS];
 
-/// Time between two parameter writes; red, green and blue of the ring are three (Crazyswarm issue
+/// Time between two parameter writes. Red, green and blue of the ring are three (Crazyswarm issue
 /// 728).
 const RADIO_WRITE_S: f64 = 0.015;
 const DARK: Frame = [[0; 3]; RING_LEDS];
@@ -21,10 +21,8 @@ const DARK: Frame = [[0; 3]; RING_LEDS];
 /// Channels of a plan for the ring: on, red, green, blue.
 pub(super) const CHANNELS: [&str; 4] = [RING.name, RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
-/// Changes of the frame of the ring during a flight.
-///
-/// A ring without the channel `ring` is always on; one that is on at the start of the flight has
-/// been on for long.
+/// Changes of the frame of the ring during a flight. A ring without the channel `ring` is always
+/// on. One that is on at the start of the flight has been on for long.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,
@@ -41,6 +39,7 @@ pub(super) fn frames(
     let mut frames = vec![(first.time_s, ring.tick())];
     let mut number = timer.next(first.time_s);
     while timer.tick_s(number) <= last.time_s {
+        // The firmware sees at its tick what has arrived until then.
         let time_s = timer.tick_s(number);
         while let Some((channel, change)) =
             commands.next_if(|(_, c)| timer.next(c.time_s) <= number)
@@ -74,12 +73,11 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
     commands
 }
 
-/// State of the ring in the firmware.
 #[derive(Debug)]
 struct Ring {
     effect: RingEffect,
     on: bool,
-    /// Whether it was on at the last tick.
+    /// Its state at the last tick.
     was_on: bool,
     color: [u8; 3],
     /// Calls since the effect was switched on.
@@ -89,7 +87,6 @@ struct Ring {
     fade: Fade,
 }
 
-/// A fade from one color to the next.
 #[derive(Debug)]
 struct Fade {
     from: [f32; 3],
@@ -99,7 +96,6 @@ struct Fade {
 }
 
 impl Ring {
-    /// State of the LED ring's driver at the start of a flight.
     fn at_start(flight: &Flight, options: &LightOptions) -> Self {
         let first = |channel: usize| flight.lights.get(CHANNELS[channel])?.first().copied();
         let on = first(0).is_none_or(|level| level > 0.0);
@@ -110,6 +106,7 @@ impl Ring {
             }
             RingEffect::Fade(RingFade { color, fade_s }) => (*color, *fade_s),
         };
+        // Channels of the plan take precedence over the scene's color.
         for (value, channel) in color.iter_mut().zip(1..) {
             *value = first(channel).map_or(*value, byte);
         }
@@ -168,8 +165,8 @@ impl Fade {
     }
 
     fn now(&self) -> [f32; 3] {
-        let share = if self.left_s > 0.0 { self.left_s / self.duration_s } else { 0.0 };
-        std::array::from_fn(|i| share * self.from[i] + (1.0 - share) * f32::from(self.to[i]))
+        let left = if self.left_s > 0.0 { self.left_s / self.duration_s } else { 0.0 };
+        std::array::from_fn(|i| left * self.from[i] + (1.0 - left) * f32::from(self.to[i]))
     }
 }
 
@@ -178,15 +175,14 @@ const WHITE_LIGHT: [[u8; 3]; 3] = [[32; 3], [8; 3], [2; 3]];
 const BLUE_LIGHT: [[u8; 3]; 3] = [[64, 64, 255], [32, 32, 64], [8, 8, 16]];
 
 /// The double spinner at its nth call, from 1: the white light runs towards lower numbers and the
-/// blue one towards higher, one LED a call, each with its tail behind it; LEDs add half of each.
+/// blue one towards higher, one LED a call, each with its tail behind it. LEDs add half of each.
 fn double_spin(call: usize) -> Frame {
     let mut frame = DARK;
     for (behind, (white, blue)) in WHITE_LIGHT.iter().zip(BLUE_LIGHT).enumerate() {
         let turn = call % RING_LEDS;
-        let places =
-            [(RING_LEDS + behind - turn) % RING_LEDS, (RING_LEDS + turn - behind) % RING_LEDS];
-        for (place, light) in places.into_iter().zip([*white, blue]) {
-            for (sum, value) in frame[place].iter_mut().zip(light) {
+        for (led, light) in [(RING_LEDS + behind - turn, white), (RING_LEDS + turn - behind, &blue)]
+        {
+            for (sum, value) in frame[led % RING_LEDS].iter_mut().zip(light) {
                 *sum += value / 2;
             }
         }

@@ -323,8 +323,8 @@ fn a_flight_without_light_columns_is_refused_if_lamps_follow_one() {
     let error = light(&flight(&[]), &LightOptions::default(), 0, 0).unwrap_err().to_string();
     assert!(error.contains("light.headlights"), "{error}");
     let laser = Fixture { drive: Drive::Command("laser".to_owned()), ..Fixture::default() };
-    let own = LightOptions { fixtures: Some(vec![laser]), ..LightOptions::default() };
-    let error = light(&flight(&["headlights"]), &own, 0, 0).unwrap_err();
+    let custom = LightOptions { fixtures: Some(vec![laser]), ..LightOptions::default() };
+    let error = light(&flight(&["headlights"]), &custom, 0, 0).unwrap_err();
     assert!(error.hint().contains("set plan.lights to [\"laser\"]"), "{}", error.hint());
     let dark = LightOptions { deck: Deck::None, fixtures: None, ..LightOptions::default() };
     assert!(light(&flight(&[]), &dark, 0, 0).is_ok(), "the lamps of the board follow no channel");

@@ -21,10 +21,10 @@ pub(super) struct Backdrop {
     /// Square of the focal length in pixels.
     focal_sq_px2: f32,
     center_px: [f32; 2],
-    /// Share of light lost by vignetting per square of the distance from the middle.
+    /// Fraction of light lost by vignetting per square of the distance from the middle.
     vignetting_px2: f32,
     picture: Option<Picture>,
-    /// Floor and walls, where there are walls.
+    /// Floor and walls, if there are walls.
     surfaces: Option<(Camera, Room)>,
     /// Where half of the room's light falls in.
     from_m: Option<Vector3<f64>>,
@@ -33,7 +33,6 @@ pub(super) struct Backdrop {
 /// Distance of the columns between which the light of a surface is linear.
 const STEP_PX: usize = 8;
 
-/// A background picture.
 #[derive(Debug)]
 struct Picture {
     photo: Photo,
@@ -41,7 +40,7 @@ struct Picture {
     light: [f32; 256],
     /// Pixels of the picture per pixel of the photo.
     scale: f64,
-    /// Columns to interpolate for each pixel, and the share of the second.
+    /// Columns to interpolate for each pixel, and the weight of the second.
     columns: Vec<([usize; 2], f32)>,
 }
 
@@ -75,29 +74,23 @@ impl Backdrop {
 
     /// Adds the room's light to a row that the sensor will read.
     pub(super) fn add_room(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
-        if self.picture.is_none() && self.room != [0.0; 3] {
-            let surfaces = self.surfaces(y, rows[0].len());
-            let dy = y as f32 + 0.5 - self.center_px[1];
-            let share = |x: u16| {
+        if self.picture.is_some() || self.room == [0.0; 3] {
+            return;
+        }
+        let mut relative = self.surfaces(y, rows[0].len());
+        let dy = y as f32 + 0.5 - self.center_px[1];
+        noctograph_core::dispatch!(|| {
+            // Natural vignetting, cos⁴ = (f² / (f² + r²))², and that of the lens.
+            for (x, relative) in (0_u16..).zip(&mut relative) {
                 let dx = f32::from(x) + 0.5 - self.center_px[0];
                 let radius_sq = dy * dy + dx * dx;
                 let cos_sq = self.focal_sq_px2 / (self.focal_sq_px2 + radius_sq);
-                cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0)
-            };
-            let [red, green, blue] = rows;
-            let pixels = (0..).zip(red.iter_mut().zip(green).zip(blue));
-            let add = |((r, g), b): ((&mut f32, &mut f32), &mut f32), share: f32| {
-                *r += self.room[0] * share;
-                *g += self.room[1] * share;
-                *b += self.room[2] * share;
-            };
-            noctograph_core::dispatch!(|| match surfaces.is_empty() {
-                true => pixels.for_each(|(x, pixel)| add(pixel, share(x))),
-                false => pixels
-                    .zip(&surfaces)
-                    .for_each(|((x, pixel), surface)| add(pixel, share(x) * surface)),
-            });
-        }
+                *relative *= cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0);
+            }
+            for (row, room) in rows.iter_mut().zip(self.room) {
+                row.iter_mut().zip(&relative).for_each(|(light, part)| *light += room * part);
+            }
+        });
     }
 
     /// Adds the background picture, which a sensor has read before, to a row that was read.
@@ -107,18 +100,17 @@ impl Backdrop {
         }
     }
 
-    /// Luminance of the surfaces along a row, relative to the middle of a wall; empty without
-    /// walls.
+    /// Luminance of the surfaces along a row, relative to the middle of a wall. Without walls it is
+    /// 1.
     fn surfaces(&self, y: usize, width: usize) -> Vec<f32> {
-        let Some((camera, room)) = &self.surfaces else { return Vec::new() };
-        let seen =
-            |x: f64, y: f64| match camera.world_from_image(x, y).and_then(|ray| room.met(ray)) {
-                Some((on, point_m)) => (
-                    Some(on),
-                    narrow(room.ambient(on, point_m, self.from_m) * room.uneven(on, point_m)),
-                ),
-                None => (None, 0.0),
-            };
+        let Some((camera, room)) = &self.surfaces else { return vec![1.0; width] };
+        let seen = |x: f64, y: f64| {
+            let met = camera.world_from_image(x, y).and_then(|ray| room.met(ray));
+            let luminance = met.map_or(0.0, |(on, point_m)| {
+                narrow(room.ambient(on, point_m, self.from_m) * room.uneven(on, point_m))
+            });
+            (met.map(|(on, _)| on), luminance)
+        };
         let mut row = Vec::with_capacity(width + STEP_PX);
         let mut left = seen(0.0, y as f64);
         for i in 0..width.div_ceil(STEP_PX) {
@@ -128,6 +120,7 @@ impl Backdrop {
                 row.push(if left.0 == right.0 {
                     left.1 + (right.1 - left.1) * ((j as f32 + 0.5) / STEP_PX as f32)
                 } else {
+                    // A pixel near an edge is the mean of four points.
                     let x = (i * STEP_PX + j) as f64;
                     let parts = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
                     parts.iter().map(|[dx, dy]| seen(x + dx, y as f64 + dy).1).sum::<f32>() * 0.25
@@ -139,9 +132,8 @@ impl Backdrop {
     }
 }
 
-/// What floor and walls reflect where the background stands for the room: its light in each channel
-/// over the median, as far as it was evenly lit. Lamps in it reflect no more than four times that.
-/// `None` without a background.
+/// Relative albedo of floor and walls by the background: its light in each channel over the median,
+/// as if it was evenly lit, at most four times. `None` without a background.
 ///
 /// # Errors
 ///
@@ -161,15 +153,15 @@ pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Ref
     // Darker levels are noise.
     let least = picture.light[DARKEST];
     for plane in &mut planes {
-        let mut all = plane.clone();
-        let (_, median, _) = all.select_nth_unstable_by(width * height / 2, f32::total_cmp);
+        let mut sorted = plane.clone();
+        let (_, median, _) = sorted.select_nth_unstable_by(width * height / 2, f32::total_cmp);
         let median = median.max(least);
         plane.iter_mut().for_each(|light| *light = (light.max(least) / median).min(BRIGHTEST));
     }
     Ok(Some(Arc::new(planes)))
 }
 
-/// Least level of a background that says how a surface reflects.
+/// Least level of a background that counts.
 const DARKEST: usize = 4;
 
 /// Most light of a surface, relative to the median.
@@ -177,7 +169,7 @@ const BRIGHTEST: f32 = 4.0;
 
 impl Picture {
     fn read(path: &str, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
-        // A page has no file of a photo, and its module no decoder of one.
+        // A page has no files, and its module no decoder of photos.
         if cfg!(target_family = "wasm") {
             let (wanted, hint) = ("no file", "take the picture by the program");
             return Err(Error::input("photo.background", path, wanted, hint));
@@ -214,10 +206,10 @@ impl Picture {
     }
 }
 
-/// The two of `n` pixels around a position relative to the middle, and the share of the second.
+/// The two of `n` pixels around a position relative to the middle, and the weight of the second.
 fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
-    let place = from_middle * scale + f64::from(n) / 2.0 - 0.5;
-    let place = place.clamp(0.0, f64::from(n - 1));
-    let first = whole(place);
-    ([first, (first + 1).min(n as usize - 1)], narrow(place - first as f64))
+    let position = from_middle * scale + f64::from(n) / 2.0 - 0.5;
+    let position = position.clamp(0.0, f64::from(n - 1));
+    let first = whole(position);
+    ([first, (first + 1).min(n as usize - 1)], narrow(position - first as f64))
 }

@@ -1,14 +1,14 @@
-//! A camera from the EXIF of a photograph: sensor, lens and exposure.
+//! A camera from the EXIF of a photograph (EXIF 2.32): sensor, lens and exposure.
 //!
-//! EXIF 2.32. The tags that are understood are those of [`taken_as`]; no other tag
-//! changes the camera, and a directory that holds none of them may be broken.
+//! The tags that are understood are those of [`taken_as`]. No other tag changes the camera, and a
+//! directory that holds none of them may be broken.
 //!
-//! The width of the sensor is that of a known body; else it follows from the resolution in pixels
-//! per unit of length; else from the focal length and its equivalent on 35 mm film, which refers to
-//! diagonals (CIPA DCG-001; 43.3 mm). In an edited picture the number of pixels may be
-//! newer than the resolution. Canon writes the resolution as 1000 times the pixels over thousandths
-//! of the unit, so that it holds both. For other makers the width is taken if the film equivalent
-//! agrees, else with a warning, or not at all if the tags say that the picture was edited.
+//! The width of the sensor is that of a known body. Else it follows from the resolution in pixels
+//! per unit of length, or from the focal length and its equivalent on 35 mm film, which refers to
+//! diagonals (CIPA DCG-001: 43.3 mm). In an edited picture the number of pixels may be newer than
+//! the resolution. Canon writes the resolution as 1000 times the pixels over thousandths of the
+//! unit, so that it holds both. For other makers the width is taken if the film equivalent agrees,
+//! else with a warning, or not at all if the tags show that the picture was edited.
 
 use std::path::Path;
 
@@ -17,6 +17,7 @@ use exif::{Exif, In, Tag, Value};
 use noctograph_core::camera::{
     BodyModel, CameraOptions, CustomBody, CustomLens, INFINITY_M, LensModel, Metering,
 };
+use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{JpegFrame, Limit};
 
@@ -29,38 +30,37 @@ const ENDLESS: u32 = u32::MAX;
 /// The value of `PhotographicSensitivity` for 65535 and more: other tags have the number.
 const ISO_BEYOND: f64 = 65_535.0;
 
-/// Programs that write one of these in `Software` have edited the picture; cameras write their
-/// firmware.
+/// Names in `Software` of programs that edit pictures. Cameras write their firmware there.
 const EDITORS: &str = "photoshop,lightroom,gimp,darktable,rawtherapee,paint,capture one,affinity,\
                        snapseed,picasa,imagemagick,photos ,acdsee,luminar,digikam,photo editor";
 
 /// The tags that a camera's keys are from, by a part of the key.
-const TAGS: [(&str, &str); 7] = [
-    ("f_number", "FNumber"),
-    ("iso", "PhotographicSensitivity"),
-    ("shutter", "ExposureTime"),
-    ("focal_length", "FocalLength"),
-    ("focus", "SubjectDistance"),
-    ("sensor_width", "FocalPlaneXResolution"),
-    ("_px", "PixelXDimension"),
+const TAGS: [(&str, Tag); 7] = [
+    ("f_number", Tag::FNumber),
+    ("iso", Tag::PhotographicSensitivity),
+    ("shutter", Tag::ExposureTime),
+    ("focal_length", Tag::FocalLength),
+    ("focus", Tag::SubjectDistance),
+    ("sensor_width", Tag::FocalPlaneXResolution),
+    ("_px", Tag::PixelXDimension),
 ];
 
 /// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
 /// length, aperture number, shutter time, sensitivity, distance in focus, and the picture's
-/// aspect, with as many pixels on the longer side as before. Pose and all else stay. The
-/// texts say what is a guess, and why.
+/// aspect, with as many pixels on the longer side as before. Pose and all else stay. Warnings name
+/// what is a guess, and why.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it has no EXIF, lacks
-/// tags that a camera needs, with their names, or has numbers that no camera has.
-pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Vec<String>)> {
+/// [`Error::Io`] if the file cannot be read, [`Error::Input`] if it has no EXIF, lacks tags that a
+/// camera needs, with their names, or has numbers that no camera has.
+pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraOptions>> {
     let place = path.display().to_string();
     let bytes = LIMIT.read(path)?;
     refuse_raw(&bytes, &place)?;
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
-    // The tags may stand in intact directories beside a broken one.
+    // The tags may be in intact directories beside a broken one.
     let reader = reader.continue_on_error(true);
     // The container's reader would copy a TIFF file, and so a raw photograph.
     let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
@@ -72,7 +72,8 @@ pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Ve
         let cause = format_args!("no EXIF ({error})");
         Error::input(Place::file(&place), cause, "a photograph as the camera wrote it", HINT)
     })?;
-    let (camera, warnings) = with_exif(camera, &exif, size_px, &place)?;
+    let mut photograph = Photograph { exif, size_px, warnings: Vec::new() };
+    photograph.set(&mut camera, &place)?;
     // An impossible number is the file's, not that of a key.
     camera.check().map_err(|error| {
         let Error::Input { place: key, found, wanted, .. } = &error else { return error };
@@ -82,141 +83,324 @@ pub fn taken_as(camera: CameraOptions, path: &Path) -> Result<(CameraOptions, Ve
             None => error,
         }
     })?;
-    Ok((camera, warnings))
+    let warnings = photograph.warnings.into_iter().map(|warning| warning.in_file(&place));
+    Ok(Warned { product: camera, warnings: warnings.collect() })
 }
 
-/// The camera with sensor, lens and exposure of a photograph's EXIF.
-fn with_exif(
-    mut camera: CameraOptions,
-    exif: &Exif,
+/// A tag that a camera needs, the key of a scene for it, and its value.
+type Needed = (Tag, &'static str, Option<f64>);
+
+/// The tags of a photograph, its size in pixels, and warnings about the tags.
+struct Photograph {
+    exif: Exif,
     size_px: Option<[f64; 2]>,
-    place: &str,
-) -> Result<(CameraOptions, Vec<String>)> {
-    let mut warnings = Vec::new();
-    let body = text(exif, Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
-    let focal_length_m = number(exif, Tag::FocalLength).map(|mm| mm / 1000.0);
-    let sensor_width_m = match &body {
-        Some(body) => Some(body.figures().sensor_width_m),
-        None => width_m(exif, size_px, focal_length_m, &mut warnings),
-    };
-    let f_number = number(exif, Tag::FNumber)
-        .or_else(|| Some(libm::exp2(0.5 * signed(exif, Tag::ApertureValue)?)));
-    let exposure_s = number(exif, Tag::ExposureTime)
-        .or_else(|| Some(libm::exp2(-signed(exif, Tag::ShutterSpeedValue)?)));
-    let width = "FocalLengthIn35mmFilm (or FocalPlaneXResolution with PixelXDimension, or a Model that \
-                 is known)";
-    let needed = [
-        ("FocalLength", focal_length_m),
-        (width, sensor_width_m),
-        ("FNumber", f_number),
-        ("ExposureTime", exposure_s),
-        ("PhotographicSensitivity", iso(exif)),
-    ];
-    let [Some(focal_length_m), Some(sensor_width_m), Some(f_number), Some(exposure_s), Some(iso)] =
-        needed.map(|(_, value)| value)
-    else {
-        let missing = needed.iter().filter(|(_, value)| value.is_none());
-        let mut missing: Vec<&str> = missing.map(|(tag, _)| *tag).collect();
-        let is_of = |tag: &str, empty: &str| tag.split(' ').next() == empty.split(' ').next();
-        let mut empty = empty_tags(exif);
-        empty.retain(|(tag, _)| missing.iter().any(|missing| is_of(missing, tag)));
-        if !empty.is_empty() {
-            let is_said = |tag: &str, empty: &str| {
-                is_of(tag, empty) || empty.ends_with(&format!(" without {tag}"))
-            };
-            missing.retain(|tag| !empty.iter().any(|(empty, _)| is_said(tag, empty)));
-            let tags = empty.iter().map(|(tag, key)| format!("{tag} (give {key})"));
-            let tags = tags.collect::<Vec<_>>().join(", ");
-            let without = match missing.is_empty() {
-                true => String::new(),
-                false => format!(", and without {}", missing.join(", ")),
-            };
-            let seen = format!("EXIF with {tags}{without}");
-            let wanted = "numbers of lens and exposure: a camera writes 0 for what it does not \
-                          know, as the aperture of a lens without contacts";
-            let hint = "leave the photograph out, and name these keys in a scene file, beside those \
-                        that the photograph has";
-            return Err(Error::input(place, seen, wanted, hint));
+    warnings: Vec<Diagnostic>,
+}
+
+impl Photograph {
+    fn set(&mut self, camera: &mut CameraOptions, place: &str) -> Result<()> {
+        let body = self.text(Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
+        let focal_length_m = self.number(Tag::FocalLength).map(|mm| mm / 1000.0);
+        let sensor_width_m = match &body {
+            Some(body) => Some(body.figures().sensor_width_m),
+            None => self.sensor_width_m(focal_length_m),
+        };
+        // APEX values stand in for missing ones: N = 2^(Av/2), t = 2^-Tv.
+        let f_number = self
+            .number(Tag::FNumber)
+            .or_else(|| Some(libm::exp2(0.5 * self.signed(Tag::ApertureValue)?)));
+        let exposure_s = self
+            .number(Tag::ExposureTime)
+            .or_else(|| Some(libm::exp2(-self.signed(Tag::ShutterSpeedValue)?)));
+        let needed: [Needed; 5] = [
+            (Tag::FocalLength, "camera.lens.focal_length_m", focal_length_m),
+            (Tag::FocalLengthIn35mmFilm, "camera.body.sensor_width_m", sensor_width_m),
+            (Tag::FNumber, "camera.f_number", f_number),
+            (Tag::ExposureTime, "camera.shutter_close_s", exposure_s),
+            (Tag::PhotographicSensitivity, "camera.iso", self.iso()),
+        ];
+        let [
+            Some(focal_length_m),
+            Some(sensor_width_m),
+            Some(f_number),
+            Some(exposure_s),
+            Some(iso),
+        ] = needed.map(|(.., value)| value)
+        else {
+            return Err(self.incomplete(&needed, place));
+        };
+        // The lens keeps the distortion of the scene, which EXIF does not have.
+        camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
+        let distortion = match &camera.lens {
+            LensModel::Custom(lens) => lens.distortion,
+            _ => [0.0; 4],
+        };
+        camera.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
+        (camera.f_number, camera.iso, camera.metering) = (f_number, iso, Metering::Off);
+        camera.shutter_close_s = Some(camera.shutter_open_s + exposure_s);
+        camera.focus_m = self.subject_m().or(camera.focus_m);
+        self.set_aspect(camera);
+        self.warn_of_odd_tags();
+        Ok(())
+    }
+
+    /// The error of tags that are missing, or 0.
+    fn incomplete(&self, needed: &[Needed], place: &str) -> Error {
+        // Cameras write 0 for what they do not know, which gets another hint.
+        let is_zero =
+            |tag| self.value(tag).is_some() && self.signed(tag).is_none_or(|value| value <= 0.0);
+        let film_mm = self
+            .number(Tag::FocalLengthIn35mmFilm)
+            .filter(|_| self.value(Tag::FocalLength).is_none() && needed[1].2.is_none());
+        let (mut empty, mut missing) = (Vec::new(), Vec::new());
+        for (tag, key, _) in needed.iter().filter(|(.., value)| value.is_none()) {
+            match (*tag, film_mm) {
+                (tag, _) if is_zero(tag) => empty.push(format!("{tag} = 0 (give {key})")),
+                (Tag::FocalLength, Some(_)) => {}
+                (tag @ Tag::FocalLengthIn35mmFilm, Some(mm)) => empty.push(format!(
+                    "{tag} = {mm} without FocalLength (give {} and {key})",
+                    needed[0].1
+                )),
+                (tag @ Tag::FocalLengthIn35mmFilm, None) => missing.push(format!(
+                    "{tag} (or FocalPlaneXResolution with PixelXDimension, or a Model that is known)"
+                )),
+                (tag, _) => missing.push(tag.to_string()),
+            }
         }
         let missing = missing.join(", ");
-        let why: String = warnings.iter().map(|why| format!("; {why}")).collect();
-        let wanted = format!("the tags of lens and exposure{why}");
-        return Err(Error::input(place, format!("EXIF without {missing}"), wanted, HINT));
-    };
-    camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
-    let distortion = match camera.lens {
-        LensModel::Custom(lens) => lens.distortion,
-        _ => [0.0; 4],
-    };
-    camera.lens = LensModel::Custom(CustomLens { focal_length_m, distortion });
-    (camera.f_number, camera.iso, camera.metering) = (f_number, iso, Metering::Off);
-    camera.shutter_close_s = Some(camera.shutter_open_s + exposure_s);
-    camera.focus_m = subject_m(exif).or(camera.focus_m);
-    take_aspect(&mut camera, exif, size_px, &mut warnings);
-    warnings.extend(odd_tags(exif));
-    Ok((camera, warnings))
-}
-
-/// Tags that are there, and from which nothing follows: zeros, and a focal length as of 35 mm film
-/// alone. Each with the key that stands for it.
-fn empty_tags(exif: &Exif) -> Vec<(String, &'static str)> {
-    const KEYS: [(Tag, &str); 5] = [
-        (Tag::FocalLength, "camera.lens.focal_length_m"),
-        (Tag::FNumber, "camera.f_number"),
-        (Tag::ExposureTime, "camera.shutter_close_s"),
-        (Tag::PhotographicSensitivity, "camera.iso"),
-        (Tag::FocalLengthIn35mmFilm, "camera.body.sensor_width_m"),
-    ];
-    let is_empty = |tag: &Tag| signed(exif, *tag).is_none_or(|value| value <= 0.0);
-    let zeros = KEYS.iter().filter(|(tag, _)| value(exif, *tag).is_some() && is_empty(tag));
-    let mut empty: Vec<_> = zeros.map(|(tag, key)| (format!("{tag} = 0"), *key)).collect();
-    let of_film = number(exif, Tag::FocalLengthIn35mmFilm);
-    if let Some(mm) = of_film.filter(|_| value(exif, Tag::FocalLength).is_none()) {
-        let keys = "camera.lens.focal_length_m and camera.body.sensor_width_m";
-        empty.push((format!("FocalLengthIn35mmFilm = {mm} without FocalLength"), keys));
-    }
-    empty
-}
-
-/// Sets width and height to the aspect of the photograph, upright.
-fn take_aspect(
-    camera: &mut CameraOptions,
-    exif: &Exif,
-    size_px: Option<[f64; 2]>,
-    warnings: &mut Vec<String>,
-) {
-    let Some([mut width, mut height]) = tagged_size_px(exif).or(size_px) else {
-        let missing = "EXIF without PixelXDimension and PixelYDimension";
-        warnings.push(format!("{missing}: the picture's aspect stays that of the scene"));
-        return;
-    };
-    // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
-    // left the tag.
-    let mut turned = number(exif, Tag::Orientation).is_some_and(|o| (5.0..=8.0).contains(&o));
-    if let Some([real_width, real_height]) = size_px
-        && ratio_off(real_width / real_height, width / height) >= SAME_ASPECT
-    {
-        if ratio_off(real_width / real_height, height / width) < SAME_ASPECT {
-            turned = false;
-        } else {
-            warnings.push(format!(
-                "EXIF is of a picture of {width} x {height} pixels, and this one has {real_width} \
-                 x {real_height}: it was cropped, and its camera saw more than it shows"
-            ));
+        if empty.is_empty() {
+            let why = self.warnings.iter().map(|why| format!("; {why}")).collect::<String>();
+            let wanted = format!("the tags of lens and exposure{why}");
+            return Error::input(place, format!("EXIF without {missing}"), wanted, HINT);
         }
-        (width, height) = (real_width, real_height);
+        let and = if missing.is_empty() { "" } else { ", and without " };
+        let seen = format!("EXIF with {}{and}{missing}", empty.join(", "));
+        let wanted = "numbers of lens and exposure: a camera writes 0 for what it does not know, as \
+                      the aperture of a lens without contacts";
+        let hint = "leave the photograph out, and name these keys in a scene file, beside those that \
+                    the photograph has";
+        Error::input(place, seen, wanted, hint)
     }
-    let longer = camera.width_px.max(camera.height_px);
-    let shorter = f64::from(longer) * (width.min(height) / width.max(height));
-    #[expect(clippy::cast_possible_truncation, reason = "a side")]
-    let shorter = (shorter.round() as u32).max(1);
-    (camera.width_px, camera.height_px) = (longer, shorter);
-    if (width < height) != turned {
-        (camera.width_px, camera.height_px) = (shorter, longer);
-        // The longer side of the sensor is vertical.
-        let share = f64::from(shorter) / f64::from(longer);
-        let sensor_width_m = camera.body.figures().sensor_width_m * share;
-        camera.body = BodyModel::Custom(CustomBody { sensor_width_m });
+
+    /// Sets width and height to the aspect of the photograph, upright.
+    fn set_aspect(&mut self, camera: &mut CameraOptions) {
+        let Some([mut width, mut height]) = self.tagged_size_px().or(self.size_px) else {
+            let missing = "EXIF without PixelXDimension and PixelYDimension";
+            self.warn(
+                "no-size",
+                format!("{missing}: the picture's aspect stays that of the scene"),
+            );
+            return;
+        };
+        // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
+        // left the tag.
+        let orientation = self.number(Tag::Orientation);
+        let mut turned = orientation.is_some_and(|number| (5.0..=8.0).contains(&number));
+        if let Some([real_width, real_height]) = self.size_px
+            && ratio_off(real_width / real_height, width / height) >= SAME_ASPECT
+        {
+            if ratio_off(real_width / real_height, height / width) < SAME_ASPECT {
+                turned = false;
+            } else {
+                let message = format!(
+                    "EXIF is of a picture of {width} x {height} pixels, and this one has \
+                     {real_width} x {real_height}: it was cropped, and its camera saw more than it \
+                     shows"
+                );
+                self.warn("cropped", message);
+            }
+            (width, height) = (real_width, real_height);
+        }
+        // As many pixels on the longer side as before.
+        let longer = camera.width_px.max(camera.height_px);
+        let shorter = f64::from(longer) * (width.min(height) / width.max(height));
+        #[expect(clippy::cast_possible_truncation, reason = "a side")]
+        let shorter = (shorter.round() as u32).max(1);
+        (camera.width_px, camera.height_px) = (longer, shorter);
+        if (width < height) != turned {
+            (camera.width_px, camera.height_px) = (shorter, longer);
+            // The longer side of the sensor is vertical.
+            let aspect = f64::from(shorter) / f64::from(longer);
+            let sensor_width_m = camera.body.figures().sensor_width_m * aspect;
+            camera.body = BodyModel::Custom(CustomBody { sensor_width_m });
+        }
+    }
+
+    /// Width of the sensor of an unknown camera, from tags of one age.
+    fn sensor_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
+        let film_width_m = self.equivalent_width_m(focal_length_m);
+        let resolution = self.resolution_width_m(film_width_m.is_none());
+        let plausible = resolution.filter(|(_, width_m, _)| SENSORS_M.contains(width_m));
+        let Some((pixels, width_m, is_of_one_age)) = plausible else { return film_width_m };
+        let mm = 1e3 * width_m;
+        match film_width_m {
+            // Programs that shrink a picture leave its resolution tags unchanged.
+            Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => {
+                let message = format!(
+                    "the sensor is taken to be {:.2} mm wide, by FocalLengthIn35mmFilm: \
+                     FocalPlaneXResolution makes it {mm:.2} mm",
+                    1e3 * film_m
+                );
+                self.warn("sensor-width", message);
+                return Some(film_m);
+            }
+            None if !is_of_one_age => {}
+            _ => return Some(width_m),
+        }
+        // No other tag confirms the resolution, so it counts only in a picture as it was taken.
+        if let Some(why) = self.edited() {
+            let message = format!(
+                "{pixels} pixels by FocalPlaneXResolution make a sensor of {mm:.2} mm, but {why}: \
+                 the two may be of different ages"
+            );
+            self.warn("edited", message);
+            return None;
+        }
+        let message = format!(
+            "the sensor is taken to be {mm:.2} mm wide, {pixels} pixels by FocalPlaneXResolution, \
+             which no other tag confirms: a picture that was resized has too small a sensor. If it \
+             was, set camera.body in a scene file"
+        );
+        self.warn("sensor-width", message);
+        Some(width_m)
+    }
+
+    /// Pixels across, the width of the sensor by its resolution, and true if both are certainly of
+    /// one age. A unit that is not EXIF's is worth a warning if the width is needed.
+    fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
+        let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
+            None | Some(2.0) => 0.0254, // inches by default
+            Some(3.0) => 0.01,
+            Some(4.0) => 1e-3,
+            Some(5.0) => 1e-6,
+            Some(unit) => {
+                let message = format!("FocalPlaneResolutionUnit {unit} is none of EXIF's");
+                is_needed.then(|| self.warn("resolution-unit", message));
+                return None;
+            }
+        };
+        let pixels = self.number(Tag::PixelXDimension).or_else(|| self.number(Tag::ImageWidth))?;
+        let per_unit = self.number(Tag::FocalPlaneXResolution)?;
+        let canon = self.canon_width();
+        Some((pixels, canon.unwrap_or(pixels / per_unit) * unit_m, canon.is_some()))
+    }
+
+    fn tagged_size_px(&self) -> Option<[f64; 2]> {
+        let side = |tag, or| self.number(tag).or_else(|| self.number(or));
+        let width = side(Tag::PixelXDimension, Tag::ImageWidth)?;
+        Some([width, side(Tag::PixelYDimension, Tag::ImageLength)?])
+    }
+
+    /// Width of the sensor by the equivalent of the focal length on film, for the picture's aspect.
+    fn equivalent_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
+        let film_mm = self.number(Tag::FocalLengthIn35mmFilm)?;
+        if !FILM_MM.contains(&film_mm) {
+            let message = format!("FocalLengthIn35mmFilm {film_mm} mm is not that of a lens");
+            self.warn("film-equivalent", message);
+            return None;
+        }
+        let [width, height] = self.tagged_size_px().or(self.size_px).unwrap_or([3.0, 2.0]);
+        let aspect = width.max(height) / width.min(height);
+        let film_by_sensor = film_mm / (1e3 * focal_length_m?);
+        Some(film_width_m(aspect, film_by_sensor) / film_by_sensor)
+    }
+
+    /// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the
+    /// pixels of the sensor over its width in thousandths.
+    fn canon_width(&self) -> Option<f64> {
+        if !self.text(Tag::Make)?.to_lowercase().contains("canon") {
+            return None;
+        }
+        let Value::Rational(ratio) = self.value(Tag::FocalPlaneXResolution)? else { return None };
+        let exif::Rational { num, denom } = *ratio.first()?;
+        // Thousandths of an inch: a sensor of 3 mm has 118.
+        (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
+            .then(|| f64::from(denom) / 1000.0)
+    }
+
+    /// Why a picture counts as edited after it was taken.
+    fn edited(&self) -> Option<String> {
+        if let Some(software) = self.text(Tag::Software) {
+            let lower = format!("{} ", software.to_lowercase());
+            if EDITORS.split(',').any(|editor| lower.contains(editor)) {
+                return Some(format!("the picture was edited with {}", software.trim()));
+            }
+        }
+        let (taken, written) = (self.text(Tag::DateTimeOriginal)?, self.text(Tag::DateTime)?);
+        // By the day, since a long exposure is written when it ends.
+        (taken.get(..10) != written.get(..10))
+            .then(|| format!("it was taken at {taken} and changed at {written}"))
+    }
+
+    fn iso(&self) -> Option<f64> {
+        let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
+        match self.number(Tag::PhotographicSensitivity) {
+            Some(named) if named < ISO_BEYOND => self.number(Tag::ISOSpeed).or(Some(named)),
+            _ => others.into_iter().find_map(|tag| self.number(tag)),
+        }
+    }
+
+    /// Distance in focus. 0 means unknown.
+    fn subject_m(&self) -> Option<f64> {
+        match self.value(Tag::SubjectDistance)? {
+            Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
+            _ => self.number(Tag::SubjectDistance).map(|m| m.min(INFINITY_M)),
+        }
+    }
+
+    /// Warns of tags with values that should change the camera, but cannot.
+    fn warn_of_odd_tags(&mut self) {
+        let [subject, orientation] = [Tag::SubjectDistance, Tag::Orientation]
+            .map(|tag| Some(self.exif.get_field(tag, In::PRIMARY)?.display_value().to_string()));
+        if let Some(zoom) = self.number(Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
+            let shown = "the picture shows a part of the sensor, and its camera saw more";
+            self.warn("digital-zoom", format!("DigitalZoomRatio {zoom}: {shown}"));
+        }
+        // Distance 0 is unknown. Only numbers are distances.
+        if let Some(subject) = subject
+            && self.signed(Tag::SubjectDistance).is_none_or(|m| m < 0.0)
+            && self.subject_m().is_none()
+        {
+            let message = format!("SubjectDistance {subject} is not a distance: the focus stays");
+            self.warn("subject-distance", message);
+        }
+        if let Some(orientation) = orientation
+            && !self.number(Tag::Orientation).is_some_and(|number| (1.0..=8.0).contains(&number))
+        {
+            let message =
+                format!("Orientation {orientation} is none of 1 to 8: taken as not turned");
+            self.warn("orientation", message);
+        }
+    }
+
+    fn warn(&mut self, code: &'static str, message: String) {
+        self.warnings.push(Diagnostic::warning(code, message));
+    }
+
+    fn number(&self, tag: Tag) -> Option<f64> {
+        self.signed(tag).filter(|value| *value > 0.0)
+    }
+
+    fn signed(&self, tag: Tag) -> Option<f64> {
+        let value = match self.value(tag)? {
+            Value::Rational(values) => values.first()?.to_f64(),
+            Value::SRational(values) => values.first()?.to_f64(),
+            Value::Float(values) => f64::from(*values.first()?),
+            Value::Double(values) => *values.first()?,
+            value => f64::from(value.get_uint(0)?),
+        };
+        value.is_finite().then_some(value)
+    }
+
+    fn text(&self, tag: Tag) -> Option<String> {
+        match self.value(tag)? {
+            Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
+            _ => None,
+        }
+    }
+
+    fn value(&self, tag: Tag) -> Option<&Value> {
+        Some(&self.exif.get_field(tag, In::PRIMARY)?.value)
     }
 }
 
@@ -249,24 +433,22 @@ const RAW_FILES: [(&str, &[u8]); 12] = [
 
 /// Refuses a raw file by its name.
 pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
-    let has_head = |head: &[u8]| {
+    let raw = RAW_FILES.iter().find(|(_, head)| {
         bytes.len() >= head.len()
-            && head.iter().zip(bytes).all(|(want, byte)| [b'.', *byte].contains(want))
-    };
-    let raw = RAW_FILES.iter().find(|(_, head)| has_head(head));
-    raw.map_or(Ok(()), |(maker, _)| {
-        let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
-        Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint))
-    })
+            && head.iter().zip(bytes).all(|(wanted, byte)| [b'.', *byte].contains(wanted))
+    });
+    let Some((maker, _)) = raw else { return Ok(()) };
+    let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
+    Err(Error::input(place, format_args!("a raw file ({maker})"), "its JPEG", hint))
 }
 
 /// Diagonal of a frame of 35 mm film, 36 by 24 mm.
 const FILM_DIAGONAL_M: f64 = 0.043_267;
 
-/// Width on 35 mm film of the longer side of a picture of some aspect, where film is some times
-/// larger than the sensor. A longer picture than the sensor is cut from its height, a squarer one
-/// from its width: full frame, APS-C and one inch (2.7) are 3:2, larger sensors, Micro Four Thirds
-/// (2.0) and smaller ones 4:3.
+/// Width on 35 mm film of the longer side of a picture of some aspect, if film is some times larger
+/// than the sensor. A longer picture than the sensor is cut from its height, a squarer one from its
+/// width: full frame, APS-C and one inch (2.7) are 3:2, larger sensors, Micro Four Thirds (2.0) and
+/// smaller ones 4:3.
 pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
     let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
     let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };
@@ -278,187 +460,6 @@ const FILM_MM: std::ops::RangeInclusive<f64> = 4.0..=4000.0;
 
 /// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
-
-/// Width of the sensor of an unknown camera, from tags of one age.
-fn width_m(
-    exif: &Exif,
-    size_px: Option<[f64; 2]>,
-    focal_length_m: Option<f64>,
-    warnings: &mut Vec<String>,
-) -> Option<f64> {
-    let film_width_m = equivalent_width_m(exif, size_px, focal_length_m, warnings);
-    let unit_m = match number(exif, Tag::FocalPlaneResolutionUnit) {
-        None | Some(2.0) => 0.0254, // inches by default
-        Some(3.0) => 0.01,
-        Some(4.0) => 1e-3,
-        Some(5.0) => 1e-6,
-        Some(unit) => {
-            if film_width_m.is_none() {
-                warnings.push(format!("FocalPlaneResolutionUnit {unit} is none of EXIF's"));
-            }
-            return film_width_m;
-        }
-    };
-    let pixels = number(exif, Tag::PixelXDimension).or_else(|| number(exif, Tag::ImageWidth));
-    let (Some(pixels), Some(per_unit)) = (pixels, number(exif, Tag::FocalPlaneXResolution)) else {
-        return film_width_m;
-    };
-    let canon_width_m = canon_width(exif).map(|units| units * unit_m);
-    let width_m = canon_width_m.unwrap_or(pixels / per_unit * unit_m);
-    if !SENSORS_M.contains(&width_m) {
-        return film_width_m;
-    }
-    match film_width_m {
-        // Programs that shrink a picture leave its resolution tags unchanged.
-        Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => {
-            let [film_mm, width_mm] = [1e3 * film_m, 1e3 * width_m];
-            warnings.push(format!(
-                "the sensor is taken to be {film_mm:.2} mm wide, by FocalLengthIn35mmFilm: \
-                 FocalPlaneXResolution makes it {width_mm:.2} mm"
-            ));
-            return Some(film_m);
-        }
-        None if canon_width_m.is_none() => {}
-        _ => return Some(width_m),
-    }
-    let mm = 1e3 * width_m;
-    if let Some(why) = edited(exif) {
-        warnings.push(format!(
-            "{pixels} pixels by FocalPlaneXResolution make a sensor of {mm:.2} mm, but {why}: the two \
-             may be of different ages"
-        ));
-        return None;
-    }
-    warnings.push(format!(
-        "the sensor is taken to be {mm:.2} mm wide, {pixels} pixels by FocalPlaneXResolution, which \
-         no other tag confirms: a picture that was resized has too small a sensor; if so, set \
-         camera.body in a scene file"
-    ));
-    Some(width_m)
-}
-
-/// Width and height of the picture by its tags.
-fn tagged_size_px(exif: &Exif) -> Option<[f64; 2]> {
-    let side = |tag, or| number(exif, tag).or_else(|| number(exif, or));
-    let width = side(Tag::PixelXDimension, Tag::ImageWidth)?;
-    Some([width, side(Tag::PixelYDimension, Tag::ImageLength)?])
-}
-
-/// Width of the sensor by the equivalent of the focal length on film, for the picture's aspect.
-fn equivalent_width_m(
-    exif: &Exif,
-    size_px: Option<[f64; 2]>,
-    focal_length_m: Option<f64>,
-    warnings: &mut Vec<String>,
-) -> Option<f64> {
-    let film_mm = number(exif, Tag::FocalLengthIn35mmFilm)?;
-    if !FILM_MM.contains(&film_mm) {
-        warnings.push(format!("FocalLengthIn35mmFilm {film_mm} mm is not that of a lens"));
-        return None;
-    }
-    let [width, height] = tagged_size_px(exif).or(size_px).unwrap_or([3.0, 2.0]);
-    let aspect = width.max(height) / width.min(height);
-    let film_by_sensor = film_mm / (1e3 * focal_length_m?);
-    Some(film_width_m(aspect, film_by_sensor) / film_by_sensor)
-}
-
-/// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the pixels
-/// of the sensor over its width in thousandths.
-fn canon_width(exif: &Exif) -> Option<f64> {
-    if !text(exif, Tag::Make)?.to_lowercase().contains("canon") {
-        return None;
-    }
-    let Value::Rational(ratio) = value(exif, Tag::FocalPlaneXResolution)? else { return None };
-    let exif::Rational { num, denom } = *ratio.first()?;
-    // Thousandths of an inch: a sensor of 3 mm has 118.
-    (num % 1000 == 0 && num >= 640_000 && (100..3000).contains(&denom))
-        .then(|| f64::from(denom) / 1000.0)
-}
-
-/// Why a picture counts as edited after it was taken.
-fn edited(exif: &Exif) -> Option<String> {
-    if let Some(software) = text(exif, Tag::Software) {
-        let lower = format!("{} ", software.to_lowercase());
-        if EDITORS.split(',').any(|editor| lower.contains(editor)) {
-            return Some(format!("the picture was edited with {}", software.trim()));
-        }
-    }
-    let (taken, written) = (text(exif, Tag::DateTimeOriginal)?, text(exif, Tag::DateTime)?);
-    // To the minute; a long exposure is written when it ends.
-    let [day, written_day] = [&taken, &written].map(|date| date.get(..10).map(str::to_owned));
-    (day != written_day).then(|| format!("it was taken at {taken} and changed at {written}"))
-}
-
-/// Sensitivity, ISO.
-fn iso(exif: &Exif) -> Option<f64> {
-    let named = number(exif, Tag::PhotographicSensitivity);
-    let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
-    match named {
-        Some(named) if named < ISO_BEYOND => number(exif, Tag::ISOSpeed).or(Some(named)),
-        _ => others.into_iter().find_map(|tag| number(exif, tag)),
-    }
-}
-
-/// Distance in focus: none where it is unknown, which is 0.
-fn subject_m(exif: &Exif) -> Option<f64> {
-    match value(exif, Tag::SubjectDistance)? {
-        Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
-        _ => number(exif, Tag::SubjectDistance).map(|m| m.min(INFINITY_M)),
-    }
-}
-
-/// Warnings of tags with values that should change the camera, but cannot.
-fn odd_tags(exif: &Exif) -> Vec<String> {
-    let [subject, orientation] = [Tag::SubjectDistance, Tag::Orientation]
-        .map(|tag| Some(exif.get_field(tag, In::PRIMARY)?.display_value().to_string()));
-    let mut odd = Vec::new();
-    if let Some(zoom) = number(exif, Tag::DigitalZoomRatio).filter(|zoom| *zoom > 1.0) {
-        odd.push(format!(
-            "DigitalZoomRatio {zoom}: the picture shows a part of the sensor, and its camera saw more"
-        ));
-    }
-    // Distance 0 is unknown; numbers alone are distances.
-    if let Some(subject) = subject
-        && signed(exif, Tag::SubjectDistance).is_none_or(|m| m < 0.0)
-        && subject_m(exif).is_none()
-    {
-        odd.push(format!("SubjectDistance {subject} is no distance: the focus stays"));
-    }
-    if let Some(orientation) = orientation
-        && !number(exif, Tag::Orientation).is_some_and(|o| (1.0..=8.0).contains(&o))
-    {
-        odd.push(format!("Orientation {orientation} is none of 1 to 8: taken as not turned"));
-    }
-    odd
-}
-
-/// Positive number of a tag.
-fn number(exif: &Exif, tag: Tag) -> Option<f64> {
-    signed(exif, tag).filter(|value| *value > 0.0)
-}
-
-/// Number of a tag.
-fn signed(exif: &Exif, tag: Tag) -> Option<f64> {
-    let value = match value(exif, tag)? {
-        Value::Rational(values) => values.first()?.to_f64(),
-        Value::SRational(values) => values.first()?.to_f64(),
-        Value::Float(values) => f64::from(*values.first()?),
-        Value::Double(values) => *values.first()?,
-        value => f64::from(value.get_uint(0)?),
-    };
-    value.is_finite().then_some(value)
-}
-
-fn text(exif: &Exif, tag: Tag) -> Option<String> {
-    match value(exif, tag)? {
-        Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
-        _ => None,
-    }
-}
-
-fn value(exif: &Exif, tag: Tag) -> Option<&Value> {
-    Some(&exif.get_field(tag, In::PRIMARY)?.value)
-}
 
 /// Width and height of the picture itself, of a JPEG or PNG file.
 fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
@@ -477,7 +478,7 @@ mod tests {
     use super::*;
     use exif::{Field, Rational, experimental::Writer};
 
-    /// A TIFF file with these tags alone.
+    /// A TIFF file with only these tags.
     fn tiff(fields: &[(Tag, Value)]) -> tempfile::NamedTempFile {
         let fields: Vec<Field> = fields
             .iter()
@@ -509,7 +510,7 @@ mod tests {
         ]
     }
 
-    /// Its tags without some, and with others added or in their place.
+    /// Its tags without some, and with others added or replaced.
     fn telephone_with(left_out: &[Tag], added: &[(Tag, Value)]) -> Vec<(Tag, Value)> {
         let mut tags = telephone();
         tags.retain(|(tag, _)| {
@@ -519,8 +520,13 @@ mod tests {
         tags
     }
 
+    fn read(path: &Path) -> Result<(CameraOptions, Vec<String>)> {
+        let Warned { product, warnings } = taken_as(CameraOptions::default(), path)?;
+        Ok((product, warnings.iter().map(Diagnostic::to_string).collect()))
+    }
+
     fn taken(tags: &[(Tag, Value)]) -> (CameraOptions, Vec<String>) {
-        taken_as(CameraOptions::default(), tiff(tags).path()).unwrap()
+        read(tiff(tags).path()).unwrap()
     }
 
     #[test]
@@ -547,7 +553,7 @@ mod tests {
     fn an_equivalent_focal_length_that_no_lens_has_is_named() {
         let film = (Tag::FocalLengthIn35mmFilm, Value::Short(vec![11_113]));
         let file = tiff(&telephone_with(&[], &[film]));
-        let error = taken_as(CameraOptions::default(), file.path()).unwrap_err().to_string();
+        let error = read(file.path()).unwrap_err().to_string();
         assert!(error.contains("FocalLengthIn35mmFilm 11113 mm"), "{error}");
     }
 
@@ -558,7 +564,7 @@ mod tests {
         {
             let file = tempfile::NamedTempFile::new().unwrap();
             std::fs::write(file.path(), head).unwrap();
-            let error = taken_as(CameraOptions::default(), file.path()).unwrap_err();
+            let error = read(file.path()).unwrap_err();
             assert!(error.to_string().contains("a raw file ("), "{error}");
             assert!(error.hint().contains("JPEG"), "{}", error.hint());
         }
@@ -623,7 +629,7 @@ mod tests {
             let mut edited = other.clone();
             let taken = Value::Ascii(vec![b"2024:05:04 22:00:00".to_vec()]);
             edited.extend([(Tag::DateTimeOriginal, taken), (tag, Value::Ascii(vec![text.into()]))]);
-            let error = taken_as(CameraOptions::default(), tiff(&edited).path()).unwrap_err();
+            let error = read(tiff(&edited).path()).unwrap_err();
             let message = error.to_string();
             assert!(message.contains("FocalLengthIn35mmFilm"), "{message}");
             assert!(message.contains(why), "{message}");
@@ -655,7 +661,7 @@ mod tests {
             (Tag::PhotographicSensitivity, Value::Long(vec![4_000_000_000])),
         ] {
             let file = tiff(&telephone_with(&[], &[(tag, value)]));
-            let error = taken_as(CameraOptions::default(), file.path()).unwrap_err().to_string();
+            let error = read(file.path()).unwrap_err().to_string();
             assert!(error.starts_with(&file.path().display().to_string()), "{error}");
             assert!(error.contains(&tag.to_string()) && !error.contains("camera."), "{error}");
         }
@@ -679,16 +685,15 @@ mod tests {
         let next = inner + 2 + 12 * entries(&bytes, inner);
         bytes[next..next + 4].copy_from_slice(&[0, 0, 0x1e, 0]);
         std::fs::write(file.path(), &bytes).unwrap();
-        let camera = taken_as(CameraOptions::default(), file.path()).unwrap().0;
+        let camera = read(file.path()).unwrap().0;
         assert_eq!((camera.f_number, camera.iso), (1.8, 50.0));
         // And the one after the first, of the thumbnail.
         let next = first + 2 + 12 * entries(&bytes, first);
         bytes[next..next + 4].copy_from_slice(&[0xff; 4]);
         std::fs::write(file.path(), &bytes).unwrap();
-        assert_eq!(taken_as(CameraOptions::default(), file.path()).unwrap().0.iso, 50.0);
+        assert_eq!(read(file.path()).unwrap().0.iso, 50.0);
     }
 
-    /// A JPEG of a size with these tags: markers alone.
     fn jpeg(tags: &[(Tag, Value)], [width, height]: [u16; 2]) -> tempfile::NamedTempFile {
         let exif = std::fs::read(tiff(tags).path()).unwrap();
         let length = u16::try_from(exif.len() + 8).unwrap().to_be_bytes();
@@ -711,13 +716,12 @@ mod tests {
             (&telephone(), [3000, 4000], (1440, 1920)),
             (&telephone(), [400, 300], (1920, 1440)),
         ] {
-            let (camera, said) =
-                taken_as(CameraOptions::default(), jpeg(tags, size_px).path()).unwrap();
+            let (camera, said) = read(jpeg(tags, size_px).path()).unwrap();
             assert_eq!((camera.width_px, camera.height_px), wanted, "{size_px:?}");
             assert!(said.is_empty(), "{said:?}");
         }
         let cropped = jpeg(&telephone(), [2000, 2000]);
-        let (camera, said) = taken_as(CameraOptions::default(), cropped.path()).unwrap();
+        let (camera, said) = read(cropped.path()).unwrap();
         assert_eq!((camera.width_px, camera.height_px), (1920, 1920));
         assert!(said[0].contains("cropped"), "{said:?}");
     }
@@ -779,7 +783,7 @@ mod tests {
             let wanted = taken(&good).0;
             good.retain(|(other, _)| *other != tag);
             good.push((tag, odd));
-            match taken_as(CameraOptions::default(), tiff(&good).path()) {
+            match read(tiff(&good).path()) {
                 Ok((camera, said)) => {
                     let name = tag.to_string();
                     let is_named = said.iter().any(|text| text.contains(&name));
@@ -795,7 +799,9 @@ mod tests {
 
     #[test]
     fn missing_tags_are_named() {
-        let error = |path: &Path| taken_as(CameraOptions::default(), path).unwrap_err();
+        fn error(path: &Path) -> Error {
+            read(path).unwrap_err()
+        }
         let some: Vec<_> = telephone().drain(..2).collect();
         let message = error(tiff(&some).path()).to_string();
         for tag in ["FocalLengthIn35mmFilm", "FNumber", "ExposureTime", "PhotographicSensitivity"] {

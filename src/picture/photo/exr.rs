@@ -22,7 +22,7 @@ impl Readout {
     /// The readout as an uncompressed EXR file, 32 bits a channel, with the attributes
     /// chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one),
     /// software, and comments, a line `keyword: text` for each note, in UTF-8 as the official
-    /// library and its Python module read text. No time stamp.
+    /// library and its Python module read text. No time.
     pub fn encode_exr(&self, camera: &Camera, notes: &[(&str, String)]) -> Vec<u8> {
         let width = self.width_px as usize;
         let size = (width, self.height_px as usize);

@@ -6,6 +6,12 @@
 //! compared in Hunt-adjusted `L*a*b*` by the distance `HyAB`, and weighted by differences of edges
 //! and points. 0 is equal, 1 the largest difference (black and white, green and blue).
 
+use std::f32::consts::PI;
+use std::iter::Sum;
+use std::ops::{Add, Div, Mul};
+
+use glam::{Mat3, Vec3};
+
 use super::{Photo, PhotoData};
 use noctograph_core::srgb;
 
@@ -13,21 +19,27 @@ use noctograph_core::srgb;
 const PIXELS_PER_DEGREE: f32 = 67.0;
 
 /// White in XYZ: D65.
-const WHITE: [f32; 3] = [0.950_428_5, 1.0, 1.088_900_4];
+const WHITE: Vec3 = Vec3::new(0.950_428_5, 1.0, 1.088_900_4);
 
-/// Contrast sensitivity of the eye as two gaussians `a √(π/b) exp(-π² x² / b)` of x in degrees, for
-/// luminance, red-green and blue-yellow: a1, b1, a2, b2.
-const SENSITIVITY: [[f32; 4]; 3] =
-    [[1.0, 0.0047, 0.0, 1e-5], [1.0, 0.0053, 0.0, 1e-5], [34.1, 0.04, 13.5, 0.025]];
+const XYZ_FROM_RGB: Mat3 = Mat3::from_cols(
+    Vec3::new(0.412_390_8, 0.212_639, 0.019_330_818),
+    Vec3::new(0.357_584_33, 0.715_168_65, 0.119_194_78),
+    Vec3::new(0.180_480_8, 0.072_192_32, 0.950_532_14),
+);
 
-/// Exponents of colors and of features.
+/// Contrast sensitivity of the eye as two Gaussians `a √(π/b) exp(-π² x² / b)` of x in degrees: a
+/// and b for luminance, red-green and blue-yellow.
+const SENSITIVITY: [[Vec3; 2]; 2] = [
+    [Vec3::new(1.0, 1.0, 34.1), Vec3::new(0.0047, 0.0053, 0.04)],
+    [Vec3::new(0.0, 0.0, 13.5), Vec3::new(1e-5, 1e-5, 0.025)],
+];
+
 const COLOR_EXPONENT: f32 = 0.7;
 const FEATURE_EXPONENT: f32 = 0.5;
 
-/// Compression of large color differences: the first share of the largest maps to the second.
+/// Compression of large color differences: the first fraction of the largest maps to the second.
 const COMPRESSED: [f32; 2] = [0.4, 0.95];
 
-/// Width of edges and points, in degrees.
 const FEATURE_DEG: f32 = 0.082;
 
 /// A difference of two pictures.
@@ -65,10 +77,9 @@ impl Difference {
         ];
         #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
         let rgb8 = self.values.iter().flat_map(|value| {
-            [0, 1, 2].map(|c| {
-                let share: f32 = FIT.iter().rev().fold(0.0, |sum, k| sum * value + k[c]);
-                (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
-            })
+            // Horner's rule.
+            let color = FIT.iter().rev().fold(Vec3::ZERO, |sum, k| sum * value + Vec3::from(*k));
+            color.to_array().map(|channel| (channel.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
         });
         let (width_px, height_px) = (self.width_px, self.height_px);
         let rgb8 = rgb8.collect();
@@ -87,12 +98,10 @@ pub fn difference(a: &Photo, b: &Photo) -> Difference {
     assert_eq!(size, [b.width_px, b.height_px], "pictures of one size");
     let [a, b] = [Perceived::new(a), Perceived::new(b)];
     // Differences are compressed by the largest, that of green and blue.
-    let [green, blue] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|rgb| hunt_lab(xyz_from_rgb(rgb)));
+    let [green, blue] = [Vec3::Y, Vec3::Z].map(|rgb| hunt_lab(XYZ_FROM_RGB * rgb));
     let largest = libm::powf(hyab(green, blue), COLOR_EXPONENT);
-    let values = (0..a.lab[0].values.len()).map(|i| {
-        let [color_a, color_b] =
-            [&a, &b].map(|picture| [0, 1, 2].map(|c| picture.lab[c].values[i]));
-        let color = compressed(libm::powf(hyab(color_a, color_b), COLOR_EXPONENT), largest);
+    let values = (0..a.lab.len()).map(|i| {
+        let color = compressed(libm::powf(hyab(a.lab[i], b.lab[i]), COLOR_EXPONENT), largest);
         let edge = (a.edges.values[i] - b.edges.values[i]).abs();
         let point = (a.points.values[i] - b.points.values[i]).abs();
         let feature = edge.max(point) / std::f32::consts::SQRT_2;
@@ -102,20 +111,19 @@ pub fn difference(a: &Photo, b: &Photo) -> Difference {
     Difference { width_px: size[0], height_px: size[1], values }
 }
 
-/// One channel of a picture.
+/// Values by pixel, row by row: a gray picture, or one in three channels.
 #[derive(Clone, Debug)]
-struct Plane {
+struct Plane<T> {
     width: usize,
-    values: Vec<f32>,
+    values: Vec<T>,
 }
 
 /// A picture as the eye perceives it.
 struct Perceived {
     /// Hunt-adjusted `L*`, `a*`, `b*`.
-    lab: [Plane; 3],
-    /// Strength of edges and points.
-    edges: Plane,
-    points: Plane,
+    lab: Vec<Vec3>,
+    edges: Plane<f32>,
+    points: Plane<f32>,
 }
 
 impl Perceived {
@@ -123,52 +131,43 @@ impl Perceived {
         let width = photo.width_px as usize;
         let light = srgb::linear_from_level();
         let opponent = photo.rgb8.as_chunks::<3>().0.iter().map(|pixel| {
-            opponent_from_xyz(xyz_from_rgb(pixel.map(|level| light[usize::from(level)])))
+            let rgb = Vec3::from(pixel.map(|level| light[usize::from(level)]));
+            opponent_from_xyz(XYZ_FROM_RGB * rgb)
         });
-        let channels = planes(width, &opponent.collect::<Vec<_>>());
-        let gray = channels[0].values.iter().map(|y| (y + 16.0) / 116.0);
-        let gray = Plane { width, values: gray.collect() };
-        let filtered = [0, 1, 2].map(|c| channels[c].filtered(SENSITIVITY[c]));
-        let lab = (0..gray.values.len()).map(|i| {
-            let xyz = xyz_from_opponent([0, 1, 2].map(|c| filtered[c].values[i]));
-            hunt_lab(xyz_from_rgb(rgb_from_xyz(xyz).map(|value| value.clamp(0.0, 1.0))))
+        // Features are of the unfiltered luminance, colors are filtered in linear light.
+        let opponent = Plane { width, values: opponent.collect() };
+        let gray = opponent.values.iter().map(|color| (color.x + 16.0) / 116.0);
+        let [edges, points] = Plane { width, values: gray.collect() }.features();
+        let rgb_from_xyz = XYZ_FROM_RGB.inverse();
+        let lab = opponent.filtered().values.into_iter().map(|color| {
+            let rgb = rgb_from_xyz * xyz_from_opponent(color);
+            hunt_lab(XYZ_FROM_RGB * rgb.clamp(Vec3::ZERO, Vec3::ONE))
         });
-        let lab = planes(width, &lab.collect::<Vec<_>>());
-        let [edges, points] = gray.features();
-        Self { lab, edges, points }
+        Self { lab: lab.collect(), edges, points }
     }
 }
 
-/// The channels of a picture.
-fn planes(width: usize, pixels: &[[f32; 3]]) -> [Plane; 3] {
-    [0, 1, 2].map(|c| Plane { width, values: pixels.iter().map(|pixel| pixel[c]).collect() })
-}
-
-impl Plane {
+impl Plane<Vec3> {
     /// Filtered by the contrast sensitivity of the eye: a sum of two Gaussians, each separable.
-    fn filtered(&self, [a1, b1, a2, b2]: [f32; 4]) -> Self {
-        let pi = std::f32::consts::PI;
+    fn filtered(&self) -> Self {
         // One radius for all channels, as in the program of the paper.
-        let radii = SENSITIVITY.iter().map(|[_, b1, _, b2]| {
-            (3.0 * (b1.max(*b2) / (2.0 * pi * pi)).sqrt() * PIXELS_PER_DEGREE).ceil()
-        });
-        let radius = radii.fold(0.0, f32::max);
-        let [(first, bell), (second, wide)] = [(a1, b1), (a2, b2)].map(|(a, b)| {
-            let bell = kernel(radius, |x| libm::expf(-pi * pi * x * x / b));
+        let widest = SENSITIVITY.iter().map(|[_, b]| b.max_element()).fold(0.0, f32::max);
+        let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil();
+        let [(first, mut out), (second, wide)] = SENSITIVITY.map(|[a, b]| {
+            let bell = kernel(radius, |x| b.map(|b| libm::expf(-PI * PI * x * x / b)));
             // The factor a √(π/b) counts once for both axes.
-            let area: f32 = bell.iter().sum();
-            (a * (pi / b).sqrt() * area * area, unit(bell))
+            let area: Vec3 = bell.iter().sum();
+            let bell = unit(bell);
+            (a * b.map(|b| (PI / b).sqrt()) * area * area, self.along_x(&bell).along_y(&bell))
         });
-        let mut out = self.along_x(&bell).along_y(&bell);
-        if second > 0.0 {
-            let wide = self.along_x(&wide).along_y(&wide);
-            for (out, wide) in out.values.iter_mut().zip(wide.values) {
-                *out = (first * *out + second * wide) / (first + second);
-            }
+        for (out, wide) in out.values.iter_mut().zip(wide.values) {
+            *out = (first * *out + second * wide) / (first + second);
         }
         out
     }
+}
 
+impl Plane<f32> {
     /// Strength of edges and of points: first and second derivative of a Gaussian.
     fn features(&self) -> [Self; 2] {
         let sigma = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
@@ -185,9 +184,11 @@ impl Plane {
             Self { width: self.width, values: strength.collect() }
         })
     }
+}
 
-    /// Convolved with a kernel along the rows; the border pixel is repeated.
-    fn along_x(&self, kernel: &[f32]) -> Self {
+impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
+    /// Convolved with a kernel along the rows. The border pixel is repeated.
+    fn along_x(&self, kernel: &[T]) -> Self {
         let radius = kernel.len() / 2;
         let mut padded = Vec::new();
         let mut values = Vec::with_capacity(self.values.len());
@@ -196,22 +197,24 @@ impl Plane {
             padded.extend(std::iter::repeat_n(row[0], radius));
             padded.extend_from_slice(row);
             padded.extend(std::iter::repeat_n(row[self.width - 1], radius));
-            let windows = padded.windows(kernel.len());
-            values.extend(windows.map(|w| w.iter().zip(kernel).map(|(v, k)| v * k).sum::<f32>()));
+            values.extend(padded.windows(kernel.len()).map(|window| {
+                let products = window.iter().zip(kernel).map(|(value, weight)| *value * *weight);
+                products.fold(T::default(), T::add)
+            }));
         }
         Self { width: self.width, values }
     }
 
     /// The same along the columns.
-    fn along_y(&self, kernel: &[f32]) -> Self {
+    fn along_y(&self, kernel: &[T]) -> Self {
         let radius = (kernel.len() / 2).cast_signed();
         let height = (self.values.len() / self.width).cast_signed();
-        let mut values = vec![0.0; self.values.len()];
+        let mut values = vec![T::default(); self.values.len()];
         for (y, out) in (0..height).zip(values.chunks_exact_mut(self.width)) {
             for (k, weight) in (-radius..).zip(kernel) {
                 let from = (y + k).clamp(0, height - 1).cast_unsigned() * self.width;
                 for (out, value) in out.iter_mut().zip(&self.values[from..]) {
-                    *out += weight * value;
+                    *out = *out + *weight * *value;
                 }
             }
         }
@@ -220,17 +223,16 @@ impl Plane {
 }
 
 /// Values at integer pixels from `-radius` to `radius`, as a function of degrees.
-fn kernel(radius: f32, value: impl Fn(f32) -> f32) -> Vec<f32> {
+fn kernel<T>(radius: f32, value: impl Fn(f32) -> T) -> Vec<T> {
     #[expect(clippy::cast_possible_truncation, reason = "some ten pixels")]
     let radius = radius as i32;
     (-radius..=radius).map(|px| value(px as f32 / PIXELS_PER_DEGREE)).collect()
 }
 
 /// Scaled to a sum of 1.
-fn unit(mut kernel: Vec<f32>) -> Vec<f32> {
-    let sum: f32 = kernel.iter().sum();
-    kernel.iter_mut().for_each(|value| *value /= sum);
-    kernel
+fn unit<T: Copy + Sum + Div<Output = T>>(kernel: Vec<T>) -> Vec<T> {
+    let sum: T = kernel.iter().copied().sum();
+    kernel.into_iter().map(|value| value / sum).collect()
 }
 
 /// Positive values scaled to a sum of 1, negative ones to -1.
@@ -241,57 +243,42 @@ fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
     kernel
 }
 
-fn xyz_from_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
-    [
-        0.412_390_8 * r + 0.357_584_33 * g + 0.180_480_8 * b,
-        0.212_639 * r + 0.715_168_65 * g + 0.072_192_32 * b,
-        0.019_330_818 * r + 0.119_194_78 * g + 0.950_532_14 * b,
-    ]
-}
-
-fn rgb_from_xyz([x, y, z]: [f32; 3]) -> [f32; 3] {
-    [
-        3.240_97 * x - 1.537_383_2 * y - 0.498_610_76 * z,
-        -0.969_243_65 * x + 1.875_967_5 * y + 0.041_555_06 * z,
-        0.055_630_08 * x - 0.203_976_96 * y + 1.056_971_5 * z,
-    ]
-}
-
 /// `YCxCz`: `L*a*b*` without its roots.
-fn opponent_from_xyz(xyz: [f32; 3]) -> [f32; 3] {
-    let [x, y, z] = [0, 1, 2].map(|c| xyz[c] / WHITE[c]);
-    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+fn opponent_from_xyz(xyz: Vec3) -> Vec3 {
+    let Vec3 { x, y, z } = xyz / WHITE;
+    Vec3::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
 }
 
-fn xyz_from_opponent([y, cx, cz]: [f32; 3]) -> [f32; 3] {
-    let y = (y + 16.0) / 116.0;
-    [(y + cx / 500.0) * WHITE[0], y * WHITE[1], (y - cz / 200.0) * WHITE[2]]
+fn xyz_from_opponent(color: Vec3) -> Vec3 {
+    let y = (color.x + 16.0) / 116.0;
+    Vec3::new(y + color.y / 500.0, y, y - color.z / 200.0) * WHITE
 }
 
 /// `L*a*b*` with colorfulness that falls in the dark (Hunt).
-fn hunt_lab(xyz: [f32; 3]) -> [f32; 3] {
+fn hunt_lab(xyz: Vec3) -> Vec3 {
     let delta = 6.0_f32 / 29.0;
-    let [x, y, z] = [0, 1, 2].map(|c| match xyz[c] / WHITE[c] {
+    let Vec3 { x, y, z } = (xyz / WHITE).map(|value| match value {
         value if value > delta * delta * delta => libm::cbrtf(value),
         value => value / (3.0 * delta * delta) + 4.0 / 29.0,
     });
     let lightness = 116.0 * y - 16.0;
     let hunt = 0.01 * lightness;
-    [lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z)]
+    Vec3::new(lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z))
 }
 
-fn hyab(a: [f32; 3], b: [f32; 3]) -> f32 {
-    (a[0] - b[0]).abs() + libm::hypotf(a[1] - b[1], a[2] - b[2])
+/// The distance `HyAB` of two colors in `L*a*b*`.
+fn hyab(a: Vec3, b: Vec3) -> f32 {
+    (a.x - b.x).abs() + libm::hypotf(a.y - b.y, a.z - b.z)
 }
 
 /// Maps a color difference to 0 to 1, compressing the upper part (FLIP).
 fn compressed(difference: f32, largest: f32) -> f32 {
-    let [share, becomes] = COMPRESSED;
-    let knee = share * largest;
+    let [from, to] = COMPRESSED;
+    let knee = from * largest;
     if difference < knee {
-        becomes / knee * difference
+        to / knee * difference
     } else {
-        becomes + (difference - knee) / (largest - knee) * (1.0 - becomes)
+        to + (difference - knee) / (largest - knee) * (1.0 - to)
     }
 }
 
@@ -305,7 +292,6 @@ mod tests {
         Photo::made(PhotoData { width_px: width, height_px: height, rgb8, scene_toml: None })
     }
 
-    /// A trail, a dot, a ramp of colors and a checkerboard.
     fn drawing(shift: u32) -> Photo {
         picture(96, 64, |x, y| {
             let (x, y) = (x + shift, y);

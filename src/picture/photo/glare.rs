@@ -1,8 +1,8 @@
-//! Veiling glare and halo: the lens scatters a share of all light, in integers.
+//! Veiling glare and halo: the lens scatters a fraction of all light, in integers.
 //!
-//! The scatter `1 / (1 + (r/r0)²)^s` (Harvey) becomes a sum of octaves: bell-shaped blurs of σ = 4,
-//! 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave is made
-//! of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
+//! The scatter `1 / (1 + (r/r0)²)^s` (Harvey 1976) becomes a sum of octaves: bell-shaped blurs of
+//! σ = 4, 8, 16 … px, each with the light that the scatter puts into its ring of radii. An octave
+//! is made of sums of cells as wide as its σ, blurred and spread back to pixels by a pyramid. Light
 //! scattered within 4 px stays in its pixel. Every count is conserved.
 //!
 //! Not modeled: ghosts, and light that crosses the border of the picture (it is mirrored).
@@ -18,13 +18,12 @@ use noctograph_core::camera::Camera;
 /// Edge of the finest cells, and σ of the finest octave.
 pub(super) const CELL_PX: usize = 4;
 
-/// One, for shares of light.
+/// Unit of fractions of light.
 pub(super) const WHOLE: u32 = 1 << 16;
 
-/// The light that the lens scatters.
 #[derive(Debug)]
 pub(super) struct Glare {
-    /// Scattered share of each pixel's counts, in units of 1 / [`WHOLE`].
+    /// Scattered fraction of each pixel's counts, in units of 1 / [`WHOLE`].
     share: u32,
     /// Scattered light of each channel at the finest cells.
     halo: Vec<Plane>,
@@ -33,7 +32,7 @@ pub(super) struct Glare {
 }
 
 impl Glare {
-    /// Scatters the light of a film; `None` where the scatter is too weak for any pixel.
+    /// Scatters the light of a film. `None` if the scatter is too weak for any pixel.
     pub(super) fn new(film: &Film, camera: &Camera, options: &PhotoOptions) -> Option<Self> {
         let size_px = [film.width_px, film.height_px].map(|side| side as usize);
         let octaves = octaves(size_px, options, camera.pixel_pitch_m());
@@ -47,18 +46,16 @@ impl Glare {
         Some(Self { share, halo, rows })
     }
 
-    /// Counts of a row of the film, `pixels`, after the scatter; they saturate. `scratch` is kept
-    /// between rows.
+    /// Counts of a row of the film, `pixels`, after the scatter. `cells` is a buffer.
     pub(super) fn row(
         &self,
         channel: usize,
         y: usize,
         pixels: &[u32],
-        scratch: &mut Scratch,
+        cells: &mut Vec<u64>,
         out: &mut [u32],
     ) {
         let halo = &self.halo[channel];
-        let cells = &mut scratch.cells;
         cells.clear();
         cells.resize(halo.width, 0);
         noctograph_core::dispatch!(|| {
@@ -71,6 +68,7 @@ impl Glare {
             for (out, &count) in out.iter_mut().zip(pixels) {
                 *out = count - scattered(count, self.share);
             }
+            // Along the row in 32 bits if the cells are faint, as nearly all are.
             let most = cells.iter().copied().fold(0, u64::max);
             if most < QUADRUPLE.most_narrow() {
                 QUADRUPLE.along_narrow(cells, out);
@@ -83,19 +81,13 @@ impl Glare {
     }
 }
 
-/// Buffer for a row of cells.
-#[derive(Debug, Default)]
-pub(super) struct Scratch {
-    cells: Vec<u64>,
-}
-
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "a share of a u32")]
+#[expect(clippy::cast_possible_truncation, reason = "a part of a u32")]
 fn scattered(count: u32, share: u32) -> u32 {
     ((u64::from(count) * u64::from(share)) >> 16) as u32
 }
 
-/// Light of cells of 4 × 4 pixels, by channel: a share of every count.
+/// Light of cells of 4 × 4 pixels, by channel: a fraction of every count.
 pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
     let (width, height) = (film.width_px as usize, film.height_px as usize);
     let columns = width.div_ceil(CELL_PX);
@@ -111,6 +103,7 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
                     for (sum, pixels) in sums.iter_mut().zip(cells) {
                         *sum += pixels.iter().map(light).sum::<u64>();
                     }
+                    // The last cell may be narrower.
                     if let Some(sum) = sums.get_mut(cells.len()) {
                         *sum += rest.iter().map(light).sum::<u64>();
                     }
@@ -121,10 +114,10 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
     })
 }
 
-/// Shares of the octaves from σ = 4 px to half the picture, in units of 1 / [`WHOLE`].
+/// Fractions of the octaves from σ = 4 px to half the picture, in units of 1 / [`WHOLE`].
 fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) -> Vec<u32> {
     let PhotoOptions { glare_frac, glare_radius_m, glare_exponent, .. } = *options;
-    // Share of the scatter within r, of all within the picture's diagonal.
+    // Fraction of the scatter within r.
     let within = |r_px: f64| {
         let ratio = r_px * pitch_m / glare_radius_m;
         1.0 - libm::pow(1.0 + ratio * ratio, 1.0 - glare_exponent)
@@ -132,7 +125,7 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     let diagonal = within(((width * width + height * height) as f64).sqrt());
     let sigmas = std::iter::successors(Some(CELL_PX), |sigma| Some(2 * sigma));
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();
-    // A bell of σ has the middle of its light at 1.18 σ; its ring reaches from 0.83 σ to 1.67 σ.
+    // A bell of σ has the middle of its light at 1.18 σ. Its ring reaches from 0.83 σ to 1.67 σ.
     let edge = |sigma: usize| within(sigma as f64 * (1.18 / std::f64::consts::SQRT_2));
     Vec::from_iter((0..sigmas.len()).map(|index: usize| {
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
@@ -148,26 +141,26 @@ fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Down: each octave takes its share of the light that the finer ones leave.
+    // Down: each octave takes a part of the light that the finer ones leave.
     let mut left: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
     let mut rest = cells;
     let mut taken = Vec::with_capacity(octaves.len());
     for &octave in &octaves[..octaves.len() - 1] {
-        let mut own = rest.clone();
-        let share = (u64::from(octave) << 16) / left;
-        for (own, rest) in own.values.iter_mut().zip(&mut rest.values) {
-            *own = (*own >> 16) * share + (((*own & 0xffff) * share) >> 16);
-            *rest -= *own;
+        let mut part = rest.clone();
+        let factor = (u64::from(octave) << 16) / left;
+        for (part, rest) in part.values.iter_mut().zip(&mut rest.values) {
+            *part = (*part >> 16) * factor + (((*part & 0xffff) * factor) >> 16);
+            *rest -= *part;
         }
         left = (left - u64::from(octave)).max(1);
         rest = rest.halved();
-        taken.push(own);
+        taken.push(part);
     }
     // Up: blurred, and spread to cells half as wide.
     let mut halo = rest.blurred();
-    for mut own in taken.into_iter().rev() {
-        halo.spread_into(&DOUBLE, &mut own);
-        halo = own.blurred();
+    for mut part in taken.into_iter().rev() {
+        halo.spread_into(&DOUBLE, &mut part);
+        halo = part.blurred();
     }
     halo
 }

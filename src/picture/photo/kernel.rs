@@ -1,10 +1,8 @@
 //! Spreading of light over neighbors in integers, with every count conserved.
 //!
-//! A value V is divided in shares `c_j / 2^s` with sum 1. Part j gets `⌊V c_0…j / 2^s⌋ -
+//! A value V is divided in fractions `c_j / 2^s` with sum 1. Part j gets `⌊V c_0…j / 2^s⌋ -
 //! ⌊V c_0…j-1 / 2^s⌋`, so that the rounded parts add up to V. Light that would leave the picture is
 //! mirrored at its border, so that uniform light stays uniform.
-//!
-//! The blur of `flip` (any kernel, in f32) conserves no counts.
 
 /// Light of cells, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -14,19 +12,16 @@ pub(super) struct Plane {
     pub(super) values: Vec<u64>,
 }
 
-/// Kernel that spreads the light of a cell along an axis; values must stay below 2^58.
+/// Kernel that spreads the light of a cell over finer places along an axis. Values are below 2^58.
 #[derive(Debug)]
 pub(super) struct Kernel<const PARTS: usize> {
-    /// Places per cell.
     pub(super) step: usize,
-    /// First place of cell 0.
     first: isize,
-    /// Shares up to and with each part, in units of `2^-shift`.
+    /// Sums of the fractions up to and with each part, in units of `2^-shift`.
     cumulative: [u64; PARTS],
     shift: u32,
 }
 
-/// 1-2-1.
 pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
 /// Cells twice as wide to cells, 1-3-3-1.
@@ -38,7 +33,6 @@ pub(super) const QUADRUPLE: Kernel<8> =
     Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 
 impl<const PARTS: usize> Kernel<PARTS> {
-    /// Light of one part of a cell.
     #[inline(always)]
     pub(super) fn part(&self, value: u64, part: usize) -> u64 {
         let until = |part: usize| (value * self.cumulative[part]) >> self.shift;
@@ -64,7 +58,6 @@ impl<const PARTS: usize> Kernel<PARTS> {
         sources
     }
 
-    /// Light of all parts of a cell.
     #[inline(always)]
     fn parts(&self, value: u64) -> [u64; PARTS] {
         let until = self.cumulative.map(|share| (value * share) >> self.shift);
@@ -95,7 +88,7 @@ impl Kernel<8> {
         1 << (32 - self.shift)
     }
 
-    /// The same as [`Self::along`] for faint cells, four places at once; sums saturate.
+    /// The same as [`Self::along`] for faint cells, four places at once. Sums saturate.
     #[inline(always)]
     pub(super) fn along_narrow(&self, cells: &[u64], out: &mut [u32]) {
         let n = out.len();
@@ -105,16 +98,17 @@ impl Kernel<8> {
             let part = |part: usize| until[part] - if part == 0 { 0 } else { until[part - 1] };
             [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|k| part(k + 4))]
         };
-        // The parts of a cell that leave the picture are mirrored at its border.
+        // A block of four places gets the upper half of one cell and the lower half of the next.
         let inside = out.get_mut(2..).map(|out| out.as_chunks_mut::<4>().0).unwrap_or_default();
         let mut before = cells.first().map_or([0; 4], |first| parts(*first)[1]);
         for (places, &cell) in inside.iter_mut().zip(cells.get(1..).unwrap_or_default()) {
-            let [own, after] = parts(cell);
-            for (place, (own, before)) in places.iter_mut().zip(own.iter().zip(before)) {
-                *place = place.saturating_add(own + before);
+            let [lower, upper] = parts(cell);
+            for (place, (lower, before)) in places.iter_mut().zip(lower.iter().zip(before)) {
+                *place = place.saturating_add(lower + before);
             }
-            before = after;
+            before = upper;
         }
+        // The border is left: parts that leave the picture are mirrored there.
         let n_inside = inside.len();
         let last = cells.len().saturating_sub(2).max(1)..cells.len();
         for cell in (0..cells.len().min(1)).chain(last) {
@@ -154,14 +148,12 @@ impl Plane {
         }
     }
 
-    /// Blurred by 1-2-1 along both axes.
     pub(super) fn blurred(&self) -> Self {
         let mut out = Self::dark(self.width, self.height);
         self.spread_into(&BLUR, &mut out);
         out
     }
 
-    /// Sums of 2 × 2 cells.
     pub(super) fn halved(&self) -> Self {
         let mut out = Self::dark(self.width.div_ceil(2), self.height.div_ceil(2));
         for (y, row) in self.values.chunks_exact(self.width).enumerate() {

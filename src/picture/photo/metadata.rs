@@ -29,7 +29,6 @@ pub struct Metadata {
     pub unique_id: String,
 }
 
-/// Program and version.
 pub(super) const SOFTWARE: &str = concat!("noctograph ", env!("CARGO_PKG_VERSION"));
 
 impl Metadata {
@@ -109,7 +108,7 @@ fn unique_id(picture: &[u8]) -> String {
     sha256(&sums.collect::<Vec<_>>())[..32].to_owned()
 }
 
-/// In millionths, or coarser where that is too long.
+/// In millionths, or coarser if that is too long.
 fn rational(value: f64) -> Value {
     let mut denoms = [1_000_000_u32, 1000, 1].into_iter();
     let denom = denoms.find(|denom| value * f64::from(*denom) < f64::from(u32::MAX)).unwrap_or(1);

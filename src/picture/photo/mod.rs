@@ -2,10 +2,10 @@
 //!
 //! Product in: [`Film`]. Product out: [`Photo`], or the [`Readout`] of the sensor in linear light.
 //!
-//! Light passes through a camera: the lens scatters some of it ([`PhotoOptions::glare_frac`]) and
-//! diffracts some into spikes; the light of the room is added; the sensor makes electrons with
-//! their noise, clips and reads them (EMVA 1288, ISO 12232); a background joins, which has the
-//! light of its room and the noise of its sensor; a tone curve makes levels. An effect that is off
+//! Light passes through a camera. The lens scatters some of it ([`PhotoOptions::glare_frac`]) and
+//! diffracts some into spikes. The light of the room is added. The sensor makes electrons with
+//! their noise, clips and reads them (EMVA 1288, ISO 12232). A background is added, which has the
+//! light of its room and the noise of its sensor. A tone curve makes levels. An effect that is off
 //! leaves the light unchanged.
 //!
 //! Counts stay integers through the lens. What follows is f32 in `+ - × ÷ √` only, pixel by pixel,
@@ -77,7 +77,7 @@ pub struct Readout {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where an option is out of range or camera and film differ in size; the errors
+/// [`Error::Input`] if an option is out of range or camera and film differ in size, and the errors
 /// of [`read`] for the background.
 pub fn develop(
     film: &Film,
@@ -139,7 +139,7 @@ pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
 /// Rows that one task processes at least.
 const TASK_ROWS: usize = 16;
 
-/// Processes the picture row by row; `finish` makes a row of the product from its channels. Also
+/// Processes the picture row by row. `finish` makes a row of the product from its channels. Also
 /// returns the luminous exposure at white.
 fn process<T: Copy + Default + Send>(
     film: &Film,
@@ -155,6 +155,7 @@ fn process<T: Copy + Default + Send>(
         let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
         return Err(Error::input("film", size, wanted, "develop with the camera that exposed"));
     }
+    // Made once for the whole picture.
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
     let glare = Glare::new(film, camera, options);
@@ -165,11 +166,12 @@ fn process<T: Copy + Default + Send>(
     let per_count = narrow(libm::exp2(f64::from(film.scale_log2)) / sensor.white_lx_s);
     let scratch = || {
         let light: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; width]);
-        (light, vec![0; width], glare::Scratch::default(), sensor::Scratch::default())
+        (light, vec![0; width], Vec::new(), sensor::Scratch::default())
     };
     let mut out = vec![T::default(); 3 * width * height];
     let rows = out.par_chunks_exact_mut(3 * width).enumerate().with_min_len(TASK_ROWS);
     rows.for_each_init(scratch, |(light, counts, scattered, reading), (y, out)| {
+        // Counts up to the lens, light relative to white from there on.
         for (channel, light) in light.iter_mut().enumerate() {
             lens.row(channel, y, scattered, counts);
             noctograph_core::dispatch!(|| {
@@ -195,7 +197,7 @@ struct Lens<'a> {
 
 impl Lens<'_> {
     /// Counts of a row after scatter and diffraction.
-    fn row(&self, channel: usize, y: usize, scratch: &mut glare::Scratch, out: &mut [u32]) {
+    fn row(&self, channel: usize, y: usize, scratch: &mut Vec<u64>, out: &mut [u32]) {
         let width = out.len();
         let first = y * width;
         let film = &self.film.plane(channel)[first..][..width];
@@ -203,6 +205,7 @@ impl Lens<'_> {
             Some(glare) => glare.row(channel, y, film, scratch, out),
             None => out.copy_from_slice(film),
         }
+        // Changes are sorted by pixel.
         let start = self.spikes.partition_point(|change| change.index < first);
         let changes = self.spikes[start..].iter();
         for change in changes.take_while(|change| change.index < first + width) {

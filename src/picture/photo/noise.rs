@@ -9,14 +9,14 @@ use noctograph_core::random::split_mix;
 /// Cells of the table of normal numbers.
 const CELLS: usize = 2048;
 
-/// Electrons below which the Poisson distribution is exact; above, a normal distribution takes its
-/// place (as in `ISETCam`).
+/// Electrons below which the Poisson distribution is exact. Above, a normal distribution stands in
+/// (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
 /// Use of a random number.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    /// All noise of a bright pixel; the photons of a dark one.
+    /// All noise of a bright pixel, or the photons of a dark one.
     Shot,
     /// The other noise of a dark pixel: reading, PRNU.
     Read,
@@ -24,7 +24,6 @@ pub(super) enum Source {
     Hot,
 }
 
-/// The random numbers of one row, channel and source.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream {
     keys: [u32; 2],
@@ -48,7 +47,6 @@ impl Stream {
         h ^ (h >> 16)
     }
 
-    /// Random bits of all columns of a row.
     #[inline(always)]
     pub(super) fn fill(self, out: &mut [u32]) {
         for (x, bits) in (0_u32..).zip(out) {
@@ -69,18 +67,19 @@ pub(super) static NORMAL: LazyLock<Normal> = LazyLock::new(Normal::new);
 
 impl Normal {
     fn new() -> Self {
-        let share = 1.0 / CELLS as f64;
+        let p = 1.0 / CELLS as f64;
         let mut nodes = [0.0; CELLS + 1];
         for (index, node) in nodes.iter_mut().enumerate().take(CELLS).skip(1) {
-            *node = quantile(index as f64 * share);
+            *node = quantile(index as f64 * p);
         }
-        // The last cell has the mean of the tail, φ(z) / share.
+        // The last cell has the mean of the tail, φ(z) / p.
         let z = nodes[CELLS - 1];
-        let tail = libm::exp(-0.5 * z * z) / (std::f64::consts::TAU.sqrt() * share);
+        let tail = libm::exp(-0.5 * z * z) / (std::f64::consts::TAU.sqrt() * p);
         nodes[CELLS] = 2.0 * tail - z;
         nodes[0] = -nodes[CELLS];
+        // Scaled to variance 1: a cell from a to b adds (a² + ab + b²) / 3.
         let squares = nodes.windows(2).map(|n| (n[0] * n[0] + n[0] * n[1] + n[1] * n[1]) / 3.0);
-        let scale = 1.0 / (squares.sum::<f64>() * share).sqrt();
+        let scale = 1.0 / (squares.sum::<f64>() * p).sqrt();
         let lower = f64::from(1_u32 << LOWER_BITS);
         let cells = std::array::from_fn(|i| {
             let (from, to) = (scale * nodes[i], scale * nodes[i + 1]);
@@ -138,6 +137,7 @@ fn quantile(p: f64) -> f64 {
         1.0,
     ];
     const TAIL: f64 = 0.024_25;
+    // A ratio of polynomials: of p - 1/2 in the middle, of √(-2 ln p) in the tails.
     let series = |terms: &[f64], x: f64| terms.iter().fold(0.0, |sum, term| sum * x + term);
     if p > 0.5 {
         -quantile(1.0 - p)
@@ -155,7 +155,7 @@ fn quantile(p: f64) -> f64 {
 /// 0.1 %.
 #[derive(Debug)]
 pub(super) struct Poisson {
-    /// Tables of rising means; the last ones are those of [`POISSON_BELOW`].
+    /// Tables of rising means up to [`POISSON_BELOW`].
     levels: Box<[[u32; NUMBERS]; LEVELS]>,
 }
 
@@ -200,10 +200,11 @@ impl Poisson {
             self.levels[level[n] as usize % LEVELS][column[n] as usize % NUMBERS]
         });
         std::array::from_fn(|n| {
+            // All ones if the bits within select the column, else zero.
             let within = bits[n] & ((1 << WITHIN_BITS) - 1);
-            let own = (within.cast_signed() - (cells[n] >> COLUMN_BITS).cast_signed()) >> 31;
-            let other = cells[n] & LAST_NUMBER;
-            (other ^ (other ^ column[n]) & own.cast_unsigned()).cast_signed() as f32
+            let mask = (within.cast_signed() - (cells[n] >> COLUMN_BITS).cast_signed()) >> 31;
+            let alias = cells[n] & LAST_NUMBER;
+            (alias ^ (alias ^ column[n]) & mask.cast_unsigned()).cast_signed() as f32
         })
     }
 
@@ -220,29 +221,30 @@ impl Poisson {
     }
 }
 
-/// Alias table of a Poisson distribution (Walker 1977; Vose 1991): the number is the column where
-/// the bits within are below the upper bits of the cell, else the lower bits of the cell.
+/// Alias table of a Poisson distribution (Walker 1977, Vose 1991): the number is the column if the
+/// bits within are below the upper bits of the cell, else the lower bits of the cell, its alias.
 fn table(mean: f64) -> [u32; NUMBERS] {
-    // Probability times the number of columns.
-    let mut share = NUMBERS as f64 * libm::exp(-mean);
-    let mut shares: [f64; NUMBERS] = std::array::from_fn(|number| {
-        let this = share;
-        share *= mean / (number + 1) as f64;
+    // Probabilities times the number of columns.
+    let mut next = NUMBERS as f64 * libm::exp(-mean);
+    let mut scaled: [f64; NUMBERS] = std::array::from_fn(|number| {
+        let this = next;
+        next *= mean / (number + 1) as f64;
         this
     });
     let (mut less, mut more): (Vec<usize>, Vec<usize>) =
-        (0..NUMBERS).partition(|&number| shares[number] < 1.0);
+        (0..NUMBERS).partition(|&number| scaled[number] < 1.0);
     let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
+    // A number that is too rare for its column leaves the rest of it to one that is too frequent.
     while let (Some(&from), Some(to)) = (more.last(), less.pop()) {
         #[expect(clippy::cast_possible_truncation, reason = "below 1")]
-        let own = (shares[to] * f64::from(1 << WITHIN_BITS)) as u32;
-        cells[to] = own << COLUMN_BITS | u32::try_from(from).expect("a column");
-        shares[from] -= 1.0 - shares[to];
-        if shares[from] < 1.0 {
+        let within = (scaled[to] * f64::from(1 << WITHIN_BITS)) as u32;
+        cells[to] = within << COLUMN_BITS | u32::try_from(from).expect("a column");
+        scaled[from] -= 1.0 - scaled[to];
+        if scaled[from] < 1.0 {
             less.extend(more.pop());
         }
     }
-    // The rest fill their own column, but for rounding.
+    // The rest fill a column each, but for rounding.
     for number in less.into_iter().chain(more) {
         cells[number] |= u32::try_from(number).expect("a column");
     }

@@ -16,14 +16,12 @@ use noctograph_core::files::JpegFrame;
 /// Most memory while a JPEG file is decoded: that of the largest PNG, of four channels of 16 bits.
 const MOST_BYTES: u64 = 8 * MAX_PIXELS;
 
-/// Reads a photo from a PNG or JPEG file.
-///
-/// The header is checked before anything is decoded.
+/// Reads a photo from a PNG or JPEG file. The header is checked before anything is decoded.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where the file cannot be read, [`Error::Input`] where it is not a PNG or JPEG
-/// image, or too large.
+/// [`Error::Io`] if the file cannot be read, [`Error::Input`] if it is not a PNG or JPEG image, or
+/// too large.
 pub fn read(path: &Path) -> Result<Photo> {
     Ok(open(path, false)?.0)
 }
@@ -32,7 +30,7 @@ pub fn read(path: &Path) -> Result<Photo> {
 ///
 /// # Errors
 ///
-/// As [`read`]; [`Error::Input`] where a text is broken or too large.
+/// As [`read`], and [`Error::Input`] if a text is broken or too large.
 pub fn read_with_notes(path: &Path) -> Result<(Photo, Notes)> {
     open(path, true)
 }

@@ -9,7 +9,7 @@ settings! {
     pub struct PhotoOptions {
         /// Tone curve, from the light on the sensor to the levels of the picture.
         tone: Tone = Tone::Camera;
-        /// Share of the light that the lens scatters into veiling glare and halo; 0 for none.
+        /// Fraction of the light that the lens scatters into veiling glare and halo. 0 for none.
         ///
         /// ISO 9358 measures 1 to 5 % on usual lenses.
         glare_frac: f64 = 0.045, in 0.0..=0.5;
@@ -17,15 +17,15 @@ settings! {
         ///
         /// Measured beside the clipped trail of the reference team's photograph, 0.24 to 1 mm from
         /// its edge on a full-frame sensor: 1.3 to 1.5 with 3.4 to 5.9 % scattered fits within 4 %
-        /// of the level, 1.1 with no share within 14 %, 2 within 22 %.
+        /// of the level, 1.1 with any fraction within 14 %, 2 within 22 %.
         glare_exponent: f64 = 1.4, in 1.01..=4.0, for "photo.glare_frac";
-        /// Luminance of the room; 0 for a dark one.
+        /// Luminance of the room. 0 for a dark one.
         ambient_cd_m2: f64 = 0.02, in 0.0..=1e6;
         /// Where half of the room's light falls in, such as the gap of a door: what is near it and
         /// faces it is brighter, in a room with walls. Even light if left out.
         ambient_from_m: Option<[f64; 3]> = None, in -1e3..=1e3;
         /// Photograph (PNG or JPEG) of the room without the flight, relative to the current folder,
-        /// in place of the room's light; it covers the photo and is cut to its aspect. Taken at the
+        /// in place of the room's light. It covers the photo and is cut to its aspect. Taken at the
         /// same exposure, it is as bright as it will be. Its brightness, channel by channel, is the
         /// relative albedo of floor and walls (`expose.room_m`) for the lamps' light. Empty for
         /// none.
@@ -38,9 +38,9 @@ settings! {
             aperture_blades: u32 = 7;
             /// Core radius r0 of the scatter `1 / (1 + (r/r0)²)^s` on the sensor.
             glare_radius_m: f64 = 40e-6;
-            /// Color of the light of the room, linear sRGB; its luminance is scaled to 1.
+            /// Color of the light of the room, linear sRGB. Its luminance is scaled to 1.
             ambient_rgb: [f64; 3] = [1.25, 0.95, 0.75];
-            /// Exposure of the background in stops; at 0 its white saturates the sensor.
+            /// Exposure of the background in stops. At 0 its white saturates the sensor.
             background_stops: f64 = 0.0;
             /// Light of a color reaches the photosites of the others, too, as it does through the
             /// filters of a camera: overexposed blue lamps have cyan centers.
@@ -56,8 +56,8 @@ settings! {
         "off" => Off,
     }
 
-    /// Noise of a full-frame sensor of 24 megapixels, viewed pixel by pixel; PRNU as in the noise
-    /// model of JPEG XL.
+    /// Noise of a full-frame sensor of 24 megapixels, viewed pixel by pixel, with PRNU as in the
+    /// noise model of JPEG XL.
     pub struct SensorNoise {
         /// Electrons that fill a pixel. Fewer are noisier.
         full_well_e: f64 = 50_000.0, in 100.0..=1e9;
@@ -70,7 +70,7 @@ settings! {
         dark_current_e_s: f64 = 0.1, in 0.0..=1e4;
         /// Photo response non-uniformity, σ of the gain of a pixel.
         prnu_frac: f64 = 0.005, in 0.0..=0.2;
-        /// Share of pixels with a hot photosite, white after demosaicing.
+        /// Fraction of pixels with a hot photosite, white after demosaicing.
         ///
         /// Counted in eight public JPEGs of 10 to 98 s at base sensitivity (Canon EOS 80D and
         /// 1200D, Nikon D40, a compact): at most 4e-7, none in four of them.
@@ -80,8 +80,8 @@ settings! {
 
 impl SensorNoise {
     /// The noise of a picture whose pixels each have the area of `n` of this sensor's: the sums of
-    /// photosites that are independent of each other. Enlarged pixels (n below 1) share the noise
-    /// of an area, as those of a finer sensor do.
+    /// photosites that are independent of each other. Enlarged pixels (n below 1) have the noise of
+    /// a finer sensor.
     #[must_use]
     pub fn resampled(&self, n: f64) -> Self {
         Self {
@@ -111,8 +111,8 @@ impl PhotoOptions {
         }
     }
 
-    /// Light of the room in the middle of the picture, in stops relative to saturation; `None` in a
-    /// dark room, and where a background has it.
+    /// Light of the room in the middle of the picture, in stops relative to saturation. `None` in a
+    /// dark room, and with a background.
     #[must_use]
     pub fn ambient_stops(&self, camera: &Camera) -> Option<f64> {
         let ambient_lx_s = self.ambient_cd_m2 * camera.lx_s_of_luminance();

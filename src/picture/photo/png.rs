@@ -11,7 +11,6 @@ use noctograph_core::camera::{Camera, MAX_PIXELS, check_size};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Limit;
 
-/// Keyword of the text chunk of the scene.
 const SCENE_KEYWORD: &str = "noctograph.scene";
 
 /// Keyword of the gaps of flights' logs, as JSON.
@@ -31,14 +30,13 @@ const MAX_METADATA_BYTES: usize = 16 << 20;
 /// Keyword of the text chunk of XMP (PNG, third edition).
 const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
 
-/// Why writing a photo does not fail.
 const FITS: &str = "a checked picture fits into memory";
 
 /// Largest image file: a photo of [`MAX_PIXELS`] without compression.
 pub(super) const LIMIT: Limit =
     Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
 
-/// The photo as PNG: 8 bits a channel, sRGB, fast compression, no time stamp.
+/// The photo as PNG: 8 bits a channel, sRGB, fast compression, no time.
 ///
 /// `notes`, pairs of keyword and text, and the scene become text chunks. With metadata, the
 /// file has EXIF and XMP, and the size of its print.
@@ -49,7 +47,7 @@ pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, St
     encode(size_px, levels, metadata, notes, scene).expect(FITS)
 }
 
-/// Reads the bytes of a PNG file, and its texts where they are wanted.
+/// Reads the bytes of a PNG file, and its texts if they are wanted.
 ///
 /// Neither color profile nor texts are unpacked with the picture: a few kilobytes of either may
 /// expand to gigabytes.
@@ -57,6 +55,7 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     let broken = |source: &dyn std::fmt::Display| {
         Error::input(path.display(), source, "a PNG image", "choose another file")
     };
+    // The header is checked before any memory for pixels is taken.
     let limits = png::Limits { bytes: MAX_METADATA_BYTES };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
     decoder.set_ignore_iccp_chunk(true);
@@ -69,6 +68,7 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     let size = reader.output_buffer_size().ok_or_else(|| broken(&"a picture without end"))?;
     let mut samples = vec![0; size];
     let frame = reader.next_frame(&mut samples).map_err(|e| broken(&e))?;
+    // To 8 bits, upright, and then its texts.
     to_rgb8(&mut samples, frame.color_type, frame.bit_depth);
     let photo = PhotoData { width_px, height_px, rgb8: samples, scene_toml: None };
     let info = reader.info();
@@ -85,7 +85,6 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     ))
 }
 
-/// The photo turned upright.
 pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
     if orientation == Orientation::NoTransforms {
         return photo;
@@ -103,7 +102,7 @@ pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
 pub struct Notes {
     /// SHA-256 of its flights, separated by spaces.
     pub flight_sha256: Option<String>,
-    /// SHA-256 of its strokes, where they are from a font or drawing of the user's.
+    /// SHA-256 of its strokes, if they are from a font or drawing of the user's.
     pub strokes_sha256: Option<String>,
     /// Gaps of flights' logs that it leaves dark.
     pub log_gaps_json: Option<String>,
@@ -138,7 +137,7 @@ fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
     let n = samples.len() / bytes;
     samples.resize(samples.len().max(3 * n), 0);
     for index in 0..n {
-        // Forward where pixels shrink, backward where they grow, so that none is overwritten
+        // Forward if pixels shrink, backward if they grow, so that none is overwritten
         // unread.
         let index = if bytes >= 3 { index } else { n - 1 - index };
         let pixel = &samples[index * bytes..][..bytes];
@@ -166,8 +165,8 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// The readout as PNG of 16 bits a channel, as [`develop`](super::develop) makes it at 8; the
-    /// rest as [`encode_png`].
+    /// The readout as PNG of 16 bits a channel, otherwise as [`develop`](super::develop) and
+    /// [`encode_png`] make it.
     pub fn encode_png16(
         &self,
         tone: Tone,
@@ -197,23 +196,18 @@ fn encode(
     let mut info = png::Info::with_size(width_px, height_px);
     (info.color_type, info.bit_depth) = (png::ColorType::Rgb, depth);
     info.exif_metadata = metadata.map(|metadata| metadata.exif().into());
-    info.pixel_dims = metadata.and_then(Metadata::pixels_per_m).map(|per_m| png::PixelDimensions {
-        xppu: per_m,
-        yppu: per_m,
-        unit: png::Unit::Meter,
-    });
+    let per_m = metadata.and_then(Metadata::pixels_per_m);
+    info.pixel_dims =
+        per_m.map(|n| png::PixelDimensions { xppu: n, yppu: n, unit: png::Unit::Meter });
     let mut file = Vec::new();
     let mut encoder = png::Encoder::with_info(&mut file, info)?;
     encoder.set_compression(png::Compression::Fastest);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    if let Some(metadata) = metadata {
-        encoder.add_itxt_chunk(XMP_KEYWORD.to_owned(), metadata.xmp())?;
-    }
-    for (keyword, text) in notes {
-        encoder.add_itxt_chunk((*keyword).to_owned(), text.clone())?;
-    }
-    if let Some(scene) = scene_toml {
-        encoder.add_itxt_chunk(SCENE_KEYWORD.to_owned(), scene.to_owned())?;
+    // Texts come before the pixels, for readers that stop at these.
+    let xmp = metadata.map(|metadata| (XMP_KEYWORD, metadata.xmp()));
+    let scene = scene_toml.map(|scene| (SCENE_KEYWORD, scene.to_owned()));
+    for (keyword, text) in xmp.into_iter().chain(notes.iter().cloned()).chain(scene) {
+        encoder.add_itxt_chunk(keyword.to_owned(), text)?;
     }
     let mut writer = encoder.write_header()?;
     writer.write_image_data(bytes)?;

@@ -1,7 +1,7 @@
 //! Sensor: from the light on its pixels to its readout, after EMVA 1288.
 //!
 //! 1. Light leaks between the color channels and becomes electrons: Poisson numbers with a mean of
-//!    the light times the response of the channel. Dark current and hot photosites add theirs.
+//!    the light times the response of the channel. Dark current and hot photosites add some.
 //! 2. The well or the converter clips each channel, and reading adds noise.
 //! 3. The camera subtracts the mean dark current, clips all channels at the same light, and inverts
 //!    the leak by its matrix: unclipped light has its own color again, clipped light a color nearer
@@ -21,19 +21,16 @@ use crate::narrow;
 use noctograph_core::camera::Camera;
 use noctograph_core::random::poisson;
 
-/// A sensor with its settings for one picture.
 #[derive(Debug)]
 pub(super) struct Sensor {
-    /// Luminous exposure at white.
     pub(super) white_lx_s: f64,
     /// Matrix of the leak between the channels, and its inverse.
     leak: Option<[[[f32; 3]; 3]; 2]>,
-    /// Gains of the channels.
     white_balance: [f32; 3],
     noise: Option<Noisy>,
 }
 
-/// A noisy sensor; numbers in electrons.
+/// A noisy sensor, in electrons.
 #[derive(Debug)]
 struct Noisy {
     seed: u64,
@@ -41,7 +38,6 @@ struct Noisy {
     poisson: &'static Poisson,
     /// Electrons of each channel at white.
     at_white: [f32; 3],
-    /// Electrons at which a pixel clips.
     clip: f32,
     dark: f32,
     read_variance: f32,
@@ -51,7 +47,7 @@ struct Noisy {
     hot: f64,
 }
 
-/// Mean dark current of a hot pixel; it is distributed exponentially.
+/// Mean dark current of a hot pixel, which is distributed exponentially.
 pub(super) const HOT_PIXEL_E_S: f64 = 100.0;
 /// Which pixels are hot: the same in all pictures of the camera.
 const HOT_PIXEL_SEED: u64 = 0;
@@ -59,7 +55,6 @@ const HOT_PIXEL_SEED: u64 = 0;
 /// Pixels whose electrons are drawn at once.
 const LANES: usize = 16;
 
-/// Buffers for a row.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     bits: Vec<u32>,
@@ -82,42 +77,26 @@ impl Sensor {
     }
 
     /// Reads row `y`: light relative to white becomes the readout of the camera, 1 at saturation (a
-    /// little below 0 where noise or the matrix leads there). It runs in the widest registers of
+    /// little below 0 by noise or the matrix). It runs in the widest registers of
     /// this processor, with the same bits in all, since no product is fused with a sum.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
-        noctograph_core::dispatch(Reading { sensor: self, y, rows, scratch });
-    }
-}
-
-/// A row that is read.
-struct Reading<'a> {
-    sensor: &'a Sensor,
-    y: usize,
-    rows: &'a mut [Vec<f32>; 3],
-    scratch: &'a mut Scratch,
-}
-
-impl pulp::NullaryFnOnce for Reading<'_> {
-    type Output = ();
-
-    /// Reads the row: crosstalk of the color filters, noise, clipping, the color matrix that undoes
-    /// the crosstalk, white balance.
-    #[inline(always)]
-    fn call(self) {
-        let Self { sensor, y, rows, scratch } = self;
-        if let Some([leak, _]) = &sensor.leak {
-            mix(leak, rows);
-        }
-        match &sensor.noise {
-            Some(noise) => noise.read(y, rows, scratch),
-            None => rows.iter_mut().flatten().for_each(|light| *light = light.min(1.0)),
-        }
-        if let Some([_, undo]) = &sensor.leak {
-            mix(undo, rows);
-        }
-        for (row, &gain) in rows.iter_mut().zip(&sensor.white_balance) {
-            row.iter_mut().for_each(|light| *light = (*light * gain).min(1.0));
-        }
+        // Crosstalk of the color filters, noise and clipping, the matrix that undoes the crosstalk,
+        // white balance.
+        noctograph_core::dispatch!(|| {
+            if let Some([leak, _]) = &self.leak {
+                mix(leak, rows);
+            }
+            match &self.noise {
+                Some(noise) => noise.read(y, rows, scratch),
+                None => rows.iter_mut().flatten().for_each(|light| *light = light.min(1.0)),
+            }
+            if let Some([_, undo]) = &self.leak {
+                mix(undo, rows);
+            }
+            for (row, &gain) in rows.iter_mut().zip(&self.white_balance) {
+                row.iter_mut().for_each(|light| *light = (*light * gain).min(1.0));
+            }
+        });
     }
 }
 
@@ -127,8 +106,8 @@ impl pulp::NullaryFnOnce for Reading<'_> {
 /// github.com/butcherg/ssf-data).
 const SEEN: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
 
-/// Shares of red, green and blue light that the red, green and blue photosites receive, and the
-/// inverse. White is seen alike by all.
+/// Fractions of red, green and blue light that the red, green and blue photosites receive, and the
+/// inverse. All see white alike.
 fn leak() -> [[[f32; 3]; 3]; 2] {
     let shares = SEEN.map(|seen| seen.map(|light| light / seen.iter().sum::<f64>()));
     let leak = nalgebra::Matrix3::from_fn(|i, j| shares[i][j]);
@@ -136,7 +115,6 @@ fn leak() -> [[[f32; 3]; 3]; 2] {
     [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }
 
-/// Mixes the channels of each pixel.
 #[inline(always)]
 fn mix(by: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
     let [red, green, blue] = rows;
@@ -152,6 +130,7 @@ impl Noisy {
         let gain = (camera.iso / camera.base_iso).max(1.0);
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
         let largest = noise.response.into_iter().fold(0.0, f64::max);
+        // At a gain the converter clips before the well does.
         let clip = noise.full_well_e / gain;
         let dark = (noise.dark_current_e_s * exposure_s).min(0.5 * clip);
         Self {
@@ -176,6 +155,7 @@ impl Noisy {
         reading.resize(width, 0);
         self.hot_pixels(y, width, hot);
         for (channel, row) in rows.iter_mut().enumerate() {
+            // Mean electrons of each pixel: photons, dark current, hot photosites.
             let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
             let mut few = 0;
             for light in row.iter_mut() {
@@ -185,6 +165,7 @@ impl Noisy {
             for &(x, electrons) in &*hot {
                 row[x] += electrons * self.at_white[channel] / self.at_white[1].max(1.0);
             }
+            // A row without dark pixels needs no Poisson numbers.
             Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
             if few > 0 {
                 Stream::new(self.seed, y, channel, Source::Read).fill(reading);
@@ -196,18 +177,16 @@ impl Noisy {
                 {
                     self.dark::<LANES>(means, *bits, *reading);
                 }
-                for (mean, (bits, reading)) in
-                    rest.iter_mut().zip(rest_bits.iter().zip(rest_reading))
-                {
-                    let mut one = [*mean];
-                    self.dark(&mut one, [*bits], [*reading]);
-                    [*mean] = one;
+                let rest = rest.as_chunks_mut::<1>().0.iter_mut();
+                for (mean, (bits, reading)) in rest.zip(rest_bits.iter().zip(rest_reading)) {
+                    self.dark(mean, [*bits], [*reading]);
                 }
             } else {
                 for (mean, &bits) in row.iter_mut().zip(&*bits) {
                     *mean = self.bright(*mean, bits);
                 }
             }
+            // The well clips. The camera subtracts the mean dark current.
             let undo = 1.0 / at_white;
             for electrons in row.iter_mut() {
                 *electrons = ((electrons.min(clip) - dark) * undo).min(1.0);
@@ -222,8 +201,8 @@ impl Noisy {
         let others = self.normal.numbers(reading);
         let before = *means;
         for (n, mean) in means.iter_mut().enumerate() {
-            let spread = self.read_variance + self.prnu_squared * *mean * *mean;
-            *mean = photons[n] + spread.sqrt() * others[n];
+            let variance = self.read_variance + self.prnu_squared * *mean * *mean;
+            *mean = photons[n] + variance.sqrt() * others[n];
         }
         if before.iter().any(|mean| *mean >= POISSON_BELOW) {
             for n in (0..N).filter(|n| before[*n] >= POISSON_BELOW) {
@@ -239,11 +218,12 @@ impl Noisy {
         mean + variance.sqrt() * self.normal.numbers([bits])[0]
     }
 
-    /// The hot pixels of a row: column, electrons.
+    /// The hot pixels of a row, by column and electrons.
     fn hot_pixels(&self, y: usize, width: usize, out: &mut Vec<(usize, f32)>) {
         out.clear();
         let stream = Stream::new(HOT_PIXEL_SEED, y, 0, Source::Hot);
         let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
+        // A Poisson number of pixels, each at a uniform column with exponential electrons.
         let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {
             let place = u64::from(stream.bits(1 + 2 * index)) * width as u64;

@@ -1,13 +1,15 @@
 //! Starburst: spikes that the iris diffracts from points where a lamp dwells.
 //!
-//! A straight blade diffracts light into a spike at right angles to it. The share `2 λ N / (π² r)`
-//! of the light of a point lands farther than r from it, as for a round iris; straight blades
+//! A straight blade diffracts light into a spike at right angles to it. As for a round iris, the
+//! fraction `2 λ N / (π² r)` of the light of a point lands farther than r from it. Straight blades
 //! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. Along a
 //! trail spikes smear to nothing, so only lamps at rest have them. Their light is taken from the
 //! point.
 //!
 //! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure
 //! of spikes by color.
+
+use glam::DVec2;
 
 use super::glare::{CELL_PX, WHOLE, cells};
 use super::kernel::Plane;
@@ -24,22 +26,20 @@ const BRIGHT_PX: f64 = 1000.0;
 /// Most points with spikes, the brightest first.
 const MAX_POINTS: usize = 64;
 
-/// Cells around that of a point whose light is its own: 3 × 3 cells of 4 px.
+/// Cells around a point's cell that have its light: 3 × 3 cells of 4 px.
 const REACH_CELLS: usize = 1;
 
 /// Start of the spikes, outside of those cells.
 const INNER_PX: f64 = 6.0;
 
-/// End of the spikes.
 const OUTER_PX: f64 = 240.0;
 
-/// Width of a spike, σ.
 const WIDTH_PX: f64 = 0.9;
 
 /// Rotation of the iris, so that no spike runs along rows or columns like an artifact.
 const TURN_RAD: f64 = 0.2;
 
-/// Largest share of the light of a point in its spikes.
+/// Largest fraction of the light of a point in its spikes.
 const MAX_SHARE: f64 = 0.3;
 
 /// Gain or loss of a pixel.
@@ -47,11 +47,11 @@ const MAX_SHARE: f64 = 0.3;
 pub(super) struct Change {
     /// `y * width_px + x`.
     pub(super) index: usize,
-    /// Counts by channel; those of a film add up to 0.
+    /// Counts by channel. Those of a film add up to 0.
     pub(super) counts: [i64; 3],
 }
 
-/// The spikes of a film, by pixel; none of an iris without blades.
+/// The spikes of a film, by pixel. An iris without blades makes none.
 pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change> {
     if blades == 0 {
         return Vec::new();
@@ -69,8 +69,9 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
         for spike in 0..n_spikes {
             let turn = f64::from(spike) / f64::from(n_spikes) * std::f64::consts::TAU + TURN_RAD;
             let (sin, cos) = libm::sincos(turn);
-            draw(film, point.center_px, [cos, sin], light, &mut changes);
+            draw(film, point.center_px, DVec2::new(cos, sin), light, &mut changes);
         }
+        // Light is conserved: the spikes' counts are those that the point loses.
         take_from(film, &point, before, &mut changes);
     }
     changes.sort_by_key(|change| change.index);
@@ -80,7 +81,7 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
 struct Point {
     /// First cell of its block of cells.
     corner: [usize; 2],
-    center_px: [f64; 2],
+    center_px: DVec2,
     /// Light in counts, without that of a trail through it.
     light: [f64; 3],
 }
@@ -95,9 +96,9 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     let mut points: Vec<(u64, Point)> = Vec::new();
     for y in margin..height.saturating_sub(margin) {
         for x in margin..width.saturating_sub(margin) {
-            let own = cell(x, y);
-            // At least a ninth of the light of its block.
-            if own as f64 * 9.0 < bright {
+            // The brightest cell has at least a ninth of the light of its block.
+            let light = cell(x, y);
+            if light as f64 * 9.0 < bright {
                 continue;
             }
             let around = |reach: usize| {
@@ -105,24 +106,24 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
                     .flat_map(move |y| (x - reach..=x + reach).map(move |x| [x, y]))
             };
             // The last of equal cells is the point.
-            if !around(margin).all(|[i, j]| (cell(i, j), [j, i]) <= (own, [y, x])) {
+            if !around(margin).all(|[i, j]| (cell(i, j), [j, i]) <= (light, [y, x])) {
                 continue;
             }
-            let light: [f64; 3] = std::array::from_fn(|c: usize| {
+            let dwelling: [f64; 3] = std::array::from_fn(|c: usize| {
                 // A trail leaves three cells of light in the block and two in the ring around.
                 let [block, both] = [REACH_CELLS, margin].map(|reach| -> u64 {
                     around(reach).map(|[x, y]| cells[c].values[y * width + x]).sum()
                 });
                 (block as f64 - 1.5 * (both - block) as f64).max(0.0)
             });
-            if light.iter().any(|light| *light >= bright) {
+            if dwelling.iter().any(|light| *light >= bright) {
                 let corner = [x - REACH_CELLS, y - REACH_CELLS];
                 let center_px = center_px(film, corner);
-                points.push((own, Point { corner, center_px, light }));
+                points.push((light, Point { corner, center_px, light: dwelling }));
             }
         }
     }
-    points.sort_by_key(|(own, _)| std::cmp::Reverse(*own));
+    points.sort_by_key(|(light, _)| std::cmp::Reverse(*light));
     points.truncate(MAX_POINTS);
     points.into_iter().map(|(_, point)| point).collect()
 }
@@ -138,24 +139,22 @@ fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)
     y.flat_map(move |y| x.clone().map(move |x| (x, y)))
 }
 
-/// Centroid of the light of a block.
-fn center_px(film: &Film, corner: [usize; 2]) -> [f64; 2] {
+fn center_px(film: &Film, corner: [usize; 2]) -> DVec2 {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
-    let mut sums = [0.0; 3];
+    let (mut sum, mut weight) = (DVec2::ZERO, 0.0);
     for (x, y) in block(film, corner) {
         let light: u64 = (0..3).map(|c| u64::from(film.counts[c * pixels + y * width + x])).sum();
-        sums[0] += light as f64;
-        sums[1] += light as f64 * (x as f64 + 0.5);
-        sums[2] += light as f64 * (y as f64 + 0.5);
+        weight += light as f64;
+        sum += light as f64 * DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
     }
-    [sums[1] / sums[0], sums[2] / sums[0]]
+    sum / weight
 }
 
-/// Draws a spike from a point along a unit vector; `light` is its light beyond 1 px.
-fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut Vec<Change>) {
+/// Draws a spike from a point along a unit vector. `light` is its light beyond 1 px.
+fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<Change>) {
     let size = [film.width_px, film.height_px].map(|side| side as usize);
     // Steps along the axis that the spike is nearer to, and across it.
-    let (main, side) = if along[0].abs() > along[1].abs() { (0, 1) } else { (1, 0) };
+    let (main, side) = if along.x.abs() > along.y.abs() { (0, 1) } else { (1, 0) };
     for main_px in 0..size[main] {
         let u_main = main_px as f64 + 0.5 - from[main];
         let r = u_main / along[main];
@@ -166,6 +165,7 @@ fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut
         let first = (middle - 4.0 * WIDTH_PX).max(0.0);
         for side_px in (0..size[side]).skip(whole(first)).take(8) {
             let u_side = side_px as f64 + 0.5 - from[side];
+            // In the frame of the spike: u along it, v across. Its light falls with 1/u².
             let u = u_main * along[main] + u_side * along[side];
             let v = u_main * along[side] - u_side * along[main];
             if !(INNER_PX..=OUTER_PX).contains(&u) {
@@ -175,17 +175,16 @@ fn draw(film: &Film, from: [f64; 2], along: [f64; 2], light: [f64; 3], out: &mut
                 libm::exp(-0.5 * (v / WIDTH_PX) * (v / WIDTH_PX)) / (WIDTH_PX * 2.506_628_3);
             #[expect(clippy::cast_possible_truncation, reason = "counts of a film, below 2^53")]
             let counts = light.map(|light| (light / (u * u) * across) as i64);
-            let mut place = [0; 2];
-            (place[main], place[side]) = (main_px, side_px);
+            let [x, y] = if main == 0 { [main_px, side_px] } else { [side_px, main_px] };
             if counts != [0; 3] {
-                out.push(Change { index: place[1] * size[0] + place[0], counts });
+                out.push(Change { index: y * size[0] + x, counts });
             }
         }
     }
 }
 
 /// Takes the light of the changes from `first` on from the pixels of the point, in proportion to
-/// their own.
+/// their light.
 fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let drawn: [i128; 3] = std::array::from_fn(|c| {
@@ -195,13 +194,14 @@ fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>
         let index = y * width + x;
         (index, [0, 1, 2].map(|c| i128::from(film.counts[c * pixels + index])))
     }));
-    let all = [0, 1, 2].map(|c| block.iter().map(|(_, own)| own[c]).sum::<i128>());
+    // Rounded cumulative sums, so that the parts add up to what was drawn.
+    let total = [0, 1, 2].map(|c| block.iter().map(|(_, light)| light[c]).sum::<i128>());
     let mut until = [0_i128; 3];
-    for (index, own) in block {
+    for (index, light) in block {
         let counts = [0, 1, 2].map(|c| {
             let [before, after] =
-                [until[c], until[c] + own[c]].map(|until| until * drawn[c] / all[c].max(1));
-            until[c] += own[c];
+                [until[c], until[c] + light[c]].map(|until| until * drawn[c] / total[c].max(1));
+            until[c] += light[c];
             i64::try_from(before - after).expect("less than the pixel has")
         });
         changes.push(Change { index, counts });

@@ -119,7 +119,7 @@ fn the_lens_keeps_every_count() {
         assert_eq!(glare.is_some(), size_px[1] >= 8, "{size_px:?}");
         assert!(!spikes.is_empty() || size_px[1] < 100, "{size_px:?}");
         let lens = Lens { film: &film, glare, spikes };
-        let (mut scratch, mut row) = (glare::Scratch::default(), vec![0; size_px[0] as usize]);
+        let (mut scratch, mut row) = (Vec::new(), vec![0; size_px[0] as usize]);
         let (mut moved, pixels) = (0, film.counts.len() / 3);
         for channel in 0..3 {
             let mut sum = 0_u64;
@@ -152,7 +152,7 @@ fn glare_has_the_share_and_the_slope_of_the_scatter() {
         };
         let glare = Glare::new(&film, &camera, &options).unwrap();
         let lens = Lens { film: &film, glare: Some(glare), spikes: Vec::new() };
-        let (mut scratch, mut row) = (glare::Scratch::default(), vec![0; 1024]);
+        let (mut scratch, mut row) = (Vec::new(), vec![0; 1024]);
         let mut beyond = [0.0; 3];
         for y in 0..1024 {
             lens.row(1, y, &mut scratch, &mut row);
@@ -255,7 +255,7 @@ fn nonuniform_gain_adds_its_square() {
 
 #[test]
 fn blocks_of_even_light_pass_the_z_test() {
-    // Means of 2,000 blocks of 100 pixels; Šidák's bound for 1 % over all of them is 4.42 σ.
+    // Means of 2,000 blocks of 100 pixels. Šidák's bound for 1 % over all of them is 4.42 σ.
     for electrons in [4.0, 60.0, 4000.0] {
         let options = noisy(|noise| noise.read_noise_e = 2.0);
         let film = film([1000, 200], |_, _, _| count(electrons / 50_000.0));

@@ -11,13 +11,13 @@ settings! {
     pub enum Tone {
         /// As a camera renders its JPEG: an S-curve of the logarithm of light, per channel.
         ///
-        /// Middle gray, 10/78 of saturation (ISO 12232), becomes level 118; contrast there is 0.2
-        /// per stop, 1.4 times that of sRGB; saturation becomes white over a soft shoulder, and 11
+        /// Middle gray, 10/78 of saturation (ISO 12232), becomes level 118. Contrast there is 0.2
+        /// per stop, 1.4 times that of sRGB. Saturation becomes white over a soft shoulder, and 11
         /// stops below it is black.
         "camera" => Camera,
         /// Khronos PBR Neutral, which keeps hues, with the sRGB curve: for verification.
         "neutral" => Neutral,
-        /// The sRGB curve alone (IEC 61966-2-1): for measurement.
+        /// Only the sRGB curve (IEC 61966-2-1): for measurement.
         "linear" => Linear,
     }
 }
@@ -31,10 +31,9 @@ const GRAY_LEVEL: f64 = 118.0 / 255.0;
 /// Change of the encoded value per stop at middle gray.
 const CONTRAST: f64 = 0.2;
 
-/// Stops from middle gray down to black.
 const BLACK_STOPS: f64 = 8.0;
 
-/// Sharpness of the bends to white and to black; 1 is softest.
+/// Sharpness of the bends to white and to black. 1 is softest.
 const SHOULDER: f64 = 2.0;
 const TOE: f64 = 1.5;
 
@@ -47,7 +46,6 @@ impl Tone {
         }
     }
 
-    /// The same for a row.
     pub(super) fn mix(self, [red, green, blue]: &mut [Vec<f32>; 3]) {
         if self == Self::Neutral {
             for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
@@ -69,6 +67,7 @@ impl Tone {
     pub(super) fn decode(self, encoded: f64) -> f64 {
         match self {
             Self::Camera if encoded > 0.0 => {
+                // Bisection down to the last bit.
                 let (mut low, mut high) = (0.0, 1.0);
                 for _ in 0..f64::MANTISSA_DIGITS {
                     let middle = 0.5 * (low + high);
@@ -131,13 +130,13 @@ pub(super) struct Levels8 {
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
-    /// The tables of a tone, computed once.
     pub(super) fn cached(tone: Tone) -> &'static Self {
         static MADE: [OnceLock<Levels8>; 3] = [const { OnceLock::new() }; 3];
         MADE[tone as usize].get_or_init(|| Self::new(tone))
     }
 
     fn new(tone: Tone) -> Self {
+        // The least light that rounds to each level, by bisection over the bits of a float.
         let mut least = [f32::INFINITY; 256];
         let mut low = DARK.to_bits();
         for (level, least) in least.iter_mut().enumerate().take(255) {
@@ -153,6 +152,7 @@ impl Levels8 {
             }
             *least = f32::from_bits(low);
         }
+        // A bin spans at most one step of the level, so that one comparison decides.
         let bins = ((1.0_f32.to_bits() - DARK.to_bits()) >> BIN_BITS) + 1;
         let mut level = 0;
         let start = (0..bins).map(|bin| {
@@ -162,8 +162,7 @@ impl Levels8 {
             }
             level
         });
-        let start = start.collect();
-        Self { least, start }
+        Self { start: start.collect(), least }
     }
 
     /// The nearest levels of the pixels of a row, exactly. Its light is clipped.

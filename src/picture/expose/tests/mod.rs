@@ -1,4 +1,4 @@
-//! Tests of the whole module on the CPU; `twins` compares the backends.
+//! Tests of the whole module on the CPU. `twins` compares the backends.
 
 use crate::light::LightTraceData;
 use nalgebra::{Matrix3, Vector3};
@@ -219,7 +219,7 @@ fn a_moving_lamp_leaves_the_textbook_exposure_across_its_trail() {
     let across = column.iter().sum::<f64>() * camera.pixel_pitch_m();
     assert!((across / wanted - 1.0).abs() < 2e-5, "{across} lx s m, wanted {wanted}");
 
-    // Profile: a gaussian of blur, diffraction, disc and pixel; the axis is between two pixels.
+    // Profile: a Gaussian of blur, diffraction, disc and pixel. The axis is between two pixels.
     let pitch = camera.pixel_pitch_m();
     let square = |x: f64| x * x;
     let disc = square(0.003 * 0.035 / d / pitch) / 16.0;
