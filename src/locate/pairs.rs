@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use super::{Link, RangeSample};
 
-/// Stamps of one range in two logs, s, and its distances, m: logs round to millimeters.
+/// Differences of one range in two logs, s and m: logs round to millimeters.
 const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 
 /// The samples with every range between two drones once. `Link::Drones(i, j)` is a range in the log
-/// of drone i; where the log of drone j has it too, that one is left out. Two ranges that differ
-/// are two measurements.
+/// of drone i. If the log of drone j has it too, that one is left out. Two ranges that differ are
+/// two measurements.
 pub(super) fn counted_once(samples: &[RangeSample]) -> Vec<RangeSample> {
     let mut first_logs: BTreeMap<(usize, usize), Vec<(f64, f64)>> = BTreeMap::new();
     for sample in samples {

@@ -34,7 +34,7 @@ impl Path {
         &self.means[step * self.states..][..self.states]
     }
 
-    /// Puts the states of a step in their place, and says by how much they moved.
+    /// Puts the states of a step in their place. Returns by how much they moved.
     fn put(&mut self, step: usize, n_drones: usize, normal: &Normal) -> f64 {
         let places = self.means[step * self.states..].iter_mut();
         let mut moved_m = 0.0_f64;
@@ -69,8 +69,8 @@ impl Solved {
 
     /// Covariances of the positions.
     pub(super) fn covariances_m2(&self, n_drones: usize) -> Vec<Vec<Matrix3<f64>>> {
-        let all = self.path.covariances_m2.iter().copied();
-        (0..n_drones).map(|drone| all.clone().skip(drone).step_by(n_drones).collect()).collect()
+        let every = self.path.covariances_m2.iter().copied();
+        (0..n_drones).map(|drone| every.clone().skip(drone).step_by(n_drones).collect()).collect()
     }
 }
 
@@ -90,7 +90,7 @@ fn window(n_states: usize) -> usize {
     (WINDOW_BYTES / size_of::<f64>() / numbers).max(1)
 }
 
-/// What all passes over a log have in common.
+/// Inputs of every pass over a log.
 struct Passes<'m, 'a> {
     model: &'m Model<'a>,
     samples: &'m [RangeSample],
@@ -121,6 +121,7 @@ impl Passes<'_, '_> {
         // The innovations are those of the filter, which knows no later range.
         let first = self.forward(None, None);
         let (mut begins, mut steps) = (first.begins, first.steps);
+        // Gauss–Newton: each pass is linearized about the smoothed path of the one before.
         for pass in 0..MAX_PASSES {
             let moved_m = self.backward(&begins, steps, pass > 0, &mut path)?;
             if pass > 0 && moved_m < CONVERGED_M || pass + 1 == MAX_PASSES {
@@ -131,7 +132,7 @@ impl Passes<'_, '_> {
         Ok(Solved { time_s, path, innovations: first.innovations })
     }
 
-    /// A pass forward, linearized about its own estimates or about a path; `into` takes its states.
+    /// A pass forward, linearized about its estimates or about a path. `into` takes its states.
     fn forward(&self, about: Option<&Path>, mut into: Option<&mut Path>) -> Forward {
         let (mut begins, mut steps) = (Vec::new(), Vec::new());
         let (mut filter, mut innovations) = (self.model.filter(self.start), Innovations::default());
@@ -172,6 +173,7 @@ impl Passes<'_, '_> {
         let (mut last, mut moved_m) = (Some(last), 0.0_f64);
         let mut after: Option<(Step, Normal)> = None;
         for (index, begin) in begins.iter().enumerate().rev() {
+            // The steps of the last window are still there. Those of earlier ones are made again.
             let about = linearized.then_some(&*path);
             let steps = last.take().unwrap_or_else(|| self.again(index, begin, about));
             for (k, step) in steps.into_iter().enumerate().rev() {

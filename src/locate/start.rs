@@ -1,4 +1,4 @@
-//! The places at the start of a log, from the first second of each drone alone.
+//! The places at the start of a log, from only the first second of each drone.
 //!
 //! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean
 //! range of each link is fitted by Levenberg's and Marquardt's method from 27 places around the
@@ -19,7 +19,7 @@ use noctograph_sim::kalman::Normal;
 const START_S: f64 = 1.0;
 /// σ of the velocity at the start.
 const START_SPEED_M_S: f64 = 0.5;
-/// Starts of the fit, around the middle of the anchors, in shares of their extent.
+/// Starts of the fit, around the middle of the anchors, in fractions of their extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
 /// Sum of squares, m², of places outside the room: more than any fit within.
 const OUTSIDE_M2: f64 = 1e9;
@@ -54,9 +54,10 @@ pub(super) fn start(
                    drone that flies with its motion sensors does with fewer",
         ));
     }
+    // The fit, and its information JᵀJ: a small eigenvalue is a direction that the ranges leave open.
     let p = best_fit(anchors_m, n, &means, room);
-    let slopes = residuals(anchors_m, &means, &p).0;
-    let information = slopes.transpose() * slopes;
+    let jacobian = residuals(anchors_m, &means, &p).0;
+    let information = jacobian.transpose() * jacobian;
     let eigen = information.clone().symmetric_eigen();
     if eigen.eigenvalues.min() < 1e-4 * eigen.eigenvalues.max() {
         return Err(Error::infeasible(
@@ -65,6 +66,7 @@ pub(super) fn start(
             "place an anchor off that line or plane",
         ));
     }
+    // Positions with the covariance of the fit, velocities at rest.
     let variance = sigma_m * sigma_m;
     let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
@@ -105,11 +107,11 @@ fn best_fit(
     let (middle_m, reach_m) = ((low_m + high_m) * 0.5, (high_m - low_m).max().max(1.0));
     let mut best = (f64::INFINITY, DVector::zeros(n));
     for k in 0..27_usize {
-        let share = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
+        let around = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
         let from = DVector::from_fn(n, |i, _| {
             // Drones apart from each other, or their range has no direction.
             let apart = 0.05 * (i / 3) as f64;
-            middle_m[i % 3] + reach_m * (share[i % 3] + apart)
+            middle_m[i % 3] + reach_m * (around[i % 3] + apart)
         });
         let (mut cost, places_m) = fit(anchors_m, means, from);
         if room.is_some_and(|room| !room.holds_all(&places_m)) {

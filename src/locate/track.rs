@@ -25,7 +25,7 @@ impl Track {
         track
     }
 
-    /// Between two velocities on a line; before the first and after the last at rest.
+    /// Between two velocities on a line, before the first and after the last at rest.
     pub(super) fn moved_m(&self, time_s: f64) -> Vector3<f64> {
         let after = self.time_s.partition_point(|t| *t <= time_s);
         let Some(before) = after.checked_sub(1) else { return Vector3::zeros() };

@@ -57,7 +57,7 @@ fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
 
-/// The number in a cell; not finite where the value is missing.
+/// The number in a cell. A missing value is not a number.
 fn number(cell: &str) -> Option<f64> {
     match cell {
         "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
@@ -67,12 +67,11 @@ fn number(cell: &str) -> Option<f64> {
     }
 }
 
-/// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T` in place of the space; day, month and
-/// year also with `/` or `.`, or the month by its name. A time of day alone counts from midnight,
-/// and a date alone is that midnight.
-/// Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas,
-/// milliseconds after a third colon, minutes and seconds alone (`34:56.7`, as spreadsheets show
-/// times), and days before a time (`0 days 00:00:01`, of pandas).
+/// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T` in place of the space. Day, month and
+/// year also with `/` or `.`, or the month by its name. A time of day counts from midnight, and a
+/// date is that midnight. Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`),
+/// decimal commas, milliseconds after a third colon, minutes and seconds (`34:56.7`, as
+/// spreadsheets show times), and days before a time (`0 days 00:00:01`, of pandas).
 pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     if cell.len() > 48 || !cell.starts_with(|sign: char| sign.is_ascii_digit()) {
         return None;
@@ -91,6 +90,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         Some((place, _)) => (Some(text[..place].trim_end()), &text[place + 1..]),
         None => (None, text),
     };
+    // The time of day without its zone, in two to four parts.
     let (time, east_s) = zone(time.trim())?;
     let time = time.replace(',', ".");
     let parts: Option<Vec<f64>> = time.split(':').map(|part| part.parse().ok()).collect();
@@ -154,8 +154,8 @@ fn month(name: &str) -> Option<i64> {
     Some(months.find(|(_, names)| names.split(' ').any(|known| known == first))?.0)
 }
 
-/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year; the day
-/// comes first with points, as in German, and where it is beyond 12.
+/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year. The day
+/// comes first with points, as in German, and if it is beyond 12.
 fn days_from_date(date: &str) -> Option<i64> {
     if let Some(days) = date.strip_suffix(" days") {
         return days.parse().ok().filter(|days| (0..100_000).contains(days));
@@ -174,7 +174,7 @@ fn days_from_date(date: &str) -> Option<i64> {
     if !fits {
         return None;
     }
-    // Years from March on, so that the leap day is the last.
+    // Years from March on, so that the leap day is the last (Howard Hinnant, days_from_civil).
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;

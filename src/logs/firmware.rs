@@ -1,11 +1,12 @@
-//! The release of the drone's firmware, where a log names one.
+//! The release of the drone's firmware, if a log names one.
 //!
-//! Exported scripts write it into their logs (`noctograph.firmware`); other JSON may have it as
+//! Exported scripts write it into their logs (`noctograph.firmware`). Other JSON may have it as
 //! `firmware` or `firmware_version`, tables in a comment before their head (`# firmware: 2026.08`).
 //! A log on the card and one of cfclient do not name it.
 
 use super::recording::Recording;
 use noctograph_core::crazyflie::Release;
+use noctograph_core::diagnostic::Diagnostic;
 
 /// Lines before a table's head that are read for it.
 const LINES: usize = 100;
@@ -29,21 +30,22 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     })
 }
 
-/// A warning where the firmware that flew is not the scene's.
-pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<String> {
+/// A warning if the firmware that flew is not the scene's.
+pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<Diagnostic> {
     let (named, release) = (recording.firmware.as_ref()?, assumed?);
     let assumed = release.name();
-    match Release::parse(named) {
-        Some(flown) if flown.is_like(release) => None,
-        Some(flown) => Some(format!(
+    let text = match Release::parse(named) {
+        Some(flown) if flown.is_like(release) => return None,
+        Some(flown) => format!(
             "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it \
              is \"{assumed}\"",
             flown.name()
-        )),
-        None => Some(format!(
-            "firmware {named} is no release: it is taken for {assumed} (vehicle.firmware)"
-        )),
-    }
+        ),
+        None => {
+            format!("firmware {named} is no release: it is taken for {assumed} (vehicle.firmware)")
+        }
+    };
+    Some(Diagnostic::warning("firmware-other", text))
 }
 
 #[cfg(test)]
@@ -67,7 +69,8 @@ mod tests {
     fn another_release_than_the_scenes_and_none_at_all_are_said() {
         let doubt = |firmware: &str, assumed| {
             let firmware = Some(firmware.to_owned());
-            doubt(&Recording { firmware, ..Recording::default() }, assumed)
+            let log = Recording { firmware, ..Recording::default() };
+            doubt(&log, assumed).map(|doubt| doubt.message)
         };
         let scene = Some(Release::R2026_08);
         assert_eq!(doubt("2026.08", scene), None);

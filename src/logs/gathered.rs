@@ -21,43 +21,43 @@ const HEAD_BYTES: usize = 1 << 16;
 pub struct GatheredLog {
     /// A file, or a folder of cfclient's.
     pub path: PathBuf,
-    /// The serial number, or else the address, that an exported script keeps in its log; else its
-    /// folder within that of the evening; else its name up to the first `-`, `_`, `.` or space.
+    /// The serial number, or else the address, that an exported script keeps in its log. Else its
+    /// folder within that of the evening, or its name up to the first `-`, `_`, `.` or space.
     pub drone: String,
     /// Its path within the folder of the evening.
     pub name: String,
 }
 
-/// Whether a folder is one log: it holds cfclient's files of one connection, or those of
+/// True if a folder is one log: it holds cfclient's files of one connection, or those of
 /// gym-pybullet-drones.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where it cannot be read.
+/// [`Error::Io`] if it cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
     Ok(bullet_folder::variables(folder)?.is_some()
         || entries_in(folder)?.iter().any(|path| {
-            // A file that cannot be read is not cfclient's; its import says why.
-            cfclient_csv::may_be_its_own(path)
+            // A file that cannot be read is not cfclient's. Its import says why.
+            cfclient_csv::may_be_cfclient(path)
                 && path.is_file()
                 && LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| {
-                    cfclient_csv::is_its_own(&Head::find(&Text::decode(&head).bytes))
+                    cfclient_csv::is_cfclient(&Head::find(&Text::decode(&head).bytes))
                 })
         }))
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of
-/// their flights; and the names of what else is there: hidden files, pictures, pages and settings.
+/// their flights. And the names of what else is there: hidden files, pictures, pages and settings.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where there is no log, or too
-/// many.
+/// [`Error::Io`] if a folder cannot be read, [`Error::Input`] for no log, or too many.
 pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let (mut logs, mut others) = (Vec::new(), Vec::new());
     let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());
     while let Some((inside, depth)) = folders.pop() {
         for path in entries_in(&inside)? {
+            // A folder that is one log is not looked into.
             let is_hidden = file_name(&path).starts_with('.');
             if is_hidden || (path.is_file() && OTHERS.contains(&&*ending(&path))) {
                 others.push(path);
@@ -130,7 +130,7 @@ fn about(log: &[u8]) -> Option<serde_json::Value> {
 /// Address of a drone as delivered.
 const ANY_ADDRESS: &str = "E7E7E7E7E7";
 
-/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`); the default address goes after the
+/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address goes after the
 /// radio's channel.
 fn address(uri: &str) -> String {
     let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');

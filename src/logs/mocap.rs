@@ -1,8 +1,8 @@
 //! Alignment of the motion capture's clock with the drone's, by the path that both have logged.
 //!
-//! The stamps of the computer and of the drone have different zeros. The drone logs the positions
-//! that the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates; the shift that
-//! explains most of their variance is taken.
+//! The clocks of the computer and of the drone have different zeros. The drone logs the positions
+//! that the motion capture sent (`ae483log.p_x_mocap` …) or its estimates. The shift that explains
+//! most of their variance is taken.
 //!
 //! Its world frame may differ from the drone's: turned about the vertical, shifted, with y up. It
 //! is then registered to the drone's by the best rigid transform, if the residual is some
@@ -15,9 +15,10 @@ use super::PositionSource;
 use super::recording::{Block, Channel, Clock, Recording};
 use super::sources::position;
 use noctograph_core::crazyflie::SLOW_CLOCK;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::geometry::turned;
 
-/// Number of stamps at which the two paths are compared.
+/// Number of times at which the two paths are compared.
 const N_STAMPS: u32 = 200;
 
 /// Step of the first search: 1 cm of path at 0.2 m/s.
@@ -32,16 +33,18 @@ const WORST_MISFIT: f64 = 0.2;
 /// Longest gap in the motion capture that is interpolated.
 const MAX_GAP_S: f64 = 0.25;
 
-/// Puts the blocks of the motion capture on the drone's clock, or takes them out with a warning.
-pub(super) fn align(recording: &mut Recording) {
-    if recording.blocks.iter().all(|block| block.clock == Clock::Drone) {
-        return;
+/// The same with the blocks of the motion capture on the drone's clock and in its world, or without
+/// them.
+pub(super) fn aligned(mut log: Recording) -> Recording {
+    if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
+        return log;
     }
-    let path = moving(recording, "ae483log.p_{x y z}_mocap")
-        .or_else(|| position(recording, PositionSource::Firmware))
-        .or_else(|| position(recording, PositionSource::Custom));
-    let mocap = moving(recording, "mocap.{x y z}");
-    let shift = mocap.zip(path).and_then(|(mocap, path)| {
+    // The path that the motion capture sent is the same path. An estimate is nearly the same.
+    let path = moving(&log, "ae483log.p_{x y z}_mocap")
+        .or_else(|| position(&log, PositionSource::Firmware))
+        .or_else(|| position(&log, PositionSource::Custom));
+    let shift = moving(&log, "mocap.{x y z}").zip(path).and_then(|(mocap, path)| {
+        // From the strictest assumption to the weakest: one world, a turned one, one with y up.
         let mut search = Search { mocap, path, free: false };
         for free in [false, true] {
             search.free = free;
@@ -53,24 +56,29 @@ pub(super) fn align(recording: &mut Recording) {
         search.mocap[1].values.iter_mut().for_each(|z| *z = -*z);
         Some((search.shift()?, true))
     });
-    let Some((shift, y_up)) = shift else {
-        recording.blocks.retain(|block| block.clock == Clock::Drone);
-        let text = "the motion capture's clock could not be aligned with the drone's (no common \
-                    path): its columns are left out";
-        recording.warnings.push(text.into());
-        return;
+    let is_laid = match &shift {
+        None => {
+            let text = "the motion capture's clock could not be aligned with the drone's (no \
+                        common path): its columns are left out";
+            log.warn("mocap-left-out", text);
+            false
+        }
+        Some((shift, y_up)) => {
+            log.warnings.extend(shift.warnings(*y_up));
+            !shift.is_elsewhere() || shift.placed.left_m <= MOST_LEFT_M
+        }
     };
-    recording.warnings.extend(shift.warnings(y_up));
-    if shift.is_elsewhere() && shift.placed.left_m > MOST_LEFT_M {
-        recording.blocks.retain(|block| block.clock == Clock::Drone);
-        return;
-    }
-    for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
+    let Some((shift, y_up)) = shift.filter(|_| is_laid) else {
+        log.blocks.retain(|block| block.clock == Clock::Drone);
+        return log;
+    };
+    for block in log.blocks.iter_mut().filter(|block| block.clock == Clock::Mocap) {
         block.time_s.iter_mut().for_each(|time_s| *time_s = shift.drone_s(*time_s));
         if shift.is_elsewhere() || y_up {
             shift.place(block, y_up);
         }
     }
+    log
 }
 
 /// Channels of a pattern, if any of them changes.
@@ -102,7 +110,7 @@ const SAME_RAD: f64 = 0.09;
 const MOST_LEFT_M: f64 = 0.1;
 
 impl Shift {
-    /// Whether the motion capture's world is another than the drone's.
+    /// True if the motion capture's world is another than the drone's.
     fn is_elsewhere(&self) -> bool {
         self.frame_offset_m.amax() > SAME_M || self.placed.turn_rad.abs() > SAME_RAD
     }
@@ -130,42 +138,52 @@ impl Shift {
         self.pivot_drone_s + self.ratio * (mocap_s - self.pivot_mocap_s)
     }
 
-    fn warnings(&self, y_up: bool) -> Vec<String> {
+    fn warnings(&self, y_up: bool) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
+        // A fit of the rate to 0.3 % is noise.
         if (self.ratio - 1.0).abs() > 0.003 {
-            let (ratio, firmware) = match (self.ratio - SLOW_CLOCK).abs() < 0.002 {
+            let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
+            let (ratio, firmware) = match is_slow {
                 true => (
                     format!("84/85 = {SLOW_CLOCK:.4}"),
                     ", as in firmware up to and with release 2026.08",
                 ),
                 false => (format!("{:.4}", self.ratio), ""),
             };
-            warnings.push(format!(
+            let text = format!(
                 "the drone's clock counts {ratio} s per second of the motion capture's{firmware}"
-            ));
+            );
+            warnings.push(Diagnostic::warning("clock-rate", text));
         }
+        // Then the worlds: laid onto each other, left apart, or nearly one.
         let [x, y, z] = self.frame_offset_m.into();
         let Fit { turn_rad, move_m, left_m, .. } = self.placed;
         let (degrees, left_cm) = (turn_rad.to_degrees(), 100.0 * left_m);
         let axes = if y_up { "y up, " } else { "" };
         let [to_x, to_y, to_z] = move_m.into();
-        if (self.is_elsewhere() || y_up) && left_m <= MOST_LEFT_M {
-            warnings.push(format!(
+        let (code, text) = if (self.is_elsewhere() || y_up) && left_m <= MOST_LEFT_M {
+            let text = format!(
                 "the motion capture's world is another than the drone's: {axes}turned by {degrees:.1}° and \
                  shifted by ({to_x:.3}, {to_y:.3}, {to_z:.3}) m; it is laid onto the drone's, which leaves \
                  {left_cm:.1} cm"
-            ));
+            );
+            ("mocap-turned", text)
         } else if self.is_elsewhere() {
-            warnings.push(format!(
+            let text = format!(
                 "the motion capture's world is another than the drone's, and no turn and shift lays one \
                  onto the other ({left_cm:.0} cm are left): its columns are left out"
-            ));
+            );
+            ("mocap-left-out", text)
         } else if self.frame_offset_m.amax() > 0.05 {
-            warnings.push(format!(
+            let text = format!(
                 "the drone's path lies ({x:.3}, {y:.3}, {z:.3}) m from the motion capture's on \
                  average: their frames may differ, and so may setpoints and positions"
-            ));
-        }
+            );
+            ("mocap-offset", text)
+        } else {
+            return warnings;
+        };
+        warnings.push(Diagnostic::warning(code, text));
         warnings
     }
 }
@@ -174,7 +192,7 @@ impl Shift {
 struct Search {
     mocap: Vec<Channel>,
     path: Vec<Channel>,
-    /// Whether the two worlds may be turned against each other.
+    /// True if the two worlds may be turned against each other.
     free: bool,
 }
 
@@ -198,6 +216,7 @@ impl Search {
         let (stamps, lasts_s) = (stamps(start_s, end_s), end_s - start_s);
         let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
         let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
+        // Coarse to fine: a grid over all shifts, then one around the best of them.
         let coarse_s =
             self.best(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
         let fine_s = self.best(&stamps, coarse_s, step_s, step_s / 20.0)?;
@@ -291,6 +310,8 @@ impl Search {
         if pairs.len() * 2 < stamps.len() {
             return None;
         }
+        // The best shift lays one mean onto the other. The best turn is the angle of the sums of
+        // cross and dot products of what is left.
         let n = pairs.len() as f64;
         let [to_m, from_m] = pairs
             .iter()
@@ -312,7 +333,7 @@ impl Search {
     }
 }
 
-/// Place at a time; `None` in longer gaps.
+/// Place at a time. `None` in longer gaps.
 fn place_m(channels: &[Channel], time_s: f64, gap_s: fn(&Channel) -> f64) -> Option<Vector3<f64>> {
     let [x, y, z] = [0, 1, 2].map(|k| channels[k].linear(time_s, gap_s(&channels[k])));
     Some(Vector3::new(x?, y?, z?))
@@ -326,8 +347,7 @@ fn left_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], turn_rad: f64) -> f64 {
 }
 
 impl Fit {
-    /// A fit with its residual and the path's variance; `None` if the path moves by less than two
-    /// centimeters.
+    /// A fit with its residual and the path's variance, if the path moves by two centimeters.
     fn new(
         left_m2: f64,
         spread_m2: f64,
@@ -350,8 +370,8 @@ fn span(channels: &[Channel]) -> (f64, f64) {
 }
 
 fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
-    let shares = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
-    shares.map(|share| start_s + (end_s - start_s) * share).collect()
+    let fractions = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
+    fractions.map(|fraction| start_s + (end_s - start_s) * fraction).collect()
 }
 
 /// Mean and mean square distance from it.
@@ -414,7 +434,7 @@ mod tests {
         assert!(shift.is_elsewhere() && shift.placed.left_m < 0.01, "{shift:?}");
         assert!((shift.placed.turn_rad - 0.7).abs() < 1e-3, "{shift:?}");
         assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
-        let said = shift.warnings(false).join(" ");
+        let said = shift.warnings(false)[0].to_string();
         assert!(said.contains("turned by 40.1°") && said.contains("leaves"), "{said}");
     }
 

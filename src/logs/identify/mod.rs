@@ -26,6 +26,7 @@ pub use self::air::UnevenAir;
 pub use self::lag::{RotorLag, T_95};
 use self::rotors::thrust_per_command_n;
 use noctograph_core::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
 use noctograph_sim::vehicle::VehicleOptions;
@@ -60,27 +61,27 @@ pub struct Identified {
     /// Mean motor commands m1…m4.
     pub mean_motors: [f64; 4],
     /// Thrust of one motor per unit of its command, N: fitted to the accelerometer, or to hovering
-    /// where none is logged.
+    /// without one.
     pub k_f_n: f64,
     /// Mean torque that the motors gave about body x and y, N m. The body met its opposite.
     pub motor_torque_n_m: [f64; 2],
     /// The center of mass that explains that torque, in body x and y.
     pub center_of_mass_m: [f64; 2],
-    /// Half the width of its confidence interval of 95 %, from the torque of uneven air; `None` if
+    /// Half the width of its confidence interval of 95 %, from the torque of uneven air. `None` if
     /// the flight is too short.
     pub center_of_mass_half_width_m: Option<[f64; 2]>,
-    /// The rotors' lag; `None` where no body rate is logged.
+    /// The rotors' lag. `None` if no body rate is logged.
     pub lag: Option<RotorLag>,
-    /// Uneven air; `None` if the flight is too short.
+    /// Uneven air. `None` if the flight is too short.
     pub air: Option<UnevenAir>,
-    /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
-    /// logged.
+    /// Standard deviation of the measured position about the estimate, x y z. `None` without a
+    /// logged raw position.
     pub measurement_sigma_m: Option<[f64; 3]>,
-    /// Spread of the model's error, [`MODEL_STATES`], in the state's unit per second; `None` where
-    /// attitude, velocity or body rates are not logged.
+    /// Standard deviation of the model's error, [`MODEL_STATES`], in the state's unit per second.
+    /// `None` if attitude, velocity or body rates are not logged.
     pub model_sigma: Option<[f64; 9]>,
     /// Warnings about data that was logged and is not used.
-    pub left_out: Vec<String>,
+    pub left_out: Vec<Diagnostic>,
 }
 
 impl Identified {
@@ -106,7 +107,7 @@ pub fn weight(sigma: f64) -> f64 {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where a figure is out of range, or the period is shorter than that of a point.
+/// [`Error::Input`] if a figure is out of range, or the period is shorter than that of a point.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
     within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
     within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
@@ -126,7 +127,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
+/// [`Error::Input`] if the flight has no motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified> {
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
     if !flight.has(Quantity::Motors) {
@@ -143,18 +144,20 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         let commands = "motor commands that never turn the drone, as those of one row, repeated";
         return Err(Error::input("flight", commands, "those of a flight", hint));
     }
+    // Thrust and torque of the mean commands, by the accelerometer if it is sound.
     let mut left_out = Vec::new();
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
     let mut accelerations = accelerations(flight, &air, &mut left_out);
     let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
-        left_out
-            .push("the acceleration points down on average: the drone is taken to hover".into());
+        let text = "the acceleration points down on average: the drone is taken to hover";
+        left_out.push(Diagnostic::warning("acceleration-down", text));
         accelerations = None;
         k_f_n = thrust_per_command_n(flight, samples, None, assumed);
     }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
+    // The model's error needs quantities that are logged and change.
     type Reading = fn(&FlightSample) -> Vector3<f64>;
     let quantities: [(Quantity, Reading); 3] = [
         (Quantity::Rate, |s| s.rate_body_rad_s),
@@ -165,7 +168,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         let is_logged = flight.has(quantity);
         let changes = samples.iter().any(|s| vector(s) != vector(&samples[0]));
         if is_logged && !changes {
-            left_out.push(format!("{}: frozen, as if it was not logged", quantity.name()));
+            left_out.push(frozen(quantity.name()));
         }
         is_logged && changes
     });
@@ -193,7 +196,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     })
 }
 
-/// Whether the motors never change their roll and pitch torque, as where a logger repeats one row.
+/// True if the motors never change their roll and pitch torque, as when a logger repeats one row.
 /// No real flight holds both constant.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
@@ -202,6 +205,11 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
         samples.iter().map(|sample| (MOTOR_SIGNS * Vector4::from(sample.motors)).xy()).peekable();
     let first = turns.peek().copied().unwrap_or_default();
     turns.all(|turn| (turn - first).amax() < SAME)
+}
+
+/// The warning of what does not change.
+fn frozen(names: &str) -> Diagnostic {
+    Diagnostic::warning("source-frozen", format!("{names}: frozen, as if it was not logged"))
 }
 
 /// The samples of a further column in the air.
@@ -213,7 +221,7 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Whether spreads are finite and positive: the weight of a frozen value would be infinite.
+/// True for finite and positive standard deviations: the weight of a frozen value would be infinite.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
@@ -222,29 +230,30 @@ fn are_figures(sigma: &[f64]) -> bool {
 fn accelerations(
     flight: &Flight,
     air: &Range<usize>,
-    left_out: &mut Vec<String>,
+    left_out: &mut Vec<Diagnostic>,
 ) -> Option<Vec<f64>> {
     for (name, unit) in ACCELERATIONS {
         let Some(values) = column(flight, air, name) else { continue };
         if values.iter().any(|value| *value != values[0]) {
             return Some(values.iter().map(|value| value * unit).collect());
         }
-        left_out.push(format!("{name}: frozen at {}, as if it was not logged", values[0]));
+        let text = format!("{name}: frozen at {}, as if it was not logged", values[0]);
+        left_out.push(Diagnostic::warning("source-frozen", text));
     }
     None
 }
 
-/// Spread about the estimate of the first raw position that changes.
+/// Standard deviation about the estimate of the first raw position that changes.
 fn measurement_sigma_m(
     flight: &Flight,
     air: &Range<usize>,
-    left_out: &mut Vec<String>,
+    left_out: &mut Vec<Diagnostic>,
 ) -> Option<[f64; 3]> {
     for names in LIGHTHOUSE {
         let columns = names.map(|name| column(flight, air, name));
         let [Some(x), Some(y), Some(z)] = columns else { continue };
         if [x, y, z].iter().all(|values| values.iter().all(|value| *value == values[0])) {
-            left_out.push(format!("{}: frozen, as if it was not logged", names.join(", ")));
+            left_out.push(frozen(&names.join(", ")));
             continue;
         }
         let places = flight.samples[air.clone()].iter().zip(x).zip(y).zip(z);
@@ -285,7 +294,7 @@ fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-/// Whether a gap follows a sample.
+/// True if a gap follows a sample.
 fn ends_at_hole(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
@@ -473,7 +482,10 @@ mod tests {
         for value in [0.0, -5.0] {
             let identified = identify(&sway(("ae483log.a_z", value)), &assumed).unwrap();
             assert!((identified.k_f_n / hover - 1.0).abs() < 0.01, "{value}: {identified:?}");
-            assert!(identified.left_out.iter().any(|text| text.contains("a")), "{identified:?}");
+            assert!(
+                identified.left_out.iter().any(|w| w.message.contains("a_z")),
+                "{identified:?}"
+            );
         }
         let mut flight = sway(("ae483log.a_z", 0.0));
         for axis in ["x", "y", "z"] {
@@ -487,7 +499,7 @@ mod tests {
             (identified.measurement_sigma_m, identified.model_sigma, identified.lag),
             (None, None, None)
         );
-        let said = identified.left_out.join("\n");
+        let said: String = identified.left_out.iter().map(ToString::to_string).collect();
         for name in ["ae483log.a_z", "ae483log.lh_x", "attitude", "velocity", "body rate"] {
             assert!(said.contains(name), "{name}: {said}");
         }

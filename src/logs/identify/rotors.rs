@@ -22,12 +22,13 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
     Vec::from_iter(run.windows(2).zip(wanted.windows(2)).map(|(pair, roots)| {
         let dt_s = pair[1].time_s - pair[0].time_s;
-        let share = (0.5 - HELD_S / dt_s).max(0.0);
+        let middle = (0.5 - HELD_S / dt_s).max(0.0);
         let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
         [0, 1, 2, 3].map(|motor| {
-            let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * share;
+            let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
             let behind = speed[motor] - wanted;
             speed[motor] = wanted + behind * stays;
+            // ∫ (wanted + behind e^(−t/lag))² dt over the step.
             wanted * wanted * dt_s
                 + 2.0 * wanted * behind * lag_s * (1.0 - stays)
                 + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
@@ -45,15 +46,15 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
         let [first, last] =
             [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));
         line.extend(held.iter().map(|s| {
-            let share = (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
-            [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * share)
+            let part = (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
+            [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * part)
         }));
     }
     line
 }
 
 /// Thrust per command that carries the drone, N: with the motors' lag, out of the ground effect.
-/// Against the accelerometer, by least squares of `m a = k ΣM`; without one, against gravity and
+/// Against the accelerometer, by least squares of `m a = k ΣM`. Without one, against gravity and
 /// the climb, over the whole time.
 pub(super) fn thrust_per_command_n(
     flight: &Flight,
@@ -73,6 +74,7 @@ pub(super) fn thrust_per_command_n(
     let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
     let motor_lag_s = 0.5 * (motor_rise_s + motor_fall_s);
     let (mut product, mut square) = (0.0, 0.0);
+    // Sums over the runs of samples without a gap, within the part that is in free air.
     let mut start = 0;
     for run in runs(flight, samples) {
         let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);
