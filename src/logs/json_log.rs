@@ -64,7 +64,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
         return Err(Error::input(file, actual, format!("JSON of at most {MAX_DEPTH}"), HINT));
     }
     let broken = serde_json::from_slice::<IgnoredAny>(&text).err();
-    if let Some(source) = broken.filter(serde_json::Error::is_eof) {
+    if let Some(source) = broken.filter(|source| is_cut(source, &text)) {
         let place = format!("{}:{}", source.line(), source.column());
         refuse_cut_script(&text, file, &place)?;
         let note = format!("the file ends too early, at {place}; the part before is read");
@@ -87,6 +87,13 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     resolve_units(&mut log, in_seconds, options.time_unit);
     plain_csv::resolve_angles(&mut log, options.angle_unit);
     Ok(log)
+}
+
+/// True for the error of a text that ends too early, within a number too.
+fn is_cut(source: &serde_json::Error, text: &[u8]) -> bool {
+    let last = text.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
+    let is_number = last.last().is_some_and(|byte| b"-+.eE".contains(byte));
+    source.is_eof() || is_number && source.column() == last.len()
 }
 
 /// Refuses the cut log of an exported script, whose variables stand one after another: its part is
@@ -362,19 +369,23 @@ impl<'a> Reader<'a> {
         let mut columns = Vec::new();
         for title in titles.iter().filter(|title| **title != time) {
             let value = members.remove(title).expect("a list");
-            if value.get()[1..].trim_start().starts_with('"') {
-                let mut texts = Vec::new();
-                for item in self.items(value)? {
-                    note_text(&mut texts, &self.cell(item)?);
-                }
-                rows::check_owners(title, &texts, &self.log.file)?;
-            }
+            self.check_owners(title, value)?;
             let name = self.joined(folder, title)?;
             let mut values = self.numbers(&name, value)?;
             self.cut_to_shorter(&name, &mut time_s, &mut values);
             columns.push((title.as_str(), values));
         }
         self.table(folder, (&time, time_s), columns)
+    }
+
+    /// Refuses a list of the names of several drones.
+    fn check_owners(&self, title: &str, value: &'a RawValue) -> Result<()> {
+        let items = self.list(value)?.map_or(Vec::new(), |list| list.items);
+        let mut texts = Vec::new();
+        for item in items.into_iter().take_while(|item| item.get().starts_with('"')) {
+            note_text(&mut texts, &self.cell(item)?);
+        }
+        rows::check_owners(title, &texts, &self.log.file)
     }
 
     /// Adds the columns of a list of objects, each with a time. Returns false if it is none. Rows
