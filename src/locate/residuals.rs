@@ -20,8 +20,8 @@ const SURE_SIGMAS: f64 = 5.0;
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
 /// Fraction of a link's ranges that may be outliers: with ultra-wideband some 2 %.
 const MOST_REFUSED_FRAC: f64 = 0.05;
-/// Bounds of the mean normalized innovation squared if noise and motion are as assumed to some 15 %.
-/// With few ranges, chance adds to it.
+/// Bounds of the mean normalized innovation squared if noise and motion are as assumed to some 15
+/// %. With few ranges, chance adds to it.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 
 /// Residuals of a link: measured minus located distances.

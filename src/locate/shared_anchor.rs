@@ -1,6 +1,7 @@
 //! The observer of two drones with a common anchor, as its authors left it.
 //!
-//! Drone i hears an anchor `a_i` and the common anchor `a_3`, and both the range q between them. From squared ranges, with `C_i` = `a_3` − `a_i`:
+//! Drone i hears an anchor `a_i` and the common anchor `a_3`, and both the range q between them.
+//! From squared ranges, with `C_i` = `a_3` − `a_i`:
 //!
 //! ```text
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i

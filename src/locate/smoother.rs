@@ -55,8 +55,8 @@ pub struct Located {
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
     /// First and last range of each drone: before and after, its positions are held, not measured.
     pub heard_s: Vec<[f64; 2]>,
-    /// Mean normalized innovation squared of the filter: 1 if noise and motion are right. `None` for
-    /// an observer without a covariance.
+    /// Mean normalized innovation squared of the filter: 1 if noise and motion are right. `None`
+    /// for an observer without a covariance.
     pub nis: Option<f64>,
     /// Ranges, each once.
     pub ranges: usize,

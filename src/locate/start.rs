@@ -54,7 +54,8 @@ pub(super) fn start(
                    drone that flies with its motion sensors does with fewer",
         ));
     }
-    // The fit, and its information JᵀJ: a small eigenvalue is a direction that the ranges leave open.
+    // The fit, and its information JᵀJ: a small eigenvalue is a direction that the ranges leave
+    // open.
     let p = best_fit(anchors_m, n, &means, room);
     let jacobian = residuals(anchors_m, &means, &p).0;
     let information = jacobian.transpose() * jacobian;

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use super::recording::{Block, Column, Recording};
-use super::{Job, cells, firmware, format};
+use super::{Job, cells, firmware, unknown};
 use noctograph_core::error::Result;
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
@@ -79,7 +79,7 @@ pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
     }
     if log.blocks.is_empty() {
         let content = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
-        return Err(format::unknown(job.file, content));
+        return Err(unknown(job.file, content));
     }
     if !others.is_empty() {
         let others = others.join(", ");

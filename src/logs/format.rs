@@ -2,7 +2,7 @@
 
 use super::cfclient_csv::is_cfclient;
 use super::mocap_csv::{Capture, capture};
-use super::usd;
+use super::{unknown, usd};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text};
 
@@ -24,11 +24,12 @@ pub(super) enum Format<'a> {
 
 impl<'a> Format<'a> {
     /// Recognizes a log. Known files of other programs are refused first: some look like a table.
-    pub(super) fn of(bytes: &'a [u8], file: &str) -> Result<Self> {
+    pub(super) fn recognized(bytes: &'a [u8], file: &str) -> Result<Self> {
         refuse_foreign(bytes, file)?;
         if bytes.first() == Some(&usd::MAGIC) {
             return Ok(Self::Card);
         }
+        // A text: JSON by its bracket, a table by its head.
         let text = Text::decode(bytes);
         let content = text.bytes.trim_ascii_start();
         if content.starts_with(b"{") || content.starts_with(b"[") {
@@ -69,17 +70,6 @@ fn has_ranges(head: &Head) -> bool {
 /// True for a flight file with ranges: an imported log, whose clock is lost.
 pub(super) fn is_imported(head: &Head) -> bool {
     head.has(FLIGHT[0]) && head.has("letter") && has_ranges(head)
-}
-
-/// The error for a file of no known log format.
-pub(super) fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
-    Error::input(
-        file,
-        content,
-        "a log: AE483 JSON, CSV of cfclient, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
-         range CSV",
-        "convert the log to CSV with a header t,x,y,z,yaw,pitch,roll",
-    )
 }
 
 const BY_CAPTURE: &str =

@@ -37,7 +37,7 @@ pub mod identify;
 use std::path::Path;
 
 use noctograph_core::crazyflie::Release;
-use noctograph_core::error::Result;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, Limit};
 use noctograph_core::flight::table::Table;
 use noctograph_core::flight::{Flight, Quantity};
@@ -198,8 +198,8 @@ settings! {
 ///
 /// # Errors
 ///
-/// [`noctograph_core::error::Error`]: `Io` if it cannot be read, `Input` with line or byte if it is
-/// broken, for unknown formats and columns, and for options out of range.
+/// [`Error::Io`] if it cannot be read, [`Error::Input`] with line or byte if it is broken, for
+/// unknown formats and columns, and for options out of range.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     Ok(import_on_clock(path, options)?.flight)
 }
@@ -252,7 +252,7 @@ pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
     let budget = Budget::new(file, HINT);
     let job = Job { file, options, budget: &budget };
-    let format = Format::of(bytes, file)?;
+    let format = Format::recognized(bytes, file)?;
     budget.bytes(bytes.len())?;
     let recording = match format {
         Format::Card => usd::read(bytes, job)?,
@@ -309,6 +309,17 @@ fn flight(recording: Recording, Job { options, budget, .. }: Job<'_>) -> Result<
     recording.warn_of_empty_cells();
     // Variables become quantities, and all of them samples on one time axis.
     mapper::flight(recording, options, budget)
+}
+
+/// The error for a file of no known log format.
+fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
+    Error::input(
+        file,
+        content,
+        "a log: AE483 JSON, CSV of cfclient, a µSD log (first byte 0xBC), plain CSV (t, x, y, z …), \
+         range CSV",
+        "convert the log to CSV with a header t,x,y,z,yaw,pitch,roll",
+    )
 }
 
 impl TimeUnit {

@@ -306,7 +306,8 @@ fn times(
     (values, Some(Diagnostic::warning("unit-guessed", format!("column {title}: {guess}"))))
 }
 
-/// Adds a day, half a day or an hour after each fall of a clock by about as much. Returns how often.
+/// Adds a day, half a day or an hour after each fall of a clock by about as much. Returns how
+/// often.
 fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
     let (mut added_s, mut last_s, mut wraps) = (0.0, f64::NEG_INFINITY, 0);

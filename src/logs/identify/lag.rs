@@ -5,8 +5,8 @@
 //! cause: its lags are 20 to 70 ms too long. Both sides are therefore projected onto the design's
 //! acceleration around the moment, which neither the air nor the gyroscope changes (two-stage least
 //! squares: Söderström, Stoica, Instrumental Variable Methods for System Identification, 1983, and
-//! in closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the one with the best fit. Its
-//! confidence comes from leaving out one stretch of the flight after the other (jackknife over
+//! in closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the one with the best fit.
+//! Its confidence comes from leaving out one stretch of the flight after the other (jackknife over
 //! groups: Efron, Stein 1981), which is robust to gusts that last from span to span.
 //!
 //! Not done: flights whose design never moves, such as a hover, do not show the lag.
