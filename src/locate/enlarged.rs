@@ -30,7 +30,6 @@ use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
 /// Distances, in standard deviations along the weakest direction, from which Gauss–Newton starts.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
-/// Time of the hand-over.
 const HAND_OVER_S: f64 = 5.0;
 /// Walk of the error of the known motion, m/√s: velocities of an on-board estimate.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
@@ -163,6 +162,7 @@ impl Enlarged {
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
         let mut places_m = self.normal.mean.rows(0, 3 * self.n).into_owned();
         for drone in 0..self.n {
+            // The weakest direction of a drone is the normal of the anchors' plane.
             let normal = along.fixed_rows::<3>(3 * drone).into_owned();
             if let Some(normal) = normal.try_normalize(1e-12) {
                 let mut place_m = places_m.fixed_rows_mut::<3>(3 * drone);
@@ -174,7 +174,6 @@ impl Enlarged {
     }
 }
 
-/// Coordinates of vectors, one after another.
 fn stacked(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
     DVector::from_iterator(3 * vectors_m.len(), vectors_m.iter().flatten().copied())
 }
@@ -197,6 +196,7 @@ fn augmented(p: &DVector<f64>) -> DVector<f64> {
 fn jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
     let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
+    // Identity for the positions, ∂|p|² = 2pᵀ for a square, and the other position for a product.
     for i in 0..n {
         for axis in 0..3 {
             jacobian[(3 * n + i, 3 * i + axis)] = 2.0 * p[3 * i + axis];

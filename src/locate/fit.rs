@@ -8,7 +8,6 @@ use noctograph_sim::kalman::Part;
 
 const FIT_STEPS: usize = 40;
 
-/// The mean of a link's ranges.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observation {
     pub(super) link: Link,
@@ -25,6 +24,7 @@ pub(super) fn residuals(
     let mut left = DVector::zeros(ranges.len());
     for (row, range) in ranges.iter().enumerate() {
         let (slope, expected_m) = slope(range.link, anchors_m, places_m.as_slice(), 3);
+        // ∂d/∂p is the unit vector from the other end.
         for part in slope {
             let Part::Three(column, direction) = part else { continue };
             jacobian.fixed_view_mut::<1, 3>(row, column).tr_copy_from(&direction);

@@ -11,7 +11,6 @@ use super::positions::{GATE_SIGMAS, slope};
 use super::{Link, LocateOptions, RangeSample};
 use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
 
-/// States of a drone.
 pub(super) const STATES: usize = 6;
 
 /// Ranges closer in time have one state.
@@ -28,7 +27,6 @@ pub(super) struct Model<'a> {
     stands_until_s: Vec<f64>,
 }
 
-/// Statistics of the filter's innovations.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     /// Sum of the normalized innovations squared of the ranges that were taken, and their number.
@@ -53,13 +51,10 @@ impl Innovations {
     }
 }
 
-/// A filter on its way through a log.
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
-    /// The states after the last step.
     pub(super) normal: Normal,
     gate: Gate<Link>,
-    /// Time of the last step.
     last_s: Option<f64>,
     /// Ranges of all steps behind it.
     pub(super) ranges: usize,
@@ -99,7 +94,6 @@ impl<'a> Model<'a> {
         self.stands_until_s.len()
     }
 
-    /// A filter at the beginning of a log.
     pub(super) fn filter(&self, start: &Normal) -> Filter {
         let gate = Gate::new(GATE_SIGMAS);
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
@@ -141,7 +135,7 @@ impl<'a> Model<'a> {
         let q = variance_rate(self.options.acceleration_m_s2_sqrt_hz);
         for (drone, until_s) in self.stands_until_s.iter().enumerate() {
             let span_s = (to_s - from_s.max(*until_s)).max(0.0);
-            // White acceleration of density q: Q = q [t³/3 t²/2; t²/2 t] (Bar-Shalom 2001, 6.2.2).
+            // White acceleration of density q: Q = q [t³/3, t²/2 | t²/2, t] (Bar-Shalom 2001, 6.2.2).
             for i in STATES * drone..STATES * drone + 3 {
                 transition.push((i, i + 3, span_s));
                 noise.push((i, i, q * span_s * span_s * span_s / 3.0));

@@ -58,6 +58,7 @@ pub fn position_error(
     let (mut square, mut nees, mut n) = (Vector3::zeros(), 0.0, 0_u32);
     for k in located.heard(drone) {
         let Some(true_m) = reference.position_m(located.time_s[k]) else { continue };
+        // Squares of the error by axis, and εᵀP⁻¹ε / 3 if there is a covariance.
         let error_m = located.position_m[drone][k] - true_m;
         square += error_m.component_mul(&error_m);
         if let Some(covariances) = located.covariance_m2.get(drone) {
@@ -101,6 +102,7 @@ pub fn link_errors(
     let errors = samples.iter().filter_map(|sample| {
         let mut ends_m =
             sample.link.drones().map(|drone| references.get(drone)?.position_m(sample.time_s));
+        // The first end is a drone, the other one an anchor or a drone.
         let first_m = ends_m.next()??;
         let second_m = match sample.link {
             Link::Anchor { anchor, .. } => *anchors_m.get(anchor)?,

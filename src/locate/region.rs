@@ -108,6 +108,7 @@ fn run(
     let mut believed = [0, 1].map(|i| truth[i] + start_errors_m[i]);
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let ticks = (duration_s * RATE_HZ) as u32;
+    // Exact motion plus the correction of the observer, by Euler steps.
     for tick in 1..=ticks {
         let outputs = observer.outputs(&observer.ranges(&truth));
         let rates = observer.corrections(&believed, &outputs);
@@ -154,7 +155,6 @@ pub fn observability(
     }
 }
 
-/// Information of one round of ranges.
 fn seen(
     observer: &SharedAnchorObserver,
     outputs: Outputs,

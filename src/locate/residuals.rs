@@ -47,7 +47,6 @@ pub fn nis_interval(n: usize) -> [f64; 2] {
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
 
-/// Median and scatter of the residuals of each link.
 pub(super) fn spread_by_link(
     samples: &[RangeSample],
     residuals_m: &[f64],
@@ -57,6 +56,7 @@ pub(super) fn spread_by_link(
         by_link.entry(sample.link).or_default().push(*residual_m);
     }
     let spreads = by_link.into_iter().filter_map(|(link, residuals_m)| {
+        // The median absolute deviation is robust to outliers (Rousseeuw, Croux 1993).
         let median_m = median(residuals_m.iter().copied())?;
         let away = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
         Some((link, (median_m, SIGMA_PER_MAD * median(away)?, residuals_m.len())))
@@ -104,7 +104,6 @@ impl Located {
         self
     }
 
-    /// What the ranges contradict, in words.
     fn contradictions(&self, sigma_m: f64) -> Vec<Diagnostic> {
         let suspects = self.links.iter().filter(|link| link.suspect);
         let suspects = suspects.map(|link| {
@@ -125,6 +124,7 @@ impl Located {
 fn nis_warning(nis: Option<f64>, n: usize, sigma_m: f64) -> Option<String> {
     let (nis, [least, most]) = (nis?, nis_interval(n));
     let cm = 100.0 * sigma_m;
+    // Above: the covariance is too small. Below: the noise is assumed too large.
     if nis > most {
         Some(format!(
             "NIS {nis:.2} is above {most:.2}: the errors are larger than the covariance says; the \

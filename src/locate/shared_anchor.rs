@@ -10,9 +10,8 @@
 //! ```
 //!
 //! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
-//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, and so
-//! uses three of the five ranges: at an instant they fix three of six coordinates.
-//! [`locate_shared`] runs it over a log, from a start near the truth and without a covariance.
+//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, which fix
+//! three of six coordinates at an instant, of five ranges.
 
 use std::collections::BTreeSet;
 
@@ -88,6 +87,7 @@ impl SharedAnchorObserver {
         estimates_m: &[Vector3<f64>; 2],
         outputs: &[f64; 3],
     ) -> [Vector3<f64>; 2] {
+        // Gradient descent on the three squared residuals, as in the formula above.
         let [p1, p2] = estimates_m;
         let shared = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
         [0, 1].map(|i| {

@@ -114,7 +114,6 @@ pub fn check_count(n: usize) -> Result<()> {
     Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
-/// Refuses logs whose passes would take minutes each.
 fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     let work = work(n_drones, samples);
     if work <= MOST_WORK {
@@ -125,7 +124,6 @@ fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     Err(Error::input("ranges", work, format!("at most {most:.0} million"), FEWER))
 }
 
-/// The first and the last range of each drone.
 pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
     let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
     for sample in samples {
@@ -138,7 +136,6 @@ pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]>
 }
 
 impl Located {
-    /// No position yet.
     pub(super) fn empty(n_drones: usize) -> Self {
         Self {
             position_m: vec![Vec::new(); n_drones],
@@ -147,7 +144,6 @@ impl Located {
         }
     }
 
-    /// Appends the position of each drone with its covariance.
     pub(super) fn push(
         &mut self,
         time_s: f64,

@@ -17,7 +17,6 @@ use noctograph_sim::kalman::Normal;
 
 /// Ranges of this time after the first give the place at the start.
 const START_S: f64 = 1.0;
-/// σ of the velocity at the start.
 const START_SPEED_M_S: f64 = 0.5;
 /// Starts of the fit, around the middle of the anchors, in fractions of their extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
@@ -86,6 +85,7 @@ pub(super) fn start(
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {
+        // A range between drones counts from the later beginning on.
         let begins_s = sample.link.drones().map(|drone| heard_s[drone][0]);
         let since_s = begins_s.fold(f64::NEG_INFINITY, f64::max);
         if (since_s..=since_s + START_S).contains(&sample.time_s) {
@@ -97,7 +97,6 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     sums.map(|(link, (sum_m, count))| Observation { link, distance_m: sum_m / count }).collect()
 }
 
-/// The best of the fits from places around the anchors.
 fn best_fit(
     anchors_m: &[Vector3<f64>],
     n: usize,

@@ -14,6 +14,7 @@ impl Track {
     pub fn new(velocities_m_s: impl IntoIterator<Item = (f64, Vector3<f64>)>) -> Self {
         let (mut track, mut before) = (Self::default(), None);
         for (time_s, velocity_m_s) in velocities_m_s {
+            // Trapezoidal rule.
             let step_m = before.map_or(Vector3::zeros(), |(then_s, then_m_s)| {
                 (velocity_m_s + then_m_s) * (0.5 * (time_s - then_s))
             });
@@ -37,7 +38,6 @@ impl Track {
     }
 }
 
-/// Motion of all drones between two times.
 pub(super) fn moved_m(tracks: &[Track], from_s: f64, to_s: f64) -> Vec<Vector3<f64>> {
     tracks.iter().map(|track| track.moved_m(to_s) - track.moved_m(from_s)).collect()
 }

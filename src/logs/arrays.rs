@@ -65,6 +65,7 @@ fn block(samples: &[FlightSample]) -> Block {
     let angles = ANGLES.into_iter().zip(Quantity::Attitude.places());
     Block {
         time_s: samples.iter().map(|sample| sample.time_s).collect(),
+        // Angles are open: their unit is what is in doubt.
         columns: position
             .map(|(name, number)| column(name, number, false))
             .chain(angles.map(|(name, number)| column(name, number, true)))

@@ -94,7 +94,6 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// Times and values of a file.
 fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     let file = path.display().to_string();
     let bytes = super::read(path)?;
@@ -102,6 +101,7 @@ fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     job.budget.steps(bytes.len())?;
     let text = Text::decode(&bytes);
     let mut head = Head::find(&text.bytes);
+    // Two columns and no title, or it is another file.
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
         let hint = "leave files that are no variables of the simulator out of the folder";

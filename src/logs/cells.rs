@@ -8,7 +8,6 @@ use super::titles::meaning;
 
 const HINT: &str = "correct or cut the file; each line needs one number a column";
 
-/// A day, s.
 pub(super) const DAY_S: f64 = 86_400.0;
 
 /// Reads the rows below a head, and which of its columns have dates or times of day, in seconds. A
@@ -21,6 +20,7 @@ pub(super) fn read_rows(
 ) -> Result<(Sheet, Vec<bool>)> {
     let mut are_dated = vec![false; head.n_columns];
     let rules = RowRules { file, budget, hint: HINT, needs_line_ends: true };
+    // A date counts as a number, and its column is marked.
     let mut sheet = Sheet::read(text, head, rules, |place, cell| {
         let (value, is_dated) = value(cell)?;
         are_dated[place] |= is_dated;
@@ -31,6 +31,7 @@ pub(super) fn read_rows(
         let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
         return Err(error.in_file(file, line as u64));
     }
+    // Texts are named. A table of texts beside times is refused.
     let texts: Vec<String> = sheet.columns.iter().filter_map(named_texts).collect();
     let is_no_quantity = |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
     if !texts.is_empty() && sheet.columns.iter().all(is_no_quantity) {
@@ -44,7 +45,6 @@ pub(super) fn read_rows(
     Ok((sheet, are_dated))
 }
 
-/// The texts of a column, for a message.
 fn named_texts(column: &SheetColumn) -> Option<String> {
     let first = column.texts.first()?;
     let n = column.n_texts;
@@ -131,6 +131,7 @@ fn zone(time: &str) -> Option<(&str, f64)> {
     }
     let Some(sign) = time.find(['+', '-']) else { return Some((time, 0.0)) };
     let (before, zone) = time.split_at(sign);
+    // Hours, or hours and minutes with or without a colon.
     let digits: String = zone[1..].chars().filter(|sign| *sign != ':').collect();
     let minutes = match (digits.len(), digits.parse::<u32>()) {
         (1 | 2, Ok(hours)) => hours * 60,
@@ -147,7 +148,6 @@ const MONTHS: [&str; 12] = [
     "dec dez",
 ];
 
-/// The month of a name.
 fn month(name: &str) -> Option<i64> {
     let first: String = name.chars().take(3).collect();
     let mut months = (1..).zip(MONTHS);

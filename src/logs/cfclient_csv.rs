@@ -19,7 +19,6 @@ pub(super) fn is_cfclient(head: &Head) -> bool {
         && head.titles[1..].iter().any(|title| title.contains('.'))
 }
 
-/// True for a file that may be cfclient's by its name.
 pub(super) fn may_be_cfclient(path: &Path) -> bool {
     ending(path) == "csv"
 }
@@ -29,6 +28,7 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     let (sheet, _) = cells::read_rows(text, head, job, |_| true)?;
     let mut columns =
         sheet.columns.into_iter().map(|column| Column::new(column.title, column.values));
+    // The first column is the time, the others are variables.
     let times_ms = columns.next().map(|times| times.values).unwrap_or_default();
     let block = Block {
         name: Path::new(job.file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),

@@ -47,6 +47,7 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
             (format!("{n} times that are one"), "write stamps with all their digits");
         return Err(Error::input(file, same, "times that rise", hint));
     }
+    // A few falls are wraps, restarts or spikes, which are repaired.
     let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
     if falls < FALLS || falls <= n / 4 {
         return Ok(());

@@ -8,9 +8,7 @@ use super::recording::Recording;
 use noctograph_core::crazyflie::Release;
 use noctograph_core::diagnostic::Diagnostic;
 
-/// Lines before a table's head that are read for it.
 const LINES: usize = 100;
-/// Bytes of a line that are read.
 const BYTES: usize = 200;
 
 /// The firmware that a comment before a table's head names.
@@ -20,6 +18,7 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     let comments = lines.filter(|line| matches!(line.first(), Some(b'#' | b'%' | b'/')));
     comments.into_iter().find_map(|line| {
         let line = String::from_utf8_lossy(&line[..line.len().min(BYTES)]).into_owned();
+        // A release after the word firmware, else what looks like a commit.
         let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
         let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
         let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();
@@ -35,6 +34,7 @@ pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<D
     let (named, release) = (recording.firmware.as_ref()?, assumed?);
     let assumed = release.name();
     let text = match Release::parse(named) {
+        // Releases that fly alike need no warning.
         Some(flown) if flown.is_like(release) => return None,
         Some(flown) => format!(
             "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it \

@@ -11,12 +11,9 @@ const FLIGHT: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 
 /// A log by its format, with what was read to recognize it.
 pub(super) enum Format<'a> {
-    /// A log of the µSD card.
     Card,
     Json(Text<'a>),
-    /// A flight file of ours.
     Flight(Text<'a>, Head),
-    /// A file of cfclient.
     Cfclient(Text<'a>, Head),
     /// Any other table, or one of a motion capture.
     Table(Text<'a>, Head, Option<Capture>),

@@ -24,7 +24,6 @@ const VECTORS: [&str; 7] = [
 /// Yaw, pitch and roll about axes that point down change their signs but the last.
 const ANGLES: [&str; 2] = ["yaw_rad", "pitch_rad"];
 
-/// Least climb of a take-off.
 const CLIMB_M: f64 = 0.2;
 /// Part of it in which the drone goes straight up, and how far it may drift aside.
 const STRAIGHT_M: f64 = 0.12;
@@ -58,14 +57,15 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     Ok(log)
 }
 
-/// Turns a block's columns.
 fn turn(block: &mut Block, axes: Axes) {
     if axes == Axes::ZDown {
+        // x stays, and y and z change their signs: a half turn about x.
         let vectors = VECTORS.into_iter().flat_map(|pattern| names(pattern).skip(1));
         vectors.chain(ANGLES.map(str::to_owned)).for_each(|name| negate(block.column_mut(&name)));
         return;
     }
     for pattern in VECTORS {
+        // y becomes z, and z becomes −y: a quarter turn about x.
         let places =
             names(pattern).map(|name| block.columns.iter().position(|column| column.name == name));
         let places: Option<Vec<usize>> = places.collect();
@@ -111,7 +111,6 @@ fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     (rows.len() > 2).then_some(rows)
 }
 
-/// The warning that z up is a guess.
 fn guess(seen: &str) -> (Axes, Option<String>) {
     (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
 }
@@ -186,6 +185,7 @@ fn climbs<'a>(
         return false;
     };
     for row in from_end {
+        // Straight up at first, then anywhere until the climb is high enough.
         let climb_m = sign * row[axis] - sign * first[axis];
         if climb_m >= CLIMB_M {
             return true;

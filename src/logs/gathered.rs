@@ -6,11 +6,9 @@ use super::{LIMIT, bullet_folder, cfclient_csv};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
-/// Most logs of a folder.
 const MAX_LOGS: usize = 2000;
 /// Folders within folders that are looked into: a drone's, an evening's, cfclient's.
 const DEPTH: usize = 4;
-/// Endings of other files that lie beside logs.
 const OTHERS: [&str; 13] =
     ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
 /// Beginning of a file, in which its first line ends.
@@ -99,7 +97,6 @@ impl GatheredLog {
     }
 }
 
-/// The drone that an exported script names in its log.
 fn named_drone(path: &Path) -> Option<String> {
     let about = about(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
     let [serial, uri] =

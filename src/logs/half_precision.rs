@@ -52,11 +52,11 @@ pub(super) fn restored(mut log: Recording) -> Recording {
     log
 }
 
-/// The rows that look as if they had lost their carry.
 fn lost(values: &[f64]) -> Vec<usize> {
     let (mut rows, mut start) = (Vec::new(), 0);
     for run in values.chunk_by(|a, b| a == b) {
         let (value, end) = (run[0], start + run.len());
+        // A run of equal values between two neighbors, both about twice as large.
         if start > 0 && end < values.len() && run.len() <= LONGEST && may_have_lost(value) {
             let (before, after) = (values[start - 1], values[end]);
             let mean = f64::midpoint(before, after);
@@ -87,6 +87,7 @@ fn may_be_half(values: &[f64], value: f64) -> bool {
             (scaled - scaled.round()).abs() <= 1e-9 * scaled.abs().max(1.0)
         })
     };
+    // The printed step, or none for binary numbers, bounds the rounding.
     let step = DECIMALS.into_iter().find(are_whole).map_or(0.0, f64::recip);
     let is_half =
         |value: &f64| (value - f64::from(f16::from_f64(*value))).abs() <= 0.5 * step * (1.0 + 1e-6);

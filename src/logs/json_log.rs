@@ -4,11 +4,10 @@
 //! - 2022: `{"var": {"time": [ms], "data": []}}`
 //! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
 //!
-//! All are read by one rule: an object with `time` and `data` is a variable. One with `time` and
-//! other lists is a block of variables. Other objects are folders, whose name goes before the names
-//! in them (`drone` excepted). A list of objects with a time is a block by rows, as scripts of
-//! cflib and pandas' `to_json(orient="records")` write it. Lists beside one of times are its
-//! columns. Both may have the usual names of plain CSV. Other members are named as not read.
+//! An object with `time` and `data` is a variable. Other objects are folders, whose name goes before
+//! the names in them (`drone` excepted). Lists beside one of times are columns, and a list of
+//! objects with a time is a block by rows, as scripts of cflib and pandas' `to_json` write it. Both
+//! may have the usual names of plain CSV. Other members are named as not read.
 //!
 //! The text is checked once. It is then taken apart from the outside to the inside, in pieces of
 //! itself ([`RawValue`]): only the numbers of columns stay in memory.
@@ -22,7 +21,7 @@ use serde_json::value::RawValue;
 use super::cells::seconds_from_date;
 use super::cfclient_csv::WRAP_S;
 use super::recording::{Block, Clock, Column, Recording};
-use super::{Job, MAX_VARIABLES, TimeUnit, plain_csv, rows, titles};
+use super::{Job, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::stamps::{SLOWEST_PERIOD_S, unit_of};
@@ -48,7 +47,6 @@ const TEXT_CHARS: usize = 40;
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
                     [...], \"data\": [...]}, ...}";
 
-/// Reads a JSON log.
 pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     budget.steps(BYTE_STEPS * text.bytes.len())?;
@@ -108,7 +106,6 @@ fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     Err(Error::input(file, cut, "the whole log", hint))
 }
 
-/// Refuses the forms of pandas' `to_json` that are not read.
 fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     let is_split = top.contains_key("columns") && top.contains_key("index");
     if !top.contains_key("data") || !(is_split || top.contains_key("schema")) {
@@ -185,6 +182,7 @@ fn replace_nan(text: &mut [u8]) -> usize {
     let (mut i, mut in_string, mut depth, mut deepest) = (0, false, 0_usize, 0);
     while i < text.len() {
         match text[i] {
+            // Inside a text nothing is replaced or counted.
             b'\\' if in_string => i += 1,
             b'"' => in_string = !in_string,
             b'{' | b'[' if !in_string => depth += 1,
@@ -214,6 +212,7 @@ fn close(text: &mut Vec<u8>) {
             escaped = byte == b'\\' && !escaped;
             continue;
         }
+        // The last comma or bracket outside a text ends a whole member.
         match byte {
             b'"' => in_string = true,
             b'{' => open.push(b'}'),
@@ -237,7 +236,7 @@ type Members<'a> = BTreeMap<String, &'a RawValue>;
 /// Items of a list, or of an object whose names are indices, as pandas writes a column or a table.
 struct List<'a> {
     items: Vec<&'a RawValue>,
-    /// Those indices in rising order. Empty if they count from zero.
+    /// Those indices in rising order, none if they count from zero.
     indices: Vec<f64>,
 }
 
@@ -272,7 +271,6 @@ struct Reader<'a> {
     text: &'a str,
     budget: &'a Budget,
     log: Recording,
-    /// Members that are not read.
     skipped: Vec<String>,
     /// True if times are in seconds when their steps leave the unit open.
     in_seconds: bool,
@@ -289,6 +287,7 @@ impl<'a> Reader<'a> {
         } else if is_object(value) {
             return self.object("", value);
         }
+        // It is neither: the message says what is nearest.
         if value.get()[1..].trim_start().starts_with('[') {
             let hint = "write it as CSV, with a header such as t,x,y,z";
             return Err(Error::input(file, "lists without names", "objects with names", hint));
@@ -307,6 +306,8 @@ impl<'a> Reader<'a> {
         } else if let (Some(time), Some(data)) = (members.get("time"), members.get("data")) {
             return self.variable(name, time, data);
         }
+        // Metadata has a known name and no times. All else may hold columns, and what is no
+        // column is another member.
         let is_about = is_metadata(name) && !members.contains_key("time");
         let folder = if name == "drone" { "" } else { name };
         if !is_about {
@@ -339,12 +340,14 @@ impl<'a> Reader<'a> {
         let mut time_s = self.numbers(&format!("{name}.time"), time)?;
         let mut values = self.numbers(&format!("{name}.data"), data)?;
         self.cut_to_shorter(name, &mut time_s, &mut values);
+        // Variables of one block of the radio become one block again.
         let blocks = &mut self.log.blocks;
         let same = blocks.pop_if(|block| block.clock == Clock::Drone && block.time_s == time_s);
         let mut block =
             same.unwrap_or_else(|| Block { name: name.to_owned(), time_s, ..Block::default() });
         block.columns.push(Column::new(name.to_owned(), values));
-        self.add(block)
+        self.add(block);
+        Ok(())
     }
 
     /// Takes the lists of a folder, one of them of times, as columns. Leaves the rest.
@@ -488,21 +491,15 @@ impl<'a> Reader<'a> {
             });
         }
         let name = if folder.is_empty() { "columns" } else { folder }.to_owned();
-        self.add(Block { name, clock: clock_of(folder), time_s, columns })
+        self.add(Block { name, clock: clock_of(folder), time_s, columns });
+        Ok(())
     }
 
-    /// Adds a block of columns, as long as its times.
-    fn add(&mut self, mut block: Block) -> Result<()> {
+    fn add(&mut self, mut block: Block) {
         for column in &mut block.columns {
             column.values.truncate(block.time_s.len());
         }
         self.log.blocks.push(block);
-        let n = self.log.blocks.iter().map(|block| block.columns.len().max(1)).sum::<usize>();
-        if n <= MAX_VARIABLES {
-            return Ok(());
-        }
-        let (file, wanted) = (Place::file(&self.log.file), format!("at most {MAX_VARIABLES}"));
-        Err(Error::input(file, "too many variables", wanted, HINT))
     }
 
     /// Cuts times and values of different lengths to the shorter ones, with a warning.
@@ -520,6 +517,7 @@ impl<'a> Reader<'a> {
     /// The numbers of a list. Anything else is an error, with its place.
     fn numbers(&self, name: &str, value: &'a RawValue) -> Result<Vec<f64>> {
         const WANTED: &str = "a list of numbers";
+        // The pieces of the text go, their numbers stay.
         let left = self.budget.bytes_left();
         let Some(List { items, .. }) = self.list(value)? else {
             let error = Error::input(name, self.cell(value)?, WANTED, HINT);
@@ -555,6 +553,7 @@ impl<'a> Reader<'a> {
         if !is_object(value) {
             return Ok(None);
         }
+        // An object by indices has no other name.
         let members = self.members(value)?.into_iter();
         let items = members.map(|(key, item)| Some((index(&key)?, item)));
         let items = items.collect::<Option<Vec<_>>>().filter(|items| !items.is_empty());
@@ -568,12 +567,10 @@ impl<'a> Reader<'a> {
         }))
     }
 
-    /// The members of an object.
     fn members(&self, value: &'a RawValue) -> Result<Members<'a>> {
         self.split(value, b':', NAME_BYTES)
     }
 
-    /// The items between brackets.
     fn items(&self, value: &'a RawValue) -> Result<Vec<&'a RawValue>> {
         self.split(value, b',', ITEM_BYTES)
     }
@@ -585,6 +582,7 @@ impl<'a> Reader<'a> {
         sign: u8,
         bytes: usize,
     ) -> Result<T> {
+        // Taken off before the parts are made: a text of commas would fill the memory.
         let text = value.get();
         self.budget.steps(text.len())?;
         self.budget.bytes(bytes * text.bytes().filter(|byte| *byte == sign).count())?;
@@ -603,6 +601,7 @@ impl<'a> Reader<'a> {
             b'f' => Cell::Number(0.0),
             b'"' => {
                 let text: String = serde_json::from_str(text).map_err(|_| self.broken(value))?;
+                // A clock without a date has a colon, a plain number in quotes has none.
                 match seconds_from_date(&text).filter(|_| text.contains(':')) {
                     _ if text.is_empty() => Cell::Number(f64::NAN),
                     Some(stamp_s) => Cell::Number(stamp_s),
@@ -661,7 +660,6 @@ fn is_metadata(name: &str) -> bool {
         || name.starts_with("metadata.")
 }
 
-/// The clock of a block by its name.
 fn clock_of(name: &str) -> Clock {
     if name == "mocap" || name.starts_with("mocap.") { Clock::Mocap } else { Clock::Drone }
 }

@@ -10,20 +10,16 @@
 //! flight in steps, whose order is written there. `sources` holds all conversions of variables.
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
-//!   firmware's estimator, then raw Lighthouse fixes. [`PositionSource`] selects another. A source
-//!   that is frozen while others change, or diverged, is skipped, for any quantity. A quantity that
-//!   is frozen while the drone moves counts as not logged. Both are warnings.
-//!   `estimate_m` is the custom observer, else the firmware's.
+//!   firmware's estimator, then raw Lighthouse fixes, or [`PositionSource`]. A source that is frozen
+//!   while others change, or diverged, is skipped, for any quantity, with a warning. `estimate_m` is
+//!   the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
-//!   are known, interpolated linearly. Longer gaps have no samples: they are listed in the flight's
-//!   `gaps`. Other measured quantities are held over gaps of their log, with a warning. Setpoints,
-//!   motor commands and unknown columns are always held.
-//! - **In-flight part**: nothing is cut away. [`noctograph_core::flight::airborne`] finds it.
+//!   are known, interpolated linearly. Longer gaps have no samples and are listed in `gaps`. Other
+//!   measured quantities are held over gaps of their log, with a warning. Setpoints, motor commands
+//!   and unknown columns are always held.
 //! - **Unknown columns** stay in the flight's `extra`, in the units of the log, and are named.
-//! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
-//!   have columns `light.<channel>`.
-//! - A flight file of ours ([`Flight::read_csv`]) is read unchanged. Of the options, only
-//!   [`PositionSource::Estimate`] applies.
+//! - Letters are in none of these logs, nor are lights, but for columns `light.<channel>` of CSV.
+//! - A flight file of ours is read unchanged, but for [`PositionSource::Estimate`].
 //! - **Guesses** (unit of times and angles, axes, frame of a motion capture) are warnings with
 //!   their reason, can be overridden by [`ImportOptions`], and are errors if two fit.
 //!
@@ -230,6 +226,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     }
     let budget = Budget::new(&file, HINT);
     let job = Job { file: &file, options, budget: &budget };
+    // The names of its files show what a folder is.
     let recording = match bullet_folder::variables(path)? {
         Some(variables) => bullet_folder::read(&variables, job)?,
         None => cfclient_csv::read_folder(path, job)?,
@@ -254,6 +251,7 @@ fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock
     let job = Job { file, options, budget: &budget };
     let format = Format::recognized(bytes, file)?;
     budget.bytes(bytes.len())?;
+    // A flight file needs no step of those for recordings.
     let recording = match format {
         Format::Card => usd::read(bytes, job)?,
         Format::Json(text) => json_log::read(&text, job)?,

@@ -74,6 +74,7 @@ fn check_quantities(
     {
         return Err(nothing_known(recording));
     }
+    // Ranges are enough, unless a position was asked for.
     if quantities.channels.contains_key(&Quantity::Position) || wanted == PositionSource::Best {
         return Ok(());
     }
@@ -113,13 +114,10 @@ fn nothing_known(recording: &Recording) -> Error {
     )
 }
 
-/// The time axis of the flight.
 struct Axis {
-    /// On the clock of the recording.
     stamps_s: Vec<f64>,
     /// The time of the recording that becomes zero.
     zero_s: f64,
-    /// On the clock of the flight.
     gaps: Vec<[f64; 2]>,
 }
 
@@ -196,12 +194,14 @@ impl Mapper<'_> {
     fn sample(&self, stamp_s: f64, time_s: f64) -> FlightSample {
         let mut numbers = FlightSample::default().numbers();
         for (&quantity, channels) in &self.quantities.channels {
+            // Setpoints and commands are in force until the next one.
             let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
             for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
                 let between = (!is_held).then(|| self.between((quantity, channel), stamp_s));
                 *cell = between.flatten().unwrap_or_else(|| channel.held(stamp_s));
             }
         }
+        // Interpolated angles may be beyond half a turn.
         let mut sample = FlightSample::from_numbers(numbers);
         sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
         sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
@@ -237,6 +237,7 @@ impl Mapper<'_> {
         let used = &self.quantities.used;
         for name in self.recording.names().filter(|name| !used.contains(*name)) {
             let Some(channel) = self.recording.channel(name) else { continue };
+            // Characters that a header cannot hold may make two names one.
             let mut title = extra_name(name);
             while extra.contains_key(&title) {
                 title.push('_');
@@ -248,7 +249,6 @@ impl Mapper<'_> {
     }
 }
 
-/// Refuses a log that is longer than a flight can be.
 fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
@@ -258,7 +258,6 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     Err(input_error!(place, "{span_s:.0} s of log", "{wanted}", "{MILLISECONDS_HINT}"))
 }
 
-/// Refuses numbers beyond a drone's world.
 fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     for sample in samples {
         let numbers = sample.numbers();

@@ -88,7 +88,6 @@ fn moving(recording: &Recording, pattern: &str) -> Option<Vec<Channel>> {
     moves.then_some(channels)
 }
 
-/// Relation of the two clocks.
 #[derive(Debug)]
 struct Shift {
     /// `drone = pivot_drone + ratio · (mocap − pivot_mocap)`.
@@ -123,6 +122,7 @@ impl Shift {
         let [Some(x), Some(y), Some(z)] = places else { return };
         for i in 0..block.time_s.len() {
             let [x_m, y_m, z_m] = [x, y, z].map(|place| block.columns[place].values[i]);
+            // The same turn of the axes as in the search, then that of the fit.
             let captured_m = if y_up { [x_m, -z_m, y_m] } else { [x_m, y_m, z_m] };
             let placed_m = turned(&captured_m.into(), turn_rad) + move_m;
             for (place, value) in [x, y, z].into_iter().zip(&placed_m) {
@@ -196,16 +196,13 @@ struct Search {
     free: bool,
 }
 
-/// Residual of one shift.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     misfit: f64,
-    /// Mean of drone's path − motion capture's path.
     offset_m: Vector3<f64>,
     /// The transform between the paths: a turn about z, then a shift.
     turn_rad: f64,
     move_m: Vector3<f64>,
-    /// Root mean square residual.
     left_m: f64,
 }
 
@@ -220,14 +217,14 @@ impl Search {
         let coarse_s =
             self.best(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
         let fine_s = self.best(&stamps, coarse_s, step_s, step_s / 20.0)?;
-        let fit = self.fit(&stamps, fine_s).filter(|fit| fit.misfit < WORST_MISFIT)?;
+        let fit = self.fit(&stamps, fine_s, self.free).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
         let reach_s = 0.02 * lasts_s + COARSE_S;
         // The difference of the halves' shifts is the difference of the clocks' rates.
         let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
             let stamps = self::stamps(from_s, to_s);
             let shift_s = self.best(&stamps, fine_s, reach_s, reach_s / 100.0)?;
-            let good = self.fit(&stamps, shift_s)?.misfit < 0.25 * WORST_MISFIT;
+            let good = self.fit(&stamps, shift_s, self.free)?.misfit < 0.25 * WORST_MISFIT;
             good.then_some(shift_s)
         });
         let slope = first_s.zip(second_s).map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * lasts_s));
@@ -240,6 +237,7 @@ impl Search {
         };
         // A slope below 0.3 % is noise of the fit.
         let placed = if slope.abs() > 0.003 {
+            // On the paced clock, the shift is searched once more.
             shift.ratio = 1.0 / (1.0 - slope);
             let mut paced = self.clone();
             for time_s in paced.mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
@@ -248,10 +246,10 @@ impl Search {
             let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
             let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
             shift.pivot_drone_s += paced_s - fine_s;
-            shift.frame_offset_m = paced.fit(&stamps, paced_s)?.offset_m;
-            paced.turned_fit(&stamps, paced_s)
+            shift.frame_offset_m = paced.fit(&stamps, paced_s, self.free)?.offset_m;
+            paced.fit(&stamps, paced_s, true)
         } else {
-            self.turned_fit(&stamps, fine_s)
+            self.fit(&stamps, fine_s, true)
         };
         shift.placed = placed.unwrap_or_default();
         Some(shift)
@@ -263,9 +261,10 @@ impl Search {
             return None;
         }
         let (mut best, mut offset_s) = (None, -reach_s);
+        // Exhaustive: the misfit has many local minima.
         while offset_s <= reach_s {
             let shift_s = around_s + offset_s;
-            if let Some(fit) = self.fit(stamps, shift_s)
+            if let Some(fit) = self.fit(stamps, shift_s, self.free)
                 && best.is_none_or(|(misfit, _)| fit.misfit < misfit)
             {
                 best = Some((fit.misfit, shift_s));
@@ -275,34 +274,10 @@ impl Search {
         best.map(|(_, shift_s)| shift_s)
     }
 
-    /// Fits the motion capture, `shift_s` later, to the drone's path up to a constant; `None` where
-    /// less than half of the path was captured or nothing moves.
-    fn fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
-        if self.free {
-            return self.turned_fit(stamps, shift_s);
-        }
-        let (mut left, mut spread, mut offset_m) = (0.0, 0.0, Vector3::zeros());
-        for ((mocap, path), offset) in self.mocap.iter().zip(&self.path).zip(offset_m.iter_mut()) {
-            let pairs: Vec<(f64, f64)> = stamps
-                .iter()
-                .filter_map(|t| {
-                    let captured = mocap.linear(t - shift_s, MAX_GAP_S)?;
-                    Some((path.linear(*t, path_gap_s(path))?, captured))
-                })
-                .collect();
-            if pairs.len() * 2 < stamps.len() {
-                return None;
-            }
-            let (_, logged_sq) = mean_and_spread(pairs.iter().map(|(logged, _)| *logged));
-            let (mean, left_sq) =
-                mean_and_spread(pairs.iter().map(|(logged, captured)| logged - captured));
-            (spread, left, *offset) = (spread + logged_sq, left + left_sq, mean);
-        }
-        Fit::new(left, spread, offset_m, (0.0, offset_m))
-    }
-
-    /// The same up to a turn about z as well, the one that fits best (Horn 1987, in the plane).
-    fn turned_fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
+    /// Fits the motion capture, `shift_s` later, to the drone's path up to a shift in space, with
+    /// `turns` also up to a turn about z (Horn 1987, in the plane). `None` if less than half of the
+    /// path was captured, or nothing moves.
+    fn fit(&self, stamps: &[f64], shift_s: f64, turns: bool) -> Option<Fit> {
         let mut pairs = Vec::from_iter(stamps.iter().filter_map(|t| {
             let path_m = place_m(&self.path, *t, path_gap_s)?;
             Some((path_m, place_m(&self.mocap, t - shift_s, |_| MAX_GAP_S)?))
@@ -326,7 +301,7 @@ impl Search {
         let turned_rad = libm::atan2(sin, cos);
         let [turned_m2, level_m2] = [turned_rad, 0.0].map(|turn| left_m2(&pairs, turn));
         // A nearly vertical path, or one with a large error, does not show a turn.
-        let turns = turned_m2 < 0.25 * level_m2;
+        let turns = turns && turned_m2 < 0.25 * level_m2;
         let (turn_rad, left_m2) = if turns { (turned_rad, turned_m2) } else { (0.0, level_m2) };
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
         Fit::new(left_m2, spread, to_m - from_m, (turn_rad, to_m - turn * from_m))
@@ -372,13 +347,6 @@ fn span(channels: &[Channel]) -> (f64, f64) {
 fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
     let fractions = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
     fractions.map(|fraction| start_s + (end_s - start_s) * fraction).collect()
-}
-
-/// Mean and mean square distance from it.
-fn mean_and_spread(values: impl ExactSizeIterator<Item = f64> + Clone) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.clone().sum::<f64>() / n;
-    (mean, values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / n)
 }
 
 #[cfg(test)]

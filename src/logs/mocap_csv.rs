@@ -12,7 +12,6 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Separator};
 
-/// Lines of a head.
 const HEAD_LINES: usize = 12;
 
 /// Format of a motion capture's table, from its head.
@@ -35,6 +34,7 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     let cells = start.lines().take(HEAD_LINES).map(|line| line.split([',', ';', '\t']));
     let lines: Vec<Vec<&str>> =
         cells.map(|cells| cells.map(|cell| cell.trim().trim_matches('"')).collect()).collect();
+    // The titles are below lines of types and names.
     let head = lines.iter().position(|line| line[0] == "Frame");
     let read = match lines.first().map(|line| line[0]) {
         Some("Format Version") => motive,
@@ -50,7 +50,6 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)
 }
 
-/// Reads a CSV of Motive.
 fn motive(
     file: &str,
     lines: &Lines<'_>,
@@ -103,7 +102,6 @@ fn motive(
     Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, warnings }))
 }
 
-/// Reads a CSV of Vicon.
 fn vicon(
     file: &str,
     lines: &Lines<'_>,
@@ -141,7 +139,6 @@ fn vicon(
     Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, warnings }))
 }
 
-/// Refuses a table of more than one body.
 fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
     let bodies: BTreeSet<&str> = bodies.collect();
     if bodies.len() == 1 {

@@ -1,22 +1,17 @@
 //! Plain tables: t, x, y, z and others, under their usual names. Range logs of a drone with a Loco
 //! deck.
 //!
-//! What is understood: the usual titles ([`super::titles`]), also as the ends of paths
+//! Understood: the usual titles ([`super::titles`]), also as the ends of paths
 //! (`/cf1/pose/position/x` of `PlotJuggler`, `field.pose.position.x` of rosbag), with their units
-//! at their end or in brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`). The tables of Motive and
-//! Vicon ([`super::mocap_csv`]). Files without a head: t, x, y, z, or with eight columns between
-//! blanks t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named. Another
-//! unit is refused, and so are the poses of two bodies.
+//! at their end or in brackets (`x_mm`, `yaw [deg]`). The tables of Motive and Vicon
+//! ([`super::mocap_csv`]). Files without a head: t, x, y, z, or between blanks t, x, y, z and the
+//! quaternion x, y, z, w (TUM). Times in two columns. Other columns are kept and named. Another
+//! unit, poses of two bodies, rows of several drones and tables in long form are refused.
 //!
 //! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
-//! units. Each guess is a warning that an option can override.
-//!
-//! A row of a range log (`index,timestamp,ranging.distance0,ranging.distance2 …`, meters) brings
-//! one new range, and its time is a date or a number: the flight keeps the times of the rows, and
-//! has no position.
-//!
-//! Times may be in two columns: a date and a time of day, or seconds and a fraction of them in
-//! whole units. Rows of several drones, and tables in long form (time, name, value), are refused.
+//! units. Each guess is a warning that an option can override. The flight of a range log
+//! (`index,timestamp,ranging.distance0 …`, meters, one new range a row) keeps the times of the
+//! rows, and has no position.
 
 use std::collections::BTreeMap;
 
@@ -36,7 +31,6 @@ const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 /// Names of the columns of a file without a header and with blanks between its eight cells.
 const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
-/// Beginning of the names of range columns.
 const RANGE: &str = "ranging.distance";
 
 /// Longest time over which rows of one time are spread: times may be whole seconds.
@@ -127,6 +121,7 @@ fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     let are_titles = titles.iter().filter(|title| {
         !title.is_empty() && title.parse::<f64>().is_err() && !title.contains([':', '=', '[', '{'])
     });
+    // Numbers and signs in most titles: the first line is no head.
     if 2 * are_titles.count() <= titles.len() {
         let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
         let first = String::from_utf8_lossy(first.unwrap_or_default());
@@ -153,6 +148,7 @@ fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str
     let row = String::from_utf8_lossy(row);
     let cells: Vec<&str> = row.trim_end().split(',').collect();
     let are_numbers: Vec<bool> = cells.iter().map(|cell| cell.parse::<f64>().is_ok()).collect();
+    // Time in two whole numbers, then the names of one frame or two, then numbers.
     let names: &[&str] = match (&are_numbers[..], cells.len()) {
         ([true, true, false, false, ..], 11..) => &ODOMETRY,
         ([true, true, false, true, ..], 10..) => &POSE,
@@ -163,7 +159,6 @@ fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str
     is_time.then_some(names)
 }
 
-/// An error with what was assumed of a table without a head.
 fn because(mut error: Error, assumed: Option<&str>) -> Error {
     if let (Error::Input { hint, .. }, Some(assumed)) = (&mut error, assumed) {
         *hint = format!("{assumed}; write a head above the rows if that is wrong");
@@ -193,7 +188,6 @@ fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
 struct Columns {
     log: Recording,
     time_unit: TimeUnit,
-    /// The title of the times, and the times.
     time: Option<(String, Vec<f64>)>,
     named: Vec<Column>,
     /// The title and the body that each name is from.
@@ -312,6 +306,7 @@ fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
     let (mut added_s, mut last_s, mut wraps) = (0.0, f64::NEG_INFINITY, 0);
     for time_s in times_s.iter_mut().filter(|t| t.is_finite() && **t < 90_000.0) {
+        // Dates do not begin again: only times of a day are looked at.
         let fall_s = last_s - *time_s;
         last_s = *time_s;
         for day_s in [86_400.0, 43_200.0, 3600.0] {
@@ -413,6 +408,7 @@ fn spread_rows(time_s: &mut [f64]) -> bool {
     while first < time_s.len() {
         let stamp_s = time_s[first];
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
+        // The rows of one time end where the next time begins.
         let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
         any |= n > 1;
         for (k, t) in time_s[first..first + n].iter_mut().enumerate() {

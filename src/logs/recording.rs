@@ -18,7 +18,6 @@ const STEPS: usize = 10;
 /// units of the log.
 #[derive(Debug, Default)]
 pub(super) struct Recording {
-    /// Name of the file in messages.
     pub(super) file: String,
     pub(super) blocks: Vec<Block>,
     /// Period after which the drone's times start again at zero, if they do.
@@ -47,7 +46,6 @@ pub(super) struct Block {
     pub(super) columns: Vec<Column>,
 }
 
-/// Clock of the times of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Clock {
     #[default]
@@ -83,29 +81,24 @@ impl Column {
 }
 
 impl Block {
-    /// The first variable of this name.
     pub(super) fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
 
-    /// The same, to be changed.
     pub(super) fn column_mut(&mut self, name: &str) -> Option<&mut Column> {
         self.columns.iter_mut().find(|column| column.name == name)
     }
 }
 
 impl Recording {
-    /// An empty recording of a file by its name in messages.
     pub(super) fn new(file: &str) -> Self {
         Self { file: file.to_owned(), ..Self::default() }
     }
 
-    /// Adds a warning.
     pub(super) fn warn(&mut self, code: &'static str, message: impl Into<String>) {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
-    /// Adds notes on the text and its cells.
     pub(super) fn warn_of_notes(&mut self, notes: &[String]) {
         self.warnings.extend(Diagnostic::warnings("read-as", notes));
     }
@@ -140,6 +133,7 @@ impl Recording {
     pub(super) fn check(&self, budget: &Budget) -> Result<()> {
         self.check_variables()?;
         for Block { time_s, columns, .. } in &self.blocks {
+            // Twice the numbers of the channels: times and values.
             budget.bytes(2 * size_of::<f64>() * time_s.len() * columns.len().min(MAX_CHANNELS))?;
             budget.steps(STEPS * time_s.len() * (columns.len() + 1))?;
         }
@@ -172,7 +166,6 @@ impl Recording {
         self
     }
 
-    /// Warns of cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
             let empty = block.columns.iter().filter_map(|Column { name, values, .. }| {

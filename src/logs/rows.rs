@@ -41,7 +41,6 @@ pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// A table with a row for each value.
 pub(super) fn in_long_form([time, names, value]: [&str; 3]) -> Error {
     let form = format_args!("a table in long form, whose column {names} names each value");
     let hint = format!(
@@ -51,7 +50,6 @@ pub(super) fn in_long_form([time, names, value]: [&str; 3]) -> Error {
     Error::input("rows", form, "a column for each variable", hint)
 }
 
-/// Refuses a column that names more than one drone.
 pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result<()> {
     let last = title.rsplit(['.', '/']).next().unwrap_or_default();
     let plain = simplified(last);
@@ -140,6 +138,7 @@ fn join(
     [stamps, other]: [usize; 2],
     unit_s: f64,
 ) {
+    // The sum has the title of times, and counts as dated: its unit is seconds.
     let parts = std::mem::take(&mut columns[other].values);
     let column = &mut columns[stamps];
     column.values.iter_mut().zip(parts).for_each(|(stamp, part)| *stamp += unit_s * part);
@@ -155,6 +154,7 @@ pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
     let mut apart = 0;
     for column in ["x_m", "y_m", "z_m"].iter().filter_map(|name| block.column(name)) {
         let pairs = block.time_s.windows(2).zip(column.values.windows(2));
+        // Rows in turn of two drones have equal times and another position.
         let jumps = pairs
             .filter(|(time, place)| time[0] == time[1] && (place[1] - place[0]).abs() > APART_M);
         apart = apart.max(jumps.count());

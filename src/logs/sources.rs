@@ -8,11 +8,10 @@
 //!
 //! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
-//! states in the body frame, quaternion `w x y z`), `quatcompress.h`; `controller_lee.c` (radians,
-//! no sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted);
-//! the AE483 course's `controller_ae483.c` (metres, radians, body frame); INAV's `navigation.h`
-//! (cm, north, east, up) and `flight/imu.c` (0.1°, heading clockwise) in tables of
-//! `blackbox_decode`.
+//! states in the body frame, quaternion `w x y z`), `quatcompress.h`, `controller_lee.c` (radians,
+//! no sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted).
+//! The AE483 course's `controller_ae483.c` (metres, radians, body frame). INAV's `navigation.h` (cm,
+//! north, east, up) and `flight/imu.c` (0.1°, heading clockwise).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -135,7 +134,6 @@ const MOTORS: &[Source] = &[
     Source(Best, "m{1 2 3 4}", &[]),
 ];
 
-/// The quantities of a recording.
 #[derive(Debug)]
 pub(super) struct Quantities {
     /// Channels of each quantity in the order of its columns in a flight file. Yaw and roll have no
@@ -143,9 +141,7 @@ pub(super) struct Quantities {
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
     /// True for a velocity in the world, not in the body frame.
     pub(super) has_world_velocity: bool,
-    /// Names of the columns behind all these.
     pub(super) used: BTreeSet<String>,
-    /// Warnings about data that was logged and is left out.
     pub(super) warnings: Vec<Diagnostic>,
 }
 
@@ -157,7 +153,6 @@ struct Search<'a> {
 }
 
 impl PositionSource {
-    /// The kinds of sources that it means.
     fn kinds(self) -> &'static [Self] {
         match self {
             Best => ANY,
@@ -170,15 +165,17 @@ impl PositionSource {
     }
 }
 
-/// Every kind of source.
 const ANY: &[PositionSource] = &[Best, Mocap, Custom, Firmware, Lighthouse];
 
-/// The position of a recording from some sources.
+/// True for the first variable of a source of the position.
+pub(super) fn is_position(name: &str) -> bool {
+    POSITION.iter().any(|source| names(source.1).next().is_some_and(|first| first == name))
+}
+
 pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<Vec<Channel>> {
     Search::new(recording).position(wanted.kinds())
 }
 
-/// Finds the quantities of a recording by the tables.
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut search = Search::new(recording);
     let (any, truth) = (ANY, wanted.kinds());
@@ -277,7 +274,6 @@ impl<'a> Search<'a> {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
-    /// Names a source that diverged, once.
     fn warn_of_diverged(&mut self, source: &Source, is_replaced: bool) {
         let names = shortened(&names(source.1).collect::<Vec<_>>());
         let instead = if is_replaced { "replaced by another source" } else { "not logged" };
@@ -359,6 +355,7 @@ impl<'a> Search<'a> {
             let yaw = self.recording.channel(&name)?;
             Some((name, source.2.first().copied().unwrap_or(1.0), yaw))
         })?;
+        // Pitch and roll are zero: the lamp is off by millimeters.
         yaw.values.iter_mut().for_each(|value| *value *= factor);
         let text = "of the attitude, the yaw alone is logged";
         self.warn(YAW_ONLY, format!("{text} ({name}): the drone counts as level"));
@@ -367,7 +364,6 @@ impl<'a> Search<'a> {
         Some(vec![yaw, level.clone(), level])
     }
 
-    /// Yaw, pitch and roll of the logged quaternions.
     fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
         // The 32 bits of the radio are the last choice: their error is up to 0.1°.
         let quaternions: Vec<(f64, [f64; 4])> =
@@ -438,7 +434,6 @@ impl<'a> Search<'a> {
     }
 }
 
-/// True if any of the angles changes.
 fn lives(angles: &[Channel]) -> bool {
     angles.iter().any(|angle| active_s(angle) > 0.0)
 }
@@ -462,6 +457,7 @@ fn unpacked(code: f64) -> [f64; 4] {
     let mut code = code as u32;
     let largest = (code >> 30) as usize;
     let (mut q, mut sum_sq) = ([0.0; 4], 0.0);
+    // From the last of the three to the first.
     for i in (0..4).rev().filter(|&i| i != largest) {
         let sign = if code >> 9 & 1 == 1 { -1.0 } else { 1.0 };
         q[i] = sign * std::f64::consts::FRAC_1_SQRT_2 * f64::from(code & MASK) / f64::from(MASK);

@@ -6,7 +6,6 @@ use super::recording::Channel;
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Code of the warning of a position that is too fast in places.
 const GLITCHES: &str = "position-glitches";
 
 /// Smaller steps do not count as movement, m.
@@ -73,6 +72,7 @@ fn spikes(position: &[Channel]) -> Option<Diagnostic> {
         for (time_s, place_m) in pairs {
             let aside_m = (place_m[1] - f64::midpoint(place_m[0], place_m[2])).abs();
             let step_s = 0.5 * (time_s[2] - time_s[0]);
+            // It leaves, it returns, and x = ½ a t² asks for more than a drone has.
             if aside_m > SPIKE_M
                 && (place_m[2] - place_m[0]).abs() < RETURN * aside_m
                 && 2.0 * aside_m > SPIKE_M_S2 * step_s * step_s

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use super::Axes;
 use super::recording::{Column, Recording};
+use super::sources::is_position;
 use super::titles::{Title, in_si_units};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::simplified;
@@ -38,12 +39,13 @@ const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic 
     desired sp setpoint set error err bias cov covariance var variance std sigma imu quat rot wind \
     dir axis jerk moment current_a gravity lin ang joy stick rc light led color integral pid";
 
-/// Our names of a position.
 const PLACE: [&str; 3] = ["x_m", "y_m", "z_m"];
 
 /// Gives the columns of the only position of a table our names, if it has none under its own.
 pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()> {
-    if PLACE.iter().any(|name| has(columns, name)) || has_other_position(columns) {
+    if PLACE.iter().any(|name| has(columns, name))
+        || columns.iter().any(|column| is_position(&column.name))
+    {
         return Ok(());
     }
     // The directions of the compass are surer than a subject.
@@ -133,18 +135,12 @@ fn n_coordinates(parts: &[(usize, Title)]) -> usize {
     PLACE.iter().filter(|name| parts.iter().any(|(_, title)| title.name == **name)).count()
 }
 
-/// True if a column is part of a position of the firmware or of the course.
-fn has_other_position(columns: &[Column]) -> bool {
-    let known = "stateEstimate.x stateEstimateZ.x kalman.stateX locSrv.x locSrvZ.x lighthouse.x \
-                 estPosition.x ae483log.o_x ae483log.p_x ae483log.lh_x mocap.x x_estimate_m";
-    columns.iter().any(|column| known.split(' ').any(|name| name == column.name))
-}
-
 /// The subject of a title, and the title of its quantity. `None` for an unknown quantity, and for a
 /// subject without a position.
 fn parted(title: &str) -> Option<(String, Title)> {
     let signs = title.char_indices().skip(1);
     let mut breaks = signs.filter_map(|(place, sign)| {
+        // A sign is dropped, the capital of droneX stays.
         let is_camel = sign.is_uppercase() && title[..place].ends_with(char::is_lowercase);
         let is_sign = "_./ :-".contains(sign);
         (is_camel || is_sign).then_some((place, place + usize::from(is_sign)))

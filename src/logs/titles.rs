@@ -35,10 +35,8 @@ const NAMES: [(&str, &str, &str); 18] = [
     (" ", "index", "index row "),
 ];
 
-/// Our names of angles in radians.
 pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 
-/// The meaning of a title.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Title {
     /// Our name, or an unknown title unchanged.
@@ -72,7 +70,6 @@ pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
     (name, unit)
 }
 
-/// Our name of a usual one.
 fn known(name: &str) -> Option<String> {
     NAMES.iter().find_map(|(letters, ours, names)| {
         letters.chars().map(String::from).find_map(|letter| {
@@ -88,7 +85,6 @@ impl Title {
         Self { name, is_known: true, unit, body, other_unit: None }
     }
 
-    /// Reads a title.
     pub(super) fn parse(title: &str) -> Self {
         let (bare, bracket) = bracketed(title);
         let (body, bare) = path_end(bare);

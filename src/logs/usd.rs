@@ -1,6 +1,6 @@
 //! Binary logs of the µSD-card deck, versions 1 and 2.
 //!
-//! `0xBC`, u16 version, u16 number of event types; per type u16 id, name, u16 number of variables
+//! `0xBC`, u16 version, u16 number of event types. Per type u16 id, name, u16 number of variables
 //! and each as `name(type)`, texts ending in a zero byte. Then records of u16 id, time (version 1:
 //! u32 ms, version 2: u64 µs) and the variables, packed. At the end the CRC32 of everything before.
 //! All little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of crazyflie-firmware.
@@ -16,7 +16,6 @@ use super::{Damaged, Job, MAX_VARIABLES};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, push};
 
-/// The first byte of the file.
 pub(super) const MAGIC: u8 = 0xBC;
 
 /// The times of version 1 have 32 bits of milliseconds.
@@ -25,7 +24,6 @@ const WRAP_V1_S: f64 = 4_294_967.296;
 const HINT: &str =
     "copy the file from the card again; if it is still damaged, recover its whole part";
 
-/// Reads a µSD log.
 pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     let mut cursor = Cursor { bytes, offset: 1, file };
@@ -59,14 +57,12 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// One type of event and its records.
 struct Event {
     decoders: Vec<Decoder>,
     n_bytes: usize,
     block: Block,
 }
 
-/// Steps of reading a number.
 const STEPS: usize = 5;
 
 /// Reads records as long as there are any. Returns their bytes, true if the log may be cut off
@@ -141,6 +137,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
             }))
         };
     }
+    // The types of usddeck.c and of its Python reader.
     match kind {
         "b" => decoder!(i8, f64::from),
         "B" | "c" | "?" => decoder!(u8, f64::from),

@@ -10,11 +10,9 @@ use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_sim::vehicle::TORQUE_TIME_S;
 
-/// Length of a window, s.
 const WINDOW_S: f64 = 1.0;
 /// Time after take-off in which the controller finds its trim, and before landing.
 const ENDS_S: f64 = 2.0;
-/// Fewest windows.
 const FEWEST: usize = 6;
 
 /// Torque of uneven air, and the doubt that it causes in a flight's mean torque.

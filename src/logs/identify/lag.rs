@@ -119,9 +119,11 @@ impl Stretch {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;
         let [z, y] = [designs, turns].map(|changes| changes.rows(from, rows));
+        // Zᵀy and Zᵀx for the first stage.
         let mut projected = std::iter::once(turns)
             .chain(pushes)
             .map(|changes| [0, 1].map(|axis| z.tr_mul(&changes.column(axis).rows(from, rows))));
+        // xᵀx, xᵀy and yᵀy without the projection, for the fraction that is explained.
         let plain = pushes.iter().map(|push| {
             [0, 1].map(|axis| {
                 let (x, y) = (push.column(axis), y.column(axis));
@@ -206,7 +208,6 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     (!axes.is_empty()).then_some(columns)
 }
 
-/// Changes of a quantity's rate from span to span.
 fn changes(
     runs: &[(&[FlightSample], Vec<[usize; 3]>)],
     quantity: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
@@ -215,6 +216,7 @@ fn changes(
     for (run, pairs) in runs {
         let values = quantity(run);
         for [a, b, c] in pairs {
+            // Second difference: the change of the mean rate from one span to the next.
             let [before, after] = [(*a, *b), (*b, *c)].map(|(from, to)| {
                 let span_s = run[to].time_s - run[from].time_s;
                 [0, 1].map(|axis| (values[to][axis] - values[from][axis]) / span_s)
@@ -244,6 +246,7 @@ fn peak(curve: &[f64]) -> f64 {
     let before = highest.checked_sub(1).map(|index| curve[index]);
     let shift = match (before, curve.get(highest + 1)) {
         (Some(before), Some(after)) => {
+            // Vertex of the parabola through three points.
             let bend = before - 2.0 * curve[highest] + after;
             if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
         }
@@ -254,6 +257,7 @@ fn peak(curve: &[f64]) -> f64 {
 
 /// Three samples each a span apart, by their indices.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
+    // The first sample at least a span after the one before.
     let ends = std::iter::successors((!run.is_empty()).then_some(0), |from: &usize| {
         let due_s = run[*from].time_s + SPAN_S - 1e-6;
         let later = run[*from..].partition_point(|sample| sample.time_s < due_s);

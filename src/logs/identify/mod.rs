@@ -3,16 +3,13 @@
 //! In: a [`Flight`], and the vehicle's mass, arm and motor lag, which a log does not show. Out:
 //! [`Identified`]. The method is the reference team's (AE483, 2022).
 //!
-//! - Weights of the observer: Q and R are `1/σ²` of the airborne spread of the measurement error
+//! - Weights of the observer: Q and R are `1/σ²` of the airborne measurement error
 //!   `y − (C x̂ + D u)` and of the model error `ẋ − (A x + B u)`, with ẋ by finite differences.
 //! - Thrust per command is fitted to the accelerometer, with the assumed motor lag.
-//! - The mean motor commands give the torque that compensates a displaced center of mass.
+//! - The mean motor commands compensate the torque of a displaced center of mass.
 //! - Inertia comes from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
-//! - The rotors' lag comes from the response in roll and pitch ([`RotorLag`]).
-//! - Uneven air, of a folder of logs, comes from the torque that counters it ([`UnevenAir`]).
 //!
-//! Not done: inertia and the rotors' reaction torque, which slow logs and flights that hardly turn
-//! do not show.
+//! Not done: inertia and the rotors' reaction torque, which slow logs do not show.
 
 mod air;
 mod lag;
@@ -112,6 +109,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
     within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
     within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
     within("pendulum_period_s", period_s, 1e-3, 100.0)?;
+    // T = 2π √((J + m r²) / (m g r)), solved for J.
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
     if inertia > 0.0 {
@@ -207,12 +205,10 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
     turns.all(|turn| (turn - first).amax() < SAME)
 }
 
-/// The warning of what does not change.
 fn frozen(names: &str) -> Diagnostic {
     Diagnostic::warning("source-frozen", format!("{names}: frozen, as if it was not logged"))
 }
 
-/// The samples of a further column in the air.
 fn column<'a>(flight: &'a Flight, air: &Range<usize>, name: &str) -> Option<&'a [f64]> {
     flight.extra.get(name).map(|column| &column[air.clone()])
 }
@@ -274,6 +270,7 @@ fn model_sigma(
     accelerations: Option<&[f64]>,
 ) -> [f64; 9] {
     let pairs = samples.windows(2).enumerate().filter_map(|(index, pair)| {
+        // ẋ by the forward difference.
         let dt_s = pair[1].time_s - pair[0].time_s;
         let acceleration = accelerations.map_or(GRAVITY_M_S2, |column| column[index]);
         let error = (state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration);
@@ -282,7 +279,6 @@ fn model_sigma(
     spread(&pairs.collect::<Vec<_>>()).into()
 }
 
-/// Stretches of samples without a hole.
 fn runs<'a>(
     flight: &Flight,
     samples: &'a [FlightSample],
@@ -295,7 +291,6 @@ fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-/// True if a gap follows a sample.
 fn ends_at_hole(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
@@ -322,7 +317,6 @@ fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVecto
     sum / n
 }
 
-/// Standard deviation of each component.
 fn spread<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
     let middle = mean(values.iter().copied());
     let squares = values.iter().map(|value| (value - middle).map(|x| x * x));
