@@ -10,8 +10,8 @@
 //! ```
 //!
 //! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
-//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, which fix
-//! three of six coordinates at an instant, of five ranges.
+//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, which
+//! fix three of six coordinates at an instant, of five ranges.
 
 use std::collections::BTreeSet;
 

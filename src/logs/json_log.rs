@@ -4,10 +4,10 @@
 //! - 2022: `{"var": {"time": [ms], "data": []}}`
 //! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
 //!
-//! An object with `time` and `data` is a variable. Other objects are folders, whose name goes before
-//! the names in them (`drone` excepted). Lists beside one of times are columns, and a list of
-//! objects with a time is a block by rows, as scripts of cflib and pandas' `to_json` write it. Both
-//! may have the usual names of plain CSV. Other members are named as not read.
+//! An object with `time` and `data` is a variable. Other objects are folders, whose name goes
+//! before the names in them (`drone` excepted). Lists beside one of times are columns, and a list
+//! of objects with a time is a block by rows, as scripts of cflib and pandas' `to_json` write it.
+//! Both may have the usual names of plain CSV. Other members are named as not read.
 //!
 //! The text is checked once. It is then taken apart from the outside to the inside, in pieces of
 //! itself ([`RawValue`]): only the numbers of columns stay in memory.

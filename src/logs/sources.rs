@@ -10,8 +10,8 @@
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
 //! states in the body frame, quaternion `w x y z`), `quatcompress.h`, `controller_lee.c` (radians,
 //! no sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted).
-//! The AE483 course's `controller_ae483.c` (metres, radians, body frame). INAV's `navigation.h` (cm,
-//! north, east, up) and `flight/imu.c` (0.1°, heading clockwise).
+//! The AE483 course's `controller_ae483.c` (metres, radians, body frame). INAV's `navigation.h`
+//! (cm, north, east, up) and `flight/imu.c` (0.1°, heading clockwise).
 
 use std::collections::{BTreeMap, BTreeSet};
 
