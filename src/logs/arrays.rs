@@ -1,7 +1,6 @@
 //! Flights of somebody's arrays, which come without titles: they are asked what a table is asked.
 
 use super::recording::{Block, Channel, Column, Recording};
-use super::titles::ANGLES;
 use super::{ImportOptions, frames, mapper, plain_csv, speed};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Error;
@@ -55,21 +54,20 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
 
 /// The columns of a table that has the position and the attitude of a flight.
 fn block(samples: &[FlightSample]) -> Block {
-    let column = |name: &str, number: usize, is_open_angle| Column {
-        name: name.to_owned(),
-        values: samples.iter().map(|sample| sample.numbers()[number]).collect(),
-        is_open_angle,
-        unknown: None,
-    };
-    let position = ["x_m", "y_m", "z_m"].into_iter().zip(Quantity::Position.places());
-    let angles = ANGLES.into_iter().zip(Quantity::Attitude.places());
+    let columns = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
+        let names = Quantity::TABLE[quantity as usize].2;
+        names.iter().zip(quantity.places()).map(move |(name, number)| Column {
+            // The unit of angles is what is in doubt.
+            is_open_angle: quantity == Quantity::Attitude,
+            ..Column::new(
+                (*name).to_owned(),
+                samples.iter().map(|sample| sample.numbers()[number]).collect(),
+            )
+        })
+    });
     Block {
         time_s: samples.iter().map(|sample| sample.time_s).collect(),
-        // Angles are open: their unit is what is in doubt.
-        columns: position
-            .map(|(name, number)| column(name, number, false))
-            .chain(angles.map(|(name, number)| column(name, number, true)))
-            .collect(),
+        columns: columns.collect(),
         ..Block::default()
     }
 }

@@ -304,7 +304,10 @@ impl Search {
         let turns = turns && turned_m2 < 0.25 * level_m2;
         let (turn_rad, left_m2) = if turns { (turned_rad, turned_m2) } else { (0.0, level_m2) };
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
-        Fit::new(left_m2, spread, to_m - from_m, (turn_rad, to_m - turn * from_m))
+        let (misfit, left_m, offset_m) = (left_m2 / spread, left_m2.sqrt(), to_m - from_m);
+        let move_m = to_m - turn * from_m;
+        // A path of less than two centimeters shows nothing.
+        (spread > 4e-4).then_some(Fit { misfit, offset_m, turn_rad, move_m, left_m })
     }
 }
 
@@ -319,19 +322,6 @@ fn left_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], turn_rad: f64) -> f64 {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
     let n = pairs.len() as f64;
     pairs.iter().map(|(to, from)| (to - turn * from).norm_squared() / n).sum()
-}
-
-impl Fit {
-    /// A fit with its residual and the path's variance, if the path moves by two centimeters.
-    fn new(
-        left_m2: f64,
-        spread_m2: f64,
-        offset_m: Vector3<f64>,
-        (turn_rad, move_m): (f64, Vector3<f64>),
-    ) -> Option<Self> {
-        let (misfit, left_m) = (left_m2 / spread_m2, left_m2.sqrt());
-        (spread_m2 > 4e-4).then_some(Self { misfit, offset_m, turn_rad, move_m, left_m })
-    }
 }
 
 /// Longest gap in the drone's path that is interpolated.
