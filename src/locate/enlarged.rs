@@ -75,7 +75,7 @@ impl Enlarged {
         let motion = jacobian(&moved_m);
         let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();
-        // Noise of the displacement enters where the drones are then, its square at the mean.
+        // Noise of the displacement enters at the positions after it. Its square adds to the mean.
         let noise = jacobian(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);
         self.normal.mean += augmented(&moved_m);

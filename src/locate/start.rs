@@ -33,7 +33,7 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // A range between drones that begin at different times does not tell where both began.
+    // A range between drones that begin at different times fits no one pair of starts.
     let mut means = means(heard_s, samples);
     let at_once = Vec::from_iter(means.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();

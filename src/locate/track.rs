@@ -1,8 +1,8 @@
-//! The motion of drones, where it is known.
+//! The known motion of drones.
 
 use nalgebra::Vector3;
 
-/// The motion of a drone: where it has moved since its log began.
+/// The motion of a drone: its displacement since its log began.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Track {
     time_s: Vec<f64>,

@@ -41,7 +41,7 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         let text = "are they degrees, or of a quaternion whose parts are in another order?";
         Diagnostic::warning("unit-guessed", format!("{why}: {text}"))
     });
-    // A flight along another axis is no rest.
+    // A flight along another axis does not rest.
     let axes = frames::doubt(&Recording { blocks: vec![block], ..Recording::default() });
     let rests = (axes.is_none() && rests_on_floor(samples)).then(|| {
         let highest_m = samples.iter().map(|sample| sample.position_m.z).fold(0.0, f64::max);

@@ -52,7 +52,7 @@ fn named_texts(column: &SheetColumn) -> Option<String> {
     Some(format!("{} (column {}, {some}{first:?})", column.title, column.number))
 }
 
-/// The number in a cell, and whether it is a date's or a time of day's seconds.
+/// The number in a cell, and true if it is the seconds of a date or a time of day.
 fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
@@ -117,7 +117,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
 }
 
-/// A text without its half of the day, and whether that is after noon.
+/// A text without its half of the day, and true for one after noon.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));

@@ -121,7 +121,7 @@ fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     let are_titles = titles.iter().filter(|title| {
         !title.is_empty() && title.parse::<f64>().is_err() && !title.contains([':', '=', '[', '{'])
     });
-    // Numbers and signs in most titles: the first line is no head.
+    // Numbers and signs in most titles: these are not titles.
     if 2 * are_titles.count() <= titles.len() {
         let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
         let first = String::from_utf8_lossy(first.unwrap_or_default());
@@ -408,7 +408,7 @@ fn spread_rows(time_s: &mut [f64]) -> bool {
     while first < time_s.len() {
         let stamp_s = time_s[first];
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
-        // The rows of one time end where the next time begins.
+        // The rows of one time last until the next time.
         let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
         any |= n > 1;
         for (k, t) in time_s[first..first + n].iter_mut().enumerate() {

@@ -27,7 +27,7 @@ use noctograph_core::geometry::Attitude;
 use noctograph_core::product::MAX_QUANTITY;
 
 /// Variables that hold one quantity: the pattern of their names, and the factors that turn their
-/// values into SI units and our signs (1 where there are none).
+/// values into SI units and our signs (none: 1).
 struct Source(PositionSource, &'static str, &'static [f64]);
 
 /// Least time for which a live source changes, relative to the source that changes longest.

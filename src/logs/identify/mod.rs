@@ -256,7 +256,7 @@ fn measurement_sigma_m(
         let places = flight.samples[air.clone()].iter().zip(x).zip(y).zip(z);
         let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
         let sigma: [f64; 3] = spread(&errors.collect::<Vec<_>>()).into();
-        // The estimate may be this raw position itself: there is no spread then.
+        // The estimate may be this raw position itself: then the deviations are zero.
         return Some(sigma).filter(|sigma| are_figures(sigma));
     }
     None

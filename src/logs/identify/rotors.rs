@@ -42,7 +42,7 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
         let (from, next) = (&held[0], run.get(line.len() + held.len()));
-        // A command that is held for long is no straight line.
+        // A command that is held for long is not interpolated.
         let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
         let [first, last] =
             [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));

@@ -1,5 +1,5 @@
-//! Import of whole logs. `tests/it/dialects.rs` reads every dialect whole, cut off and broken; here
-//! stand the rules that all dialects share.
+//! Import of whole logs. `tests/it/dialects.rs` reads every dialect whole, cut off and broken. Here
+//! are the rules of all dialects.
 
 use noctograph_core::flight::FlightData;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
