@@ -550,10 +550,12 @@ impl<'a> Reader<'a> {
         if value.get().starts_with('[') {
             return Ok(Some(List { items: self.items(value)?, indices: Vec::new() }));
         }
-        if !is_object(value) {
+        // An index begins with a digit or a sign. An object by indices has no other name.
+        let name = value.get()[1..].trim_start().strip_prefix('"').unwrap_or_default();
+        if !is_object(value) || !name.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+        {
             return Ok(None);
         }
-        // An object by indices has no other name.
         let members = self.members(value)?.into_iter();
         let items = members.map(|(key, item)| Some((index(&key)?, item)));
         let items = items.collect::<Option<Vec<_>>>().filter(|items| !items.is_empty());
@@ -568,24 +570,19 @@ impl<'a> Reader<'a> {
     }
 
     fn members(&self, value: &'a RawValue) -> Result<Members<'a>> {
-        self.split(value, b':', NAME_BYTES)
+        self.split(value, NAME_BYTES)
     }
 
     fn items(&self, value: &'a RawValue) -> Result<Vec<&'a RawValue>> {
-        self.split(value, b',', ITEM_BYTES)
+        self.split(value, ITEM_BYTES)
     }
 
-    /// Takes a value apart, whose parts are at most as many as there are signs. Each costs bytes.
-    fn split<T: serde::Deserialize<'a>>(
-        &self,
-        value: &'a RawValue,
-        sign: u8,
-        bytes: usize,
-    ) -> Result<T> {
+    /// Takes an object or a list apart. Each part costs bytes.
+    fn split<T: serde::Deserialize<'a>>(&self, value: &'a RawValue, bytes: usize) -> Result<T> {
         // Taken off before the parts are made: a text of commas would fill the memory.
         let text = value.get();
-        self.budget.steps(text.len())?;
-        self.budget.bytes(bytes * text.bytes().filter(|byte| *byte == sign).count())?;
+        self.budget.steps(2 * text.len())?;
+        self.budget.bytes(bytes * n_parts(text))?;
         serde_json::from_str(text).map_err(|_| self.broken(value))
     }
 
@@ -631,6 +628,28 @@ fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     if texts.len() < TEXTS && !texts.iter().any(|known| known == text) {
         texts.push(text.to_owned());
     }
+}
+
+/// Upper bound of the parts of an object or a list: commas within its brackets.
+fn n_parts(text: &str) -> usize {
+    let (mut depth, mut n, mut bytes) = (0, 1, text.bytes());
+    while let Some(byte) = bytes.next() {
+        match byte {
+            b'{' | b'[' => depth += 1,
+            b'}' | b']' => depth -= 1,
+            b',' if depth == 1 => n += 1,
+            // A text ends at a quotation mark without a backslash.
+            b'"' => {
+                while let Some(byte) = bytes.next().filter(|byte| *byte != b'"') {
+                    if byte == b'\\' {
+                        bytes.next();
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    n
 }
 
 fn is_object(value: &RawValue) -> bool {
