@@ -583,7 +583,7 @@ impl<'a> Reader<'a> {
         let text = value.get();
         self.budget.steps(2 * text.len())?;
         self.budget.bytes(bytes * n_parts(text))?;
-        serde_json::from_str(text).map_err(|_| self.broken(value))
+        serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))
     }
 
     /// The number or the text that a value is, or its kind.
@@ -597,7 +597,8 @@ impl<'a> Reader<'a> {
             b't' => Cell::Number(1.0),
             b'f' => Cell::Number(0.0),
             b'"' => {
-                let text: String = serde_json::from_str(text).map_err(|_| self.broken(value))?;
+                let text: String =
+                    serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))?;
                 // A clock without a date has a colon, a plain number in quotes has none.
                 match seconds_from_date(&text).filter(|_| text.contains(':')) {
                     _ if text.is_empty() => Cell::Number(f64::NAN),
@@ -605,7 +606,7 @@ impl<'a> Reader<'a> {
                     None => Cell::Text(text.chars().take(TEXT_CHARS).collect()),
                 }
             }
-            _ => Cell::Number(serde_json::from_str(text).map_err(|_| self.broken(value))?),
+            _ => Cell::Number(serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))?),
         })
     }
 

@@ -10,9 +10,9 @@
 //! flight in steps, whose order is written there. `sources` holds all conversions of variables.
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
-//! firmware's estimator, then raw Lighthouse fixes, or [`PositionSource`]. A source that is frozen
-//! while others change, or diverged, is skipped, for any quantity, with a warning. `estimate_m` is
-//! the custom observer, else the firmware's.
+//!   firmware's estimator, then raw Lighthouse fixes, or [`PositionSource`]. A source that is
+//!   frozen while others change, or diverged, is skipped, for any quantity, with a warning.
+//!   `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
 //!   are known, interpolated linearly. Longer gaps have no samples and are listed in `gaps`. Other
 //!   measured quantities are held over gaps of their log, with a warning. Setpoints, motor commands
