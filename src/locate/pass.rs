@@ -135,8 +135,8 @@ impl<'a> Model<'a> {
         let q = variance_rate(self.options.acceleration_m_s2_sqrt_hz);
         for (drone, until_s) in self.stands_until_s.iter().enumerate() {
             let span_s = (to_s - from_s.max(*until_s)).max(0.0);
-            // White acceleration of density q: Q = q [t³/3, t²/2 | t²/2, t] (Bar-Shalom 2001,
-            // 6.2.2).
+            // White acceleration of density q (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2):
+            // Q = q [t³/3, t²/2 | t²/2, t].
             for i in STATES * drone..STATES * drone + 3 {
                 transition.push((i, i + 3, span_s));
                 noise.push((i, i, q * span_s * span_s * span_s / 3.0));
