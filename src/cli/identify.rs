@@ -63,7 +63,7 @@ pub(super) fn run(args: &IdentifyArgs) -> Result<Report> {
         "observer_q": identified.and_then(Identified::observer_q),
         "model_sigma": identified.and_then(|it| it.model_sigma),
         "observer_r": r,
-        "left_out": identified.map(|it| &it.left_out),
+        "left_out": identified.map(|it| it.left_out.iter().map(ToString::to_string).collect::<Vec<_>>()),
         "inertia_kg_m2": inertia_kg_m2,
     });
     // The observer's weights: the yaw, fourth of the states, has none.

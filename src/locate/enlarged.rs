@@ -1,4 +1,4 @@
-//! Positions of N drones from ranges without a local region: the state is enlarged by squares.
+//! Positions of N drones from ranges without a local region: the state is augmented by squares.
 //!
 //! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as further states and known displacements `δ_i`,
 //! motion and squared ranges are linear:
@@ -8,13 +8,13 @@
 //! d_ik² = n_i − 2 a_kᵀ p_i + |a_k|²                       q_ij² = n_i + n_j − 2 z_ij
 //! ```
 //!
-//! so that a Kalman filter converges from any start. It is blind where motion and anchors lie in
-//! one plane; [`Enlarged::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by Gauss
-//! and Newton, weighted by its own covariance, which hands over to [`Positions`].
-//! [`locate_enlarged`] begins anywhere among the anchors, and hands over after five seconds; no
-//! later range improves an earlier position, as in flight.
+//! so that a Kalman filter converges from any start. It is blind if motion and anchors lie in one
+//! plane. [`Enlarged::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by
+//! Gauss–Newton, weighted by its covariance, which hands over to [`Positions`]. [`locate_enlarged`]
+//! begins anywhere among the anchors, and hands over after five seconds. No later range improves an
+//! earlier position, as in flight.
 //!
-//! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665; G.
+//! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665. G.
 //! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -28,10 +28,8 @@ use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
-/// Distances, in standard deviations along the weakest direction, from which Gauss and Newton's
-/// method starts.
+/// Distances, in standard deviations along the weakest direction, from which Gauss–Newton starts.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
-/// Time of the hand-over.
 const HAND_OVER_S: f64 = 5.0;
 /// Walk of the error of the known motion, m/√s: velocities of an on-board estimate.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
@@ -44,7 +42,7 @@ const OUTSIDE: f64 = 1e6;
 pub struct Enlarged {
     anchors_m: Vec<Vector3<f64>>,
     n: usize,
-    /// Positions, squares, products; relative to `origin_m`.
+    /// Positions, squares and products, relative to `origin_m`.
     normal: Normal,
     origin_m: Vector3<f64>,
 }
@@ -55,12 +53,12 @@ impl Enlarged {
         let n = starts_m.len();
         let origin_m = starts_m.iter().sum::<Vector3<f64>>() / n.max(1) as f64;
         let places_m: Vec<Vector3<f64>> = starts_m.iter().map(|start| start - origin_m).collect();
-        let places_m = in_a_row(&places_m);
+        let places_m = stacked(&places_m);
         let variance = sigma_m * sigma_m;
         // Moments of a normal: of its squares and products, those of second order count as well.
-        let (mut state, slopes) = (lifted(&places_m), slopes(&places_m));
+        let (mut state, jacobian) = (augmented(&places_m), jacobian(&places_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
-        let mut covariance = &slopes * slopes.transpose() * variance;
+        let mut covariance = &jacobian * jacobian.transpose() * variance;
         for row in 3 * n..state.len() {
             let of_second_order = if row < 4 * n { 6.0 } else { 3.0 };
             covariance[(row, row)] += of_second_order * variance * variance;
@@ -71,21 +69,25 @@ impl Enlarged {
 
     /// Moves the drones by known displacements, each axis with a variance.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
-        let (n, moved_m) = (self.n, in_a_row(moved_m));
-        let by_motion = slopes(&moved_m);
-        let all = (3 * n..by_motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
-        let transition: Vec<Entry> = all.map(|(i, j)| (i, j, by_motion[(i, j)])).collect();
-        let by_noise = slopes(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
+        let (n, moved_m) = (self.n, stacked(moved_m));
+        // x ← F(δ) x + m(δ): squares and products change with the positions by the Jacobian of m
+        // at the displacement.
+        let motion = jacobian(&moved_m);
+        let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
+        let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();
+        // Noise of the displacement enters at the positions after it. Its square adds to the mean.
+        let noise = jacobian(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);
-        self.normal.mean += lifted(&moved_m);
+        self.normal.mean += augmented(&moved_m);
         self.normal.mean.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance_m2);
-        self.normal.covariance += &by_noise * by_noise.transpose() * variance_m2;
+        self.normal.covariance += &noise * noise.transpose() * variance_m2;
     }
 
     /// Takes a range in.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
         let variance = sigma_m * sigma_m;
+        // The squared range is linear in the state. Its noise has the mean σ².
         let mut value = distance_m * distance_m - variance;
         let slope = match link {
             Link::Anchor { drone, anchor } => {
@@ -109,12 +111,13 @@ impl Enlarged {
         (place_m, self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// The positions that fit the state best, by Gauss and Newton, in a room. Where motion and
-    /// anchors lie in planes of one direction, the ranges are the same for the drones' mirror image
-    /// behind the anchors: only the room tells them apart.
+    /// The positions that fit the state best, by Gauss–Newton, in a room. If motion and anchors lie
+    /// in planes of one direction, the ranges are the same for the drones' mirror image behind the
+    /// anchors: only the room tells them apart.
     pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
         let Normal { mean, covariance, .. } = &self.normal;
         let m = 3 * self.n;
+        // Whitening by the eigenvectors of the scaled covariance, of which some are near zero.
         let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
         let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| {
             covariance[(i, j)] * scale[i] * scale[j]
@@ -125,14 +128,15 @@ impl Enlarged {
         let whiten = DMatrix::from_diagonal(&roots)
             * eigen.eigenvectors.transpose()
             * DMatrix::from_diagonal(&scale);
+        // Starts along the weakest direction of the positions, and at their mirror image.
         let places = covariance.view((0, 0), (m, m)).into_owned();
         let weakest = places.clone().symmetric_eigen();
         let k = weakest.eigenvalues.imax();
         let along = weakest.eigenvectors.column(k) * weakest.eigenvalues[k].max(0.0).sqrt();
         let starts = STARTS.map(|sigmas| mean.rows(0, m) + &along * sigmas).into_iter();
         let fits = starts.chain([self.mirrored(&along)]).map(|start| {
-            let (mut cost, mut places_m, slopes) = descend(
-                |p| (&whiten * slopes(p), &whiten * (mean - lifted(p))),
+            let (mut cost, mut places_m, jacobian) = descend(
+                |p| (&whiten * jacobian(p), &whiten * (mean - augmented(p))),
                 |diagonal| diagonal,
                 start,
             );
@@ -143,11 +147,11 @@ impl Enlarged {
             if room.is_some_and(|room| !room.holds_all(&places_m)) {
                 cost += OUTSIDE;
             }
-            (cost, places_m, slopes)
+            (cost, places_m, jacobian)
         });
         let best = fits.reduce(|best, other| if other.0 < best.0 - 1e-6 { other } else { best });
-        let (_, places_m, slopes) = best.expect("there are starts");
-        let covariance_m2 = (slopes.transpose() * slopes).try_inverse().unwrap_or(places);
+        let (_, places_m, jacobian) = best.expect("there are starts");
+        let covariance_m2 = (jacobian.transpose() * jacobian).try_inverse().unwrap_or(places);
         let anchors_m = self.anchors_m.iter().map(|anchor| anchor + self.origin_m).collect();
         Positions::with(anchors_m, Normal::new(places_m, covariance_m2), gate_sigmas)
     }
@@ -158,6 +162,7 @@ impl Enlarged {
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
         let mut places_m = self.normal.mean.rows(0, 3 * self.n).into_owned();
         for drone in 0..self.n {
+            // The weakest direction of a drone is the normal of the anchors' plane.
             let normal = along.fixed_rows::<3>(3 * drone).into_owned();
             if let Some(normal) = normal.try_normalize(1e-12) {
                 let mut place_m = places_m.fixed_rows_mut::<3>(3 * drone);
@@ -169,12 +174,12 @@ impl Enlarged {
     }
 }
 
-fn in_a_row(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
+fn stacked(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
     DVector::from_iterator(3 * vectors_m.len(), vectors_m.iter().flatten().copied())
 }
 
-/// Positions, squares and products of positions.
-fn lifted(p: &DVector<f64>) -> DVector<f64> {
+/// The augmented state m(p) of positions: these, their squares and their products.
+fn augmented(p: &DVector<f64>) -> DVector<f64> {
     let n = p.len() / 3;
     let mut x = p.clone().resize_vertically(n_states(n), 0.0);
     for i in 0..n {
@@ -187,33 +192,34 @@ fn lifted(p: &DVector<f64>) -> DVector<f64> {
     x
 }
 
-/// How [`lifted`] changes with the positions.
-fn slopes(p: &DVector<f64>) -> DMatrix<f64> {
+/// Jacobian of [`augmented`].
+fn jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
-    let mut slopes = DMatrix::identity(n_states(n), 3 * n);
+    let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
+    // Identity for the positions, ∂|p|² = 2pᵀ for a square, and the other position for a product.
     for i in 0..n {
         for axis in 0..3 {
-            slopes[(3 * n + i, 3 * i + axis)] = 2.0 * p[3 * i + axis];
+            jacobian[(3 * n + i, 3 * i + axis)] = 2.0 * p[3 * i + axis];
             for j in i + 1..n {
-                slopes[(product(n, i, j), 3 * i + axis)] = p[3 * j + axis];
-                slopes[(product(n, i, j), 3 * j + axis)] = p[3 * i + axis];
+                jacobian[(product(n, i, j), 3 * i + axis)] = p[3 * j + axis];
+                jacobian[(product(n, i, j), 3 * j + axis)] = p[3 * i + axis];
             }
         }
     }
-    slopes
+    jacobian
 }
 
 fn n_states(n: usize) -> usize {
     4 * n + n * (n - 1) / 2
 }
 
-/// Index of a product in the enlarged state of `n` drones.
+/// Index of a product in the augmented state of `n` drones.
 fn product(n: usize, i: usize, j: usize) -> usize {
     let (i, j) = (i.min(j), i.max(j));
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Positions by the enlarged linear filter, handed over to an extended Kalman filter.
+/// Positions by the linear filter of the augmented state, handed over to an extended Kalman filter.
 ///
 /// # Errors
 ///
@@ -229,6 +235,7 @@ pub fn locate_enlarged(
     let Some(mut before_s) = samples.first().map(|first| first.time_s) else {
         return Err(Error::input("ranges", "none", "a range", "log the ranges of the flight"));
     };
+    // Anywhere among the anchors, with their extent as the standard deviation.
     let hand_over_s = before_s + HAND_OVER_S;
     let starts_m = vec![(low_m + high_m) * 0.5; tracks.len()];
     let reach_m = (high_m - low_m).norm().max(1.0);
@@ -245,6 +252,7 @@ pub fn locate_enlarged(
             None => linear.advance(&moved_m, variance_m2),
             Some(positions) => positions.advance(&moved_m, variance_m2),
         }
+        // The linear filter has converged by now: the extended one takes its positions over.
         if handed_over.is_none() && time_s >= hand_over_s {
             handed_over = Some(linear.positions(None, GATE_SIGMAS));
         }
@@ -262,11 +270,8 @@ pub fn locate_enlarged(
             Some(positions) => positions.estimate(drone),
         });
     }
-    located.nis = innovations.nis();
     located.heard_s = heard_s(tracks.len(), &samples);
-    located.note_residuals(anchors_m, &samples, &innovations.refused, options.range_sigma_m);
-    located.warnings = located.contradictions(options.range_sigma_m);
-    Ok(located)
+    Ok(located.judged(anchors_m, &samples, &innovations, options.range_sigma_m))
 }
 
 #[cfg(test)]
@@ -301,7 +306,7 @@ mod tests {
     }
 
     /// How many of 60 starts, 5 m off over both drones, are within 25 cm after 20 s of writing: by
-    /// the linear filter, handed over in a room, or by the extended Kalman filter alone.
+    /// the linear filter, handed over in a room, or by only the extended Kalman filter.
     fn converged(anchors_m: [[f64; 3]; 3], linear: bool, room: Option<&Room>) -> usize {
         let anchors_m = anchors_m.map(Vector3::from);
         let place = path();

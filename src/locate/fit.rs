@@ -8,30 +8,30 @@ use noctograph_sim::kalman::Part;
 
 const FIT_STEPS: usize = 40;
 
-/// The mean of a link's ranges.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observation {
     pub(super) link: Link,
     pub(super) distance_m: f64,
 }
 
-/// Slopes of the ranges over the places, and the residuals of the ranges.
+/// Jacobian of the ranges over the places, and the residuals of the ranges.
 pub(super) fn residuals(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
     places_m: &DVector<f64>,
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let mut slopes = DMatrix::zeros(ranges.len(), places_m.len());
+    let mut jacobian = DMatrix::zeros(ranges.len(), places_m.len());
     let mut left = DVector::zeros(ranges.len());
     for (row, range) in ranges.iter().enumerate() {
         let (slope, expected_m) = slope(range.link, anchors_m, places_m.as_slice(), 3);
+        // ∂d/∂p is the unit vector from the other end.
         for part in slope {
             let Part::Three(column, direction) = part else { continue };
-            slopes.fixed_view_mut::<1, 3>(row, column).tr_copy_from(&direction);
+            jacobian.fixed_view_mut::<1, 3>(row, column).tr_copy_from(&direction);
         }
         left[row] = range.distance_m - expected_m;
     }
-    (slopes, left)
+    (jacobian, left)
 }
 
 /// The sum of squared residuals, and the places with the best fit.
@@ -45,29 +45,31 @@ pub(super) fn fit(
     (cost, places_m)
 }
 
-/// Gauss-Newton steps from a start. `problem` gives the slopes and the residuals at a state.
-/// Returns the sum of squares, the solution, and the slopes there. `unit` scales Levenberg's
-/// damping for a diagonal element of the normal matrix.
+/// Least squares from a start by the method of Levenberg (1944) and Marquardt (1963). `problem`
+/// gives Jacobian and residuals at a state, `unit` scales the damping of a diagonal element of the
+/// normal matrix. Returns the sum of squares, the solution, and the Jacobian there.
 pub(super) fn descend(
     problem: impl Fn(&DVector<f64>) -> (DMatrix<f64>, DVector<f64>),
     unit: impl Fn(f64) -> f64,
     mut solution: DVector<f64>,
 ) -> (f64, DVector<f64>, DMatrix<f64>) {
-    let (mut slopes, mut left) = problem(&solution);
+    let (mut jacobian, mut left) = problem(&solution);
     let mut damping = 1e-2;
     for _ in 0..FIT_STEPS {
-        let mut normal = slopes.transpose() * &slopes;
+        // (JᵀJ + damping) step = Jᵀ residuals. A better state is taken with less damping, a worse
+        // one is refused with more.
+        let mut normal = jacobian.transpose() * &jacobian;
         (0..solution.len()).for_each(|i| normal[(i, i)] += damping * unit(normal[(i, i)]));
-        let right = slopes.transpose() * &left;
+        let right = jacobian.transpose() * &left;
         let Some(step) = normal.cholesky().map(|normal| normal.solve(&right)) else { break };
         let next = &solution + step;
-        let (next_slopes, next_left) = problem(&next);
+        let (next_jacobian, next_left) = problem(&next);
         if next_left.norm_squared() < left.norm_squared() {
-            (solution, slopes, left) = (next, next_slopes, next_left);
+            (solution, jacobian, left) = (next, next_jacobian, next_left);
             damping = (damping * 0.2).max(1e-12);
         } else {
             damping *= 5.0;
         }
     }
-    (left.norm_squared(), solution, slopes)
+    (left.norm_squared(), solution, jacobian)
 }

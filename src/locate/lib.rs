@@ -1,8 +1,8 @@
-//! Localization of drones from ranges, apart from any controller: the observer of two drones that
-//! share an anchor as its authors left it ([`SharedAnchorObserver`]) with its local region
+//! Localization of drones from ranges, apart from any controller: the observer of two drones with a
+//! common anchor as its authors left it ([`SharedAnchorObserver`]) with its local region
 //! ([`share_left`], [`observability`]), and the filter without a local region that they wished for
 //! ([`Enlarged`], handed over to [`Positions`]). Both need the motion ([`locate_shared`],
-//! [`locate_enlarged`]); [`locate`] turns the ranges of a log into positions without it.
+//! [`locate_enlarged`]). [`locate`] turns the ranges of a log into positions without it.
 //!
 //! The filter that flies is the estimator `cooperative`.
 
@@ -100,7 +100,7 @@ pub struct RangeSample {
 }
 
 impl RangeSample {
-    /// Whether its numbers can be a measurement.
+    /// True if its numbers can be a measurement.
     fn is_measurement(&self) -> bool {
         self.distance_m > 0.0 && self.distance_m < 1e4 && self.time_s.is_finite()
     }
@@ -116,12 +116,12 @@ pub struct Room {
 }
 
 impl Room {
-    /// Whether a place is inside.
+    /// True if a place is inside.
     pub fn holds(&self, place_m: &Vector3<f64>) -> bool {
         (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&place_m[k]))
     }
 
-    /// Whether all places, three coordinates each, are inside.
+    /// True if every place, three coordinates each, is inside.
     fn holds_all(&self, places_m: &DVector<f64>) -> bool {
         places_m.as_slice().chunks(3).all(|place_m| self.holds(&Vector3::from_row_slice(place_m)))
     }

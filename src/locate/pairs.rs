@@ -4,16 +4,17 @@ use std::collections::BTreeMap;
 
 use super::{Link, RangeSample};
 
-/// Stamps of one range in two logs, s, and its distances, m: logs round to millimeters.
+/// Differences of one range in two logs, s and m: logs round to millimeters.
 const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 
 /// The samples with every range between two drones once. `Link::Drones(i, j)` is a range in the log
-/// of drone i; where the log of drone j has it too, that one is left out. Two ranges that differ
-/// are two measurements.
+/// of drone i. If the log of drone j has it too, that one is left out. Two ranges that differ are
+/// two measurements.
 pub(super) fn counted_once(samples: &[RangeSample]) -> Vec<RangeSample> {
     let mut first_logs: BTreeMap<(usize, usize), Vec<(f64, f64)>> = BTreeMap::new();
     for sample in samples {
+        // Ranges in the log of the drone with the lower index count.
         if let Link::Drones(i, j) = sample.link
             && i < j
         {
@@ -23,6 +24,7 @@ pub(super) fn counted_once(samples: &[RangeSample]) -> Vec<RangeSample> {
     first_logs.values_mut().for_each(|ranges| ranges.sort_by(|a, b| a.0.total_cmp(&b.0)));
     let mut kept = Vec::new();
     for sample in samples {
+        // The other log has the same range within rounding of time and distance.
         let Link::Drones(i, j) = sample.link else {
             kept.push(*sample);
             continue;
@@ -47,6 +49,7 @@ pub(super) fn since_both_are_logged(samples: &mut Vec<RangeSample>) {
             *begin_s = begin_s.min(sample.time_s);
         }
     }
+    // A pair counts from the later of its two logs on.
     samples.retain(|sample| {
         let mut begins_s = sample.link.drones().filter_map(|drone| begins_s.get(&drone));
         begins_s.all(|begin_s| sample.time_s >= *begin_s)

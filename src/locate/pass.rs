@@ -11,24 +11,22 @@ use super::positions::{GATE_SIGMAS, slope};
 use super::{Link, LocateOptions, RangeSample};
 use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
 
-/// States of a drone.
 pub(super) const STATES: usize = 6;
 
-/// Ranges closer in time share one state.
+/// Ranges closer in time have one state.
 pub(super) const STEP_S: f64 = 0.01;
 
 /// A drone whose first range comes this much later than the first of all stands until then.
 pub(super) const LATE_S: f64 = 0.25;
 
-/// What all passes over a log share.
+/// Inputs of every pass over a log.
 pub(super) struct Model<'a> {
     pub(super) anchors_m: &'a [Vector3<f64>],
     pub(super) options: &'a LocateOptions,
-    /// Until when each drone stands: its first range, where that comes late.
+    /// Until when each drone stands: its first range, if that comes late.
     stands_until_s: Vec<f64>,
 }
 
-/// Statistics of the filter's innovations.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
     /// Sum of the normalized innovations squared of the ranges that were taken, and their number.
@@ -39,7 +37,7 @@ pub(super) struct Innovations {
 }
 
 impl Innovations {
-    /// Counts a range: its normalized innovation squared, or none where it was refused.
+    /// Counts a range: its normalized innovation squared, or none if it was refused.
     pub(super) fn note(&mut self, link: Link, nis: Option<f64>) {
         match nis {
             Some(nis) => (self.sum, self.taken) = (self.sum + nis, self.taken + 1),
@@ -47,25 +45,22 @@ impl Innovations {
         }
     }
 
-    /// Mean normalized innovation squared; `None` without a range.
+    /// Mean normalized innovation squared, `None` without a range.
     pub(super) fn nis(&self) -> Option<f64> {
         (self.taken > 0).then(|| self.sum / self.taken as f64)
     }
 }
 
-/// A filter on its way through a log.
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
-    /// The states after the last step.
     pub(super) normal: Normal,
     gate: Gate<Link>,
-    /// Time of the last step.
     last_s: Option<f64>,
     /// Ranges of all steps behind it.
     pub(super) ranges: usize,
 }
 
-/// Ranges that share one state, in order.
+/// Ranges of one state after another.
 pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
     let mut left = samples;
     std::iter::from_fn(move || {
@@ -99,7 +94,6 @@ impl<'a> Model<'a> {
         self.stands_until_s.len()
     }
 
-    /// A filter at the beginning of a log.
     pub(super) fn filter(&self, start: &Normal) -> Filter {
         let gate = Gate::new(GATE_SIGMAS);
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
@@ -123,6 +117,7 @@ impl<'a> Model<'a> {
         }
         let predicted = normal.clone();
         for sample in step {
+            // z = h(x₀) + H (x − x₀): linearized about x₀, the path of the pass before if given.
             let states = here.unwrap_or(normal.mean.as_slice());
             let (slope, expected_m) = slope(sample.link, self.anchors_m, states, STATES);
             let value = sample.distance_m - expected_m + along(&slope, states);
@@ -140,6 +135,8 @@ impl<'a> Model<'a> {
         let q = variance_rate(self.options.acceleration_m_s2_sqrt_hz);
         for (drone, until_s) in self.stands_until_s.iter().enumerate() {
             let span_s = (to_s - from_s.max(*until_s)).max(0.0);
+            // White acceleration of density q (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2):
+            // Q = q [t³/3, t²/2 | t²/2, t].
             for i in STATES * drone..STATES * drone + 3 {
                 transition.push((i, i + 3, span_s));
                 noise.push((i, i, q * span_s * span_s * span_s / 3.0));

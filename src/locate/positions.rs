@@ -12,7 +12,6 @@ pub(super) const GATE_SIGMAS: f64 = 4.0;
 #[derive(Clone, Debug)]
 pub struct Positions {
     anchors_m: Vec<Vector3<f64>>,
-    /// Three states for each drone.
     normal: Normal,
     gate: Gate<Link>,
 }
@@ -65,7 +64,6 @@ pub(super) fn slope(
     (ends.map(|(drone, along)| Part::Three(stride * drone, along)).collect(), length_m)
 }
 
-/// Least and greatest coordinates of anchors.
 pub(super) fn extent_m(anchors_m: &[Vector3<f64>]) -> [Vector3<f64>; 2] {
     let [low_m, high_m] = [f64::INFINITY, f64::NEG_INFINITY].map(Vector3::repeat);
     [anchors_m.iter().fold(low_m, |a, b| a.inf(b)), anchors_m.iter().fold(high_m, |a, b| a.sup(b))]

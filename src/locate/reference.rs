@@ -11,7 +11,7 @@ use noctograph_core::flight::Flight;
 /// The reference is not interpolated over longer gaps.
 const LONGEST_GAP_S: f64 = 0.2;
 
-/// True positions of a drone, on a clock of their own.
+/// True positions of a drone, on another clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Reference<'a> {
     /// Positions.
@@ -21,14 +21,14 @@ pub struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    /// The position between the two nearest samples; `None` beyond the ends and in gaps.
+    /// The position between the two nearest samples. `None` beyond the ends and in gaps.
     pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
-        let (samples, own_s) = (&self.flight.samples, time_s - self.offset_s);
-        let after = samples.partition_point(|s| s.time_s < own_s);
+        let (samples, clock_s) = (&self.flight.samples, time_s - self.offset_s);
+        let after = samples.partition_point(|s| s.time_s < clock_s);
         let (a, b) = (samples.get(after.checked_sub(1)?)?, samples.get(after)?);
-        let share = (own_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
+        let part = (clock_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
         (b.time_s - a.time_s <= LONGEST_GAP_S)
-            .then(|| a.position_m + (b.position_m - a.position_m) * share)
+            .then(|| a.position_m + (b.position_m - a.position_m) * part)
     }
 }
 
@@ -39,7 +39,7 @@ pub struct PositionError {
     pub rmse_m: [f64; 3],
     /// Root mean square of the distance.
     pub rmse_3d_m: f64,
-    /// Mean normalized squared error over its three axes; `None` without a covariance.
+    /// Mean normalized squared error over its three axes, `None` without a covariance.
     pub nees: Option<f64>,
     /// Positions that were compared.
     pub samples: usize,
@@ -58,6 +58,7 @@ pub fn position_error(
     let (mut square, mut nees, mut n) = (Vector3::zeros(), 0.0, 0_u32);
     for k in located.heard(drone) {
         let Some(true_m) = reference.position_m(located.time_s[k]) else { continue };
+        // Squares of the error by axis, and εᵀP⁻¹ε / 3 if there is a covariance.
         let error_m = located.position_m[drone][k] - true_m;
         square += error_m.component_mul(&error_m);
         if let Some(covariances) = located.covariance_m2.get(drone) {
@@ -101,6 +102,7 @@ pub fn link_errors(
     let errors = samples.iter().filter_map(|sample| {
         let mut ends_m =
             sample.link.drones().map(|drone| references.get(drone)?.position_m(sample.time_s));
+        // The first end is a drone, the other one an anchor or a drone.
         let first_m = ends_m.next()??;
         let second_m = match sample.link {
             Link::Anchor { anchor, .. } => *anchors_m.get(anchor)?,

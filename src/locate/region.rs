@@ -1,8 +1,8 @@
 //! The local region of the authors' observer, and what its measurements see of a flight.
 //!
-//! Two questions before a flight: which share of a start error remains with the observer, and how
-//! well do the ranges fix the places at the start if the motion is known exactly? The first answer
-//! is without noise, the second without motion noise.
+//! Two questions before a flight: which fraction of a start error remains with the observer, and
+//! how well do the ranges fix the places at the start if the motion is known exactly? The first
+//! answer is without noise, the second without motion noise.
 
 use nalgebra::{DVector, Matrix3, Matrix6, SMatrix, Vector3};
 
@@ -12,8 +12,8 @@ use super::shared_anchor::SharedAnchorObserver;
 use noctograph_core::random::split_mix;
 use noctograph_core::statistics::median;
 
-/// The links of two drones to their own anchors, the first and the second, to the one that they
-/// share, the third, and to each other.
+/// The links of two drones to an anchor each, the first and the second, to their common one, the
+/// third, and to each other.
 pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Anchor { drone: 0, anchor: 0 },
     Link::Anchor { drone: 0, anchor: 2 },
@@ -34,11 +34,11 @@ const UNSEEN: f64 = 1e-9;
 pub struct ShareLeft {
     /// Length of the error over both drones at the start.
     pub error_m: f64,
-    /// Share of it that is left at the end: median over the starts.
+    /// Fraction of it that is left at the end: median over the starts.
     pub median: f64,
     /// The same, the best of the starts and the worst.
     pub range: [f64; 2],
-    /// Share of the starts that ended more than three times as far.
+    /// Fraction of the starts that ended more than three times as far.
     pub diverged_frac: f64,
 }
 
@@ -47,7 +47,7 @@ pub struct ShareLeft {
 pub struct Observability {
     /// Directions of the six that are seen.
     pub rank: usize,
-    /// Standard deviations along the principal directions, smallest first; infinite where unseen.
+    /// Standard deviations along the principal directions, smallest first. Infinite if unseen.
     pub sigmas_m: [f64; 6],
     /// The direction that is seen worst: of the first drone, then of the second.
     pub worst: [f64; 6],
@@ -71,7 +71,7 @@ pub fn share_left(
     n: u32,
 ) -> ShareLeft {
     let mut state = 0x5eed;
-    let mut shares = Vec::new();
+    let mut fractions = Vec::new();
     for _ in 0..n {
         // A direction from inside the unit ball of six coordinates is uniform.
         let direction = loop {
@@ -84,15 +84,15 @@ pub fn share_left(
             }
         };
         let errors_m = [0, 3].map(|k| direction.fixed_rows::<3>(k) * error_m);
-        shares.push(run(observer, &path, duration_s, errors_m) / error_m);
+        fractions.push(run(observer, &path, duration_s, errors_m) / error_m);
     }
-    shares.sort_by(f64::total_cmp);
-    let diverged = shares.iter().filter(|share| **share > DIVERGED || share.is_nan()).count();
+    fractions.sort_by(f64::total_cmp);
+    let diverged = fractions.iter().filter(|left| **left > DIVERGED || left.is_nan()).count();
     let diverged_frac = diverged as f64 / f64::from(n.max(1));
     ShareLeft {
         error_m,
-        median: median(shares.iter().copied()).unwrap_or(0.0),
-        range: [shares.first(), shares.last()].map(|share| share.copied().unwrap_or(0.0)),
+        median: median(fractions.iter().copied()).unwrap_or(0.0),
+        range: [fractions.first(), fractions.last()].map(|left| left.copied().unwrap_or(0.0)),
         diverged_frac,
     }
 }
@@ -108,6 +108,7 @@ fn run(
     let mut believed = [0, 1].map(|i| truth[i] + start_errors_m[i]);
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let ticks = (duration_s * RATE_HZ) as u32;
+    // Exact motion plus the correction of the observer, by Euler steps.
     for tick in 1..=ticks {
         let outputs = observer.outputs(&observer.ranges(&truth));
         let rates = observer.corrections(&believed, &outputs);
@@ -130,6 +131,7 @@ pub fn observability(
     rate_hz: f64,
     sigma_m: f64,
 ) -> Observability {
+    // Sum of the information JᵀR⁻¹J of every round, since the motion between rounds is known.
     let mut information = Matrix6::zeros();
     let rounds_hz = rate_hz / 5.0;
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
@@ -137,6 +139,7 @@ pub fn observability(
     for round in 0..=rounds {
         information += seen(observer, outputs, &path(f64::from(round) / rounds_hz), sigma_m);
     }
+    // Its eigenvalues are inverse variances along the principal directions.
     let eigen = information.symmetric_eigen();
     let largest = eigen.eigenvalues.max();
     let mut order = [0, 1, 2, 3, 4, 5];
@@ -152,7 +155,6 @@ pub fn observability(
     }
 }
 
-/// Information of one round of ranges.
 fn seen(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
@@ -162,11 +164,12 @@ fn seen(
     let anchors_m = [observer.own_m[0], observer.own_m[1], observer.shared_m];
     let ranges = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
     let places = DVector::from_iterator(6, places_m.iter().flatten().copied());
-    let slopes = residuals(&anchors_m, &ranges, &places).0;
-    let slopes = slopes.fixed_view::<5, 6>(0, 0);
+    let jacobian = residuals(&anchors_m, &ranges, &places).0;
+    let jacobian = jacobian.fixed_view::<5, 6>(0, 0);
     if outputs == Outputs::Ranges {
-        return slopes.transpose() * slopes / (sigma_m * sigma_m);
+        return jacobian.transpose() * jacobian / (sigma_m * sigma_m);
     }
+    // The three outputs are sums of squared ranges: their derivatives over the five ranges.
     let ranges = observer.ranges(places_m);
     let [d11, d22] = ranges.own_m.map(|d| 2.0 * d);
     let [d13, d23] = ranges.shared_m.map(|d| 2.0 * d);
@@ -175,9 +178,9 @@ fn seen(
         d11, -d13, 0.0, 0.0, 0.0, 0.0, 0.0, d22, -d23, 0.0, 0.0, d13, 0.0, d23, -q,
     ]);
     let covariance: Matrix3<f64> = squares * squares.transpose() * (sigma_m * sigma_m);
-    let slopes = squares * slopes;
+    let jacobian = squares * jacobian;
     let weight = covariance.try_inverse().unwrap_or_default();
-    slopes.transpose() * weight * slopes
+    jacobian.transpose() * weight * jacobian
 }
 
 #[cfg(test)]

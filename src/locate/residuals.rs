@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::pass::together;
+use super::pass::{Innovations, together};
 use super::{Link, Located, RangeSample};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::statistics::median;
@@ -18,10 +18,10 @@ const MEDIAN_ERROR: f64 = 1.2533;
 const SURE_SIGMAS: f64 = 5.0;
 /// Least median that matters, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
-/// Share of a link's ranges that strays may make up: with ultra-wideband some 2 %.
+/// Fraction of a link's ranges that may be outliers: with ultra-wideband some 2 %.
 const MOST_REFUSED_FRAC: f64 = 0.05;
-/// Bounds of the mean normalized innovation squared, where noise and motion are as assumed to some
-/// 15 %; with few ranges chance adds to it.
+/// Bounds of the mean normalized innovation squared if noise and motion are as assumed to some 15
+/// %. With few ranges, chance adds to it.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
 
 /// Residuals of a link: measured minus located distances.
@@ -37,7 +37,7 @@ pub struct LinkResidual {
     pub median_m: f64,
     /// Standard deviation about the median, from the median absolute deviation.
     pub scatter_m: f64,
-    /// Whether more ranges are refused than strays explain, or the median is not zero.
+    /// True if more ranges are refused than outliers explain, or the median is not zero.
     pub suspect: bool,
 }
 
@@ -47,22 +47,6 @@ pub fn nis_interval(n: usize) -> [f64; 2] {
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
 
-/// Measured minus located distance of every range.
-fn residuals_m(
-    anchors_m: &[Vector3<f64>],
-    samples: &[RangeSample],
-    position_m: &[Vec<Vector3<f64>>],
-) -> Vec<f64> {
-    let mut residuals_m = Vec::new();
-    for (k, step) in together(samples).enumerate() {
-        residuals_m.extend(step.iter().map(|sample| {
-            sample.distance_m - sample.link.away_m(anchors_m, |drone| position_m[drone][k]).norm()
-        }));
-    }
-    residuals_m
-}
-
-/// Median and scatter of the residuals of each link.
 pub(super) fn spread_by_link(
     samples: &[RangeSample],
     residuals_m: &[f64],
@@ -72,6 +56,7 @@ pub(super) fn spread_by_link(
         by_link.entry(sample.link).or_default().push(*residual_m);
     }
     let spreads = by_link.into_iter().filter_map(|(link, residuals_m)| {
+        // The median absolute deviation is robust to outliers (Rousseeuw, Croux 1993).
         let median_m = median(residuals_m.iter().copied())?;
         let away = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
         Some((link, (median_m, SIGMA_PER_MAD * median(away)?, residuals_m.len())))
@@ -79,42 +64,47 @@ pub(super) fn spread_by_link(
     spreads.collect()
 }
 
-/// The residuals of every link, with its refused ranges and the standard deviation of a range.
-fn link_residuals(
-    samples: &[RangeSample],
-    residuals_m: &[f64],
-    refused: &BTreeMap<Link, usize>,
-    sigma_m: f64,
-) -> Vec<LinkResidual> {
-    let links = spread_by_link(samples, residuals_m).into_iter();
-    Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
-        let refused = refused.get(&link).copied().unwrap_or(0);
-        let (n, n_refused) = (ranges as f64, refused as f64);
-        let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
-        let is_biased = median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
-        let suspect = is_biased || refused > 5 && n_refused > MOST_REFUSED_FRAC * n;
-        LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
-    }))
-}
-
 impl Located {
-    /// Computes the residuals of all links. `refused` are the ranges that the gate refused, and
-    /// `sigma_m` is the standard deviation of a range.
-    pub(super) fn note_residuals(
-        &mut self,
+    /// The same with the residuals of all links, and warnings of what they contradict. `sigma_m` is
+    /// the standard deviation of a range, or zero if the observer knows no noise: then each link's
+    /// scatter is the scale, and there is no warning.
+    pub(super) fn judged(
+        mut self,
         anchors_m: &[Vector3<f64>],
         samples: &[RangeSample],
-        refused: &BTreeMap<Link, usize>,
+        innovations: &Innovations,
         sigma_m: f64,
-    ) {
-        let residuals_m = residuals_m(anchors_m, samples, &self.position_m);
-        self.links = link_residuals(samples, &residuals_m, refused, sigma_m);
+    ) -> Self {
+        // Measured minus located distance of every range.
+        let mut residuals_m = Vec::new();
+        for (k, step) in together(samples).enumerate() {
+            residuals_m.extend(step.iter().map(|sample| {
+                let away_m = sample.link.away_m(anchors_m, |drone| self.position_m[drone][k]);
+                sample.distance_m - away_m.norm()
+            }));
+        }
+        // A link is suspect by its median against the error of a median, or by its refused ranges.
+        let links = spread_by_link(samples, &residuals_m).into_iter();
+        self.links = Vec::from_iter(links.map(|(link, (median_m, scatter_m, ranges))| {
+            let refused = innovations.refused.get(&link).copied().unwrap_or(0);
+            let (n, n_refused) = (ranges as f64, refused as f64);
+            let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
+            let is_biased =
+                median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
+            let suspect = is_biased || refused > 5 && n_refused > MOST_REFUSED_FRAC * n;
+            LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
+        }));
         self.ranges = samples.len();
-        self.refused_frac = refused.values().sum::<usize>() as f64 / samples.len().max(1) as f64;
+        let n_refused = innovations.refused.values().sum::<usize>();
+        self.refused_frac = n_refused as f64 / samples.len().max(1) as f64;
+        self.nis = innovations.nis();
+        if sigma_m > 0.0 {
+            self.warnings = self.contradictions(sigma_m);
+        }
+        self
     }
 
-    /// What the ranges contradict, in words.
-    pub(super) fn contradictions(&self, sigma_m: f64) -> Vec<Diagnostic> {
+    fn contradictions(&self, sigma_m: f64) -> Vec<Diagnostic> {
         let suspects = self.links.iter().filter(|link| link.suspect);
         let suspects = suspects.map(|link| {
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
@@ -130,10 +120,11 @@ impl Located {
     }
 }
 
-/// What a mean normalized innovation squared outside its interval says.
+/// The warning of a mean normalized innovation squared outside its interval.
 fn nis_warning(nis: Option<f64>, n: usize, sigma_m: f64) -> Option<String> {
     let (nis, [least, most]) = (nis?, nis_interval(n));
     let cm = 100.0 * sigma_m;
+    // Above: the covariance is too small. Below: the noise is assumed too large.
     if nis > most {
         Some(format!(
             "NIS {nis:.2} is above {most:.2}: the errors are larger than the covariance says; the \

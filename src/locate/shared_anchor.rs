@@ -1,7 +1,7 @@
-//! The observer of two drones that share an anchor, as its authors left it.
+//! The observer of two drones with a common anchor, as its authors left it.
 //!
-//! Drone i hears an anchor `a_i` of its own and the shared anchor `a_3`, and both the range q
-//! between them. From squared ranges, with `C_i` = `a_3` − `a_i`:
+//! Drone i hears an anchor `a_i` and the common anchor `a_3`, and both the range q between them.
+//! From squared ranges, with `C_i` = `a_3` − `a_i`:
 //!
 //! ```text
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
@@ -10,15 +10,14 @@
 //! ```
 //!
 //! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
-//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, and so
-//! uses three of the five ranges: at an instant they fix three of six coordinates.
-//! [`locate_shared`] runs it over a log, from a start near the truth and without a covariance.
+//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, which
+//! fix three of six coordinates at an instant, of five ranges.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::pass::together;
+use super::pass::{Innovations, together};
 use super::smoother::{checked, heard_s};
 use super::track::moved_m;
 use super::{Link, Located, RangeSample, Track};
@@ -30,7 +29,7 @@ const GAIN: f64 = 0.03;
 /// The observer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SharedAnchorObserver {
-    /// The anchor that each drone alone hears.
+    /// The anchor that only one drone hears, of each drone.
     pub own_m: [Vector3<f64>; 2],
     /// The anchor that both hear.
     pub shared_m: Vector3<f64>,
@@ -49,8 +48,8 @@ pub struct FiveRanges {
     pub between_m: f64,
 }
 
-/// The anchor of the first drone alone, that of the second, and the one that both hear, where two
-/// drones hear two anchors each.
+/// The anchors that only the first and only the second drone hears, and the one that both hear, if
+/// two drones hear two anchors each.
 pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
     let [one, two] = heard else { return None };
     if one.len() != 2 || two.len() != 2 {
@@ -88,12 +87,13 @@ impl SharedAnchorObserver {
         estimates_m: &[Vector3<f64>; 2],
         outputs: &[f64; 3],
     ) -> [Vector3<f64>; 2] {
+        // Gradient descent on the three squared residuals, as in the formula above.
         let [p1, p2] = estimates_m;
         let shared = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
         [0, 1].map(|i| {
             let c = self.shared_m - self.own_m[i];
-            let own = outputs[i] - 2.0 * c.dot(&estimates_m[i]);
-            (c * own + (estimates_m[1 - i] - self.shared_m) * shared) * self.gains[i]
+            let residual = outputs[i] - 2.0 * c.dot(&estimates_m[i]);
+            (c * residual + (estimates_m[1 - i] - self.shared_m) * shared) * self.gains[i]
         })
     }
 }
@@ -128,6 +128,8 @@ pub fn locate_shared(
     };
     let own_m = [anchors_m[own1], anchors_m[own2]];
     let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
+    // Ranges by link: own anchors, common anchor, and between the drones. Each is held until the
+    // next one, and nothing is corrected before all five have come.
     let mut held = [None; 5];
     let mut places_m = starts_m;
     let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
@@ -158,9 +160,7 @@ pub fn locate_shared(
     }
     located.covariance_m2.clear();
     located.heard_s = heard_s(2, &samples);
-    // It knows no noise: each link's own scatter is the scale.
-    located.note_residuals(anchors_m, &samples, &BTreeMap::new(), 0.0);
-    Ok(located)
+    Ok(located.judged(anchors_m, &samples, &Innovations::default(), 0.0))
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 //! converges.
 //!
 //! In: anchors, ranges. Out: [`Located`]. No motion sensor is needed. A filter forward and a
-//! smoother backward, repeated with slopes at the smoothed places, are the Gauss–Newton method on
-//! the whole flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It
+//! smoother backward, repeated with Jacobians at the smoothed places, are Gauss–Newton on the whole
+//! flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It
 //! starts from the position that best fits the ranges of each drone's first second.
 //!
 //! A link that the gate refuses five times in a row is believed again, as in flight. Biases are
@@ -38,7 +38,7 @@ pub struct LocateOptions {
     pub range_sigma_m: f64,
     /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother and lags in curves.
     pub acceleration_m_s2_sqrt_hz: f64,
-    /// Whether later ranges improve earlier positions; otherwise as in flight.
+    /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,
     /// Where the drones are, if that is known: it decides between mirror images.
     pub room: Option<Room>,
@@ -51,20 +51,20 @@ pub struct Located {
     pub time_s: Vec<f64>,
     /// Positions: for each drone one at each time.
     pub position_m: Vec<Vec<Vector3<f64>>>,
-    /// Their covariances; empty for an observer without.
+    /// Their covariances, empty for an observer without.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
     /// First and last range of each drone: before and after, its positions are held, not measured.
     pub heard_s: Vec<[f64; 2]>,
-    /// Mean normalized innovation squared of the filter: 1 where noise and motion are right; `None`
+    /// Mean normalized innovation squared of the filter: 1 if noise and motion are right. `None`
     /// for an observer without a covariance.
     pub nis: Option<f64>,
     /// Ranges, each once.
     pub ranges: usize,
-    /// Share of them that the gate refused.
+    /// Fraction of them that the gate refused.
     pub refused_frac: f64,
     /// Residuals of every link.
     pub links: Vec<LinkResidual>,
-    /// What the ranges contradict.
+    /// Warnings of what the ranges contradict.
     pub warnings: Vec<Diagnostic>,
 }
 
@@ -72,9 +72,9 @@ pub struct Located {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is not a distance, and for a link without its end;
-/// [`Error::Infeasible`] for fewer links than coordinates, and where they leave a direction open;
-/// [`Error::Input`] for more ranges than a core works through in minutes.
+/// [`Error::Input`] for a range that is not a distance, for a link without its end, and for more
+/// ranges than a core works through in minutes. [`Error::Infeasible`] for fewer links than
+/// coordinates, and for links that leave a direction open.
 pub fn locate(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -85,23 +85,20 @@ pub fn locate(
     let mut samples = checked(anchors_m, n_drones, samples)?;
     since_both_are_logged(&mut samples);
     check_work(n_drones, &samples)?;
+    // A start by each drone's first second, then the passes.
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
     let start = start(anchors_m, &heard_s, &samples, sigma_m, options.room.as_ref())?;
     let solved = solve(&model, &samples, &start, options.smooth)?;
-    let mut located = Located {
+    let located = Located {
         covariance_m2: solved.covariances_m2(n_drones),
         position_m: solved.positions_m(n_drones),
-        nis: solved.innovations.nis(),
         heard_s,
         time_s: solved.time_s,
         ..Located::default()
     };
-    let (refused, sigma_m) = (&solved.innovations.refused, options.range_sigma_m);
-    located.note_residuals(anchors_m, &samples, refused, sigma_m);
-    located.warnings = located.contradictions(sigma_m);
-    Ok(located)
+    Ok(located.judged(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
 }
 
 /// Refuses more ranges than [`locate`] takes: a caller that gathers them asks as it goes.
@@ -117,7 +114,6 @@ pub fn check_count(n: usize) -> Result<()> {
     Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
-/// Refuses logs whose passes would take minutes each.
 fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     let work = work(n_drones, samples);
     if work <= MOST_WORK {
@@ -128,7 +124,6 @@ fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     Err(Error::input("ranges", work, format!("at most {most:.0} million"), FEWER))
 }
 
-/// The first and the last range of each drone; without one, nothing.
 pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
     let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
     for sample in samples {
@@ -141,7 +136,6 @@ pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]>
 }
 
 impl Located {
-    /// No position yet.
     pub(super) fn empty(n_drones: usize) -> Self {
         Self {
             position_m: vec![Vec::new(); n_drones],
@@ -150,7 +144,6 @@ impl Located {
         }
     }
 
-    /// Appends the position of each drone with its covariance.
     pub(super) fn push(
         &mut self,
         time_s: f64,
@@ -173,7 +166,7 @@ impl Located {
     }
 }
 
-/// The samples in the order of time, ranges that two logs hold once.
+/// The samples in the order of time, without second copies of the ranges that two logs have.
 pub(super) fn checked(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -188,6 +181,7 @@ pub(super) fn checked(
             let hint = format!("leave out what is no measurement, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
+        // Its ends have to be listed.
         let known = match *link {
             Link::Anchor { drone, anchor } => drone < n_drones && anchor < anchors_m.len(),
             Link::Drones(i, j) => i < n_drones && j < n_drones && i != j,
@@ -209,7 +203,7 @@ mod tests {
     use crate::tests::Random;
 
     fn anchors_m(n: usize) -> Vec<Vector3<f64>> {
-        let all = [
+        let corners = [
             [-2.5, -2.5, 2.4],
             [2.5, -2.5, 0.2],
             [0.5, 2.5, 2.4],
@@ -217,7 +211,7 @@ mod tests {
             [2.5, 2.5, 2.4],
             [0.0, -2.5, 0.2],
         ];
-        all[..n].iter().map(|a| Vector3::from(*a)).collect()
+        corners[..n].iter().map(|a| Vector3::from(*a)).collect()
     }
 
     fn place(drone: usize, time_s: f64) -> Vector3<f64> {

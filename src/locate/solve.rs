@@ -12,7 +12,6 @@ use super::pass::{Filter, Innovations, Model, STATES, together};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Normal, Step};
 
-/// Most passes.
 const MAX_PASSES: usize = 8;
 /// Change of a position between two passes at which they end.
 const CONVERGED_M: f64 = 1e-4;
@@ -20,7 +19,6 @@ const CONVERGED_M: f64 = 1e-4;
 /// each pass, and a minute of three drones is one window.
 const WINDOW_BYTES: usize = 16 << 20;
 
-/// The means of all steps, and the covariances of the positions.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     states: usize,
@@ -29,12 +27,11 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// States at a step.
     pub(super) fn states(&self, step: usize) -> &[f64] {
         &self.means[step * self.states..][..self.states]
     }
 
-    /// Puts the states of a step in their place, and says by how much they moved.
+    /// Puts the states of a step in their place. Returns by how much they moved.
     fn put(&mut self, step: usize, n_drones: usize, normal: &Normal) -> f64 {
         let places = self.means[step * self.states..].iter_mut();
         let mut moved_m = 0.0_f64;
@@ -42,6 +39,7 @@ impl Path {
             moved_m = moved_m.max((*place - mean).abs());
             *place = *mean;
         }
+        // Of the covariance only that of the positions is kept.
         for drone in 0..n_drones {
             let first = STATES * drone;
             self.covariances_m2[step * n_drones + drone] = normal.block(first, first);
@@ -50,7 +48,6 @@ impl Path {
     }
 }
 
-/// A log after the last pass.
 pub(super) struct Solved {
     pub(super) time_s: Vec<f64>,
     pub(super) path: Path,
@@ -58,7 +55,6 @@ pub(super) struct Solved {
 }
 
 impl Solved {
-    /// Positions: for each drone one at each time.
     pub(super) fn positions_m(&self, n_drones: usize) -> Vec<Vec<Vector3<f64>>> {
         Vec::from_iter((0..n_drones).map(|drone| {
             let steps = 0..self.time_s.len();
@@ -67,10 +63,9 @@ impl Solved {
         }))
     }
 
-    /// Covariances of the positions.
     pub(super) fn covariances_m2(&self, n_drones: usize) -> Vec<Vec<Matrix3<f64>>> {
-        let all = self.path.covariances_m2.iter().copied();
-        (0..n_drones).map(|drone| all.clone().skip(drone).step_by(n_drones).collect()).collect()
+        let every = self.path.covariances_m2.iter().copied();
+        (0..n_drones).map(|drone| every.clone().skip(drone).step_by(n_drones).collect()).collect()
     }
 }
 
@@ -84,26 +79,21 @@ pub(super) fn solve(
     Passes { model, samples, start, window: window(start.mean.len()) }.solve(smooth)
 }
 
-/// Steps of a window.
 fn window(n_states: usize) -> usize {
     let numbers = 2 * n_states * (n_states + 2) + 3 * n_states;
     (WINDOW_BYTES / size_of::<f64>() / numbers).max(1)
 }
 
-/// What all passes over a log have in common.
 struct Passes<'m, 'a> {
     model: &'m Model<'a>,
     samples: &'m [RangeSample],
     start: &'m Normal,
-    /// Steps of a window.
     window: usize,
 }
 
-/// A pass forward.
 struct Forward {
     /// The filter at the begin of each window.
     begins: Vec<Filter>,
-    /// The steps of the last window.
     steps: Vec<Step>,
     innovations: Innovations,
 }
@@ -121,6 +111,7 @@ impl Passes<'_, '_> {
         // The innovations are those of the filter, which knows no later range.
         let first = self.forward(None, None);
         let (mut begins, mut steps) = (first.begins, first.steps);
+        // Gauss–Newton: each pass is linearized about the smoothed path of the one before.
         for pass in 0..MAX_PASSES {
             let moved_m = self.backward(&begins, steps, pass > 0, &mut path)?;
             if pass > 0 && moved_m < CONVERGED_M || pass + 1 == MAX_PASSES {
@@ -131,7 +122,7 @@ impl Passes<'_, '_> {
         Ok(Solved { time_s, path, innovations: first.innovations })
     }
 
-    /// A pass forward, linearized about its own estimates or about a path; `into` takes its states.
+    /// A pass forward, linearized about its estimates or about a path. `into` takes its states.
     fn forward(&self, about: Option<&Path>, mut into: Option<&mut Path>) -> Forward {
         let (mut begins, mut steps) = (Vec::new(), Vec::new());
         let (mut filter, mut innovations) = (self.model.filter(self.start), Innovations::default());
@@ -140,6 +131,7 @@ impl Passes<'_, '_> {
                 begins.push(filter.clone());
                 steps.clear();
             }
+            // The filter at the beginning of a window is enough to make its steps again.
             let here = about.map(|about| about.states(k));
             let step = self.model.advance(&mut filter, ranges, here, &mut innovations);
             if let Some(path) = &mut into {
@@ -172,6 +164,7 @@ impl Passes<'_, '_> {
         let (mut last, mut moved_m) = (Some(last), 0.0_f64);
         let mut after: Option<(Step, Normal)> = None;
         for (index, begin) in begins.iter().enumerate().rev() {
+            // The steps of the last window are still there. Those of earlier ones are made again.
             let about = linearized.then_some(&*path);
             let steps = last.take().unwrap_or_else(|| self.again(index, begin, about));
             for (k, step) in steps.into_iter().enumerate().rev() {

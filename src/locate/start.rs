@@ -1,4 +1,4 @@
-//! The places at the start of a log, from the first second of each drone alone.
+//! The places at the start of a log, from only the first second of each drone.
 //!
 //! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean
 //! range of each link is fitted by Levenberg's and Marquardt's method from 27 places around the
@@ -17,9 +17,8 @@ use noctograph_sim::kalman::Normal;
 
 /// Ranges of this time after the first give the place at the start.
 const START_S: f64 = 1.0;
-/// σ of the velocity at the start.
 const START_SPEED_M_S: f64 = 0.5;
-/// Starts of the fit, around the middle of the anchors, in shares of their extent.
+/// Starts of the fit, around the middle of the anchors, in fractions of their extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
 /// Sum of squares, m², of places outside the room: more than any fit within.
 const OUTSIDE_M2: f64 = 1e9;
@@ -34,7 +33,7 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // A range between drones that begin at different times does not tell where both began.
+    // A range between drones that begin at different times fits no one pair of starts.
     let mut means = means(heard_s, samples);
     let at_once = Vec::from_iter(means.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
@@ -54,9 +53,11 @@ pub(super) fn start(
                    drone that flies with its motion sensors does with fewer",
         ));
     }
+    // The fit, and its information JᵀJ: a small eigenvalue is a direction that the ranges leave
+    // open.
     let p = best_fit(anchors_m, n, &means, room);
-    let slopes = residuals(anchors_m, &means, &p).0;
-    let information = slopes.transpose() * slopes;
+    let jacobian = residuals(anchors_m, &means, &p).0;
+    let information = jacobian.transpose() * jacobian;
     let eigen = information.clone().symmetric_eigen();
     if eigen.eigenvalues.min() < 1e-4 * eigen.eigenvalues.max() {
         return Err(Error::infeasible(
@@ -65,6 +66,7 @@ pub(super) fn start(
             "place an anchor off that line or plane",
         ));
     }
+    // Positions with the covariance of the fit, velocities at rest.
     let variance = sigma_m * sigma_m;
     let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
@@ -83,6 +85,7 @@ pub(super) fn start(
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {
+        // A range between drones counts from the later beginning on.
         let begins_s = sample.link.drones().map(|drone| heard_s[drone][0]);
         let since_s = begins_s.fold(f64::NEG_INFINITY, f64::max);
         if (since_s..=since_s + START_S).contains(&sample.time_s) {
@@ -94,7 +97,6 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     sums.map(|(link, (sum_m, count))| Observation { link, distance_m: sum_m / count }).collect()
 }
 
-/// The best of the fits from places around the anchors.
 fn best_fit(
     anchors_m: &[Vector3<f64>],
     n: usize,
@@ -105,11 +107,11 @@ fn best_fit(
     let (middle_m, reach_m) = ((low_m + high_m) * 0.5, (high_m - low_m).max().max(1.0));
     let mut best = (f64::INFINITY, DVector::zeros(n));
     for k in 0..27_usize {
-        let share = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
+        let around = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
         let from = DVector::from_fn(n, |i, _| {
             // Drones apart from each other, or their range has no direction.
             let apart = 0.05 * (i / 3) as f64;
-            middle_m[i % 3] + reach_m * (share[i % 3] + apart)
+            middle_m[i % 3] + reach_m * (around[i % 3] + apart)
         });
         let (mut cost, places_m) = fit(anchors_m, means, from);
         if room.is_some_and(|room| !room.holds_all(&places_m)) {

@@ -1,8 +1,8 @@
-//! The motion of drones, where it is known.
+//! The known motion of drones.
 
 use nalgebra::Vector3;
 
-/// The motion of a drone: where it has moved since its log began.
+/// The motion of a drone: its displacement since its log began.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Track {
     time_s: Vec<f64>,
@@ -14,6 +14,7 @@ impl Track {
     pub fn new(velocities_m_s: impl IntoIterator<Item = (f64, Vector3<f64>)>) -> Self {
         let (mut track, mut before) = (Self::default(), None);
         for (time_s, velocity_m_s) in velocities_m_s {
+            // Trapezoidal rule.
             let step_m = before.map_or(Vector3::zeros(), |(then_s, then_m_s)| {
                 (velocity_m_s + then_m_s) * (0.5 * (time_s - then_s))
             });
@@ -25,7 +26,7 @@ impl Track {
         track
     }
 
-    /// Between two velocities on a line; before the first and after the last at rest.
+    /// Between two velocities on a line, before the first and after the last at rest.
     pub(super) fn moved_m(&self, time_s: f64) -> Vector3<f64> {
         let after = self.time_s.partition_point(|t| *t <= time_s);
         let Some(before) = after.checked_sub(1) else { return Vector3::zeros() };
@@ -37,7 +38,6 @@ impl Track {
     }
 }
 
-/// Motion of all drones between two times.
 pub(super) fn moved_m(tracks: &[Track], from_s: f64, to_s: f64) -> Vec<Vector3<f64>> {
     tracks.iter().map(|track| track.moved_m(to_s) - track.moved_m(from_s)).collect()
 }

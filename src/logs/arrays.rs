@@ -1,67 +1,73 @@
 //! Flights of somebody's arrays, which come without titles: they are asked what a table is asked.
 
 use super::recording::{Block, Channel, Column, Recording};
-use super::titles::ANGLES;
 use super::{ImportOptions, frames, mapper, plain_csv, speed};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Error;
 use noctograph_core::flight::{Flight, FlightSample, Quantity, rests_on_floor};
 
-/// What speaks against meters, radians, seconds and z up in a flight that is said to have them, and
+/// What speaks against meters, radians, seconds and z up in a flight that should have them, and
 /// against a flight at all. Nothing is converted.
-pub fn doubts(flight: &Flight) -> Vec<String> {
+pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     let samples = &flight.samples;
     if samples.len() < 2 {
         return Vec::new();
     }
-    let block = block(samples);
-    let is_turned = flight.has(Quantity::Attitude);
-    let angles = Some(plain_csv::are_degrees(&block)).filter(|_| is_turned);
-    let angles = angles.and_then(|(are_degrees, why)| why.filter(|_| are_degrees)).map(|why| {
-        format!("{why}: are they degrees, or of a quaternion whose parts are in another order?")
-    });
-    let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
-    let channels = block
-        .columns
-        .iter()
-        .take(3)
-        .filter(|_| rising)
-        .map(|column| Channel::new(block.time_s.clone(), column.values.clone()));
-    let channels: Vec<Channel> = channels.collect();
-    let speed = match speed::check(&channels, &ImportOptions::default(), "the flight") {
-        Ok(said) => said,
-        Err(Error::Input { found, .. }) => {
-            Some(format!("{found}: is it in meters and seconds, and of one drone?"))
-        }
-        Err(error) => Some(error.to_string()),
-    };
-    let axes = frames::doubt(&Recording { blocks: vec![block], ..Recording::default() });
-    let rests = (axes.is_none() && rests_on_floor(samples, 0.0)).then(|| {
-        let highest_m = samples.iter().map(|it| it.position_m.z).fold(0.0, f64::max);
-        format!("the drone never left the floor: its height reaches {highest_m:.2} m")
-    });
     let first_s = samples[0].time_s;
-    let begins = (first_s < 0.0).then(|| {
-        format!("its clock begins at {first_s} s: a photograph's exposure begins there, not at 0 s")
+    let begins = format!(
+        "its clock begins at {first_s} s: a photograph's exposure begins there, not at 0 s"
+    );
+    let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", begins));
+    // Each question is that of a table, asked of the columns that the flight would be in.
+    let block = block(samples);
+    let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
+    let channels = block.columns.iter().take(3).filter(|_| rising);
+    let channels: Vec<Channel> =
+        channels.map(|column| Channel::new(block.time_s.clone(), column.values.clone())).collect();
+    let speed = speed::check(&channels, &ImportOptions::default(), "the flight");
+    let speed = speed.unwrap_or_else(|error| {
+        let text = match error {
+            Error::Input { found, .. } => {
+                format!("{found}: is it in meters and seconds, and of one drone?")
+            }
+            error => error.to_string(),
+        };
+        Some(Diagnostic::warning("position-fast", text))
     });
     let size = mapper::warn_of_size(samples);
+    let (are_degrees, why) = plain_csv::are_degrees(&block);
+    let why = why.filter(|_| are_degrees && flight.has(Quantity::Attitude));
+    let angles = why.map(|why| {
+        let text = "are they degrees, or of a quaternion whose parts are in another order?";
+        Diagnostic::warning("unit-guessed", format!("{why}: {text}"))
+    });
+    // A flight along another axis does not rest.
+    let axes = frames::doubt(&Recording { blocks: vec![block], ..Recording::default() });
+    let rests = (axes.is_none() && rests_on_floor(samples, 0.0)).then(|| {
+        let highest_m = samples.iter().map(|sample| sample.position_m.z).fold(0.0, f64::max);
+        let text = format!("the drone never left the floor: its height reaches {highest_m:.2} m");
+        Diagnostic::warning("grounded", text)
+    });
+    let axes = axes.map(|text| Diagnostic::warning("axes-guessed", text));
     [begins, speed, size, axes, angles, rests].into_iter().flatten().collect()
 }
 
 /// The columns of a table that has the position and the attitude of a flight.
 fn block(samples: &[FlightSample]) -> Block {
-    let column = |name: &str, number: usize, is_open_angle| Column {
-        name: name.to_owned(),
-        values: samples.iter().map(|sample| sample.numbers()[number]).collect(),
-        is_open_angle,
-    };
-    let place = ["x_m", "y_m", "z_m"].into_iter().zip(Quantity::Position.places());
-    let angles = ANGLES.into_iter().zip(Quantity::Attitude.places());
+    let columns = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
+        let names = Quantity::TABLE[quantity as usize].2;
+        names.iter().zip(quantity.places()).map(move |(name, number)| Column {
+            // The unit of angles is what is in doubt.
+            is_open_angle: quantity == Quantity::Attitude,
+            ..Column::new(
+                (*name).to_owned(),
+                samples.iter().map(|sample| sample.numbers()[number]).collect(),
+            )
+        })
+    });
     Block {
         time_s: samples.iter().map(|sample| sample.time_s).collect(),
-        columns: place
-            .map(|(name, number)| column(name, number, false))
-            .chain(angles.map(|(name, number)| column(name, number, true)))
-            .collect(),
+        columns: columns.collect(),
         ..Block::default()
     }
 }
@@ -83,7 +89,8 @@ mod tests {
             to(FlightSample { time_s: t, position_m, attitude, ..FlightSample::default() })
         });
         let samples = samples.collect();
-        doubts(&Flight::made(FlightData { samples, ..FlightData::default() })).join("\n")
+        let flight = Flight::made(FlightData { samples, ..FlightData::default() });
+        doubts(&flight).iter().map(ToString::to_string).collect()
     }
 
     #[test]

@@ -9,11 +9,11 @@
 use std::path::{Path, PathBuf};
 
 use super::recording::{Block, Column, Recording, shortened};
-use super::{Job, cells, read};
+use super::{Job, cells};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, entries_in, file_name};
 
-/// Variables with our names; `x` to `z` make such a folder what it is.
+/// Variables with our names. `x` to `z` make such a folder what it is.
 const NAMES: [(&str, &str); 12] = [
     ("x", "x_m"),
     ("y", "y_m"),
@@ -32,11 +32,11 @@ const NAMES: [(&str, &str); 12] = [
 /// A variable's file: its path, the variable and the number of its drone.
 type Variable = (PathBuf, String, usize);
 
-/// The variables of a folder, where it is such a folder.
+/// The variables of a folder, if it is such a folder.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where it cannot be read.
+/// [`Error::Io`] if it cannot be read.
 pub(super) fn variables(folder: &Path) -> Result<Option<Vec<Variable>>> {
     let variables = entries_in(folder)?.into_iter().filter_map(|path| {
         let (name, number) = variable(path.file_name()?.to_str()?.strip_suffix(".csv")?)?;
@@ -60,13 +60,14 @@ fn variable(stem: &str) -> Option<(String, usize)> {
 /// # Errors
 ///
 /// [`Error::Input`] for the files of several drones, and for a file that is no such variable.
-pub(super) fn recording(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
+pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].2;
     if let Some((path, ..)) = variables.iter().find(|(.., number)| *number != drone) {
         let actual = format!("files of drone {drone} and {}", path.display());
         let hint = "copy the files of each drone to a folder of their own, and import each";
         return Err(Error::input(job.file, actual, "one drone", hint));
     }
+    // All files have the times of the first one.
     let mut block = Block { name: "bullet".into(), ..Block::default() };
     for (path, variable, _) in variables {
         let [time_s, values] = columns(path, job)?;
@@ -81,27 +82,26 @@ pub(super) fn recording(variables: &[Variable], job: Job<'_>) -> Result<Recordin
         let name = known.map_or(variable.as_str(), |(_, name)| *name);
         block.columns.push(Column::new(name.to_owned(), values));
     }
-    let mut recording = Recording::new(job.file);
-    recording.warnings.push("read as a folder of gym-pybullet-drones: one file a variable".into());
+    let mut log = Recording { blocks: vec![block], ..Recording::new(job.file) };
+    log.warn("read-as", "read as a folder of gym-pybullet-drones: one file a variable");
     let is_read = |path: &PathBuf| variables.iter().any(|(read, ..)| read == path);
     let others = entries_in(Path::new(job.file))?.into_iter().filter(|path| !is_read(path));
     let others: Vec<String> = others.map(|path| file_name(&path)).collect();
     if !others.is_empty() {
         let others = shortened(&others);
-        recording.warnings.push(format!("not read, as they are no variables: {others}"));
+        log.warn("not-read", format!("not read, as they are no variables: {others}"));
     }
-    recording.blocks.push(block);
-    Ok(recording)
+    Ok(log)
 }
 
-/// Times and values of a file.
 fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     let file = path.display().to_string();
-    let bytes = read(path)?;
+    let bytes = super::read(path)?;
     job.budget.bytes(bytes.len())?;
     job.budget.steps(bytes.len())?;
     let text = Text::decode(&bytes);
     let mut head = Head::find(&text.bytes);
+    // Two columns and no title, or it is another file.
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
         let hint = "leave files that are no variables of the simulator out of the folder";

@@ -8,7 +8,6 @@ use super::titles::meaning;
 
 const HINT: &str = "correct or cut the file; each line needs one number a column";
 
-/// A day, s.
 pub(super) const DAY_S: f64 = 86_400.0;
 
 /// Reads the rows below a head, and which of its columns have dates or times of day, in seconds. A
@@ -21,6 +20,7 @@ pub(super) fn read_rows(
 ) -> Result<(Sheet, Vec<bool>)> {
     let mut are_dated = vec![false; head.n_columns];
     let rules = RowRules { file, budget, hint: HINT, needs_line_ends: true };
+    // A date counts as a number, and its column is marked.
     let mut sheet = Sheet::read(text, head, rules, |place, cell| {
         let (value, is_dated) = value(cell)?;
         are_dated[place] |= is_dated;
@@ -31,6 +31,7 @@ pub(super) fn read_rows(
         let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
         return Err(error.in_file(file, line as u64));
     }
+    // Texts are named. A table of texts beside times is refused.
     let texts: Vec<String> = sheet.columns.iter().filter_map(named_texts).collect();
     let is_no_quantity = |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
     if !texts.is_empty() && sheet.columns.iter().all(is_no_quantity) {
@@ -44,7 +45,6 @@ pub(super) fn read_rows(
     Ok((sheet, are_dated))
 }
 
-/// The texts of a column, for a message.
 fn named_texts(column: &SheetColumn) -> Option<String> {
     let first = column.texts.first()?;
     let n = column.n_texts;
@@ -52,12 +52,12 @@ fn named_texts(column: &SheetColumn) -> Option<String> {
     Some(format!("{} (column {}, {some}{first:?})", column.title, column.number))
 }
 
-/// The number in a cell, and whether it is a date's or a time of day's seconds.
+/// The number in a cell, and true if it is the seconds of a date or a time of day.
 fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
 
-/// The number in a cell; not finite where the value is missing.
+/// The number in a cell. A missing value is not a number.
 fn number(cell: &str) -> Option<f64> {
     match cell {
         "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
@@ -67,12 +67,11 @@ fn number(cell: &str) -> Option<f64> {
     }
 }
 
-/// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T` in place of the space; day, month and
-/// year also with `/` or `.`, or the month by its name. A time of day alone counts from midnight,
-/// and a date alone is that midnight.
-/// Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas,
-/// milliseconds after a third colon, minutes and seconds alone (`34:56.7`, as spreadsheets show
-/// times), and days before a time (`0 days 00:00:01`, of pandas).
+/// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T` in place of the space. Day, month and
+/// year also with `/` or `.`, or the month by its name. A time of day counts from midnight, and a
+/// date is that midnight. Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`),
+/// decimal commas, milliseconds after a third colon, minutes and seconds (`34:56.7`, as
+/// spreadsheets show times), and days before a time (`0 days 00:00:01`, of pandas).
 pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     if cell.len() > 48 || !cell.starts_with(|sign: char| sign.is_ascii_digit()) {
         return None;
@@ -91,6 +90,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         Some((place, _)) => (Some(text[..place].trim_end()), &text[place + 1..]),
         None => (None, text),
     };
+    // The time of day without its zone, in two to four parts.
     let (time, east_s) = zone(time.trim())?;
     let time = time.replace(',', ".");
     let parts: Option<Vec<f64>> = time.split(':').map(|part| part.parse().ok()).collect();
@@ -117,7 +117,7 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
 }
 
-/// A text without its half of the day, and whether that is after noon.
+/// A text without its half of the day, and true for one after noon.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
@@ -131,6 +131,7 @@ fn zone(time: &str) -> Option<(&str, f64)> {
     }
     let Some(sign) = time.find(['+', '-']) else { return Some((time, 0.0)) };
     let (before, zone) = time.split_at(sign);
+    // Hours, or hours and minutes with or without a colon.
     let digits: String = zone[1..].chars().filter(|sign| *sign != ':').collect();
     let minutes = match (digits.len(), digits.parse::<u32>()) {
         (1 | 2, Ok(hours)) => hours * 60,
@@ -147,15 +148,14 @@ const MONTHS: [&str; 12] = [
     "dec dez",
 ];
 
-/// The month of a name.
 fn month(name: &str) -> Option<i64> {
     let first: String = name.chars().take(3).collect();
     let mut months = (1..).zip(MONTHS);
     Some(months.find(|(_, names)| names.split(' ').any(|known| known == first))?.0)
 }
 
-/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year; the day
-/// comes first with points, as in German, and where it is beyond 12.
+/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year. The day
+/// comes first with points, as in German, and if it is beyond 12.
 fn days_from_date(date: &str) -> Option<i64> {
     if let Some(days) = date.strip_suffix(" days") {
         return days.parse().ok().filter(|days| (0..100_000).contains(days));
@@ -174,7 +174,7 @@ fn days_from_date(date: &str) -> Option<i64> {
     if !fits {
         return None;
     }
-    // Years from March on, so that the leap day is the last.
+    // Years from March on, so that the leap day is the last (Howard Hinnant, days_from_civil).
     let year = if month <= 2 { year - 1 } else { year };
     let month = (month + 9) % 12;
     let day_of_year = (153 * month + 2) / 5 + day - 1;

@@ -6,24 +6,20 @@
 use std::path::Path;
 
 use super::recording::{Block, Column, Recording};
-use super::{Job, cells, firmware};
+use super::{Job, cells, firmware, unknown};
 use noctograph_core::error::Result;
-use noctograph_core::files::{Head, Text, ending};
+use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
-/// The first column's name.
-const STAMP: &str = "Timestamp";
-
-/// Radio logs stamp with 24 bits of milliseconds (three bytes in the log packet).
+/// Radio logs have times of 24 bits of milliseconds (three bytes in the log packet).
 pub(super) const WRAP_S: f64 = 16_777.216;
 
-/// Whether a head is cfclient's: its stamp, and variables as `group.name`.
-pub(super) fn is_its_own(head: &Head) -> bool {
-    head.titles.first().is_some_and(|title| title == STAMP)
+/// True for a head of cfclient: its times, and variables as `group.name`.
+pub(super) fn is_cfclient(head: &Head) -> bool {
+    head.titles.first().is_some_and(|title| title == "Timestamp")
         && head.titles[1..].iter().any(|title| title.contains('.'))
 }
 
-/// Whether a file may be cfclient's, by its name.
-pub(super) fn may_be_its_own(path: &Path) -> bool {
+pub(super) fn may_be_cfclient(path: &Path) -> bool {
     ending(path) == "csv"
 }
 
@@ -32,18 +28,63 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     let (sheet, _) = cells::read_rows(text, head, job, |_| true)?;
     let mut columns =
         sheet.columns.into_iter().map(|column| Column::new(column.title, column.values));
-    let stamps_ms = columns.next().map(|stamps| stamps.values).unwrap_or_default();
+    // The first column is the time, the others are variables.
+    let times_ms = columns.next().map(|times| times.values).unwrap_or_default();
     let block = Block {
         name: Path::new(job.file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        time_s: stamps_ms.into_iter().map(|ms| ms / 1000.0).collect(),
+        time_s: times_ms.into_iter().map(|ms| ms / 1000.0).collect(),
         columns: columns.collect(),
         ..Block::default()
     };
-    Ok(Recording {
+    let mut log = Recording {
         blocks: vec![block],
-        warnings: sheet.notes,
         wrap_s: Some(WRAP_S),
         firmware: firmware::in_comments(&text.bytes),
         ..Recording::new(job.file)
-    })
+    };
+    log.warn_of_notes(&sheet.notes);
+    Ok(log)
+}
+
+/// The files of a folder that are cfclient's, in the order of their names, as one recording.
+pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
+    let Job { budget, .. } = job;
+    let mut log = Recording::new(job.file);
+    let (files, folders): (Vec<_>, Vec<_>) =
+        entries_in(path)?.into_iter().partition(|path| path.is_file());
+    let mut others: Vec<String> = folders.iter().map(file_name).collect();
+    for path in &files {
+        if !may_be_cfclient(path) {
+            others.push(file_name(path));
+            continue;
+        }
+        let bytes = super::read(path)?;
+        budget.steps(bytes.len())?;
+        budget.bytes(bytes.len())?;
+        let text = Text::decode(&bytes);
+        let head = Head::find(&text.bytes);
+        if is_cfclient(&head) {
+            let file = path.display().to_string();
+            let one = read(&text, head, Job { file: &file, ..job })?;
+            log.warnings.extend(one.warnings.into_iter().map(|warning| warning.in_file(&file)));
+            log.blocks.extend(one.blocks);
+            log.firmware = log.firmware.or(one.firmware);
+            log.wrap_s = one.wrap_s;
+            // The limit is for all files together.
+            log.check_variables()?;
+        } else {
+            others.push(file_name(path));
+        }
+        budget.free(bytes.len() as u64);
+    }
+    if log.blocks.is_empty() {
+        let content = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
+        return Err(unknown(job.file, content));
+    }
+    if !others.is_empty() {
+        let others = others.join(", ");
+        let text = format!("not read, as they are no files of cfclient's: {others}");
+        log.warn("not-read", text);
+    }
+    Ok(log)
 }

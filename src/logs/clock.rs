@@ -1,8 +1,9 @@
-//! Time stamps: wraps are undone, falling stamps dropped, slow clocks detected.
+//! Times: wraps are undone, falling times dropped, slow clocks detected.
 
 use super::ImportOptions;
 use super::recording::{Block, Clock, Recording};
 use noctograph_core::crazyflie::{Release, SLOW_CLOCK};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::statistics::median;
 
@@ -12,30 +13,30 @@ const RESTART_S: f64 = 1.0;
 /// Fewer falls are spikes.
 const FALLS: usize = 10;
 
-/// Later stamps, beyond 30,000 years, are broken.
+/// Later times, beyond 30,000 years, are broken.
 const LATEST_S: f64 = 1e12;
 
-/// Puts every block in rising order of time and all blocks on one axis of true seconds.
+/// The same with every block in rising order of time, and all blocks on one axis of true seconds.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where the rows are in no order of time.
-pub(super) fn repair_stamps(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
-    let Recording { file, blocks, wrap_s, warnings, .. } = recording;
-    for block in &mut *blocks {
-        check_order(block, file)?;
-        let wrap_s = wrap_s.filter(|_| block.clock == Clock::Drone);
-        repair_block(block, wrap_s, warnings);
+/// [`Error::Input`] if the rows are in no order of time.
+pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
+    for block in &mut log.blocks {
+        check_order(block, &log.file)?;
+        let wrap_s = log.wrap_s.filter(|_| block.clock == Clock::Drone);
+        repair_block(block, wrap_s, &mut log.warnings);
     }
-    blocks.retain(|block| !block.time_s.is_empty());
-    if let Some(wrap_s) = *wrap_s {
-        join_wraps(blocks, wrap_s);
+    log.blocks.retain(|block| !block.time_s.is_empty());
+    if let Some(wrap_s) = log.wrap_s {
+        join_wraps(&mut log.blocks, wrap_s);
     }
-    let clock_ratio = options.clock_ratio.unwrap_or_else(|| rate(recording, options.firmware));
-    for block in recording.blocks.iter_mut().filter(|block| block.clock == Clock::Drone) {
+    // The rate is that of whole blocks: their steps have to be mended before.
+    let clock_ratio = options.clock_ratio.unwrap_or_else(|| rate(&mut log, options.firmware));
+    for block in log.blocks.iter_mut().filter(|block| block.clock == Clock::Drone) {
         block.time_s.iter_mut().for_each(|time_s| *time_s /= clock_ratio);
     }
-    Ok(())
+    Ok(log)
 }
 
 /// Refuses rows that are not in order of time. A log's clock may fall only at a wrap or a restart.
@@ -46,6 +47,7 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
             (format!("{n} times that are one"), "write stamps with all their digits");
         return Err(Error::input(file, same, "times that rise", hint));
     }
+    // A few falls are wraps, restarts or spikes, which are repaired.
     let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
     if falls < FALLS || falls <= n / 4 {
         return Ok(());
@@ -54,47 +56,37 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
     Err(Error::input(file, disorder, "rows in the order of their times", "sort them by time"))
 }
 
-/// Duration of a stretch of samples by their latest stamp, s: repeated zeros after the end of a log
-/// do not count.
-fn duration_s(time_s: &[f64], stretch: &[usize]) -> f64 {
-    let latest_s = stretch.iter().map(|&i| time_s[i]).fold(f64::NEG_INFINITY, f64::max);
-    latest_s - time_s[stretch[0]]
-}
-
-/// Repairs the stamps of a block: undoes wraps, drops spikes and stretches after a restart.
-fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<String>) {
+/// Repairs the times of a block: undoes wraps, drops spikes and stretches after a restart.
+fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagnostic>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
+    let mut repairs = Vec::new();
 
+    // A spike just before a wrap would hide it, so spikes go first.
     let finite = (0..n).filter(|&i| time_s[i].abs() < LATEST_S).collect();
     let mut kept = without_spikes(time_s, finite);
-    if let Some(wrap_s) = wrap_s {
-        let wraps = undo_wraps(time_s, &kept, wrap_s);
-        if wraps > 0 {
-            warnings.push(format!(
-                "block {name}: the clock wrapped {wraps} time(s) after {wrap_s} s; undone"
-            ));
-        }
+    let wraps = wrap_s.map_or(0, |wrap_s| undo_wraps(time_s, &kept, wrap_s));
+    if let Some(wrap_s) = wrap_s.filter(|_| wraps > 0) {
+        let text = format!("the clock wrapped {wraps} time(s) after {wrap_s} s; undone");
+        repairs.push(("clock-wrapped", text));
     }
-    let mut outside = 0;
-    let stretches: Vec<&[usize]> =
-        kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S).collect();
-    if stretches.len() > 1 {
-        let longest = stretches.iter().max_by(|a, b| {
-            let [a_s, b_s] = [a, b].map(|stretch| duration_s(time_s, stretch));
-            a_s.total_cmp(&b_s).then(a.len().cmp(&b.len()))
-        });
-        let longest = longest.map(|stretch| stretch.to_vec()).unwrap_or_default();
-        warnings.push(format!(
-            "block {name}: the clock starts again {} time(s); only the longest stretch, samples {} \
-             to {} of {n}, is kept",
-            stretches.len() - 1,
+
+    // What still falls is a restart: one stretch is the flight.
+    let (n_stretches, longest) = longest_stretch(time_s, &kept);
+    let outside = kept.len() - longest.len();
+    if n_stretches > 1 {
+        let text = format!(
+            "the clock starts again {} time(s); only the longest stretch, samples {} to {} of {n}, \
+             is kept",
+            n_stretches - 1,
             longest[0] + 1,
             longest[longest.len() - 1] + 1,
-        ));
-        outside = kept.len() - longest.len();
-        kept = longest;
+        );
+        repairs.push(("clock-restarted", text));
     }
+    kept = longest;
+
+    // Within the stretch, samples whose time does not rise are dropped.
     let mut last_s = f64::NEG_INFINITY;
     kept.retain(|&i| {
         let rises = time_s[i] > last_s;
@@ -105,19 +97,36 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Strin
     if dropped > 0 {
         let start = kept.first().map_or(0, |first| *first);
         let first = (start..n).find(|i| kept.binary_search(i).is_err()).unwrap_or(0) + 1;
-        warnings.push(format!(
-            "block {name}: {dropped} of {n} samples dropped, whose time stamp does not rise (first: \
-             sample {first})"
-        ));
+        let text = format!(
+            "{dropped} of {n} samples dropped, whose time stamp does not rise (first: sample {first})"
+        );
+        repairs.push(("times-dropped", text));
     }
     if kept.len() < n {
         for values in columns.iter_mut().map(|column| &mut column.values).chain([time_s]) {
             *values = kept.iter().map(|&i| values[i]).collect();
         }
     }
+    warnings.extend(
+        repairs
+            .into_iter()
+            .map(|(code, text)| Diagnostic::warning(code, format!("block {name}: {text}"))),
+    );
 }
 
-/// Leaves out single stamps that are later than the next one.
+/// How many stretches there are from restart to restart, and the samples of the longest. Repeated
+/// zeros after the end of a log do not count: a stretch ends at its latest time.
+fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
+    let stretches = kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S);
+    let timed = stretches.clone().map(|stretch| {
+        let latest_s = stretch.iter().map(|&i| time_s[i]).fold(f64::NEG_INFINITY, f64::max);
+        (latest_s - time_s[stretch[0]], stretch)
+    });
+    let longest = timed.max_by(|(a_s, a), (b_s, b)| a_s.total_cmp(b_s).then(a.len().cmp(&b.len())));
+    (stretches.count(), longest.map(|(_, stretch)| stretch.to_vec()).unwrap_or_default())
+}
+
+/// Leaves out single times that are later than the next one.
 fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::with_capacity(indices.len());
     for (place, &i) in indices.iter().enumerate() {
@@ -130,7 +139,7 @@ fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     kept
 }
 
-/// Adds `wrap_s` wherever time falls by more than half of it; returns how often.
+/// Adds `wrap_s` after each fall of time by more than half of it. Returns how often.
 fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     let (mut wraps, mut last_s) = (0, f64::NEG_INFINITY);
     for &i in kept {
@@ -155,16 +164,16 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     }
 }
 
-/// Seconds of the drone's clock per true second. For a log on the card: as its stamps show, else by
-/// the firmware that it names, else by the scene's. Corrections and guesses are warnings.
-fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
-    if !recording.is_on_card {
+/// Seconds of the drone's clock per true second. For a log on the card: the rate that its times
+/// show, else that of the firmware that it names, else of the scene's. Corrections and guesses are
+/// warnings.
+fn rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
+    if !log.is_on_card {
         return 1.0;
     }
-    let firmware = recording.firmware.as_deref();
-    let named = firmware.and_then(|firmware| Some((Release::parse(firmware)?, firmware)));
-    let shown =
-        recording.blocks.iter().find_map(|block| Some((shown_rate(block)?, block.name.clone())));
+    let named = log.firmware.as_deref().and_then(|name| Some((Release::parse(name)?, name)));
+    let shown = log.blocks.iter().find_map(|block| Some((shown_rate(block)?, &block.name)));
+    // A measured rate is better than a named firmware, and that is better than an assumed one.
     let (rate, is_odd, why) = match (shown, named) {
         (Some((rate, block)), None) => {
             (rate, false, format!("as the period of block {block} shows"))
@@ -175,8 +184,8 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
             (rate, is_odd, why)
         }
-        // Version 1 has the milliseconds of the operating system, unless its stamps show otherwise.
-        (None, _) if recording.wrap_s.is_some() => return 1.0,
+        // Version 1 has the milliseconds of the operating system, unless its times show otherwise.
+        (None, _) if log.wrap_s.is_some() => return 1.0,
         (None, Some((release, firmware))) => {
             (release.clock(), false, format!("as that of firmware {firmware}, which flew"))
         }
@@ -196,13 +205,13 @@ fn rate(recording: &mut Recording, assumed: Option<Release>) -> f64 {
     };
     let mended = if rate == 1.0 { "" } else { "; stretched to true seconds" };
     if rate != 1.0 || is_odd {
-        recording.warnings.push(format!("the drone's clock {runs}, {why}{mended}"));
+        log.warn("clock-rate", format!("the drone's clock {runs}, {why}{mended}"));
     }
     rate
 }
 
-/// The rate that the stamps of a block show, where its nominal period is in whole milliseconds: the
-/// card is written at the true ticks of the operating system and stamped by the drone's clock.
+/// The rate that the times of a block show if its nominal period is in whole milliseconds: the card
+/// is written at true ticks of the operating system, with times of the drone's clock.
 fn shown_rate(block: &Block) -> Option<f64> {
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
     let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -219,13 +228,14 @@ fn shown_rate(block: &Block) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::recording::Column;
+    use crate::tests::said;
 
     fn settled(stamps: &[f64], wrap_s: Option<f64>) -> (Vec<f64>, Vec<f64>, usize) {
         let values = (0_u32..).map(f64::from).take(stamps.len()).collect();
         let columns = vec![Column::new("a".into(), values)];
         let block = Block { time_s: stamps.to_vec(), columns, ..Block::default() };
-        let mut recording = Recording { blocks: vec![block], wrap_s, ..Recording::default() };
-        repair_stamps(&mut recording, &ImportOptions::default()).unwrap();
+        let recording = Recording { blocks: vec![block], wrap_s, ..Recording::default() };
+        let mut recording = repaired(recording, &ImportOptions::default()).unwrap();
         let block = recording.blocks.pop().unwrap();
         (block.time_s, block.columns[0].values.clone(), recording.warnings.len())
     }
@@ -247,8 +257,8 @@ mod tests {
     fn rows_in_no_order_of_time_are_refused() {
         let time_s = (0..100).map(|i| f64::from(i * 37 % 100)).collect();
         let block = Block { time_s, ..Block::default() };
-        let mut recording = Recording { blocks: vec![block], ..Recording::default() };
-        let error = repair_stamps(&mut recording, &ImportOptions::default()).unwrap_err();
+        let recording = Recording { blocks: vec![block], ..Recording::default() };
+        let error = repaired(recording, &ImportOptions::default()).unwrap_err();
         assert!(error.to_string().contains("36 of 100 times before the one above"), "{error}");
     }
 
@@ -275,23 +285,22 @@ mod tests {
     fn a_block_that_starts_after_the_wrap_joins_the_others() {
         let block = |time_s: Vec<f64>| Block { time_s, ..Block::default() };
         let blocks = vec![block(vec![99.0, 1.0]), block(vec![0.5, 1.5])];
-        let mut recording = Recording { blocks, wrap_s: Some(100.0), ..Recording::default() };
-        repair_stamps(&mut recording, &ImportOptions::default()).unwrap();
+        let recording = Recording { blocks, wrap_s: Some(100.0), ..Recording::default() };
+        let recording = repaired(recording, &ImportOptions::default()).unwrap();
         assert_eq!(recording.blocks[1].time_s, [100.5, 101.5]);
     }
 
-    /// What is said of a log on the card with a period, and the time from its first stamp to its
-    /// last over that of the stamps.
+    /// Warnings of a log on the card with a period, and by how much its time is stretched.
     fn on_card(period_s: f64, firmware: Option<&str>, options: &ImportOptions) -> (f64, String) {
         // Stamps of events have no period.
         let uneven = |i: u32| if period_s == 0.0 { 0.013 * libm::sqrt(f64::from(i)) } else { 0.0 };
         let time_s = (0..200).map(|i| f64::from(i) * period_s + uneven(i)).collect();
         let blocks = vec![Block { time_s, ..Block::default() }];
         let firmware = firmware.map(str::to_owned);
-        let mut log = Recording { blocks, is_on_card: true, firmware, ..Recording::default() };
+        let log = Recording { blocks, is_on_card: true, firmware, ..Recording::default() };
         let stamped_s = log.blocks[0].time_s[199];
-        repair_stamps(&mut log, options).unwrap();
-        (log.blocks[0].time_s[199] / stamped_s, log.warnings.join("\n"))
+        let log = repaired(log, options).unwrap();
+        (log.blocks[0].time_s[199] / stamped_s, said(&log))
     }
 
     #[test]
@@ -328,18 +337,14 @@ mod tests {
     fn a_radio_log_and_an_old_card_are_stamped_by_true_ticks() {
         let block = Block { time_s: vec![84.0, 168.0], ..Block::default() };
         let firmware = Some("2025.12".to_owned());
-        let mut log = Recording { blocks: vec![block], firmware, ..Recording::default() };
-        repair_stamps(&mut log, &ImportOptions::default()).unwrap();
+        let log = Recording { blocks: vec![block], firmware, ..Recording::default() };
+        let mut log = repaired(log, &ImportOptions::default()).unwrap();
         assert_eq!((log.blocks[0].time_s[1], log.warnings.len()), (168.0, 0));
         (log.is_on_card, log.wrap_s) = (true, Some(4e6));
-        repair_stamps(&mut log, &ImportOptions::default()).unwrap();
-        assert_eq!(
-            (log.blocks[0].time_s[1], log.warnings.len()),
-            (168.0, 0),
-            "version 1 of a card"
-        );
+        let log = repaired(log, &ImportOptions::default()).unwrap();
+        assert_eq!((log.blocks[0].time_s[1], log.warnings.len()), (168.0, 0), "version 1");
         let told = ImportOptions { clock_ratio: Some(SLOW_CLOCK), ..ImportOptions::default() };
-        repair_stamps(&mut log, &told).unwrap();
+        let log = repaired(log, &told).unwrap();
         assert!((log.blocks[0].time_s[1] - 170.0).abs() < 1e-9, "{:?}", log.blocks[0].time_s);
     }
 }

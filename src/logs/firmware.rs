@@ -1,15 +1,14 @@
-//! The release of the drone's firmware, where a log names one.
+//! The release of the drone's firmware, if a log names one.
 //!
-//! Exported scripts write it into their logs (`noctograph.firmware`); other JSON may have it as
+//! Exported scripts write it into their logs (`noctograph.firmware`). Other JSON may have it as
 //! `firmware` or `firmware_version`, tables in a comment before their head (`# firmware: 2026.08`).
 //! A log on the card and one of cfclient do not name it.
 
 use super::recording::Recording;
 use noctograph_core::crazyflie::Release;
+use noctograph_core::diagnostic::Diagnostic;
 
-/// Lines before a table's head that are read for it.
 const LINES: usize = 100;
-/// Bytes of a line that are read.
 const BYTES: usize = 200;
 
 /// The firmware that a comment before a table's head names.
@@ -19,6 +18,7 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     let comments = lines.filter(|line| matches!(line.first(), Some(b'#' | b'%' | b'/')));
     comments.into_iter().find_map(|line| {
         let line = String::from_utf8_lossy(&line[..line.len().min(BYTES)]).into_owned();
+        // A release after the word firmware, else what looks like a commit.
         let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
         let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
         let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();
@@ -29,21 +29,23 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     })
 }
 
-/// A warning where the firmware that flew is not the scene's.
-pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<String> {
+/// A warning if the firmware that flew is not the scene's.
+pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<Diagnostic> {
     let (named, release) = (recording.firmware.as_ref()?, assumed?);
     let assumed = release.name();
-    match Release::parse(named) {
-        Some(flown) if flown.is_like(release) => None,
-        Some(flown) => Some(format!(
+    let text = match Release::parse(named) {
+        // Releases that fly alike need no warning.
+        Some(flown) if flown.is_like(release) => return None,
+        Some(flown) => format!(
             "the drone flew firmware {named}: vehicle.firmware = \"{}\" is its model, and here it \
              is \"{assumed}\"",
             flown.name()
-        )),
-        None => Some(format!(
-            "firmware {named} is no release: it is taken for {assumed} (vehicle.firmware)"
-        )),
-    }
+        ),
+        None => {
+            format!("firmware {named} is no release: it is taken for {assumed} (vehicle.firmware)")
+        }
+    };
+    Some(Diagnostic::warning("firmware-other", text))
 }
 
 #[cfg(test)]
@@ -67,7 +69,8 @@ mod tests {
     fn another_release_than_the_scenes_and_none_at_all_are_said() {
         let doubt = |firmware: &str, assumed| {
             let firmware = Some(firmware.to_owned());
-            doubt(&Recording { firmware, ..Recording::default() }, assumed)
+            let log = Recording { firmware, ..Recording::default() };
+            doubt(&log, assumed).map(|doubt| doubt.message)
         };
         let scene = Some(Release::R2026_08);
         assert_eq!(doubt("2026.08", scene), None);

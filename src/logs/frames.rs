@@ -3,13 +3,14 @@
 //! The axes come from the format, from an option, or from the flight: a drone takes off from the
 //! floor along the vertical axis and never goes below it. If z does so, it is up. If it does not,
 //! and the drone would be on the floor or below it, another axis that does so is up. If none does,
-//! z is assumed to be up, and a warning says that this is a guess. If two do, the log is refused.
+//! z is assumed to be up, with a warning. If two do, the log is refused.
 
 use super::recording::{Block, Column, Recording, names};
 use super::{Axes, ImportOptions};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Patterns of the columns of a vector; the last is a part of a quaternion.
+/// Patterns of the columns of a vector. The last is a part of a quaternion.
 const VECTORS: [&str; 7] = [
     "{x y z}_m",
     "{x y z}_estimate_m",
@@ -23,7 +24,6 @@ const VECTORS: [&str; 7] = [
 /// Yaw, pitch and roll about axes that point down change their signs but the last.
 const ANGLES: [&str; 2] = ["yaw_rad", "pitch_rad"];
 
-/// Least climb of a take-off.
 const CLIMB_M: f64 = 0.2;
 /// Part of it in which the drone goes straight up, and how far it may drift aside.
 const STRAIGHT_M: f64 = 0.12;
@@ -31,39 +31,41 @@ const DRIFT_M: f64 = 0.08;
 /// A drone on the floor is as near to its lowest place as this.
 const FLOOR_M: f64 = 0.05;
 
-/// Turns the world of the plain columns so that z points up.
-pub(super) fn resolve_axes(recording: &mut Recording, options: &ImportOptions) -> Result<()> {
-    let (axes, why) = match (options.axes, recording.axes) {
-        (Axes::Auto, Axes::Auto) => inferred(recording)?,
-        (Axes::Auto, axes) => {
-            (axes, recording.in_format.map(|format| format!("as {format} writes it")))
-        }
+/// The same with the world of the plain columns turned so that z points up.
+pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
+    // An option is better than the format, and that is better than the flight.
+    let (axes, why) = match (options.axes, log.axes) {
+        (Axes::Auto, Axes::Auto) => inferred(&log)?,
+        (Axes::Auto, axes) => (axes, log.in_format.map(|format| format!("as {format} writes it"))),
         (axes, _) => (axes, None),
     };
-    if matches!(axes, Axes::Auto | Axes::ZUp) {
+    let to = match axes {
+        Axes::ZDown => "x, -y, -z",
+        Axes::YUp => "x, -z, y",
         // A format whose z points up needs no word.
-        recording.warnings.extend(why.filter(|_| axes == Axes::Auto));
-        return Ok(());
-    }
-    for block in &mut recording.blocks {
-        turn(block, axes);
-    }
+        Axes::Auto | Axes::ZUp => {
+            let guess = why.filter(|_| axes == Axes::Auto);
+            log.warnings.extend(guess.map(|why| Diagnostic::warning("axes-guessed", why)));
+            return Ok(log);
+        }
+    };
+    log.blocks.iter_mut().for_each(|block| turn(block, axes));
     if let Some(why) = why {
-        let to = if axes == Axes::ZDown { "x, -y, -z" } else { "x, -z, y" };
         let axes = axes.name();
-        recording.warnings.push(format!("its world is taken as {axes}, {why}: turned to {to}"));
+        log.warn("axes-turned", format!("its world is taken as {axes}, {why}: turned to {to}"));
     }
-    Ok(())
+    Ok(log)
 }
 
-/// Turns a block's columns.
 fn turn(block: &mut Block, axes: Axes) {
     if axes == Axes::ZDown {
+        // x stays, and y and z change their signs: a half turn about x.
         let vectors = VECTORS.into_iter().flat_map(|pattern| names(pattern).skip(1));
         vectors.chain(ANGLES.map(str::to_owned)).for_each(|name| negate(block.column_mut(&name)));
         return;
     }
     for pattern in VECTORS {
+        // y becomes z, and z becomes −y: a quarter turn about x.
         let places =
             names(pattern).map(|name| block.columns.iter().position(|column| column.name == name));
         let places: Option<Vec<usize>> = places.collect();
@@ -81,7 +83,7 @@ fn negate(column: Option<&mut Column>) {
     values.for_each(|value| *value = -*value);
 }
 
-/// A doubt about the axes of positions that are said to be in meters with z up.
+/// A doubt about the axes of positions that should be in meters with z up.
 pub(super) fn doubt(recording: &Recording) -> Option<String> {
     let (axes, why) = match inferred(recording) {
         Ok((axes, why)) => (axes, why?),
@@ -92,7 +94,8 @@ pub(super) fn doubt(recording: &Recording) -> Option<String> {
         Axes::YUp => Some(format!("is y up, {why}? Then hand over x, -z, y")),
         // A flight may begin in the air, though not below the floor.
         _ => {
-            let heights_m = recording.blocks.iter().find_map(places_m)?.into_iter().map(|p| p[2]);
+            let heights_m =
+                recording.blocks.iter().find_map(positions_m)?.into_iter().map(|p| p[2]);
             let highest_m = heights_m.fold(f64::NEG_INFINITY, f64::max);
             let is_below = highest_m < -FLOOR_M;
             is_below.then(|| format!("the flight is below the floor (z up to {highest_m:.2} m)"))
@@ -100,23 +103,23 @@ pub(super) fn doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// The positions of a block that are complete; `None` with two or fewer.
-fn places_m(block: &Block) -> Option<Vec<[f64; 3]>> {
+/// The complete positions of a block, if there are more than two.
+fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
     let rows: Vec<_> = rows.filter(|row| row.iter().all(|value| value.is_finite())).collect();
     (rows.len() > 2).then_some(rows)
 }
 
-/// The warning that z up is a guess.
 fn guess(seen: &str) -> (Axes, Option<String>) {
     (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
 }
 
-/// The axes that the flight shows, and why; or `Auto`, and a doubt.
+/// The axes that the flight shows, and why. Or `Auto`, and a doubt.
 fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
-    let Some(rows) = recording.blocks.iter().find_map(places_m) else { return none };
+    let Some(rows) = recording.blocks.iter().find_map(positions_m) else { return none };
+    // The usual case first: then no other axis is asked.
     if takes_off(&rows, 2, 1.0) {
         return none;
     }
@@ -142,6 +145,7 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     if !(is_below || is_flat || rises_along_y) {
         return Ok(guess(unseen));
     }
+    // z up would be below the floor, on it, or level: ask the other two axes.
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
             let flight = "a flight that rises along -z and along y";
@@ -162,24 +166,26 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     Ok((axes, Some(why)))
 }
 
-/// Whether rows begin or end on the floor, straight below a climb along an axis, and never come
+/// True if rows begin or end on the floor, straight below a climb along an axis, and never come
 /// below.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// Whether the rows, from one end, begin at the lowest of all, and climb straight.
+/// True if the rows, from one end, begin at the lowest of all, and climb straight.
 fn climbs<'a>(
-    mut rows: impl Iterator<Item = &'a [f64; 3]>,
-    all: &[[f64; 3]],
+    mut from_end: impl Iterator<Item = &'a [f64; 3]>,
+    rows: &[[f64; 3]],
     axis: usize,
     sign: f64,
 ) -> bool {
-    let lowest_m = all.iter().map(|row| sign * row[axis]).fold(f64::INFINITY, f64::min);
-    let Some(first) = rows.next().filter(|first| sign * first[axis] <= lowest_m + FLOOR_M) else {
+    let lowest_m = rows.iter().map(|row| sign * row[axis]).fold(f64::INFINITY, f64::min);
+    let Some(first) = from_end.next().filter(|first| sign * first[axis] <= lowest_m + FLOOR_M)
+    else {
         return false;
     };
-    for row in rows {
+    for row in from_end {
+        // Straight up at first, then anywhere until the climb is high enough.
         let climb_m = sign * row[axis] - sign * first[axis];
         if climb_m >= CLIMB_M {
             return true;
@@ -213,8 +219,9 @@ mod tests {
         Recording { blocks: vec![block], ..Recording::default() }
     }
 
-    fn settled(mut recording: Recording, axes: Axes) -> ([f64; 3], usize) {
-        resolve_axes(&mut recording, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
+    fn settled(recording: Recording, axes: Axes) -> ([f64; 3], usize) {
+        let options = ImportOptions { axes, ..ImportOptions::default() };
+        let recording = with_z_up(recording, &options).unwrap();
         let columns = &recording.blocks[0].columns;
         ([0, 1, 2].map(|axis: usize| columns[axis].values[40]), recording.warnings.len())
     }
@@ -237,11 +244,11 @@ mod tests {
     #[test]
     fn where_no_axis_shows_a_take_off_the_guess_is_said() {
         fn said(to: &dyn Fn([f64; 3]) -> [f64; 3], axes: Axes) -> (f64, String) {
-            let mut log = flight(to);
-            resolve_axes(&mut log, &ImportOptions { axes, ..ImportOptions::default() }).unwrap();
-            (log.blocks[0].columns[2].values[40], log.warnings.join("\n"))
+            let options = ImportOptions { axes, ..ImportOptions::default() };
+            let log = with_z_up(flight(to), &options).unwrap();
+            (log.blocks[0].columns[2].values[40], crate::tests::said(&log))
         }
-        // It drifts as it takes off and lands, along y; z is toward the viewer.
+        // It drifts as it takes off and lands along y. z is toward the viewer.
         let drifts = |[x, y, z]: [f64; 3]| [x + z, z, y];
         let shuttles = |[x, _, z]: [f64; 3]| [x, z, 0.8];
         let deep = |[x, y, z]: [f64; 3]| [x, z, -y - 0.09 * x];

@@ -6,11 +6,9 @@ use super::{LIMIT, bullet_folder, cfclient_csv};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
-/// Most logs of a folder.
 const MAX_LOGS: usize = 2000;
 /// Folders within folders that are looked into: a drone's, an evening's, cfclient's.
 const DEPTH: usize = 4;
-/// Endings of other files that lie beside logs.
 const OTHERS: [&str; 13] =
     ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
 /// Beginning of a file, in which its first line ends.
@@ -21,43 +19,43 @@ const HEAD_BYTES: usize = 1 << 16;
 pub struct GatheredLog {
     /// A file, or a folder of cfclient's.
     pub path: PathBuf,
-    /// The serial number, or else the address, that an exported script keeps in its log; else its
-    /// folder within that of the evening; else its name up to the first `-`, `_`, `.` or space.
+    /// The serial number, or else the address, that an exported script keeps in its log. Else its
+    /// folder within that of the evening, or its name up to the first `-`, `_`, `.` or space.
     pub drone: String,
     /// Its path within the folder of the evening.
     pub name: String,
 }
 
-/// Whether a folder is one log: it holds cfclient's files of one connection, or those of
+/// True if a folder is one log: it holds cfclient's files of one connection, or those of
 /// gym-pybullet-drones.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where it cannot be read.
+/// [`Error::Io`] if it cannot be read.
 pub fn is_one_log(folder: &Path) -> Result<bool> {
     Ok(bullet_folder::variables(folder)?.is_some()
         || entries_in(folder)?.iter().any(|path| {
-            // A file that cannot be read is not cfclient's; its import says why.
-            cfclient_csv::may_be_its_own(path)
+            // A file that cannot be read is not cfclient's. Its import says why.
+            cfclient_csv::may_be_cfclient(path)
                 && path.is_file()
                 && LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| {
-                    cfclient_csv::is_its_own(&Head::find(&Text::decode(&head).bytes))
+                    cfclient_csv::is_cfclient(&Head::find(&Text::decode(&head).bytes))
                 })
         }))
 }
 
 /// The logs in a folder and in its folders, in the order of their names, which is taken for that of
-/// their flights; and the names of what else is there: hidden files, pictures, pages and settings.
+/// their flights. And the names of what else is there: hidden files, pictures, pages and settings.
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where a folder cannot be read; [`Error::Input`] where there is no log, or too
-/// many.
+/// [`Error::Io`] if a folder cannot be read, [`Error::Input`] for no log, or too many.
 pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let (mut logs, mut others) = (Vec::new(), Vec::new());
     let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());
     while let Some((inside, depth)) = folders.pop() {
         for path in entries_in(&inside)? {
+            // A folder that is one log is not looked into.
             let is_hidden = file_name(&path).starts_with('.');
             if is_hidden || (path.is_file() && OTHERS.contains(&&*ending(&path))) {
                 others.push(path);
@@ -99,7 +97,6 @@ impl GatheredLog {
     }
 }
 
-/// The drone that an exported script names in its log.
 fn named_drone(path: &Path) -> Option<String> {
     let about = about(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
     let [serial, uri] =
@@ -130,7 +127,7 @@ fn about(log: &[u8]) -> Option<serde_json::Value> {
 /// Address of a drone as delivered.
 const ANY_ADDRESS: &str = "E7E7E7E7E7";
 
-/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`); the default address goes after the
+/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address goes after the
 /// radio's channel.
 fn address(uri: &str) -> String {
     let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');

@@ -15,21 +15,22 @@ const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
 /// Most samples in a row: the values that lose their carry are 0.12 mm at half a meter.
 const LONGEST: usize = 4;
-/// Steps to a unit of the decimals of a text; more are those of a binary number.
+/// Steps to a unit of the decimals of a text. More are those of a binary number.
 const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
 /// Least steps of a column below a value: numbers that are counted in whole ones are no halves.
 const STEPS: f64 = 64.0;
 
-/// Doubles the samples that lost their carry, with a warning, unless the log names a firmware that
-/// keeps it.
-pub(super) fn restore(recording: &mut Recording) {
-    let release = recording.firmware.as_deref().and_then(Release::parse);
+/// The same with doubled samples, with a warning, if they lost their carry and the log names no
+/// firmware that keeps it.
+pub(super) fn restored(mut log: Recording) -> Recording {
+    let release = log.firmware.as_deref().and_then(Release::parse);
     if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
-        return;
+        return log;
     }
     let mut restored = Vec::new();
-    for block in &mut recording.blocks {
+    for block in &mut log.blocks {
         for Column { name, values, .. } in &mut block.columns {
+            // Suspects first, which are cheap: most columns have none.
             let rows = lost(values);
             let Some(first) = rows.first().filter(|first| may_be_half(values, values[**first]))
             else {
@@ -42,25 +43,26 @@ pub(super) fn restore(recording: &mut Recording) {
     }
     if !restored.is_empty() {
         let (last, list) = (Feature::HALF_PRECISION.last_without().name(), restored.join(", "));
-        recording.warnings.push(format!(
+        let text = format!(
             "samples that are half of both their neighbors are doubled, as values of half precision \
              (FP16) that lost a carry in firmware up to {last}: {list}"
-        ));
+        );
+        log.warn("half-precision", text);
     }
+    log
 }
 
-/// The rows that look as if they had lost their carry.
 fn lost(values: &[f64]) -> Vec<usize> {
     let (mut rows, mut start) = (Vec::new(), 0);
     for run in values.chunk_by(|a, b| a == b) {
         let (value, end) = (run[0], start + run.len());
+        // A run of equal values between two neighbors, both about twice as large.
         if start > 0 && end < values.len() && run.len() <= LONGEST && may_have_lost(value) {
             let (before, after) = (values[start - 1], values[end]);
-            let is_near = |x: f64, share: f64| (x - 2.0 * value).abs() <= share * 2.0 * value.abs();
-            if is_near(before, NEIGHBOR)
-                && is_near(after, NEIGHBOR)
-                && is_near(f64::midpoint(before, after), MEAN)
-            {
+            let mean = f64::midpoint(before, after);
+            let checks = [(before, NEIGHBOR), (after, NEIGHBOR), (mean, MEAN)];
+            let whole = 2.0 * value;
+            if checks.iter().all(|(x, fraction)| (x - whole).abs() <= fraction * whole.abs()) {
                 rows.extend(start..end);
             }
         }
@@ -69,13 +71,13 @@ fn lost(values: &[f64]) -> Vec<usize> {
     rows
 }
 
-/// Whether a value is what is left of one that lost its carry: a power of 4.
+/// True for what is left of a value that lost its carry: a power of 4.
 fn may_have_lost(value: f64) -> bool {
     let bits = f16::from_f64(value).to_bits();
     bits & 0x03ff == 0 && bits >> 10 & 1 == 1
 }
 
-/// Whether no value has digits that half precision lacks, as far as they are printed, and these
+/// True if no value has digits that half precision lacks, as far as they are printed, and these
 /// tell the given one from its neighbors.
 fn may_be_half(values: &[f64], value: f64) -> bool {
     let finite = || values.iter().filter(|value| value.is_finite());
@@ -85,6 +87,7 @@ fn may_be_half(values: &[f64], value: f64) -> bool {
             (scaled - scaled.round()).abs() <= 1e-9 * scaled.abs().max(1.0)
         })
     };
+    // The printed step, or none for binary numbers, bounds the rounding.
     let step = DECIMALS.into_iter().find(are_whole).map_or(0.0, f64::recip);
     let is_half =
         |value: &f64| (value - f64::from(f16::from_f64(*value))).abs() <= 0.5 * step * (1.0 + 1e-6);
@@ -95,6 +98,7 @@ fn may_be_half(values: &[f64], value: f64) -> bool {
 mod tests {
     use super::*;
     use crate::recording::Block;
+    use crate::tests::said;
 
     /// `single2half` of firmware up to 2026.04, read as cflib does.
     fn logged(value: f32) -> f64 {
@@ -111,9 +115,8 @@ mod tests {
         let time_s = (0_u32..).map(|i| 0.1 * f64::from(i)).take(values.len()).collect();
         let blocks = vec![Block { time_s, columns, ..Block::default() }];
         let firmware = firmware.map(str::to_owned);
-        let mut log = Recording { blocks, firmware, ..Recording::default() };
-        restore(&mut log);
-        (log.blocks[0].columns[0].values.clone(), log.warnings.join("\n"))
+        let log = super::restored(Recording { blocks, firmware, ..Recording::default() });
+        (log.blocks[0].columns[0].values.clone(), said(&log))
     }
 
     #[test]

@@ -2,34 +2,26 @@
 //!
 //! File in: JSON of the AE483 course (three dialects), CSV of cfclient (a file, or the folder with
 //! one file a block), µSD binary (versions 1 and 2), plain tables (t, x, y, z …) also of Motive,
-//! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours; or the
-//! folder of gym-pybullet-drones. Product out: [`Flight`]. The format is recognized from the
-//! content, not from the file's name.
+//! Vicon, rosbag, `PlotJuggler`, `EuRoC`, TUM and PX4, range CSV, or a flight file of ours. Or the
+//! folder of gym-pybullet-drones. Product out: [`Flight`].
 //!
-//! Method: the reader of the format makes a recording (blocks of named columns, each with its own
-//! time axis); time stamps are repaired and the motion capture's clock is aligned with the drone's;
-//! variables become quantities in SI units, our frames and our signs (`sources` holds all
-//! conversions); everything is resampled to one time axis.
+//! Method: the format is recognized from the content (`format`), and its reader makes a recording:
+//! blocks of named columns, each with its time axis. `flight` then turns the recording into a
+//! flight in steps, whose order is written there. `sources` holds all conversions of variables.
 //!
 //! - **Truth** of position and attitude: motion capture, then the custom observer, then the
-//!   firmware's estimator, then raw Lighthouse fixes; [`PositionSource`] selects another. A source
-//!   that is frozen while others change, or diverged, is skipped, for any quantity. A quantity that
-//!   is frozen while the drone moves counts as not logged. Both are warnings.
+//!   firmware's estimator, then raw Lighthouse fixes, or [`PositionSource`]. A source that is
+//!   frozen while others change, or diverged, is skipped, for any quantity, with a warning.
 //!   `estimate_m` is the custom observer, else the firmware's.
 //! - **Time axis**: [`ImportOptions::sample_rate_hz`] over the time in which position and attitude
-//!   are known, interpolated linearly. Longer gaps have no samples: they are listed in the flight's
-//!   `gaps`. Other measured quantities are held over gaps of their own (with a warning); setpoints,
-//!   motor commands and unknown columns are always held.
-//! - **In-flight part**: nothing is cut away; [`noctograph_core::flight::airborne`] finds it.
-//! - **Unknown columns** stay in the flight's `extra`, in the units of the log.
-//! - Letters are in none of these logs (`letter` is `None`), nor are lights: only a CSV file may
-//!   have columns `light.<channel>`.
-//! - A flight file of ours ([`Flight::read_csv`]) is read as it is; of the options,
-//!   [`PositionSource::Estimate`] alone applies.
-//!
-//! - **Guesses** (unit of stamps and angles, axes, frame of a motion capture) are warnings with
-//!   their reason, can be overridden by [`ImportOptions`], and are errors where two fit. Unknown
-//!   columns are named.
+//!   are known, interpolated linearly. Longer gaps have no samples and are listed in `gaps`. Other
+//!   measured quantities are held over gaps of their log, with a warning. Setpoints, motor commands
+//!   and unknown columns are always held.
+//! - **Unknown columns** stay in the flight's `extra`, in the units of the log, and are named.
+//! - Letters are in none of these logs, nor are lights, but for columns `light.<channel>` of CSV.
+//! - A flight file of ours is read unchanged, but for [`PositionSource::Estimate`].
+//! - **Guesses** (unit of times and angles, axes, frame of a motion capture) are warnings with
+//!   their reason, can be overridden by [`ImportOptions`], and are errors if two fit.
 //!
 //! Not done: positions from ranges, more than one drone in a file, rotations of Vicon.
 
@@ -42,23 +34,22 @@ use std::path::Path;
 
 use noctograph_core::crazyflie::Release;
 use noctograph_core::error::{Error, Result};
-use noctograph_core::files::{Budget, Head, Limit, Text, entries_in, file_name};
+use noctograph_core::files::{Budget, Limit};
 use noctograph_core::flight::table::Table;
 use noctograph_core::flight::{Flight, Quantity};
 use noctograph_core::settings::{Described, settings};
 
-mod ae483_json;
 mod arrays;
 mod bullet_folder;
 mod cells;
 mod cfclient_csv;
 mod clock;
 mod firmware;
-mod foreign;
+mod format;
 mod frames;
 mod gathered;
 mod half_precision;
-mod json_tree;
+mod json_log;
 mod mapper;
 mod mocap;
 mod mocap_csv;
@@ -74,6 +65,7 @@ mod titles;
 mod usd;
 
 pub use arrays::doubts;
+use format::Format;
 pub use gathered::{GatheredLog, is_one_log, logs_in, scene_in};
 use recording::Recording;
 
@@ -83,11 +75,8 @@ const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
 /// Advice for a log that is too large.
 const HINT: &str = "cut the log to one flight, or log fewer variables";
 
-/// Most variables of a log; the firmware logs 128 at a time.
+/// Most variables of a log. The firmware logs 128 at a time.
 const MAX_VARIABLES: usize = 1024;
-
-/// First columns of our own flight files.
-const OWN: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 
 settings! {
     /// Options of an import.
@@ -205,22 +194,22 @@ settings! {
 ///
 /// # Errors
 ///
-/// [`Error::Io`] where it cannot be read; [`Error::Input`] with line or byte where it is broken,
-/// for unknown formats and columns, and for options out of range.
+/// [`Error::Io`] if it cannot be read, [`Error::Input`] with line or byte if it is broken, for
+/// unknown formats and columns, and for options out of range.
 pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     Ok(import_on_clock(path, options)?.flight)
 }
 
-/// A flight, and the clock that its log was stamped with.
+/// A flight, and the clock of its log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnClock {
-    /// The flight; its times begin at zero, or are those of a flight file.
+    /// The flight. Its times begin at zero, or are those of a flight file.
     pub flight: Flight,
-    /// Stamp of its time zero, s, on a clock that other logs may share: a date, a time of day, or
-    /// the numbers of a plain CSV file. `None` where the log has a clock of its own: the firmware's
-    /// counter since the drone was switched on, or an imported log, whose zero is lost.
+    /// The time in the log that became zero, s, on a clock that other logs may have, too: a date, a
+    /// time of day, or the numbers of a plain CSV file. `None` for the firmware's counter since the
+    /// drone was switched on, and for an imported log, whose zero is lost.
     pub zero_stamp_s: Option<f64>,
-    /// The drone's firmware, where the log names it.
+    /// The drone's firmware, if the log names it.
     pub firmware: Option<String>,
 }
 
@@ -231,17 +220,18 @@ pub struct OnClock {
 /// As [`import`].
 pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> {
     options.check("import", None)?;
-    let name = path.display().to_string();
-    if path.is_dir() {
-        let budget = Budget::new(&name, HINT);
-        let job = Job { file: &name, options, budget: &budget };
-        let recording = match bullet_folder::variables(path)? {
-            Some(variables) => bullet_folder::recording(&variables, job)?,
-            None => folder(path, job)?,
-        };
-        return flight(recording, options, &budget);
+    let file = path.display().to_string();
+    if !path.is_dir() {
+        return on_clock(&read(path)?, &file, options);
     }
-    on_clock(&read(path)?, &name, options)
+    let budget = Budget::new(&file, HINT);
+    let job = Job { file: &file, options, budget: &budget };
+    // The names of its files show what a folder is.
+    let recording = match bullet_folder::variables(path)? {
+        Some(variables) => bullet_folder::read(&variables, job)?,
+        None => cfclient_csv::read_folder(path, job)?,
+    };
+    flight(recording, job)
 }
 
 /// Reads a log's file.
@@ -249,63 +239,33 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     LIMIT.read(path)
 }
 
-/// Imports a log from its bytes; `file` is its name in messages.
+/// Imports a log from its bytes. `file` is its name in messages.
 pub fn import_bytes(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<Flight> {
     options.check("import", None)?;
     Ok(on_clock(bytes, file, options)?.flight)
 }
 
+/// Recognizes the format of a log, and reads it with the reader of that format.
 fn on_clock(bytes: &[u8], file: &str, options: &ImportOptions) -> Result<OnClock> {
-    foreign::refuse(bytes, file)?;
     let budget = Budget::new(file, HINT);
     let job = Job { file, options, budget: &budget };
-    if bytes.first() == Some(&usd::MAGIC) {
-        budget.bytes(bytes.len())?;
-        return flight(usd::read(bytes, job)?, options, &budget);
-    }
-    let text = Text::decode(bytes);
-    let first = text.bytes.trim_ascii_start().first();
-    if matches!(first, Some(b'{' | b'[')) {
-        budget.bytes(bytes.len())?;
-        return flight(ae483_json::read(&text, job)?, options, &budget);
-    }
-    if let Some((head, captured)) = mocap_csv::capture(&text.bytes, file)? {
-        budget.bytes(bytes.len())?;
-        return flight(plain_csv::read(&text, head, Some(captured), job)?, options, &budget);
-    }
-    let head = Head::find(&text.bytes);
-    let has_letters = head.has(OWN[0]) && head.has("letter");
-    let has_ranges = head.titles.iter().any(|title| title.starts_with("ranging."));
-    let is_first = head.titles.first().is_some_and(|title| title == OWN[0]);
-    // A flight file begins with a pose, or with the time and has the column of letters.
-    if head.titles.starts_with(&OWN.map(str::to_owned)) || is_first && has_letters && !has_ranges {
-        let mut flight = Flight::from_table(&Table::below(head, &text, file, |_| true)?)?;
-        if options.position == PositionSource::Estimate {
-            use_estimate(&mut flight);
-        }
-        return Ok(OnClock { flight, zero_stamp_s: Some(0.0), firmware: None });
-    }
-    if first.is_none() {
-        return Err(unknown(file, "an empty file"));
-    }
-    let mut titles = head.titles.iter();
-    let is_binary = titles.any(|title| title.contains(|c: char| c.is_control() || c == '\u{fffd}'));
-    if head.n_columns < 2 || is_binary {
-        let content = text.bytes.trim_ascii_start();
-        let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
-        return Err(unknown(file, format_args!("a file that begins with {start:?}")));
-    }
+    let format = Format::recognized(bytes, file)?;
     budget.bytes(bytes.len())?;
-    let recording = match cfclient_csv::is_its_own(&head) {
-        true => cfclient_csv::read(&text, head, job)?,
-        false => plain_csv::read(&text, head, None, job)?,
+    // A flight file needs no step of those for recordings.
+    let recording = match format {
+        Format::Card => usd::read(bytes, job)?,
+        Format::Json(text) => json_log::read(&text, job)?,
+        Format::Cfclient(text, head) => cfclient_csv::read(&text, head, job)?,
+        Format::Table(text, head, captured) => plain_csv::read(&text, head, captured, job)?,
+        Format::Flight(text, head) => {
+            let mut flight = Flight::from_table(&Table::below(head, &text, file, |_| true)?)?;
+            if options.position == PositionSource::Estimate {
+                use_estimate(&mut flight);
+            }
+            return Ok(OnClock { flight, zero_stamp_s: Some(0.0), firmware: None });
+        }
     };
-    let mut on_clock = flight(recording, options, &budget)?;
-    // A flight file with ranges is an imported log, whose clock is lost.
-    if has_letters && has_ranges {
-        on_clock.zero_stamp_s = None;
-    }
-    Ok(on_clock)
+    flight(recording, job)
 }
 
 /// Replaces the position of a flight by its estimate.
@@ -330,21 +290,23 @@ struct Job<'a> {
     budget: &'a Budget,
 }
 
-/// Makes a recording a flight.
-fn flight(mut recording: Recording, options: &ImportOptions, budget: &Budget) -> Result<OnClock> {
+/// Turns a recording into a flight. Each step needs those before it.
+fn flight(recording: Recording, Job { options, budget, .. }: Job<'_>) -> Result<OnClock> {
     recording.check(budget)?;
-    // An event without a record does not take the names of its variables.
-    recording.blocks.retain(|block| !block.time_s.is_empty());
-    recording.name_apart();
+    // Columns are looked up by name from here on.
+    let mut recording = recording.with_different_names();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
-    clock::repair_stamps(&mut recording, options)?;
-    half_precision::restore(&mut recording);
-    frames::resolve_axes(&mut recording, options)?;
-    mocap::align(&mut recording);
+    // All that compares neighbors in time needs rising times in true seconds.
+    let recording = clock::repaired(recording, options)?;
+    // Values that lost a carry look like jumps to the steps that follow.
+    let recording = half_precision::restored(recording);
+    // The motion capture is compared with the drone's path in one world with z up.
+    let recording = frames::with_z_up(recording, options)?;
+    let mut recording = mocap::aligned(recording);
+    // Only cells of blocks that are still there are named.
     recording.warn_of_empty_cells();
-    let (is_stamped, firmware) = (recording.is_stamped, recording.firmware.take());
-    let (flight, zero_s) = mapper::flight(recording, options, budget)?;
-    Ok(OnClock { flight, zero_stamp_s: is_stamped.then_some(zero_s), firmware })
+    // Variables become quantities, and all of them samples on one time axis.
+    mapper::flight(recording, options, budget)
 }
 
 /// The error for a file of no known log format.
@@ -358,50 +320,8 @@ fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
     )
 }
 
-/// The CSV files of a folder that are cfclient's, in the order of their names, as one recording.
-fn folder(path: &Path, job: Job<'_>) -> Result<Recording> {
-    let Job { budget, .. } = job;
-    let mut all = Recording::new(job.file);
-    let (files, others) =
-        entries_in(path)?.into_iter().partition::<Vec<_>, _>(|path| path.is_file());
-    let mut others: Vec<String> = others.iter().map(file_name).collect();
-    for path in &files {
-        if !cfclient_csv::may_be_its_own(path) {
-            others.push(file_name(path));
-            continue;
-        }
-        let bytes = read(path)?;
-        budget.steps(bytes.len())?;
-        budget.bytes(bytes.len())?;
-        let text = Text::decode(&bytes);
-        let head = Head::find(&text.bytes);
-        if cfclient_csv::is_its_own(&head) {
-            let file = path.display().to_string();
-            let one = cfclient_csv::read(&text, head, Job { file: &file, ..job })?;
-            all.warnings.extend(one.warnings.iter().map(|warning| format!("{file}: {warning}")));
-            all.blocks.extend(one.blocks);
-            all.firmware = all.firmware.or(one.firmware);
-            all.wrap_s = one.wrap_s;
-            // The limit is for all files together.
-            all.check_variables()?;
-        } else {
-            others.push(file_name(path));
-        }
-        budget.free(bytes.len() as u64);
-    }
-    if all.blocks.is_empty() {
-        let content = "a folder without a CSV file of cfclient (Timestamp,group.name …)";
-        return Err(unknown(job.file, content));
-    }
-    if !others.is_empty() {
-        let others = others.join(", ");
-        all.warnings.push(format!("not read, as they are no files of cfclient's: {others}"));
-    }
-    Ok(all)
-}
-
 impl TimeUnit {
-    /// Its seconds; `None` where they are to be inferred.
+    /// Its seconds, if they are not to be inferred.
     fn seconds(self) -> Option<f64> {
         match self {
             Self::Auto => None,

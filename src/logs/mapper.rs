@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::recording::{Channel, Clock, Recording, shortened};
 use super::sources::{Quantities, quantities};
-use super::{ImportOptions, PositionSource, speed};
+use super::{ImportOptions, OnClock, PositionSource, speed};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Budget;
@@ -16,33 +16,26 @@ use noctograph_core::input_error;
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::product::MAX_QUANTITY;
 
-/// Steps of finding a channel's value at a stamp.
+/// Steps of finding a channel's value at a time.
 const STEPS: usize = 50;
 
-/// Makes a flight of a recording with repaired stamps; also returns the stamp that became time
-/// zero.
+/// Makes a flight of a recording with repaired times.
 pub(super) fn flight(
-    recording: Recording,
+    mut recording: Recording,
     options: &ImportOptions,
     budget: &Budget,
-) -> Result<(Flight, f64)> {
+) -> Result<OnClock> {
+    // The quantities of the log. All other columns are kept.
     let quantities = quantities(&recording, options.position);
-    let all = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
-    let unlogged: BTreeSet<_> = all.filter(|q| !quantities.channels.contains_key(q)).collect();
-    let ranging = recording.names().any(|name| name.starts_with("ranging."));
-    if quantities.channels.is_empty() && !ranging {
-        return Err(nothing_known(&recording));
-    }
-    if unlogged.contains(&Quantity::Position) && options.position != PositionSource::Best {
-        return Err(Error::input(
-            Place::file(&recording.file),
-            format_args!("no position from {}", options.position.name()),
-            "its three columns, not all zero",
-            "choose another source of position, or the best",
-        ));
-    }
+    let unlogged = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
+    let unlogged: BTreeSet<_> =
+        unlogged.filter(|quantity| !quantities.channels.contains_key(quantity)).collect();
     let position = quantities.channels.get(&Quantity::Position).map_or(&[][..], Vec::as_slice);
+    check_quantities(&recording, &quantities, options.position)?;
     let too_fast = speed::check(position, options, &recording.file)?;
+    recording.warnings.extend(warn_of_unknown(&recording, &quantities));
+
+    // The time axis, and on it the samples and the other columns.
     let mapper = Mapper { recording: &recording, quantities: &quantities, options };
     let axis = mapper.axis(budget)?;
     let n_channels = quantities.channels.values().map(Vec::len).sum::<usize>();
@@ -55,23 +48,54 @@ pub(super) fn flight(
         axis.stamps_s.iter().map(|&stamp_s| mapper.sample(stamp_s, axis.time_s(stamp_s))).collect();
     check_numbers(&recording.file, &samples)?;
     let mut extra = mapper.extra(&axis.stamps_s);
-    let mut warnings = quantities.left_out.clone();
+
+    let held = mapper.warn_of_held_values(&axis.stamps_s);
+    let mut warnings = recording.warnings;
+    warnings.extend(quantities.warnings);
     warnings.extend(too_fast);
     warnings.extend(warn_of_gaps(&axis.gaps));
-    warnings.extend(mapper.warn_of_held_values(&axis.stamps_s));
+    warnings.extend(held);
     warnings.extend(warn_of_size(&samples));
     warnings.extend(warn_of_halves(&extra));
-    let lights = lights(&mut extra);
-    let missing = warning::unlogged(&unlogged);
-    let said =
-        recording.warnings.into_iter().chain(warnings).map(|text| Diagnostic::warning("log", text));
-    let warnings = said.chain(missing).collect();
-    let gaps = axis.gaps;
+    warnings.extend(warning::unlogged(&unlogged));
+    let (lights, gaps) = (lights(&mut extra), axis.gaps);
     let flight = Flight::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })?;
-    Ok((flight, axis.zero_s))
+    let zero_stamp_s = recording.is_stamped.then_some(axis.zero_s);
+    Ok(OnClock { flight, zero_stamp_s, firmware: recording.firmware })
 }
 
-/// The error for a log without any usable quantity; it names the columns.
+/// Refuses a log without any quantity, or without the position of a wanted source.
+fn check_quantities(
+    recording: &Recording,
+    quantities: &Quantities,
+    wanted: PositionSource,
+) -> Result<()> {
+    if quantities.channels.is_empty() && !recording.names().any(|name| name.starts_with("ranging."))
+    {
+        return Err(nothing_known(recording));
+    }
+    // Ranges are enough, unless a position was asked for.
+    if quantities.channels.contains_key(&Quantity::Position) || wanted == PositionSource::Best {
+        return Ok(());
+    }
+    Err(Error::input(
+        Place::file(&recording.file),
+        format_args!("no position from {}", wanted.name()),
+        "its three columns, not all zero",
+        "choose another source of position, or the best",
+    ))
+}
+
+/// Names the columns with unknown titles that no quantity uses.
+fn warn_of_unknown(recording: &Recording, quantities: &Quantities) -> Option<Diagnostic> {
+    let columns = recording.blocks.iter().flat_map(|block| &block.columns);
+    let unused = columns.filter(|column| !quantities.used.contains(&column.name));
+    let names: Vec<&str> = unused.filter_map(|column| column.unknown.as_deref()).collect();
+    let text = format!("unknown columns are kept unchanged: {}", names.join(", "));
+    (!names.is_empty()).then(|| Diagnostic::warning("columns-unknown", text))
+}
+
+/// The error for a log without any usable quantity. It names the columns.
 fn nothing_known(recording: &Recording) -> Error {
     let names: Vec<&str> = recording.names().collect();
     let columns = if names.is_empty() {
@@ -90,13 +114,10 @@ fn nothing_known(recording: &Recording) -> Error {
     )
 }
 
-/// The time axis of the flight.
 struct Axis {
-    /// On the clock of the recording.
     stamps_s: Vec<f64>,
-    /// The stamp that becomes time zero.
+    /// The time of the recording that becomes zero.
     zero_s: f64,
-    /// On the clock of the flight.
     gaps: Vec<[f64; 2]>,
 }
 
@@ -115,7 +136,7 @@ struct Mapper<'a> {
 
 impl Mapper<'_> {
     /// A grid of the sample rate over the time in which position and attitude are both known,
-    /// without the gaps. Without a pose, the stamps of the longest block.
+    /// without the gaps. Without a pose, the times of the longest block.
     fn axis(&self, budget: &Budget) -> Result<Axis> {
         let Self { recording, quantities, options } = self;
         let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
@@ -130,7 +151,8 @@ impl Mapper<'_> {
             check_span(recording, stamps_s.last().copied().unwrap_or(0.0) - zero_s)?;
             return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
         }
-        // The motion capture may begin before the drone's log and outlast it.
+        // The grid spans the time that the log and all channels of the pose cover: the motion
+        // capture may begin before the drone's log and outlast it.
         let drone = recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
         let first_s = drone.clone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
         let last_s = drone.map(|block| block.time_s[block.time_s.len() - 1]);
@@ -148,7 +170,7 @@ impl Mapper<'_> {
         #[expect(clippy::cast_possible_truncation, reason = "an hour at a kilohertz is below 4e6")]
         let steps = steps as u32;
         budget.steps(STEPS * steps as usize * pose.len())?;
-        // The last step may lie beyond the end by rounding.
+        // Steps in gaps are left out. The last step may be beyond the end by rounding.
         let steps = (0..=steps)
             .map(|step| (step, (start_s + f64::from(step) / options.sample_rate_hz).min(end_s)))
             .filter(|(_, stamp_s)| pose.iter().all(|pose| self.between(*pose, *stamp_s).is_some()));
@@ -160,24 +182,26 @@ impl Mapper<'_> {
         Ok(axis)
     }
 
-    /// A measured value between samples; `None` where they are too far apart: by more than the
+    /// A measured value between samples. `None` if they are too far apart: by more than the
     /// setting, or two and a half periods of a slower log.
     fn between(&self, (quantity, channel): (Quantity, &Channel), stamp_s: f64) -> Option<f64> {
-        let share = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
+        let longer = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
         let gap_s = self.options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
-        channel.linear(stamp_s, share * gap_s)
+        channel.linear(stamp_s, longer * gap_s)
     }
 
-    /// The sample at a stamp, which is a time of the flight.
+    /// The sample at a time of the recording, which is a time of the flight.
     fn sample(&self, stamp_s: f64, time_s: f64) -> FlightSample {
         let mut numbers = FlightSample::default().numbers();
         for (&quantity, channels) in &self.quantities.channels {
+            // Setpoints and commands are in force until the next one.
             let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
             for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
                 let between = (!is_held).then(|| self.between((quantity, channel), stamp_s));
                 *cell = between.flatten().unwrap_or_else(|| channel.held(stamp_s));
             }
         }
+        // Interpolated angles may be beyond half a turn.
         let mut sample = FlightSample::from_numbers(numbers);
         sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
         sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
@@ -188,22 +212,23 @@ impl Mapper<'_> {
         FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
     }
 
-    /// Warnings of measured quantities other than the pose that are held over gaps of their own.
-    fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<String> {
-        let measured = [Quantity::Velocity, Quantity::Rate, Quantity::Estimate];
-        Vec::from_iter(measured.into_iter().filter_map(|quantity| {
-            let channels = self.quantities.channels.get(&quantity)?;
+    /// Warnings of measured quantities, other than the pose, that are held over their gaps.
+    fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<Diagnostic> {
+        let mut warnings = Vec::new();
+        for quantity in [Quantity::Velocity, Quantity::Rate, Quantity::Estimate] {
+            let channels = self.quantities.channels.get(&quantity).into_iter().flatten();
             let held = stamps_s.iter().filter(|stamp_s| {
-                channels
-                    .iter()
-                    .any(|channel| self.between((quantity, channel), **stamp_s).is_none())
+                let mut channels = channels.clone();
+                channels.any(|channel| self.between((quantity, channel), **stamp_s).is_none())
             });
-            let (n, n_all) = (held.count(), stamps_s.len());
-            let name = quantity.name();
-            let text =
-                format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
-            (n > 0).then_some(text)
-        }))
+            let (n, n_all, name) = (held.count(), stamps_s.len(), quantity.name());
+            if n > 0 {
+                let text =
+                    format!("{name}: held in {n} of {n_all} samples, where its own log has gaps");
+                warnings.push(Diagnostic::warning("values-held", text));
+            }
+        }
+        warnings
     }
 
     /// All columns that belong to no quantity, held.
@@ -212,6 +237,7 @@ impl Mapper<'_> {
         let used = &self.quantities.used;
         for name in self.recording.names().filter(|name| !used.contains(*name)) {
             let Some(channel) = self.recording.channel(name) else { continue };
+            // Characters that a header cannot hold may make two names one.
             let mut title = extra_name(name);
             while extra.contains_key(&title) {
                 title.push('_');
@@ -223,7 +249,6 @@ impl Mapper<'_> {
     }
 }
 
-/// Refuses a log that is longer than a flight can be.
 fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
@@ -233,7 +258,6 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     Err(input_error!(place, "{span_s:.0} s of log", "{wanted}", "{MILLISECONDS_HINT}"))
 }
 
-/// Refuses numbers beyond a drone's world.
 fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     for sample in samples {
         let numbers = sample.numbers();
@@ -256,39 +280,41 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
 }
 
 /// Names further columns that are a part of a quantity whose other parts are missing.
-fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<String> {
+fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<Diagnostic> {
     let kept = extra.keys().filter_map(|name| name.strip_prefix("log."));
     let halves = kept.filter(|name| Quantity::TABLE.iter().any(|(.., names)| names.contains(name)));
     let halves: Vec<&str> = halves.collect();
     let (first, names) = (halves.first()?, halves.join(", "));
-    Some(format!("{names} without the other columns of the quantity: kept as log.{first}"))
+    let text = format!("{names} without the other columns of the quantity: kept as log.{first}");
+    Some(Diagnostic::warning("quantity-in-part", text))
 }
 
 /// Longest gap of the attitude that is interpolated, relative to that of the position: 1 s by
 /// default. A tilt of 0.1 rad moves a lamp 5 cm from the body's middle by 5 mm only.
 const ATTITUDE_GAPS: f64 = 4.0;
 
-fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<String> {
+fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<Diagnostic> {
     let lengths_s = gaps.iter().map(|[from_s, to_s]| to_s - from_s);
     let longest_s = lengths_s.clone().max_by(f64::total_cmp)?;
     let (n, total_s): (_, f64) = (gaps.len(), lengths_s.sum());
     let shown = gaps.iter().map(|[from_s, to_s]| format!("{from_s:.2}–{to_s:.2} s"));
     let shown = shortened(&shown.collect::<Vec<_>>());
-    Some(format!(
+    let text = format!(
         "{n} gap(s) in the pose, {total_s:.2} s together, longest {longest_s:.2} s, left out: {shown}"
-    ))
+    );
+    Some(Diagnostic::warning("gaps", text))
 }
 
 /// Larger than any room: positions beyond are probably in another unit.
 const FARTHEST_M: f64 = 100.0;
 
-pub(super) fn warn_of_size(samples: &[FlightSample]) -> Option<String> {
+pub(super) fn warn_of_size(samples: &[FlightSample]) -> Option<Diagnostic> {
     let farthest_m = samples.iter().map(|sample| sample.position_m.amax()).fold(0.0, f64::max);
     let text = format!(
         "the position reaches {farthest_m:.0} m: is it in meters? A column of millimeters is named \
          x_mm"
     );
-    (farthest_m > FARTHEST_M).then_some(text)
+    (farthest_m > FARTHEST_M).then(|| Diagnostic::warning("position-far", text))
 }
 
 /// The same angle within (−π, π].
@@ -297,7 +323,7 @@ fn half_turn(angle_rad: f64) -> f64 {
     angle_rad - turns * std::f64::consts::TAU
 }
 
-/// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones; `light` by
+/// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones. `light` by
 /// itself is that of the headlights.
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
     let mut lights = BTreeMap::new();

@@ -1,8 +1,8 @@
 //! Alignment of the motion capture's clock with the drone's, by the path that both have logged.
 //!
-//! The stamps of the computer and of the drone have different zeros. The drone logs the positions
-//! that the motion capture sent (`ae483log.p_x_mocap` …) or its own estimates; the shift that
-//! explains most of their variance is taken.
+//! The clocks of the computer and of the drone have different zeros. The drone logs the positions
+//! that the motion capture sent (`ae483log.p_x_mocap` …) or its estimates. The shift that explains
+//! most of their variance is taken.
 //!
 //! Its world frame may differ from the drone's: turned about the vertical, shifted, with y up. It
 //! is then registered to the drone's by the best rigid transform, if the residual is some
@@ -15,9 +15,10 @@ use super::PositionSource;
 use super::recording::{Block, Channel, Clock, Recording};
 use super::sources::position;
 use noctograph_core::crazyflie::SLOW_CLOCK;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::geometry::turned;
 
-/// Number of stamps at which the two paths are compared.
+/// Number of times at which the two paths are compared.
 const N_STAMPS: u32 = 200;
 
 /// Step of the first search: 1 cm of path at 0.2 m/s.
@@ -32,16 +33,18 @@ const WORST_MISFIT: f64 = 0.2;
 /// Longest gap in the motion capture that is interpolated.
 const MAX_GAP_S: f64 = 0.25;
 
-/// Puts the blocks of the motion capture on the drone's clock, or takes them out with a warning.
-pub(super) fn align(recording: &mut Recording) {
-    if recording.blocks.iter().all(|block| block.clock == Clock::Drone) {
-        return;
+/// The same with the blocks of the motion capture on the drone's clock and in its world, or without
+/// them.
+pub(super) fn aligned(mut log: Recording) -> Recording {
+    if log.blocks.iter().all(|block| block.clock == Clock::Drone) {
+        return log;
     }
-    let path = moving(recording, "ae483log.p_{x y z}_mocap")
-        .or_else(|| position(recording, PositionSource::Firmware))
-        .or_else(|| position(recording, PositionSource::Custom));
-    let mocap = moving(recording, "mocap.{x y z}");
-    let shift = mocap.zip(path).and_then(|(mocap, path)| {
+    // The path that the motion capture sent is the same path. An estimate is nearly the same.
+    let path = moving(&log, "ae483log.p_{x y z}_mocap")
+        .or_else(|| position(&log, PositionSource::Firmware))
+        .or_else(|| position(&log, PositionSource::Custom));
+    let shift = moving(&log, "mocap.{x y z}").zip(path).and_then(|(mocap, path)| {
+        // From the strictest assumption to the weakest: one world, a turned one, one with y up.
         let mut search = Search { mocap, path, free: false };
         for free in [false, true] {
             search.free = free;
@@ -53,24 +56,29 @@ pub(super) fn align(recording: &mut Recording) {
         search.mocap[1].values.iter_mut().for_each(|z| *z = -*z);
         Some((search.shift()?, true))
     });
-    let Some((shift, y_up)) = shift else {
-        recording.blocks.retain(|block| block.clock == Clock::Drone);
-        let text = "the motion capture's clock could not be aligned with the drone's (no common \
-                    path): its columns are left out";
-        recording.warnings.push(text.into());
-        return;
+    let is_laid = match &shift {
+        None => {
+            let text = "the motion capture's clock could not be aligned with the drone's (no \
+                        common path): its columns are left out";
+            log.warn("mocap-left-out", text);
+            false
+        }
+        Some((shift, y_up)) => {
+            log.warnings.extend(shift.warnings(*y_up));
+            !shift.is_elsewhere() || shift.placed.left_m <= MOST_LEFT_M
+        }
     };
-    recording.warnings.extend(shift.warnings(y_up));
-    if shift.is_elsewhere() && shift.placed.left_m > MOST_LEFT_M {
-        recording.blocks.retain(|block| block.clock == Clock::Drone);
-        return;
-    }
-    for block in recording.blocks.iter_mut().filter(|b| b.clock == Clock::Mocap) {
+    let Some((shift, y_up)) = shift.filter(|_| is_laid) else {
+        log.blocks.retain(|block| block.clock == Clock::Drone);
+        return log;
+    };
+    for block in log.blocks.iter_mut().filter(|block| block.clock == Clock::Mocap) {
         block.time_s.iter_mut().for_each(|time_s| *time_s = shift.drone_s(*time_s));
         if shift.is_elsewhere() || y_up {
             shift.place(block, y_up);
         }
     }
+    log
 }
 
 /// Channels of a pattern, if any of them changes.
@@ -80,7 +88,6 @@ fn moving(recording: &Recording, pattern: &str) -> Option<Vec<Channel>> {
     moves.then_some(channels)
 }
 
-/// Relation of the two clocks.
 #[derive(Debug)]
 struct Shift {
     /// `drone = pivot_drone + ratio · (mocap − pivot_mocap)`.
@@ -102,7 +109,7 @@ const SAME_RAD: f64 = 0.09;
 const MOST_LEFT_M: f64 = 0.1;
 
 impl Shift {
-    /// Whether the motion capture's world is another than the drone's.
+    /// True if the motion capture's world is another than the drone's.
     fn is_elsewhere(&self) -> bool {
         self.frame_offset_m.amax() > SAME_M || self.placed.turn_rad.abs() > SAME_RAD
     }
@@ -115,6 +122,7 @@ impl Shift {
         let [Some(x), Some(y), Some(z)] = places else { return };
         for i in 0..block.time_s.len() {
             let [x_m, y_m, z_m] = [x, y, z].map(|place| block.columns[place].values[i]);
+            // The same turn of the axes as in the search, then that of the fit.
             let captured_m = if y_up { [x_m, -z_m, y_m] } else { [x_m, y_m, z_m] };
             let placed_m = turned(&captured_m.into(), turn_rad) + move_m;
             for (place, value) in [x, y, z].into_iter().zip(&placed_m) {
@@ -130,42 +138,52 @@ impl Shift {
         self.pivot_drone_s + self.ratio * (mocap_s - self.pivot_mocap_s)
     }
 
-    fn warnings(&self, y_up: bool) -> Vec<String> {
+    fn warnings(&self, y_up: bool) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
+        // A fit of the rate to 0.3 % is noise.
         if (self.ratio - 1.0).abs() > 0.003 {
-            let (ratio, firmware) = match (self.ratio - SLOW_CLOCK).abs() < 0.002 {
+            let is_slow = (self.ratio - SLOW_CLOCK).abs() < 0.002;
+            let (ratio, firmware) = match is_slow {
                 true => (
                     format!("84/85 = {SLOW_CLOCK:.4}"),
                     ", as in firmware up to and with release 2026.08",
                 ),
                 false => (format!("{:.4}", self.ratio), ""),
             };
-            warnings.push(format!(
+            let text = format!(
                 "the drone's clock counts {ratio} s per second of the motion capture's{firmware}"
-            ));
+            );
+            warnings.push(Diagnostic::warning("clock-rate", text));
         }
+        // Then the worlds: laid onto each other, left apart, or nearly one.
         let [x, y, z] = self.frame_offset_m.into();
         let Fit { turn_rad, move_m, left_m, .. } = self.placed;
         let (degrees, left_cm) = (turn_rad.to_degrees(), 100.0 * left_m);
         let axes = if y_up { "y up, " } else { "" };
         let [to_x, to_y, to_z] = move_m.into();
-        if (self.is_elsewhere() || y_up) && left_m <= MOST_LEFT_M {
-            warnings.push(format!(
+        let (code, text) = if (self.is_elsewhere() || y_up) && left_m <= MOST_LEFT_M {
+            let text = format!(
                 "the motion capture's world is another than the drone's: {axes}turned by {degrees:.1}° and \
                  shifted by ({to_x:.3}, {to_y:.3}, {to_z:.3}) m; it is laid onto the drone's, which leaves \
                  {left_cm:.1} cm"
-            ));
+            );
+            ("mocap-turned", text)
         } else if self.is_elsewhere() {
-            warnings.push(format!(
+            let text = format!(
                 "the motion capture's world is another than the drone's, and no turn and shift lays one \
                  onto the other ({left_cm:.0} cm are left): its columns are left out"
-            ));
+            );
+            ("mocap-left-out", text)
         } else if self.frame_offset_m.amax() > 0.05 {
-            warnings.push(format!(
+            let text = format!(
                 "the drone's path lies ({x:.3}, {y:.3}, {z:.3}) m from the motion capture's on \
                  average: their frames may differ, and so may setpoints and positions"
-            ));
-        }
+            );
+            ("mocap-offset", text)
+        } else {
+            return warnings;
+        };
+        warnings.push(Diagnostic::warning(code, text));
         warnings
     }
 }
@@ -174,20 +192,17 @@ impl Shift {
 struct Search {
     mocap: Vec<Channel>,
     path: Vec<Channel>,
-    /// Whether the two worlds may be turned against each other.
+    /// True if the two worlds may be turned against each other.
     free: bool,
 }
 
-/// Residual of one shift.
 #[derive(Clone, Copy, Debug, Default)]
 struct Fit {
     misfit: f64,
-    /// Mean of drone's path − motion capture's path.
     offset_m: Vector3<f64>,
     /// The transform between the paths: a turn about z, then a shift.
     turn_rad: f64,
     move_m: Vector3<f64>,
-    /// Root mean square residual.
     left_m: f64,
 }
 
@@ -198,17 +213,18 @@ impl Search {
         let (stamps, lasts_s) = (stamps(start_s, end_s), end_s - start_s);
         let (low_s, high_s) = (start_s - mocap_end_s, end_s - mocap_start_s);
         let step_s = ((high_s - low_s) / MAX_STEPS).max(COARSE_S);
+        // Coarse to fine: a grid over all shifts, then one around the best of them.
         let coarse_s =
             self.best(&stamps, 0.5 * (low_s + high_s), 0.5 * (high_s - low_s), step_s)?;
         let fine_s = self.best(&stamps, coarse_s, step_s, step_s / 20.0)?;
-        let fit = self.fit(&stamps, fine_s).filter(|fit| fit.misfit < WORST_MISFIT)?;
+        let fit = self.fit(&stamps, fine_s, self.free).filter(|fit| fit.misfit < WORST_MISFIT)?;
         let middle_s = 0.5 * (start_s + end_s);
         let reach_s = 0.02 * lasts_s + COARSE_S;
         // The difference of the halves' shifts is the difference of the clocks' rates.
         let [first_s, second_s] = [(start_s, middle_s), (middle_s, end_s)].map(|(from_s, to_s)| {
             let stamps = self::stamps(from_s, to_s);
             let shift_s = self.best(&stamps, fine_s, reach_s, reach_s / 100.0)?;
-            let good = self.fit(&stamps, shift_s)?.misfit < 0.25 * WORST_MISFIT;
+            let good = self.fit(&stamps, shift_s, self.free)?.misfit < 0.25 * WORST_MISFIT;
             good.then_some(shift_s)
         });
         let slope = first_s.zip(second_s).map_or(0.0, |(a_s, b_s)| (b_s - a_s) / (0.5 * lasts_s));
@@ -221,6 +237,7 @@ impl Search {
         };
         // A slope below 0.3 % is noise of the fit.
         let placed = if slope.abs() > 0.003 {
+            // On the paced clock, the shift is searched once more.
             shift.ratio = 1.0 / (1.0 - slope);
             let mut paced = self.clone();
             for time_s in paced.mocap.iter_mut().flat_map(|channel| &mut channel.time_s) {
@@ -229,10 +246,10 @@ impl Search {
             let near_s = paced.best(&stamps, fine_s, reach_s, 0.01 * reach_s)?;
             let paced_s = paced.best(&stamps, near_s, 0.01 * reach_s, 0.0005 * reach_s)?;
             shift.pivot_drone_s += paced_s - fine_s;
-            shift.frame_offset_m = paced.fit(&stamps, paced_s)?.offset_m;
-            paced.turned_fit(&stamps, paced_s)
+            shift.frame_offset_m = paced.fit(&stamps, paced_s, self.free)?.offset_m;
+            paced.fit(&stamps, paced_s, true)
         } else {
-            self.turned_fit(&stamps, fine_s)
+            self.fit(&stamps, fine_s, true)
         };
         shift.placed = placed.unwrap_or_default();
         Some(shift)
@@ -244,9 +261,10 @@ impl Search {
             return None;
         }
         let (mut best, mut offset_s) = (None, -reach_s);
+        // Exhaustive: the misfit has many local minima.
         while offset_s <= reach_s {
             let shift_s = around_s + offset_s;
-            if let Some(fit) = self.fit(stamps, shift_s)
+            if let Some(fit) = self.fit(stamps, shift_s, self.free)
                 && best.is_none_or(|(misfit, _)| fit.misfit < misfit)
             {
                 best = Some((fit.misfit, shift_s));
@@ -256,34 +274,10 @@ impl Search {
         best.map(|(_, shift_s)| shift_s)
     }
 
-    /// Fits the motion capture, `shift_s` later, to the drone's path up to a constant; `None` where
-    /// less than half of the path was captured or nothing moves.
-    fn fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
-        if self.free {
-            return self.turned_fit(stamps, shift_s);
-        }
-        let (mut left, mut spread, mut offset_m) = (0.0, 0.0, Vector3::zeros());
-        for ((mocap, path), offset) in self.mocap.iter().zip(&self.path).zip(offset_m.iter_mut()) {
-            let pairs: Vec<(f64, f64)> = stamps
-                .iter()
-                .filter_map(|t| {
-                    let captured = mocap.linear(t - shift_s, MAX_GAP_S)?;
-                    Some((path.linear(*t, path_gap_s(path))?, captured))
-                })
-                .collect();
-            if pairs.len() * 2 < stamps.len() {
-                return None;
-            }
-            let (_, logged_sq) = mean_and_spread(pairs.iter().map(|(logged, _)| *logged));
-            let (mean, left_sq) =
-                mean_and_spread(pairs.iter().map(|(logged, captured)| logged - captured));
-            (spread, left, *offset) = (spread + logged_sq, left + left_sq, mean);
-        }
-        Fit::new(left, spread, offset_m, (0.0, offset_m))
-    }
-
-    /// The same up to a turn about z as well, the one that fits best (Horn 1987, in the plane).
-    fn turned_fit(&self, stamps: &[f64], shift_s: f64) -> Option<Fit> {
+    /// Fits the motion capture, `shift_s` later, to the drone's path up to a shift in space, with
+    /// `turns` also up to a turn about z (Horn 1987, in the plane). `None` if less than half of the
+    /// path was captured, or nothing moves.
+    fn fit(&self, stamps: &[f64], shift_s: f64, turns: bool) -> Option<Fit> {
         let mut pairs = Vec::from_iter(stamps.iter().filter_map(|t| {
             let path_m = place_m(&self.path, *t, path_gap_s)?;
             Some((path_m, place_m(&self.mocap, t - shift_s, |_| MAX_GAP_S)?))
@@ -291,6 +285,8 @@ impl Search {
         if pairs.len() * 2 < stamps.len() {
             return None;
         }
+        // The best shift lays one mean onto the other. The best turn is the angle of the sums of
+        // cross and dot products of what is left.
         let n = pairs.len() as f64;
         let [to_m, from_m] = pairs
             .iter()
@@ -305,14 +301,17 @@ impl Search {
         let turned_rad = libm::atan2(sin, cos);
         let [turned_m2, level_m2] = [turned_rad, 0.0].map(|turn| left_m2(&pairs, turn));
         // A nearly vertical path, or one with a large error, does not show a turn.
-        let turns = turned_m2 < 0.25 * level_m2;
+        let turns = turns && turned_m2 < 0.25 * level_m2;
         let (turn_rad, left_m2) = if turns { (turned_rad, turned_m2) } else { (0.0, level_m2) };
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
-        Fit::new(left_m2, spread, to_m - from_m, (turn_rad, to_m - turn * from_m))
+        let (misfit, left_m, offset_m) = (left_m2 / spread, left_m2.sqrt(), to_m - from_m);
+        let move_m = to_m - turn * from_m;
+        // A path of less than two centimeters shows nothing.
+        (spread > 4e-4).then_some(Fit { misfit, offset_m, turn_rad, move_m, left_m })
     }
 }
 
-/// Place at a time; `None` in longer gaps.
+/// Place at a time. `None` in longer gaps.
 fn place_m(channels: &[Channel], time_s: f64, gap_s: fn(&Channel) -> f64) -> Option<Vector3<f64>> {
     let [x, y, z] = [0, 1, 2].map(|k| channels[k].linear(time_s, gap_s(&channels[k])));
     Some(Vector3::new(x?, y?, z?))
@@ -323,20 +322,6 @@ fn left_m2(pairs: &[(Vector3<f64>, Vector3<f64>)], turn_rad: f64) -> f64 {
     let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
     let n = pairs.len() as f64;
     pairs.iter().map(|(to, from)| (to - turn * from).norm_squared() / n).sum()
-}
-
-impl Fit {
-    /// A fit with its residual and the path's variance; `None` if the path moves by less than two
-    /// centimeters.
-    fn new(
-        left_m2: f64,
-        spread_m2: f64,
-        offset_m: Vector3<f64>,
-        (turn_rad, move_m): (f64, Vector3<f64>),
-    ) -> Option<Self> {
-        let (misfit, left_m) = (left_m2 / spread_m2, left_m2.sqrt());
-        (spread_m2 > 4e-4).then_some(Self { misfit, offset_m, turn_rad, move_m, left_m })
-    }
 }
 
 /// Longest gap in the drone's path that is interpolated.
@@ -350,15 +335,8 @@ fn span(channels: &[Channel]) -> (f64, f64) {
 }
 
 fn stamps(start_s: f64, end_s: f64) -> Vec<f64> {
-    let shares = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
-    shares.map(|share| start_s + (end_s - start_s) * share).collect()
-}
-
-/// Mean and mean square distance from it.
-fn mean_and_spread(values: impl ExactSizeIterator<Item = f64> + Clone) -> (f64, f64) {
-    let n = values.len() as f64;
-    let mean = values.clone().sum::<f64>() / n;
-    (mean, values.map(|value| (value - mean) * (value - mean)).sum::<f64>() / n)
+    let fractions = (0..N_STAMPS).map(|i| f64::from(i) / f64::from(N_STAMPS - 1));
+    fractions.map(|fraction| start_s + (end_s - start_s) * fraction).collect()
 }
 
 #[cfg(test)]
@@ -414,7 +392,7 @@ mod tests {
         assert!(shift.is_elsewhere() && shift.placed.left_m < 0.01, "{shift:?}");
         assert!((shift.placed.turn_rad - 0.7).abs() < 1e-3, "{shift:?}");
         assert!((shift.drone_s(4110.0) - (4110.0 - 4097.3 + 223.0)).abs() < 0.004, "{shift:?}");
-        let said = shift.warnings(false).join(" ");
+        let said = shift.warnings(false)[0].to_string();
         assert!(said.contains("turned by 40.1°") && said.contains("leaves"), "{said}");
     }
 

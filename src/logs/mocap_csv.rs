@@ -1,39 +1,40 @@
 //! Heads of motion captures' tables.
 //!
-//! Understood: Motive (a first line `Format Version,…`; lines of types, names and properties above
-//! `Frame,Time (Seconds)`; y up) and Vicon (`Objects`, `Segments` or `Trajectories`, the frames per
-//! second, names, `Frame,Sub Frame,…` and units; z up, rotations left out). The one rigid body is
-//! taken, or the one marker where there is no body; of more, which one is asked for.
+//! Understood: Motive (a first line `Format Version,…`, then lines of types, names and properties
+//! above `Frame,Time (Seconds)`, y up) and Vicon (`Objects`, `Segments` or `Trajectories`, the
+//! frames per second, names, `Frame,Sub Frame,…` and units, z up, rotations left out). The one
+//! rigid body is taken, or without a body the one marker. More of them are refused.
 
 use std::collections::BTreeSet;
 
 use super::Axes;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Separator};
 
-/// Lines of a head.
 const HEAD_LINES: usize = 12;
 
-/// What the head of a motion capture's table says.
+/// Format of a motion capture's table, from its head.
 #[derive(Debug)]
 pub(super) struct Capture {
     pub(super) axes: Axes,
     pub(super) format: &'static str,
-    /// Time of a frame, where rows have no other.
+    /// Time of a frame, if rows have no other.
     pub(super) period_s: Option<f64>,
-    pub(super) notes: Vec<String>,
+    pub(super) warnings: Vec<Diagnostic>,
 }
 
-/// Lines above the rows, as cells.
+/// Header lines, split into cells.
 type Lines<'a> = [Vec<&'a str>];
 
-/// Reads the head of a motion capture's table; `None` for any other. A recognized table is read or
+/// Reads the head of a motion capture's table, `None` for any other. A recognized table is read or
 /// refused with the reason.
 pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>> {
     let start = String::from_utf8_lossy(&text[..text.len().min(1 << 16)]);
     let cells = start.lines().take(HEAD_LINES).map(|line| line.split([',', ';', '\t']));
     let lines: Vec<Vec<&str>> =
         cells.map(|cells| cells.map(|cell| cell.trim().trim_matches('"')).collect()).collect();
+    // The titles are below lines of types and names.
     let head = lines.iter().position(|line| line[0] == "Frame");
     let read = match lines.first().map(|line| line[0]) {
         Some("Format Version") => motive,
@@ -49,7 +50,6 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)
 }
 
-/// Reads a CSV of Motive.
 fn motive(
     file: &str,
     lines: &Lines<'_>,
@@ -70,7 +70,7 @@ fn motive(
     if let Some(space) = space.filter(|space| *space != "Global") {
         return Err(refused(file, &format!("Coordinate Space {space}"), "Global"));
     }
-    // The lines above: types, names, numbers, properties.
+    // The lines above: types, names, numbers, properties. The body's columns are those of its type.
     let above: Vec<&Vec<&str>> = lines[1..head].iter().filter(|line| line.len() > 2).collect();
     let [types, properties] = [&["Rigid Body", "Marker"][..], &["Position"]].map(|wanted| {
         above.iter().position(|line| line[2..].iter().any(|cell| wanted.contains(cell)))
@@ -94,19 +94,14 @@ fn motive(
             }
         });
     }
-    let mut notes = Vec::new();
-    if !quaternion {
-        notes.push("rotations are not quaternions: they are not read (export them as such)".into());
-    }
-    if others > 0 {
-        notes
-            .push(format!("{others} columns of Motive beside the pose are kept as motive.column…"));
-    }
+    let turns = "rotations are not quaternions: they are not read (export them as such)";
+    let kept = format!("{others} columns of Motive beside the pose are kept as motive.column…");
+    let notes = [(!quaternion).then(|| turns.to_owned()), (others > 0).then_some(kept)];
+    let warnings = Diagnostic::warnings("not-read", notes.into_iter().flatten());
     let head = Head::named(titles, separator, head + 1);
-    Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, notes }))
+    Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, warnings }))
 }
 
-/// Reads a CSV of Vicon.
 fn vicon(
     file: &str,
     lines: &Lines<'_>,
@@ -120,6 +115,7 @@ fn vicon(
     let above = head.checked_sub(1).and_then(|line| lines.get(line)).into_iter().flatten();
     let names = above.copied().filter(|name| !name.is_empty());
     one_of(file, lines[0][0], names)?;
+    // Titles with the units of the line below them.
     let (mut titles, mut others) = (Vec::new(), 0);
     for (index, title) in lines[head].iter().enumerate() {
         let unit = lines.get(head + 1).and_then(|units| units.get(index));
@@ -137,13 +133,12 @@ fn vicon(
         });
     }
     let note = format!("{others} columns of rotations of Vicon are not read, and kept as vicon.…");
-    let notes = if others > 0 { vec![note] } else { Vec::new() };
+    let warnings = Diagnostic::warnings("not-read", (others > 0).then_some(note));
     let head = Head::named(titles, separator, head + 2);
     let period_s = Some(1.0 / rate_hz);
-    Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, notes }))
+    Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, warnings }))
 }
 
-/// Refuses a table of more than one body.
 fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
     let bodies: BTreeSet<&str> = bodies.collect();
     if bodies.len() == 1 {

@@ -1,48 +1,42 @@
-//! Plain tables: t, x, y, z and others, under their usual names; range logs of a drone with a Loco
+//! Plain tables: t, x, y, z and others, under their usual names. Range logs of a drone with a Loco
 //! deck.
 //!
-//! What is understood: the usual titles ([`super::titles`]), also as the ends of paths
+//! Understood: the usual titles ([`super::titles`]), also as the ends of paths
 //! (`/cf1/pose/position/x` of `PlotJuggler`, `field.pose.position.x` of rosbag), with their units
-//! at their end or in brackets (`x_mm`, `yaw [deg]`, `Time (Seconds)`); the tables of Motive and
-//! Vicon ([`super::mocap_csv`]); files without a head, t, x, y, z, or with eight columns between
-//! blanks t, x, y, z and the quaternion x, y, z, w (TUM). Other columns are kept and named; another
-//! unit is refused, and so are the poses of two bodies.
+//! at their end or in brackets (`x_mm`, `yaw [deg]`). The tables of Motive and Vicon
+//! ([`super::mocap_csv`]). Files without a head: t, x, y, z, or between blanks t, x, y, z and the
+//! quaternion x, y, z, w (TUM). Times in two columns. Other columns are kept and named. Another
+//! unit, poses of two bodies, rows of several drones and tables in long form are refused.
 //!
 //! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
-//! units. Each guess is a warning, and an option says otherwise.
-//!
-//! A row of a range log (`index,timestamp,ranging.distance0,ranging.distance2 …`, meters) brings
-//! one new range, and its stamp is a date or a number: the flight keeps the rows with their own
-//! times, and has no position.
-//!
-//! Stamps may stand in two columns: a date and a time of day, or seconds and a fraction of them in
-//! whole units. Rows of several drones, and tables in long form (time, name, value), are refused.
+//! units. Each guess is a warning that an option can override. The flight of a range log
+//! (`index,timestamp,ranging.distance0 …`, meters, one new range a row) keeps the times of the
+//! rows, and has no position.
 
 use std::collections::BTreeMap;
 
 use super::mocap_csv::Capture;
 use super::recording::{Block, Column, Recording};
 use super::titles::{ANGLES, Title, in_si_units};
-use super::{AngleUnit, Axes, Job, TimeUnit, cells, firmware, rows, subjects};
+use super::{AngleUnit, Axes, Job, TimeUnit, cells, firmware, format, rows, subjects};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{DEGREE, Head, Separator, SheetColumn, Text};
 use noctograph_core::flight::csv::is_standard_column;
 use noctograph_core::flight::stamps::unit_of;
 
-/// Names of the columns where a file has no header.
+/// Names of the columns of a file without a header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];
 
 /// Names of the columns of a file without a header and with blanks between its eight cells.
 const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
-/// Beginning of the names of range columns.
 const RANGE: &str = "ranging.distance";
 
-/// Longest time over which rows of one stamp are spread: stamps may have whole seconds.
+/// Longest time over which rows of one time are spread: times may be whole seconds.
 const ROW_S: f64 = 1.0;
 
-/// Reads a plain table, or one of a motion capture, whose format says what it is; its stamps may be
-/// those of a clock that others share.
+/// Reads a plain table, or one of a motion capture, whose format has other units and axes.
 pub(super) fn read(
     text: &Text<'_>,
     mut head: Head,
@@ -52,92 +46,100 @@ pub(super) fn read(
     let Job { file, options, .. } = job;
     let mut log =
         Recording { firmware: firmware::in_comments(&text.bytes), ..Recording::new(file) };
-    let mut unnamed = None;
-    if head.titles.is_empty() {
-        let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
-        let message = message_of_ros(text, &head);
-        let names = message.unwrap_or(if is_tum { &TUM } else { &UNNAMED });
-        let others = (names.len() + 1..=head.n_columns).map(|number| format!("column{number}"));
-        head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
-        head.titles.truncate(head.n_columns);
-        let as_printed = message.map_or("", |_| ", as `ros2 topic echo --csv` prints a pose");
-        let names = names.join(", ");
-        unnamed = Some(format!("no head: the columns are taken as {names}{as_printed}"));
-    }
+
+    // The cells below the titles, of which those of a drone have to be numbers.
+    let unnamed = named_by_order(text, &mut head);
+    let is_imported = format::is_imported(&head);
     let (mut sheet, mut are_dated) = cells::read_rows(text, head, job, |title| {
         Title::parse(title).is_known || title.starts_with("ranging.")
     })
     .map_err(|error| because(error, unnamed.as_deref()))?;
-    log.warnings.append(&mut sheet.notes);
-    log.warnings.extend(unnamed);
+    log.warn_of_notes(&sheet.notes);
+    log.warn_of_notes(unnamed.as_slice());
     rows::check(&sheet, file)?;
     sheet.columns.retain(|column| !column.is_text());
     let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
-    rows::join_stamps(&mut sheet.columns, &mut are_dated, file, &mut log.warnings)?;
+    rows::join_times(&mut sheet.columns, &mut are_dated, &mut log)?;
+
+    // The format, if the head shows it.
+    let is_captured = captured.is_some();
     let mut period_s = options.period_s;
-    if let Some(captured) = &captured {
+    if let Some(captured) = captured {
         (log.axes, log.in_format) = (captured.axes, Some(captured.format));
-        log.warnings.extend_from_slice(&captured.notes);
+        log.warnings.extend(captured.warnings);
         period_s = captured.period_s.or(period_s);
     } else if is_px4(&titles) {
         (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
+
+    // The columns by our names, then their times.
     let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
     for column in sheet.columns {
         let is_dated = are_dated[column.number - 1];
         columns.add(column, is_dated)?;
     }
-    let Columns { mut log, time, mut named, mut unknown, .. } = columns;
-    subjects::resolve(&mut log, &mut named, &mut unknown)?;
-    log.is_stamped = time.is_some();
+    let Columns { mut log, time, mut named, .. } = columns;
+    subjects::resolve(&mut log, &mut named)?;
+    log.is_stamped = time.is_some() && !is_imported;
     let mut time_s = match (time, period_s) {
-        (Some(_), Some(_)) if captured.is_none() => {
+        (Some(_), Some(_)) if !is_captured => {
             let wanted = "none, since a period is given";
             return Err(Error::input(file, "a column of times", wanted, "leave the period out"));
         }
         (Some((_, time_s)), _) => time_s,
-        (None, Some(period_s)) => stamps(&named, captured.is_some(), period_s),
-        (None, None) => {
-            let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds \
-                          between two rows";
-            let hint = "name the column of times t, or give the period of the rows";
-            let is_title = |title: &String| {
-                !title.is_empty()
-                    && title.parse::<f64>().is_err()
-                    && !title.contains([':', '=', '[', '{'])
-            };
-            let n_titles = titles.iter().filter(|title| is_title(title)).count();
-            if 2 * n_titles <= titles.len() {
-                let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
-                let first = String::from_utf8_lossy(first.unwrap_or_default());
-                let first: String = first.trim().chars().take(48).collect();
-                let seen = format!("lines that are no table, such as {first:?}");
-                let hint = "write the time and the position of each sample to columns, below a \
-                            head t,x,y,z";
-                return Err(Error::input(file, seen, "a table with a column of times", hint));
-            }
-            let titles = format!("the columns {}", titles.join(", "));
-            let error = Error::input("times", titles, wanted, hint);
-            return Err(error.coded("times-missing").in_file(file, 1));
-        }
+        (None, Some(period_s)) => numbered_times(&named, is_captured, period_s),
+        (None, None) => return Err(without_times(text, &titles, file)),
     };
     if titles.iter().any(|title| title.starts_with(RANGE)) && spread_rows(&mut time_s) {
-        log.warnings
-            .push("several rows share a stamp: they are spread evenly up to the next".into());
+        let text = "several rows share a stamp: they are spread evenly up to the next";
+        log.warn("times-equal", text);
     }
-    if !unknown.is_empty() {
-        let names = unknown.join(", ");
-        log.warnings.push(format!("unknown columns are kept unchanged: {names}"));
-    }
-    let mut block = Block { name: "csv".into(), time_s, columns: named, ..Block::default() };
-    rows::check_places(&block, file)?;
-    resolve_angles(&mut block, options.angle_unit, &mut log.warnings);
+    let block = Block { name: "csv".into(), time_s, columns: named, ..Block::default() };
+    rows::check_positions(&block, file)?;
     log.blocks = vec![block];
+    resolve_angles(&mut log, options.angle_unit);
     Ok(log)
 }
 
+/// Names the columns of a table without a head by their order. Returns what was assumed.
+fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
+    if !head.titles.is_empty() {
+        return None;
+    }
+    let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
+    let message = message_of_ros(text, head);
+    let names = message.unwrap_or(if is_tum { &TUM } else { &UNNAMED });
+    let others = (names.len() + 1..=head.n_columns).map(|number| format!("column{number}"));
+    head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
+    head.titles.truncate(head.n_columns);
+    let as_printed = message.map_or("", |_| ", as `ros2 topic echo --csv` prints a pose");
+    Some(format!("no head: the columns are taken as {}{as_printed}", names.join(", ")))
+}
+
+/// The error for a table without times, or for lines that are no table.
+fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
+    let are_titles = titles.iter().filter(|title| {
+        !title.is_empty() && title.parse::<f64>().is_err() && !title.contains([':', '=', '[', '{'])
+    });
+    // Numbers and signs in most titles: these are not titles.
+    if 2 * are_titles.count() <= titles.len() {
+        let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
+        let first = String::from_utf8_lossy(first.unwrap_or_default());
+        let first: String = first.trim().chars().take(48).collect();
+        let seen = format!("lines that are no table, such as {first:?}");
+        let hint =
+            "write the time and the position of each sample to columns, below a head t,x,y,z";
+        return Error::input(file, seen, "a table with a column of times", hint);
+    }
+    let titles = format!("the columns {}", titles.join(", "));
+    let wanted = "a column of times (t, time, time_s, timestamp, t_ms …), or the seconds between \
+                  two rows";
+    let hint = "name the column of times t, or give the period of the rows";
+    Error::input("times", titles, wanted, hint).coded("times-missing").in_file(file, 1)
+}
+
 /// The names of the first columns of a message with a pose, as `ros2 topic echo --csv` prints it
-/// without a head: stamp and frame, a second frame of an odometry or a transform, and the pose.
+/// without a head: time and frame, a second frame of an odometry or a transform, and the pose.
 fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str]> {
     const POSE: [&str; 10] = ["sec", "nanosec", "frame", "x", "y", "z", "qx", "qy", "qz", "qw"];
     const ODOMETRY: [&str; 11] =
@@ -146,17 +148,17 @@ fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str
     let row = String::from_utf8_lossy(row);
     let cells: Vec<&str> = row.trim_end().split(',').collect();
     let are_numbers: Vec<bool> = cells.iter().map(|cell| cell.parse::<f64>().is_ok()).collect();
+    // Time in two whole numbers, then the names of one frame or two, then numbers.
     let names: &[&str] = match (&are_numbers[..], cells.len()) {
         ([true, true, false, false, ..], 11..) => &ODOMETRY,
         ([true, true, false, true, ..], 10..) => &POSE,
         ([true, true, false, true, ..], 6) => &POSE[..6],
         _ => return None,
     };
-    let is_stamp = cells[..2].iter().all(|cell| cell.bytes().all(|byte| byte.is_ascii_digit()));
-    is_stamp.then_some(names)
+    let is_time = cells[..2].iter().all(|cell| cell.bytes().all(|byte| byte.is_ascii_digit()));
+    is_time.then_some(names)
 }
 
-/// An error with what was assumed of a table without a head.
 fn because(mut error: Error, assumed: Option<&str>) -> Error {
     if let (Error::Input { hint, .. }, Some(assumed)) = (&mut error, assumed) {
         *hint = format!("{assumed}; write a head above the rows if that is wrong");
@@ -164,7 +166,7 @@ fn because(mut error: Error, assumed: Option<&str>) -> Error {
     error
 }
 
-/// Whether a header is that of PX4's `vehicle_local_position`, whose z points down.
+/// True for the header of PX4's `vehicle_local_position`, whose z points down.
 fn is_px4(header: &[String]) -> bool {
     let titles: Vec<&str> = header.iter().map(String::as_str).collect();
     titles.contains(&"z")
@@ -172,8 +174,8 @@ fn is_px4(header: &[String]) -> bool {
         && ["ref_timestamp", "z_valid", "dist_bottom"].iter().any(|name| titles.contains(name))
 }
 
-/// Stamps of rows without times: by their numbers, or by those of the frames of a capture.
-fn stamps(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
+/// Times of rows by their numbers, or by those of the frames of a capture.
+fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     let n = named.first().map_or(0, |column| column.values.len());
     match named.iter().find(|column| by_frame && column.name == "index") {
         Some(frames) => frames.values.iter().map(|frame| frame * period_s).collect(),
@@ -186,27 +188,27 @@ fn stamps(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
 struct Columns {
     log: Recording,
     time_unit: TimeUnit,
-    /// The title of the times, and the times.
     time: Option<(String, Vec<f64>)>,
     named: Vec<Column>,
     /// The title and the body that each name is from.
     from: BTreeMap<String, (String, String)>,
-    unknown: Vec<String>,
 }
 
 impl Columns {
+    /// Adds a column under our name and in SI units, or as the times.
     fn add(&mut self, column: SheetColumn, is_dated: bool) -> Result<()> {
         let SheetColumn { title, number, values, .. } = column;
         let Title { mut name, is_known, unit, body, other_unit } = Title::parse(&title);
         if let Some(other) = other_unit {
             let wanted = "m, cm, mm, in, ft, s, ms, us, ns, min, h, d, rad, deg, or these by s";
             let hint = "convert the column, or correct its title";
-            return Err(self.refused(
+            return Err(Error::input(
                 format!("column {title}"),
                 format!("the unit {other}"),
                 wanted,
                 hint,
-            ));
+            )
+            .in_file(&self.log.file, None));
         }
         // An index of dates, as pandas writes it.
         if is_dated && name == "index" {
@@ -214,52 +216,50 @@ impl Columns {
         }
         // The first column of times may be empty, and the second filled.
         if name == "t" && (title == "t" || is_dated || values.iter().any(|value| !value.is_nan())) {
-            let (time_s, note) = times(&title, values, is_dated, unit, self.time_unit);
+            let (time_s, guess) = times(&title, values, is_dated, unit, self.time_unit);
             if let Some((first, _)) = &self.time {
-                self.log
-                    .warnings
-                    .push(format!("the times are those of {first}; {title} has others"));
+                let text = format!("the times are those of {first}; {title} has others");
+                self.log.warn("times-twice", text);
                 self.named.push(Column::new(title, time_s));
             } else {
-                self.log.warnings.extend(note);
+                self.log.warnings.extend(guess);
                 self.time = Some((title, time_s));
             }
             return Ok(());
         }
+        let mut unknown = None;
         // PX4's heading is the yaw of its world.
         if name == "heading" && self.log.in_format.is_some() {
             name = "yaw_rad".to_owned();
         } else if name == "t" {
             name.clone_from(&title);
         } else if !is_known && !is_expected(&title) {
-            self.unknown.push(format!("{title} (column {number})"));
+            unknown = Some(format!("{title} (column {number})"));
         }
+        // Of two columns of one quantity the first is taken, if they are of one body.
         if is_known && let Some((first, first_body)) = self.from.get(&name) {
             if *first_body != body {
                 let place = format!("columns {first} and {title}");
                 let hint = "keep the columns of one body";
-                return Err(self.refused(place, "two bodies".into(), "one, for a flight", hint));
+                let error = Error::input(place, "two bodies", "one, for a flight", hint);
+                return Err(error.in_file(&self.log.file, None));
             }
-            self.log.warnings.push(format!(
-                "{title} (column {number}) is one quantity with {first}, which is taken"
-            ));
+            let text =
+                format!("{title} (column {number}) is one quantity with {first}, which is taken");
+            self.log.warn("column-twice", text);
             name.clone_from(&title);
         }
         self.from.entry(name.clone()).or_insert_with(|| (title, body));
-        self.named.push(in_si_units(name, unit, values));
+        self.named.push(Column { unknown, ..in_si_units(name, unit, values) });
         Ok(())
-    }
-
-    fn refused(&self, place: String, cause: String, wanted: &str, hint: &str) -> Error {
-        Error::input(place, cause, wanted, hint).in_file(&self.log.file, None)
     }
 }
 
-/// Whether a title outside the pose is one of ours, or a variable of the firmware.
+/// True for a title outside the pose that is one of ours, or a variable of the firmware.
 fn is_expected(title: &str) -> bool {
     // Columns of the simulator, and the numbers of rows.
-    const OWN: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
-    OWN.split(' ').any(|own| own == title)
+    const OURS: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
+    OURS.split(' ').any(|known| known == title)
         || is_standard_column(title)
         || title.split_once('.').is_some_and(|(group, name)| {
             let are_plain = [group, name].iter().all(|text| {
@@ -269,21 +269,26 @@ fn is_expected(title: &str) -> bool {
         })
 }
 
-/// Times in s of a column of stamps, and what was guessed.
+/// Times in s of a column, and a warning of what was guessed.
 fn times(
     title: &str,
     mut values: Vec<f64>,
     is_dated: bool,
     unit: Option<f64>,
     wanted: TimeUnit,
-) -> (Vec<f64>, Option<String>) {
+) -> (Vec<f64>, Option<Diagnostic>) {
     if is_dated {
-        let wraps = midnights(&mut values);
+        let wraps = undo_midnights(&mut values);
         let text = format!("column {title}: its clock begins again {wraps} time(s); undone");
-        return (values, (wraps > 0).then_some(text));
+        return (values, (wraps > 0).then(|| Diagnostic::warning("clock-wrapped", text)));
     }
+    // An option is better than the title, and that is better than the steps.
     let (named_s, inferred) = (wanted.seconds().or(unit), unit_of(&values));
     let (unit_s, step) = (named_s.unwrap_or(inferred.unit_s), inferred.step);
+    values.iter_mut().for_each(|value| *value *= unit_s);
+    if named_s.is_some() || unit_s == 1.0 && !inferred.in_doubt {
+        return (values, None);
+    }
     let guess = if unit_s != 1.0 {
         format!(
             "taken as {unit_s} s a unit, since its rows are {step} apart, which is no step of a log \
@@ -292,16 +297,16 @@ fn times(
     } else {
         format!("its rows are {step} apart, taken as seconds, not milliseconds")
     };
-    let is_guess = named_s.is_none() && (unit_s != 1.0 || inferred.in_doubt);
-    values.iter_mut().for_each(|value| *value *= unit_s);
-    (values, is_guess.then(|| format!("column {title}: {guess}")))
+    (values, Some(Diagnostic::warning("unit-guessed", format!("column {title}: {guess}"))))
 }
 
-/// Adds a day, half a day or an hour wherever a clock falls by about as much; returns how often.
-fn midnights(times_s: &mut [f64]) -> u32 {
+/// Adds a day, half a day or an hour after each fall of a clock by about as much. Returns how
+/// often.
+fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
     let (mut added_s, mut last_s, mut wraps) = (0.0, f64::NEG_INFINITY, 0);
     for time_s in times_s.iter_mut().filter(|t| t.is_finite() && **t < 90_000.0) {
+        // Dates do not begin again: only times of a day are looked at.
         let fall_s = last_s - *time_s;
         last_s = *time_s;
         for day_s in [86_400.0, 43_200.0, 3600.0] {
@@ -323,18 +328,17 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
-/// Whether the angles whose unit is not known are degrees, and what makes it a guess; nothing where
-/// they are plainly radians.
+/// True if the angles whose unit is not known are degrees, and what makes it a guess. No reason is
+/// given for plain radians.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
-    let (lean, all) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
-    let (leans, reaches, mean) = (most(&lean), most(&all), rms(&lean));
+    let (lean, angles) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
+    let (leans, reaches, mean) = (most(&lean), most(&angles), rms(&lean));
+    // From the surest sign to the weakest.
     if reaches > std::f64::consts::TAU {
         (true, Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned()))
     } else if leans > std::f64::consts::FRAC_PI_2 {
-        (
-            true,
-            Some(format!("pitch and roll reach {leans:.2}, which would be upside down in radians")),
-        )
+        let odd = "which would be upside down in radians";
+        (true, Some(format!("pitch and roll reach {leans:.2}, {odd}")))
     } else if mean > 0.35 {
         let odd = "which no flight holds in radians";
         (true, Some(format!("pitch and roll are {mean:.2} on average, {odd}")))
@@ -348,30 +352,38 @@ pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
 }
 
 /// Sets the unit of angles and angular velocities whose titles name none.
-pub(super) fn resolve_angles(block: &mut Block, wanted: AngleUnit, warnings: &mut Vec<String>) {
+pub(super) fn resolve_angles(
+    Recording { blocks, warnings, .. }: &mut Recording,
+    wanted: AngleUnit,
+) {
     let is_auto = wanted == AngleUnit::Auto;
-    let (are_degrees, why) = are_degrees(block);
-    if let Some(why) = why.filter(|_| is_auto) {
-        let unit = if are_degrees { "degrees" } else { "radians, not degrees" };
-        warnings.push(format!("{why}: taken as {unit}"));
-    }
-    if wanted == AngleUnit::Degrees || is_auto && are_degrees {
-        from_degrees(block, false);
-    }
-    let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
-    // The rates have to match the slopes of roll and pitch.
-    let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
-    let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
-    let slopes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
-    let turns = rms(&slopes.filter(|slope| slope.is_finite()).collect::<Vec<_>>());
-    let too_fast = match turns > 0.01 && !rates.is_empty() {
-        true => rms(&rates) / turns > 7.6,
-        false => most(&rates) > 35.0,
-    };
-    if wanted == AngleUnit::Degrees || is_auto && too_fast {
-        from_degrees(block, true);
-        let text = "angular velocities without a unit are too fast for rad/s: taken as degrees";
-        warnings.extend(is_auto.then(|| text.to_owned()));
+    for block in blocks {
+        let (are_degrees, why) = are_degrees(block);
+        if let Some(why) = why.filter(|_| is_auto) {
+            let unit = if are_degrees { "degrees" } else { "radians, not degrees" };
+            let text = format!("{why}: taken as {unit}");
+            warnings.push(Diagnostic::warning("unit-guessed", text));
+        }
+        if wanted == AngleUnit::Degrees || is_auto && are_degrees {
+            from_degrees(block, false);
+        }
+        // The rates have to match the changes of roll and pitch, which are in radians by now.
+        let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
+        let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
+        let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
+        let changes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
+        let turns = rms(&changes.filter(|change| change.is_finite()).collect::<Vec<_>>());
+        let too_fast = match turns > 0.01 && !rates.is_empty() {
+            true => rms(&rates) / turns > 7.6,
+            false => most(&rates) > 35.0,
+        };
+        if is_auto && too_fast {
+            let text = "angular velocities without a unit are too fast for rad/s: taken as degrees";
+            warnings.push(Diagnostic::warning("unit-guessed", text));
+        }
+        if wanted == AngleUnit::Degrees || is_auto && too_fast {
+            from_degrees(block, true);
+        }
     }
 }
 
@@ -389,14 +401,14 @@ fn from_degrees(block: &mut Block, are_rates: bool) {
     open.flat_map(|column| &mut column.values).for_each(|value| *value *= DEGREE);
 }
 
-/// Spreads rows of one stamp evenly up to the next stamp, or over a second; returns whether there
-/// are any.
+/// Spreads rows of one time evenly up to the next, or over a second. Returns true if there are any.
 fn spread_rows(time_s: &mut [f64]) -> bool {
     let mut any = false;
     let mut first = 0;
     while first < time_s.len() {
         let stamp_s = time_s[first];
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
+        // The rows of one time last until the next time.
         let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
         any |= n > 1;
         for (k, t) in time_s[first..first + n].iter_mut().enumerate() {
@@ -422,8 +434,9 @@ mod tests {
     #[test]
     fn a_column_is_numbered_by_its_place_in_the_file() {
         let log = read(b"t,mode,x,y,z,foo\n0,hover,0,0,1,5\n1,hover,0,0,1,6\n", "a.csv").unwrap();
-        let said = log.warnings.join("\n");
-        assert!(said.contains("mode (column 2,") && said.contains("foo (column 6)"), "{said}");
+        let said = crate::tests::said(&log);
+        assert!(said.contains("mode (column 2,"), "{said}");
+        assert_eq!(log.blocks[0].columns[3].unknown.as_deref(), Some("foo (column 6)"));
     }
 
     fn value(text: &str, name: &str) -> f64 {

@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::{Axes, HINT, MAX_VARIABLES};
-use noctograph_core::error::{Place, Result};
+use noctograph_core::diagnostic::Diagnostic;
+use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Budget;
-use noctograph_core::input_error;
 use noctograph_core::statistics::median;
 
-/// Most variables that become quantities of a flight, each as a channel of its own.
+/// Most variables that become quantities of a flight, each as a channel.
 const MAX_CHANNELS: usize = 32;
 
 /// Steps of the work on a number until it is part of a channel.
@@ -18,24 +18,22 @@ const STEPS: usize = 10;
 /// units of the log.
 #[derive(Debug, Default)]
 pub(super) struct Recording {
-    /// Name of the file in messages.
     pub(super) file: String,
     pub(super) blocks: Vec<Block>,
-    /// Period after which the drone's stamps start again at zero; `None` where they never do.
+    /// Period after which the drone's times start again at zero, if they do.
     pub(super) wrap_s: Option<f64>,
-    /// Whether it is stamped by `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up
-    /// to and with release 2026.08; otherwise by the true ticks of the operating system. Version 1
-    /// has milliseconds, and wraps.
+    /// True for times of `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and
+    /// with release 2026.08. Others are true ticks of the operating system.
     pub(super) is_on_card: bool,
-    /// The drone's firmware, as the log names it.
+    /// The drone's firmware, by its name in the log.
     pub(super) firmware: Option<String>,
-    /// Whether its stamps are on a clock that other logs may share.
+    /// True if its times are on a clock that other logs may have, too.
     pub(super) is_stamped: bool,
     /// Axes of the world of its plain columns, as far as the format says.
     pub(super) axes: Axes,
     /// The format that says so.
     pub(super) in_format: Option<&'static str>,
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Vec<Diagnostic>,
 }
 
 /// Columns that were logged together.
@@ -43,27 +41,28 @@ pub(super) struct Recording {
 pub(super) struct Block {
     pub(super) name: String,
     pub(super) clock: Clock,
-    /// Stamps; as logged until [`super::clock::repair_stamps`], then rising.
+    /// Times, as logged until [`super::clock::repaired`]. Then they rise.
     pub(super) time_s: Vec<f64>,
     pub(super) columns: Vec<Column>,
 }
 
-/// Clock of the stamps of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Clock {
     #[default]
     Drone,
-    /// The computer of the motion capture, with a zero of its own.
+    /// The computer of the motion capture, with another zero.
     Mocap,
 }
 
-/// One logged variable. Cells without a number are not finite; a [`Channel`] leaves them out.
-#[derive(Debug)]
+/// One logged variable. Cells without a number are not finite. A [`Channel`] leaves them out.
+#[derive(Debug, Default)]
 pub(super) struct Column {
     pub(super) name: String,
     pub(super) values: Vec<f64>,
-    /// Whether it is an angle, or an angular velocity, whose title names no unit.
+    /// True for an angle, or an angular velocity, whose title names no unit.
     pub(super) is_open_angle: bool,
+    /// Its title and number in a table, if the title is not known.
+    pub(super) unknown: Option<String>,
 }
 
 /// A variable over time: finite values at strictly rising times.
@@ -71,36 +70,40 @@ pub(super) struct Column {
 pub(super) struct Channel {
     pub(super) time_s: Vec<f64>,
     pub(super) values: Vec<f64>,
-    /// Median time between two samples; zero for a single one.
+    /// Median time between two samples, zero for a single one.
     pub(super) period_s: f64,
 }
 
 impl Column {
     pub(super) fn new(name: String, values: Vec<f64>) -> Self {
-        Self { name, values, is_open_angle: false }
+        Self { name, values, ..Self::default() }
     }
 }
 
 impl Block {
-    /// The first variable of this name.
     pub(super) fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
 
-    /// The same, to be changed.
     pub(super) fn column_mut(&mut self, name: &str) -> Option<&mut Column> {
         self.columns.iter_mut().find(|column| column.name == name)
     }
 }
 
 impl Recording {
-    /// An empty recording of a file by its name in messages.
     pub(super) fn new(file: &str) -> Self {
         Self { file: file.to_owned(), ..Self::default() }
     }
 
-    /// The first variable of this name over time; `None` where it was not logged or never had a
-    /// value.
+    pub(super) fn warn(&mut self, code: &'static str, message: impl Into<String>) {
+        self.warnings.push(Diagnostic::warning(code, message));
+    }
+
+    pub(super) fn warn_of_notes(&mut self, notes: &[String]) {
+        self.warnings.extend(Diagnostic::warnings("read-as", notes));
+    }
+
+    /// The first variable of this name over time, if it was logged and ever had a value.
     pub(super) fn channel(&self, name: &str) -> Option<Channel> {
         let mut blocks = self.blocks.iter();
         let (block, column) = blocks.find_map(|block| Some((block, block.column(name)?)))?;
@@ -110,8 +113,8 @@ impl Recording {
         (!values.is_empty()).then(|| Channel::new(time_s, values))
     }
 
-    /// Variables whose names differ in the parts in braces, such as `mocap.{x y z}`; `None` where
-    /// one is missing.
+    /// Variables whose names differ in the parts in braces, such as `mocap.{x y z}`. `None` if one
+    /// is missing.
     pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
         names(pattern).map(|name| self.channel(&name)).collect()
     }
@@ -119,22 +122,18 @@ impl Recording {
     /// Checks that there are no more variables than a log may have.
     pub(super) fn check_variables(&self) -> Result<()> {
         let n = self.names().count().max(self.blocks.len());
-        if n > MAX_VARIABLES {
-            let most = MAX_VARIABLES;
-            return Err(input_error!(
-                Place::file(&self.file),
-                "{n} variables",
-                "at most {most}",
-                "{HINT}"
-            ));
+        if n <= MAX_VARIABLES {
+            return Ok(());
         }
-        Ok(())
+        let (actual, wanted) = (format!("{n} variables"), format!("at most {MAX_VARIABLES}"));
+        Err(Error::input(Place::file(&self.file), actual, wanted, HINT))
     }
 
-    /// Checks that the work on it is within a budget: its channels are copies.
+    /// Checks that the work on it is within a budget. Its channels are copies.
     pub(super) fn check(&self, budget: &Budget) -> Result<()> {
         self.check_variables()?;
         for Block { time_s, columns, .. } in &self.blocks {
+            // Twice the numbers of the channels: times and values.
             budget.bytes(2 * size_of::<f64>() * time_s.len() * columns.len().min(MAX_CHANNELS))?;
             budget.steps(STEPS * time_s.len() * (columns.len() + 1))?;
         }
@@ -146,8 +145,11 @@ impl Recording {
         self.blocks.iter().flat_map(|block| block.columns.iter().map(|c| c.name.as_str()))
     }
 
-    /// Gives each column a name of its own: a second `x` becomes `block:x`, a third `block:x:2`.
-    pub(super) fn name_apart(&mut self) {
+    /// The same without empty blocks, and with different names of all columns: a second `x` becomes
+    /// `block:x`, a third `block:x:2`.
+    pub(super) fn with_different_names(mut self) -> Self {
+        // An event that never came would shadow logged variables of the same names.
+        self.blocks.retain(|block| !block.time_s.is_empty());
         let mut taken = BTreeSet::new();
         for block in &mut self.blocks {
             for column in &mut block.columns {
@@ -161,19 +163,19 @@ impl Recording {
                 column.name = name;
             }
         }
+        self
     }
 
-    /// Warns of cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
             let empty = block.columns.iter().filter_map(|Column { name, values, .. }| {
                 let n = values.iter().filter(|value| !is_number(**value)).count();
                 (n > 0).then(|| format!("{name} ({n} of {})", values.len()))
             });
-            let empty: Vec<String> = empty.collect();
-            if !empty.is_empty() {
-                let list = empty.join(", ");
-                self.warnings.push(format!("cells without a number are left out: {list}"));
+            let list = empty.collect::<Vec<_>>().join(", ");
+            if !list.is_empty() {
+                let text = format!("cells without a number are left out: {list}");
+                self.warnings.push(Diagnostic::warning("cells-empty", text));
             }
         }
     }
@@ -186,12 +188,12 @@ pub(super) fn names(pattern: &str) -> impl Iterator<Item = String> {
     parts.split(' ').map(move |part| format!("{before}{part}{after}"))
 }
 
-/// Whether a cell holds a finite number of a size that a drone may log.
+/// True for a finite number of a size that a drone may log.
 fn is_number(value: f64) -> bool {
     value.abs() < 1e18
 }
 
-/// A list for a message: the first twelve of what is no name of a column, then a count.
+/// A list for a message: the first twelve names, then a count.
 pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
     let first: Vec<&str> = names.iter().take(12).map(AsRef::as_ref).collect();
     let more = names.len().saturating_sub(12);
@@ -200,7 +202,7 @@ pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
 }
 
 impl Channel {
-    /// A channel of at least one sample, its stamps strictly rising.
+    /// A channel of at least one sample at strictly rising times.
     pub(super) fn new(time_s: Vec<f64>, values: Vec<f64>) -> Self {
         let steps_s = time_s.windows(2).map(|pair| pair[1] - pair[0]);
         Self { period_s: median(steps_s).unwrap_or(0.0), time_s, values }
@@ -214,12 +216,12 @@ impl Channel {
         self.time_s[self.time_s.len() - 1]
     }
 
-    /// Index of the last sample at or before `time_s`; `None` before the first.
+    /// Index of the last sample at or before a time, if there is one.
     fn last_at(&self, time_s: f64) -> Option<usize> {
         self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
     }
 
-    /// Linear interpolation at `time_s`; `None` outside the channel, and between samples further
+    /// Linear interpolation at a time. `None` outside the channel, and between samples further
     /// apart than `max_gap_s`.
     pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
         let last = self.last_at(time_s)?;
@@ -231,7 +233,7 @@ impl Channel {
         (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
     }
 
-    /// The value last logged at `time_s`; before the first sample, the first.
+    /// The value last logged at a time, before the first sample the first.
     pub(super) fn held(&self, time_s: f64) -> f64 {
         self.values[self.last_at(time_s).unwrap_or(0)]
     }
@@ -256,10 +258,14 @@ mod tests {
     #[test]
     fn columns_of_one_name_are_renamed() {
         let column = || Column::new("x".into(), vec![]);
-        let block = || Block { name: "b".into(), columns: vec![column()], ..Block::default() };
+        let block = || Block {
+            name: "b".into(),
+            time_s: vec![0.0],
+            columns: vec![column()],
+            ..Block::default()
+        };
         let blocks = vec![block(), block(), block()];
-        let mut recording = Recording { blocks, ..Recording::default() };
-        recording.name_apart();
+        let recording = Recording { blocks, ..Recording::default() }.with_different_names();
         assert_eq!(recording.names().collect::<Vec<_>>(), ["x", "b:x", "b:x:2"]);
     }
 }

@@ -1,9 +1,9 @@
-//! Rows of a table: the drone that each belongs to, and stamps that are split over two columns.
+//! Rows of a table: the drone that each belongs to, and times that are split over two columns.
 
 use std::collections::BTreeSet;
 
 use super::cells::DAY_S;
-use super::recording::{Block, shortened};
+use super::recording::{Block, Recording, shortened};
 use super::titles::meaning;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Sheet, SheetColumn, simplified};
@@ -20,11 +20,12 @@ const OWNERS: &str = "drone drone_id droneid drone_name drones uri link_uri link
 const FRACTIONS: [(&str, f64); 3] =
     [("nanosec nsec", 1e-9), ("microsec usec", 1e-6), ("millisec msec", 1e-3)];
 
-/// Two places at one stamp farther apart than this belong to two drones, m.
+/// Two positions at one time farther apart than this belong to two drones, m.
 const APART_M: f64 = 0.1;
 
 /// Refuses rows of several drones, and a table in long form.
 pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
+    // One time, one name and one value: the rows are those of a long form.
     let texts: Vec<_> = sheet.columns.iter().filter(|c| c.is_text() && c.texts.len() > 1).collect();
     let is_index = |c: &SheetColumn| c.is_text() || meaning(&c.title).0 == "index";
     let (times, values): (Vec<_>, Vec<_>) =
@@ -40,7 +41,6 @@ pub(super) fn check(sheet: &Sheet, file: &str) -> Result<()> {
     Ok(())
 }
 
-/// A table with a row for each value.
 pub(super) fn in_long_form([time, names, value]: [&str; 3]) -> Error {
     let form = format_args!("a table in long form, whose column {names} names each value");
     let hint = format!(
@@ -50,7 +50,6 @@ pub(super) fn in_long_form([time, names, value]: [&str; 3]) -> Error {
     Error::input("rows", form, "a column for each variable", hint)
 }
 
-/// Refuses a column that names more than one drone.
 pub(super) fn check_owners(title: &str, owners: &[String], file: &str) -> Result<()> {
     let last = title.rsplit(['.', '/']).next().unwrap_or_default();
     let plain = simplified(last);
@@ -74,13 +73,12 @@ pub(super) fn whole(values: &[f64]) -> Vec<String> {
     ids.into_iter().map(|id| f64::from_bits(id).to_string()).collect()
 }
 
-/// Joins two columns of stamps into one of seconds: a date and a time of day, or seconds and their
+/// Joins two columns of times into one of seconds: a date and a time of day, or seconds and their
 /// fraction.
-pub(super) fn join_stamps(
+pub(super) fn join_times(
     columns: &mut Vec<SheetColumn>,
     are_dated: &mut [bool],
-    file: &str,
-    warnings: &mut Vec<String>,
+    log: &mut Recording,
 ) -> Result<()> {
     let pair = columns.iter().enumerate().find_map(|(part, column)| {
         let (whole, size_s) = whole_of(&column.title)?;
@@ -91,6 +89,7 @@ pub(super) fn join_stamps(
         join(columns, are_dated, [whole, part], size_s);
         return Ok(());
     }
+    // A column of days only is a date if another has times of day. Without one it is of no use.
     let tests: [fn(&f64) -> bool; 2] = [|v| *v > 0.0 && v % DAY_S == 0.0, |v| *v <= DAY_S];
     let [date, clock] = tests.map(|test| {
         columns.iter().position(|column| {
@@ -105,11 +104,12 @@ pub(super) fn join_stamps(
     }
     let title = columns.remove(date).title;
     if columns.iter().any(|column| meaning(&column.title).0 == "t") {
-        warnings.push(format!("column {title} has days alone: it is not read"));
+        log.warn("not-read", format!("column {title} has days alone: it is not read"));
         return Ok(());
     }
     let hint = "add the times of day, or seconds as a column t";
-    Err(Error::input(format!("column {title}"), "days alone", "times", hint).in_file(file, None))
+    Err(Error::input(format!("column {title}"), "days alone", "times", hint)
+        .in_file(&log.file, None))
 }
 
 /// For a column with fractions of seconds: the title of the whole seconds, and the fraction's unit.
@@ -125,19 +125,20 @@ pub(super) fn whole_of(title: &str) -> Option<(String, f64)> {
     })
 }
 
-/// Whether whole seconds have their fraction in another column.
+/// True if whole seconds have their fraction in another column.
 pub(super) fn is_fraction(seconds: &[f64], parts: &[f64], size: f64) -> bool {
     seconds.iter().all(|value: &f64| value.is_nan() || value.fract() == 0.0)
         && parts.iter().all(|value: &f64| value.is_nan() || (0.0..1.0).contains(&(value * size)))
 }
 
-/// Adds a column, in units of some seconds, to one of stamps.
+/// Adds a column, in units of some seconds, to one of times.
 fn join(
     columns: &mut Vec<SheetColumn>,
     are_dated: &mut [bool],
     [stamps, other]: [usize; 2],
     unit_s: f64,
 ) {
+    // The sum has the title of times, and counts as dated: its unit is seconds.
     let parts = std::mem::take(&mut columns[other].values);
     let column = &mut columns[stamps];
     column.values.iter_mut().zip(parts).for_each(|(stamp, part)| *stamp += unit_s * part);
@@ -148,11 +149,12 @@ fn join(
     columns.remove(other);
 }
 
-/// Refuses rows that are at several places at the same time: they belong to two drones.
-pub(super) fn check_places(block: &Block, file: &str) -> Result<()> {
+/// Refuses rows that are at several positions at the same time: they belong to two drones.
+pub(super) fn check_positions(block: &Block, file: &str) -> Result<()> {
     let mut apart = 0;
     for column in ["x_m", "y_m", "z_m"].iter().filter_map(|name| block.column(name)) {
         let pairs = block.time_s.windows(2).zip(column.values.windows(2));
+        // Rows in turn of two drones have equal times and another position.
         let jumps = pairs
             .filter(|(time, place)| time[0] == time[1] && (place[1] - place[0]).abs() > APART_M);
         apart = apart.max(jumps.count());

@@ -1,16 +1,17 @@
 //! From logged variables to quantities in SI units, our frames and our signs.
 //!
-//! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below. Each
-//! table is in order of preference: the first source that is logged, sound and alive is taken. A
-//! source is sound if its numbers are plausible for a drone, and alive if it changes while others
-//! do. A quantity that is frozen while the drone moves counts as not logged. All that is left out
-//! is named in a warning.
+//! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below, and
+//! only they decide what is known. Each is in order of preference: the first source that is logged,
+//! sound and alive is taken. A source is sound if its numbers are plausible for a drone, and alive
+//! if it changes while others do. A quantity that is frozen while the drone moves counts as not
+//! logged. All that is left out is named in a warning.
 //!
 //! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
 //! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
-//! states in the body frame, quaternion `w x y z`), `quatcompress.h`; `controller_lee.c` (radians,
-//! no sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted);
-//! the AE483 course's `controller_ae483.c` (metres, radians, body frame).
+//! states in the body frame, quaternion `w x y z`), `quatcompress.h`, `controller_lee.c` (radians,
+//! no sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted).
+//! The AE483 course's `controller_ae483.c` (metres, radians, body frame). INAV's `navigation.h`
+//! (cm, north, east, up) and `flight/imu.c` (0.1°, heading clockwise).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,25 +19,26 @@ use nalgebra::Vector3;
 
 use super::PositionSource;
 use super::recording::{Channel, Recording, names, shortened};
+use noctograph_core::diagnostic::Diagnostic;
+use noctograph_core::files::DEGREE as DEG;
 use noctograph_core::flight::Quantity;
 use noctograph_core::flight::table::on_grid;
 use noctograph_core::geometry::Attitude;
 use noctograph_core::product::MAX_QUANTITY;
 
 /// Variables that hold one quantity: the pattern of their names, and the factors that turn their
-/// values into SI units and our signs (1 where there are none).
+/// values into SI units and our signs (none: 1).
 struct Source(PositionSource, &'static str, &'static [f64]);
 
-const DEG: f64 = std::f64::consts::PI / 180.0;
-
 /// Least time for which a live source changes, relative to the source that changes longest.
-const ALIVE_SHARE: f64 = 0.1;
+const ALIVE_FRACTION: f64 = 0.1;
 
 /// Least range of positions of a moving drone: more than the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
-/// Beginning of the warning about a log with a heading and no attitude.
-const YAW_ALONE: &str = "of the attitude, the yaw alone is logged";
+/// Codes of the warnings of a log with a heading and no attitude, and of a source that diverged.
+const YAW_ONLY: &str = "yaw-only";
+const DIVERGED: &str = "source-diverged";
 
 /// Speed and distance of a jump to (0, 0, 0) that mark the zeros as a lost body, not a position.
 const LOST_M_S: f64 = 5.0;
@@ -61,6 +63,7 @@ const POSITION: &[Source] = &[
     Source(Lighthouse, "lighthouse.{x y z}", &[]),
     Source(Lighthouse, "ae483log.lh_{x y z}", &[]),
     Source(Lighthouse, "estPosition.{x y z}", &[]),
+    Source(Firmware, "navPos[{0 1 2}]", &[1e-2, -1e-2, 1e-2]),
 ];
 
 /// Setpoint, m in the world.
@@ -82,6 +85,7 @@ const ATTITUDE: &[Source] = &[
     Source(Firmware, "stateEstimate.{yaw pitch roll}", &[DEG, -DEG, DEG]),
     Source(Firmware, "stabilizer.{yaw pitch roll}", &[DEG, -DEG, DEG]),
     Source(Firmware, "ctrlLee.rpy{z y x}", &[]),
+    Source(Firmware, "attitude[{2 1 0}]", &[-0.1 * DEG, 0.1 * DEG, 0.1 * DEG]),
 ];
 
 /// Quaternions of the attitude in the order w x y z, for logs without angles.
@@ -107,6 +111,7 @@ const VELOCITY_WORLD: &[Source] = &[
     Source(Best, "v{x y z}_world_m_s", &[]),
     Source(Firmware, "stateEstimate.v{x y z}", &[]),
     Source(Firmware, "stateEstimateZ.v{x y z}", &[1e-3; 3]),
+    Source(Firmware, "navVel[{0 1 2}]", &[1e-2, -1e-2, 1e-2]),
 ];
 
 /// Angular velocity in the body frame, rad/s.
@@ -129,29 +134,25 @@ const MOTORS: &[Source] = &[
     Source(Best, "m{1 2 3 4}", &[]),
 ];
 
-/// The quantities of a recording.
 #[derive(Debug)]
 pub(super) struct Quantities {
     /// Channels of each quantity in the order of its columns in a flight file. Yaw and roll have no
     /// jumps at ±π.
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
-    /// Whether the velocity is that in the world, not in the body frame.
+    /// True for a velocity in the world, not in the body frame.
     pub(super) has_world_velocity: bool,
-    /// Names of the columns behind all these.
     pub(super) used: BTreeSet<String>,
-    /// Warnings about data that was logged and is left out.
-    pub(super) left_out: Vec<String>,
+    pub(super) warnings: Vec<Diagnostic>,
 }
 
 /// A search through the tables of sources.
 struct Search<'a> {
     recording: &'a Recording,
     used: BTreeSet<String>,
-    left_out: Vec<String>,
+    warnings: Vec<Diagnostic>,
 }
 
 impl PositionSource {
-    /// The kinds of sources that it stands for.
     fn kinds(self) -> &'static [Self] {
         match self {
             Best => ANY,
@@ -164,23 +165,24 @@ impl PositionSource {
     }
 }
 
-/// All kinds of sources.
 const ANY: &[PositionSource] = &[Best, Mocap, Custom, Firmware, Lighthouse];
 
-/// The position of a recording from some sources.
-pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<Vec<Channel>> {
-    let mut search = Search { recording, used: BTreeSet::new(), left_out: Vec::new() };
-    search.of_kinds(POSITION, wanted.kinds()).map(|channels| search.without_zeros(channels))
+/// True for the first variable of a source of the position.
+pub(super) fn is_position(name: &str) -> bool {
+    POSITION.iter().any(|source| names(source.1).next().is_some_and(|first| first == name))
 }
 
-/// Finds the quantities of a recording by the tables.
+pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<Vec<Channel>> {
+    Search::new(recording).position(wanted.kinds())
+}
+
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
-    let mut search = Search { recording, used: BTreeSet::new(), left_out: Vec::new() };
+    let mut search = Search::new(recording);
     let (any, truth) = (ANY, wanted.kinds());
-    let position = search.of_kinds(POSITION, truth);
+    // Each quantity from its best source, in the order of the warnings.
     let mut channels = BTreeMap::new();
     for (quantity, taken) in [
-        (Quantity::Position, position.map(|channels| search.without_zeros(channels))),
+        (Quantity::Position, search.position(truth)),
         (Quantity::Rate, search.of_kinds(RATE, any)),
         (Quantity::Estimate, search.of_kinds(POSITION, &[Custom, Firmware])),
         (Quantity::Design, search.of_kinds(DESIGN, any)),
@@ -188,19 +190,21 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     ] {
         channels.extend(taken.map(|taken| (quantity, taken)));
     }
-    let (own, firmware): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
-    let velocity = search.first(own.into_iter().chain(VELOCITY_WORLD).chain(firmware));
+    // A velocity of the firmware in the world comes before its state in the body frame.
+    let (first, last): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
+    let velocity = search.first(first.into_iter().chain(VELOCITY_WORLD).chain(last));
     let has_world_velocity =
         velocity.as_ref().is_some_and(|(source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1));
     channels.extend(velocity.map(|(_, taken)| (Quantity::Velocity, taken)));
     channels.extend(search.attitude(truth).map(|taken| (Quantity::Attitude, taken)));
+    // What is frozen while the drone moves was not logged.
     let moving_s = moving_s(channels.get(&Quantity::Position));
     channels.retain(|quantity, channels| search.is_logged(*quantity, channels, moving_s));
-    let Search { used, left_out, .. } = search;
-    Quantities { channels, has_world_velocity, used, left_out }
+    let Search { used, warnings, .. } = search;
+    Quantities { channels, has_world_velocity, used, warnings }
 }
 
-/// For how long a drone moves; zero for one that rests.
+/// For how long a drone moves, zero for one that rests.
 fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     let moving = position.into_iter().flatten().filter(|channel| {
         let values = channel.values.iter().copied();
@@ -210,7 +214,17 @@ fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     moving.map(active_s).fold(0.0, f64::max)
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(recording: &'a Recording) -> Self {
+        Self { recording, used: BTreeSet::new(), warnings: Vec::new() }
+    }
+
+    /// The position, without the zeros of a lost body.
+    fn position(&mut self, kinds: &[PositionSource]) -> Option<Vec<Channel>> {
+        let channels = self.of_kinds(POSITION, kinds)?;
+        Some(self.without_zeros(channels))
+    }
+
     /// The channels of the first source of a table, of some kinds.
     fn of_kinds(&mut self, table: &[Source], kinds: &[PositionSource]) -> Option<Vec<Channel>> {
         let sources = table.iter().filter(|source| kinds.contains(&source.0));
@@ -218,8 +232,8 @@ impl Search<'_> {
     }
 
     /// The first of these sources that is sound and alive: one that changes while others do. An
-    /// observer that was compiled in and did not run logs a constant. Where no source changes, the
-    /// first that is not zero; else the first that is logged.
+    /// observer that was compiled in and did not run logs a constant. If no source changes, the
+    /// first that is not zero, else the first that is logged.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
@@ -231,27 +245,23 @@ impl Search<'_> {
             }
             Some((source, channels))
         });
-        // Numbers of a drone's world.
+        // Sound: numbers of a drone's world.
         let (mut logged, diverged): (Vec<_>, Vec<_>) = logged
             .partition(|(_, channels)| numbers(channels).all(|value| value.abs() <= MAX_QUANTITY));
-        if let Some((source, _)) = diverged.first().filter(|(source, _)| !self.names(source.1)) {
-            let names = shortened(&names(source.1).collect::<Vec<_>>());
-            let instead =
-                if logged.is_empty() { "not logged" } else { "replaced by another source" };
-            self.left_out.push(format!(
-                "{names} goes beyond ±{MAX_QUANTITY:e}, as an observer that diverged: taken as {instead}"
-            ));
+        if let Some((source, _)) = diverged.first() {
+            self.warn_of_diverged(source, !logged.is_empty());
         }
         // A log whose only position diverged is refused later, at the first bad number.
         if logged.is_empty() {
             logged = diverged;
             logged.retain(|(source, _)| POSITION.iter().any(|p| p.1 == source.1));
         }
+        // Alive: it changes for as long as others do.
         let active_s =
             logged.iter().map(|(_, channels)| channels.iter().map(active_s).fold(0.0, f64::max));
         let most_s = active_s.clone().fold(0.0, f64::max);
         let mut alive = active_s.zip(&logged).map(|(active_s, (_, channels))| match most_s > 0.0 {
-            true => active_s >= ALIVE_SHARE * most_s,
+            true => active_s >= ALIVE_FRACTION * most_s,
             false => numbers(channels).any(|value| *value != 0.0),
         });
         let first = alive.position(|is_alive| is_alive).unwrap_or(0);
@@ -260,8 +270,23 @@ impl Search<'_> {
         Some((source, channels))
     }
 
-    /// Whether a quantity counts as logged: not where it is frozen, or all zero, while the drone
-    /// moves. A setpoint may stay, but not at the origin; each motor must change; a heading may be
+    fn warn(&mut self, code: &'static str, message: String) {
+        self.warnings.push(Diagnostic::warning(code, message));
+    }
+
+    fn warn_of_diverged(&mut self, source: &Source, is_replaced: bool) {
+        let names = shortened(&names(source.1).collect::<Vec<_>>());
+        let instead = if is_replaced { "replaced by another source" } else { "not logged" };
+        let text = format!(
+            "{names} goes beyond ±{MAX_QUANTITY:e}, as an observer that diverged: taken as {instead}"
+        );
+        if !self.warnings.iter().any(|known| known.code == DIVERGED && known.detail() == names) {
+            self.warnings.push(Diagnostic::warning(DIVERGED, text).detailed(names));
+        }
+    }
+
+    /// True if a quantity counts as logged: unless it is frozen, or all zero, while the drone
+    /// moves. A setpoint may stay, but not at the origin. Each motor must change. A heading may be
     /// held.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
         let active = channels.iter().map(active_s);
@@ -271,20 +296,22 @@ impl Search<'_> {
         };
         let may_stay = quantity == Quantity::Position
             || quantity == Quantity::Design && numbers(channels).any(|value| *value != 0.0);
-        if may_stay || active_s >= ALIVE_SHARE * moving_s {
+        if may_stay || active_s >= ALIVE_FRACTION * moving_s {
             return true;
         }
+        // It is frozen: a heading beside zeros is kept, anything else goes.
         let last = channels.iter().map(|channel| channel.values[channel.values.len() - 1]);
         let last: Vec<f64> = last.collect();
         if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, &last[..])
             && yaw.abs() > 1e-6
             && [pitch, roll].iter().all(|angle| angle.abs() < 1e-6)
         {
-            if !self.left_out.iter().any(|text| text.starts_with(YAW_ALONE)) {
-                self.left_out.push(format!(
+            if !self.warnings.iter().any(|known| known.code == YAW_ONLY) {
+                let text = format!(
                     "pitch and roll are zero while the drone moves for {moving_s:.1} s: they were \
                      not logged; the yaw, {yaw:.3} rad throughout, is kept"
-                ));
+                );
+                self.warn(YAW_ONLY, text);
             }
             return true;
         }
@@ -292,50 +319,53 @@ impl Search<'_> {
             let text = format!("{:.6}", on_grid(*value));
             text.trim_end_matches('0').trim_end_matches('.').to_owned()
         });
-        let values = values.collect::<Vec<_>>().join(", ");
-        self.left_out.push(format!(
-            "{}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not logged",
-            quantity.name()
-        ));
+        let (name, values) = (quantity.name(), values.collect::<Vec<_>>().join(", "));
+        let text = format!(
+            "{name}: frozen at {values} while the drone moves for {moving_s:.1} s: taken as not \
+             logged"
+        );
+        self.warn("source-frozen", text);
         false
     }
 
-    /// The attitude: from the position's source, from others, from quaternions, or the yaw alone.
+    /// The attitude: from the position's source, from others, from quaternions, or the yaw only.
     fn attitude(&mut self, truth: &[PositionSource]) -> Option<Vec<Channel>> {
         let (preferred, others): (Vec<_>, Vec<_>) =
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
-        let chosen = self.first(preferred.into_iter().chain(others));
-        let mut angles = chosen.map(|(_, channels)| channels);
+        let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
+        let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
         // Frozen angles beside quaternions that live are those of an observer that did not run.
-        let lives = |angles: &Vec<Channel>| angles.iter().any(|angle| active_s(angle) > 0.0);
-        if !angles.as_ref().is_some_and(lives) {
-            let quaternions = self.angles_from_quaternions();
-            if angles.is_none() || quaternions.as_ref().is_some_and(lives) {
-                angles = quaternions;
-            }
-        }
-        let mut angles = angles.or_else(|| {
-            let (preferred, others): (Vec<_>, Vec<_>) =
-                ATTITUDE.iter().partition(|source| truth.contains(&source.0));
-            let (name, factor, mut yaw) =
-                preferred.into_iter().chain(others).find_map(|source| {
-                    let name = names(source.1).next()?;
-                    let yaw = self.recording.channel(&name)?;
-                    Some((name, source.2.first().copied().unwrap_or(1.0), yaw))
-                })?;
-            yaw.values.iter_mut().for_each(|value| *value *= factor);
-            self.left_out.push(format!("{YAW_ALONE} ({name}): the drone counts as level"));
-            self.used.insert(name);
-            let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
-            Some(vec![yaw, level.clone(), level])
-        })?;
+        let quaternions = match angles.as_deref().is_some_and(lives) {
+            true => None,
+            false => self.angles_from_quaternions(),
+        };
+        let mut angles = quaternions
+            .filter(|turned| angles.is_none() || lives(turned))
+            .or(angles)
+            .or_else(|| self.level(&sources))?;
         without_jumps(&mut angles[0]);
         without_jumps(&mut angles[2]);
         Some(angles)
     }
 
-    /// Yaw, pitch and roll of the logged quaternions.
+    /// A level attitude with the logged yaw, if there is one.
+    fn level(&mut self, sources: &[&Source]) -> Option<Vec<Channel>> {
+        let (name, factor, mut yaw) = sources.iter().find_map(|source| {
+            let name = names(source.1).next()?;
+            let yaw = self.recording.channel(&name)?;
+            Some((name, source.2.first().copied().unwrap_or(1.0), yaw))
+        })?;
+        // Pitch and roll are zero: the lamp is off by millimeters.
+        yaw.values.iter_mut().for_each(|value| *value *= factor);
+        let text = "of the attitude, the yaw alone is logged";
+        self.warn(YAW_ONLY, format!("{text} ({name}): the drone counts as level"));
+        self.used.insert(name);
+        let level = Channel::new(yaw.time_s.clone(), vec![0.0; yaw.values.len()]);
+        Some(vec![yaw, level.clone(), level])
+    }
+
     fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
+        // The 32 bits of the radio are the last choice: their error is up to 0.1°.
         let quaternions: Vec<(f64, [f64; 4])> =
             if let Some((_, parts)) = self.first(QUATERNIONS.iter()) {
                 let times_s = parts[0].time_s.iter().copied();
@@ -365,17 +395,19 @@ impl Search<'_> {
         if x.time_s != y.time_s || x.time_s != z.time_s {
             return channels;
         }
-        let places_m: Vec<Vector3<f64>> = (0..x.values.len())
+        let positions_m: Vec<Vector3<f64>> = (0..x.values.len())
             .map(|i| Vector3::new(x.values[i], y.values[i], z.values[i]))
             .collect();
-        let jumps = places_m.windows(2).zip(x.time_s.windows(2)).map(|(place_m, time_s)| {
-            let apart_m = (place_m[1] - place_m[0]).norm();
+        // Zeros are of a lost body if the drone would have jumped to them, or back.
+        let jumps = positions_m.windows(2).zip(x.time_s.windows(2)).map(|(pair_m, time_s)| {
+            let apart_m = (pair_m[1] - pair_m[0]).norm();
             apart_m > LOST_M && apart_m > LOST_M_S * (time_s[1] - time_s[0])
         });
         let jumps: Vec<bool> = jumps.collect();
-        let (zero_m, n, mut lost) = (Vector3::zeros(), places_m.len(), vec![false; places_m.len()]);
+        let (zero_m, n, mut lost) =
+            (Vector3::zeros(), positions_m.len(), vec![false; positions_m.len()]);
         let mut end = 0;
-        for run in places_m.chunk_by(|a, b| (*a == zero_m) == (*b == zero_m)) {
+        for run in positions_m.chunk_by(|a, b| (*a == zero_m) == (*b == zero_m)) {
             let start = end;
             end += run.len();
             let beside = start > 0 && jumps[start - 1] || end < n && jumps[end - 1];
@@ -386,10 +418,11 @@ impl Search<'_> {
             return channels;
         }
         let first_s = x.time_s[lost.iter().position(|lost| *lost).unwrap_or(0)] - x.time_s[0];
-        self.left_out.push(format!(
+        let text = format!(
             "{count} of {n} positions are 0, 0, 0, where the drone would have jumped (first: \
              {first_s:.2} s after the first): they are left out"
-        ));
+        );
+        self.warn("position-lost", text);
         for channel in &mut channels {
             let samples = channel.time_s.iter().zip(&channel.values).zip(&lost);
             let kept =
@@ -399,12 +432,10 @@ impl Search<'_> {
         }
         channels
     }
+}
 
-    /// Whether a source was named already.
-    fn names(&self, pattern: &str) -> bool {
-        let first = names(pattern).next().unwrap_or_default();
-        self.left_out.iter().any(|text| text.starts_with(&first))
-    }
+fn lives(angles: &[Channel]) -> bool {
+    angles.iter().any(|angle| active_s(angle) > 0.0)
 }
 
 fn numbers(channels: &[Channel]) -> impl Iterator<Item = &f64> {
@@ -418,14 +449,15 @@ fn active_s(channel: &Channel) -> f64 {
     first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
 }
 
-/// The quaternion w x y z behind `quatcompress.h`: two bits say which of x y z w is largest and
-/// left out; the others follow with a sign and nine bits of 1/√2 each. Error below 0.1°.
+/// The quaternion w x y z of `quatcompress.h`: two bits say which of x y z w is largest and left
+/// out. The others follow with a sign and nine bits of 1/√2 each. Error below 0.1°.
 fn unpacked(code: f64) -> [f64; 4] {
     const MASK: u32 = (1 << 9) - 1;
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let mut code = code as u32;
     let largest = (code >> 30) as usize;
     let (mut q, mut sum_sq) = ([0.0; 4], 0.0);
+    // From the last of the three to the first.
     for i in (0..4).rev().filter(|&i| i != largest) {
         let sign = if code >> 9 & 1 == 1 { -1.0 } else { 1.0 };
         q[i] = sign * std::f64::consts::FRAC_1_SQRT_2 * f64::from(code & MASK) / f64::from(MASK);
@@ -486,7 +518,7 @@ mod tests {
         assert!(!used.contains("ae483log.o_x"), "the zeros are kept as columns");
     }
 
-    /// A log of 10 s in which each column is a constant plus a share of the time.
+    /// A log of 10 s in which each column is a constant plus a multiple of the time.
     fn moving(columns: &[(&str, f64, f64)]) -> Recording {
         let time_s: Vec<f64> = (0..100).map(|i| f64::from(i) * 0.1).collect();
         let values = |start: f64, speed: f64| time_s.iter().map(|t| start + speed * t).collect();

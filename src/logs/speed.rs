@@ -1,14 +1,17 @@
 //! Speed of a logged position. A position that is too fast for a drone is in another unit, of two
-//! drones, or on wrong stamps; a few such steps are sensor glitches.
+//! drones, or at wrong times. A few such steps are sensor glitches.
 
 use super::ImportOptions;
 use super::recording::Channel;
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
+
+const GLITCHES: &str = "position-glitches";
 
 /// Smaller steps do not count as movement, m.
 const STEP_M: f64 = 1e-3;
 
-/// Least size of a glitch, m: two stamps may be nearer to each other than their samples.
+/// Least size of a glitch, m: two times may be nearer to each other than their samples.
 const GLITCH_M: f64 = 0.2;
 
 /// Least acceleration of a single sample that leaves and returns, m/s²: more than any drone has.
@@ -19,16 +22,16 @@ const SPIKE_M_S2: f64 = 40.0;
 const SPIKE_M: f64 = 0.1;
 const RETURN: f64 = 0.5;
 
-/// Least number of fast steps that are more than glitches, and their share of all moving steps.
+/// Least number of fast steps that are more than glitches, and their fraction of all moving steps.
 const FEWEST: usize = 3;
-const SHARE: f64 = 0.1;
+const FRACTION: f64 = 0.1;
 
-/// Refuses a position that moves too fast throughout; a warning of one that does in places.
+/// Refuses a position that moves too fast throughout. A warning of one that does in places.
 pub(super) fn check(
     position: &[Channel],
     options: &ImportOptions,
     file: &str,
-) -> Result<Option<String>> {
+) -> Result<Option<Diagnostic>> {
     let (mut n_moving, mut fast) = (0, Vec::new());
     for channel in position {
         let pairs = channel.time_s.windows(2).zip(channel.values.windows(2));
@@ -41,20 +44,19 @@ pub(super) fn check(
             }
         }
     }
-    if fast.is_empty() {
-        return Ok(spikes(position));
-    }
     let Some((fastest_m_s, time_s, _)) = fast.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0))
     else {
-        return Ok(None);
+        return Ok(spikes(position));
     };
+    // Few of many steps are glitches, of which small ones are noise of the times.
     let (n, most_m_s) = (fast.len(), options.max_speed_m_s);
     let seen = format!(
         "{n} of {n_moving} steps faster than {most_m_s} m/s (at {time_s:.2} s {fastest_m_s:.0} m/s)"
     );
-    if n < FEWEST || (n as f64) < SHARE * n_moving as f64 {
+    if n < FEWEST || (n as f64) < FRACTION * n_moving as f64 {
         let is_far = fast.iter().any(|(.., step_m)| *step_m > GLITCH_M);
-        return Ok(is_far.then(|| format!("the position has {seen}: glitches of its sensor?")));
+        let text = format!("the position has {seen}: glitches of its sensor?");
+        return Ok(is_far.then(|| Diagnostic::warning(GLITCHES, text)));
     }
     let hint = "name the unit of the columns (x_cm, x_mm) or of the stamps (t_ms, t_min); keep the \
                 rows of one drone alone; a drone that is as fast: raise the limit";
@@ -63,13 +65,14 @@ pub(super) fn check(
 }
 
 /// A warning of single samples that leave the path and return at once.
-fn spikes(position: &[Channel]) -> Option<String> {
+fn spikes(position: &[Channel]) -> Option<Diagnostic> {
     let (mut n, mut first_s, mut farthest_m) = (0, f64::INFINITY, 0.0_f64);
     for channel in position {
         let pairs = channel.time_s.windows(3).zip(channel.values.windows(3));
         for (time_s, place_m) in pairs {
             let aside_m = (place_m[1] - f64::midpoint(place_m[0], place_m[2])).abs();
             let step_s = 0.5 * (time_s[2] - time_s[0]);
+            // It leaves, it returns, and x = ½ a t² asks for more than a drone has.
             if aside_m > SPIKE_M
                 && (place_m[2] - place_m[0]).abs() < RETURN * aside_m
                 && 2.0 * aside_m > SPIKE_M_S2 * step_s * step_s
@@ -80,12 +83,11 @@ fn spikes(position: &[Channel]) -> Option<String> {
             }
         }
     }
-    (n > 0).then(|| {
-        format!(
-            "{n} single sample(s) of the position jump aside by up to {farthest_m:.2} m and return \
-             (first at {first_s:.2} s), faster than a drone can: glitches of the sensor or the log?"
-        )
-    })
+    let text = format!(
+        "{n} single sample(s) of the position jump aside by up to {farthest_m:.2} m and return \
+         (first at {first_s:.2} s), faster than a drone can: glitches of the sensor or the log?"
+    );
+    (n > 0).then(|| Diagnostic::warning(GLITCHES, text))
 }
 
 #[cfg(test)]
@@ -95,7 +97,9 @@ mod tests {
     fn checked(step_s: f64, places_m: impl Iterator<Item = f64>) -> Result<Option<String>> {
         let places_m: Vec<f64> = places_m.collect();
         let time_s = (0_u32..).map(|i| step_s * f64::from(i)).take(places_m.len()).collect();
-        check(&[Channel::new(time_s, places_m)], &ImportOptions::default(), "log")
+        let position = [Channel::new(time_s, places_m)];
+        let warning = check(&position, &ImportOptions::default(), "log")?;
+        Ok(warning.map(|warning| warning.message))
     }
 
     #[test]

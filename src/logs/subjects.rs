@@ -1,14 +1,15 @@
 //! Subjects of titles: a position whose columns are named after what they are of (`drone_x`,
 //! `tracker_x`), or after the directions of the compass (`PN`, `PE`, `PD`).
 //!
-//! They are read where no other column is a position and one subject alone has all three. A table
-//! in which several have, or one that is not known, is refused by the names of its columns: what
-//! is left of its flight would be none.
+//! They are read if no other column is a position and one known subject has all three. A table
+//! with several such subjects, or an unknown one, is refused by the names of its columns: no flight
+//! would be left.
 
 use std::collections::BTreeMap;
 
 use super::Axes;
 use super::recording::{Column, Recording};
+use super::sources::is_position;
 use super::titles::{Title, in_si_units};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::simplified;
@@ -38,98 +39,108 @@ const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic 
     desired sp setpoint set error err bias cov covariance var variance std sigma imu quat rot wind \
     dir axis jerk moment current_a gravity lin ang joy stick rc light led color integral pid";
 
-/// Our names of a position.
 const PLACE: [&str; 3] = ["x_m", "y_m", "z_m"];
 
 /// Gives the columns of the only position of a table our names, if it has none under its own.
-pub(super) fn resolve(
-    log: &mut Recording,
-    columns: &mut [Column],
-    unknown: &mut Vec<String>,
-) -> Result<()> {
-    let has = |columns: &[Column], name: &str| columns.iter().any(|column| column.name == name);
-    if PLACE.iter().any(|name| has(columns, name)) || has_other_position(columns) {
+pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()> {
+    if PLACE.iter().any(|name| has(columns, name))
+        || columns.iter().any(|column| is_position(&column.name))
+    {
         return Ok(());
     }
-    let of_compass = COMPASS.iter().find_map(|(names, axes)| {
-        let places = names
-            .split(' ')
-            .map(|name| columns.iter().position(|column| simplified(&column.name) == name));
-        Some((places.collect::<Option<Vec<usize>>>()?, *axes))
-    });
-    let mut subjects: BTreeMap<String, Vec<(usize, Title)>> = BTreeMap::new();
-    for (place, column) in columns.iter().enumerate() {
-        if let Some((subject, title)) = parted(&column.name) {
-            subjects.entry(subject).or_default().push((place, title));
-        }
-    }
-    let known = |subject: &str| {
-        let plain = simplified(subject);
-        SUBJECTS
-            .split(' ')
-            .any(|known| known == plain.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_'))
-    };
-    let n_places = |parts: &[(usize, Title)]| {
-        PLACE.iter().filter(|name| parts.iter().any(|(_, it)| it.name == **name)).count()
-    };
-    // A part of the position of another that is known is a second body.
-    subjects.retain(|subject, parts| {
-        let n = n_places(parts);
-        n == PLACE.len() || n > 0 && known(subject)
-    });
-    let has_whole = subjects.values().any(|parts| n_places(parts) == PLACE.len());
-    let chosen: Vec<&String> = subjects.keys().filter(|subject| known(subject)).collect();
-    let renamed: Vec<(usize, Title)> = match (of_compass, &chosen[..]) {
-        (Some((places, axes)), _) => {
+    // The directions of the compass are surer than a subject.
+    let renamed = match of_compass(columns) {
+        Some((renamed, axes)) => {
             (log.axes, log.in_format) = (axes, Some("a table of north, east and down"));
             if axes == Axes::ZUp {
                 log.in_format = Some("a table of east, north and up");
             }
-            let titles =
-                PLACE.map(|name| Title { name: name.into(), is_known: true, ..Title::default() });
-            places.into_iter().zip(titles).collect()
+            renamed
         }
-        (None, _) if !has_whole => return Ok(()),
-        (None, [subject]) if n_places(&subjects[*subject]) == PLACE.len() => {
-            subjects[*subject].clone()
-        }
-        (None, _) => {
-            let parts = subjects.values().flatten();
-            let parts = parts.filter(|(_, title)| PLACE.contains(&&*title.name));
-            let names = parts.map(|(place, _)| &*columns[*place].name);
-            let names = names.collect::<Vec<_>>().join(", ");
-            let hint = "name the columns of the drone's position x, y and z";
-            let wanted = "the position of one drone, under a name that is known";
-            return Err(Error::input("columns", format!("the columns {names}"), wanted, hint)
-                .in_file(&log.file, None));
-        }
+        None => of_subject(columns).map_err(|error| error.in_file(&log.file, None))?,
     };
-    let mut said = Vec::new();
-    for (place, title) in renamed {
+    let mut named = Vec::new();
+    for (index, title) in renamed {
         if has(columns, &title.name) {
             continue;
         }
-        let Column { name, values, .. } = &mut columns[place];
-        unknown.retain(|unknown| !unknown.starts_with(&format!("{name} (")));
-        said.push(format!("{name} as {}", title.name));
-        columns[place] = in_si_units(title.name, title.unit, std::mem::take(values));
+        let Column { name, values, .. } = &mut columns[index];
+        named.push(format!("{name} as {}", title.name));
+        columns[index] = in_si_units(title.name, title.unit, std::mem::take(values));
     }
-    log.warnings.push(format!("columns are taken by their last part: {}", said.join(", ")));
+    if !named.is_empty() {
+        let text = format!("columns are taken by their last part: {}", named.join(", "));
+        log.warn("columns-by-part", text);
+    }
     Ok(())
 }
 
-/// Whether a column is part of a position of the firmware or of the course.
-fn has_other_position(columns: &[Column]) -> bool {
-    let known = "stateEstimate.x stateEstimateZ.x kalman.stateX locSrv.x locSrvZ.x lighthouse.x \
-                 estPosition.x ae483log.o_x ae483log.p_x ae483log.lh_x mocap.x x_estimate_m";
-    columns.iter().any(|column| known.split(' ').any(|name| name == column.name))
+/// Columns by their indices, and the titles that they get.
+type Renamed = Vec<(usize, Title)>;
+
+fn has(columns: &[Column], name: &str) -> bool {
+    columns.iter().any(|column| column.name == name)
 }
 
-/// A title in what it is of, and the title of what it is; `None` if that is not known, or of what
-/// is no position.
+/// The position by the directions of the compass, and its axes.
+fn of_compass(columns: &[Column]) -> Option<(Renamed, Axes)> {
+    COMPASS.iter().find_map(|(names, axes)| {
+        let indices = names
+            .split(' ')
+            .map(|name| columns.iter().position(|column| simplified(&column.name) == name));
+        let indices: Vec<usize> = indices.collect::<Option<_>>()?;
+        let titles =
+            PLACE.map(|name| Title { name: name.into(), is_known: true, ..Title::default() });
+        Some((indices.into_iter().zip(titles).collect(), *axes))
+    })
+}
+
+/// The columns of the one known subject with a position. None if no subject has one.
+fn of_subject(columns: &[Column]) -> Result<Renamed> {
+    let mut subjects: BTreeMap<String, Renamed> = BTreeMap::new();
+    for (index, column) in columns.iter().enumerate() {
+        if let Some((subject, title)) = parted(&column.name) {
+            subjects.entry(subject).or_default().push((index, title));
+        }
+    }
+    // A part of the position of another known subject is a second body.
+    subjects.retain(|subject, parts| {
+        let n = n_coordinates(parts);
+        n == PLACE.len() || n > 0 && is_known(subject)
+    });
+    if !subjects.values().any(|parts| n_coordinates(parts) == PLACE.len()) {
+        return Ok(Vec::new());
+    }
+    let mut known = subjects.iter().filter(|(subject, _)| is_known(subject));
+    if let (Some((_, parts)), None) = (known.next(), known.next())
+        && n_coordinates(parts) == PLACE.len()
+    {
+        return Ok(parts.clone());
+    }
+    let parts = subjects.values().flatten();
+    let parts = parts.filter(|(_, title)| PLACE.contains(&&*title.name));
+    let names: Vec<&str> = parts.map(|(index, _)| &*columns[*index].name).collect();
+    let hint = "name the columns of the drone's position x, y and z";
+    let wanted = "the position of one drone, under a name that is known";
+    Err(Error::input("columns", format!("the columns {}", names.join(", ")), wanted, hint))
+}
+
+fn is_known(subject: &str) -> bool {
+    let plain = simplified(subject);
+    let plain = plain.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
+    SUBJECTS.split(' ').any(|known| known == plain)
+}
+
+fn n_coordinates(parts: &[(usize, Title)]) -> usize {
+    PLACE.iter().filter(|name| parts.iter().any(|(_, title)| title.name == **name)).count()
+}
+
+/// The subject of a title, and the title of its quantity. `None` for an unknown quantity, and for a
+/// subject without a position.
 fn parted(title: &str) -> Option<(String, Title)> {
     let signs = title.char_indices().skip(1);
     let mut breaks = signs.filter_map(|(place, sign)| {
+        // A sign is dropped, the capital of droneX stays.
         let is_camel = sign.is_uppercase() && title[..place].ends_with(char::is_lowercase);
         let is_sign = "_./ :-".contains(sign);
         (is_camel || is_sign).then_some((place, place + usize::from(is_sign)))

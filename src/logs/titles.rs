@@ -3,8 +3,8 @@
 use super::recording::Column;
 use noctograph_core::files::{bracketed, simplified, unit};
 
-/// Our name of a column and its usual names, in lower case and without unit; `*` stands for each of
-/// the letters before them.
+/// Our name of a column and its usual names, in lower case and without unit. `*` is each of the
+/// letters before them.
 const NAMES: [(&str, &str, &str); 18] = [
     (
         " ",
@@ -35,13 +35,11 @@ const NAMES: [(&str, &str, &str); 18] = [
     (" ", "index", "index row "),
 ];
 
-/// Our names of angles in radians.
 pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 
-/// The meaning of a title.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Title {
-    /// Our name; an unknown title's is as it stands.
+    /// Our name, or an unknown title unchanged.
     pub(super) name: String,
     pub(super) is_known: bool,
     /// Size of the unit that it names.
@@ -52,7 +50,7 @@ pub(super) struct Title {
     pub(super) other_unit: Option<String>,
 }
 
-/// The column of a title under our name, in SI units where the title names one.
+/// The column of a title under our name, in SI units if the title names one.
 pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
     let Title { name, unit, .. } = Title::parse(title);
     in_si_units(name, unit, values)
@@ -63,17 +61,15 @@ pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>)
     let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
     let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
     values.iter_mut().for_each(|value| *value *= unit.unwrap_or(1.0));
-    Column { name, values, is_open_angle }
+    Column { name, values, is_open_angle, unknown: None }
 }
 
-/// Our name of a title, and the size of its unit where it names one; an unknown title stays as it
-/// is.
+/// Our name of a title, and the size of its unit if it names one. An unknown title stays unchanged.
 pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
     let Title { name, unit, .. } = Title::parse(title);
     (name, unit)
 }
 
-/// Our name of a usual one.
 fn known(name: &str) -> Option<String> {
     NAMES.iter().find_map(|(letters, ours, names)| {
         letters.chars().map(String::from).find_map(|letter| {
@@ -89,7 +85,6 @@ impl Title {
         Self { name, is_known: true, unit, body, other_unit: None }
     }
 
-    /// Reads a title.
     pub(super) fn parse(title: &str) -> Self {
         let (bare, bracket) = bracketed(title);
         let (body, bare) = path_end(bare);
@@ -118,7 +113,7 @@ impl Title {
     }
 }
 
-/// The path before a quantity of a pose, and the quantity's own name; another title stays as it is.
+/// The path before a quantity of a pose, and the quantity's name. Another title stays unchanged.
 fn path_end(title: &str) -> (String, String) {
     let parts: Vec<&str> = title.split(['/', '.']).collect();
     if let [before @ .., group, axis] = &parts[..] {
@@ -126,7 +121,7 @@ fn path_end(title: &str) -> (String, String) {
             "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
             "attitude" => return (before.join("/"), (*axis).to_owned()),
             "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
-            // The stamp of a message belongs to all that is in it.
+            // The time of a message belongs to all that is in it.
             "header" => return (String::new(), format!("header_{axis}")),
             "stamp" => return (String::new(), format!("stamp_{axis}")),
             _ => {}

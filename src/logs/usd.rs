@@ -1,8 +1,8 @@
 //! Binary logs of the µSD-card deck, versions 1 and 2.
 //!
-//! `0xBC`, u16 version, u16 number of event types; per type u16 id, name, u16 number of variables
-//! and each as `name(type)`, texts ending in a zero byte; then records of u16 id, stamp (version 1:
-//! u32 ms, version 2: u64 µs) and the variables, packed; at the end the CRC32 of everything before.
+//! `0xBC`, u16 version, u16 number of event types. Per type u16 id, name, u16 number of variables
+//! and each as `name(type)`, texts ending in a zero byte. Then records of u16 id, time (version 1:
+//! u32 ms, version 2: u64 µs) and the variables, packed. At the end the CRC32 of everything before.
 //! All little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of crazyflie-firmware.
 //!
 //! A drone that is switched off while it logs leaves half a record and no CRC: such a file is read
@@ -16,16 +16,14 @@ use super::{Damaged, Job, MAX_VARIABLES};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Budget, push};
 
-/// The first byte of the file.
 pub(super) const MAGIC: u8 = 0xBC;
 
-/// The stamps of version 1 have 32 bits of milliseconds.
+/// The times of version 1 have 32 bits of milliseconds.
 const WRAP_V1_S: f64 = 4_294_967.296;
 
 const HINT: &str =
     "copy the file from the card again; if it is still damaged, recover its whole part";
 
-/// Reads a µSD log.
 pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     let mut cursor = Cursor { bytes, offset: 1, file };
@@ -34,6 +32,7 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         return Err(cursor.error(1, format_args!("version {version}"), "version 1 or 2"));
     }
     let mut events = cursor.header()?;
+    // The CRC decides how much of the rest is records, and what a broken one means.
     let body = &bytes[cursor.offset..];
     let whole = bytes.split_last_chunk::<4>().is_some_and(|(before, crc)| {
         before.len() >= cursor.offset && crc32fast::hash(before) == u32::from_le_bytes(*crc)
@@ -41,35 +40,32 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let end = if whole { body.len() - 4 } else { body.len() };
     let (length, is_cut_off, damage) = records(&body[..end], version, &mut events, budget)?;
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
-    let mut warnings = Vec::new();
+    let mut log = Recording {
+        wrap_s: (version == 1).then_some(WRAP_V1_S),
+        is_on_card: true,
+        ..Recording::new(file)
+    };
     if !whole || length < end {
         let byte = cursor.offset + length;
         if (whole || !is_cut_off) && options.damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
             return Err(cursor.error(byte, damage, wanted));
         }
-        warnings.push(format!("byte {byte}: {damage}; {n} records before it are read"));
+        log.warn("log-cut", format!("byte {byte}: {damage}; {n} records before it are read"));
     }
-    Ok(Recording {
-        blocks: events.into_values().map(|event| event.block).collect(),
-        wrap_s: (version == 1).then_some(WRAP_V1_S),
-        is_on_card: true,
-        warnings,
-        ..Recording::new(file)
-    })
+    log.blocks = events.into_values().map(|event| event.block).collect();
+    Ok(log)
 }
 
-/// One type of event and its records.
 struct Event {
     decoders: Vec<Decoder>,
     n_bytes: usize,
     block: Block,
 }
 
-/// Steps of reading a number.
 const STEPS: usize = 5;
 
-/// Reads records as long as there are any; returns their bytes, whether the log may be cut off
+/// Reads records as long as there are any. Returns their bytes, true if the log may be cut off
 /// there, and why they end before its CRC.
 fn records(
     body: &[u8],
@@ -88,8 +84,8 @@ fn records(
             return Ok((offset, true, if rest.is_empty() { between } else { SHORT }.into()));
         };
         let id = u16::from_le_bytes(*id);
-        // A record of zeros alone has no stamp: the drone's counter runs since it was switched on.
-        // They are clusters of the card that the file was given, and that were never written.
+        // A record of zeros has no time: the drone's counter runs since it was switched on. They
+        // are clusters of the card that the file was given, and that were never written.
         if id == 0 && rest.len() > 4 && offset >= zeros_from {
             return Ok((offset, true, "zeros up to the end: the log was cut off".into()));
         }
@@ -141,6 +137,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
             }))
         };
     }
+    // The types of usddeck.c and of its Python reader.
     match kind {
         "b" => decoder!(i8, f64::from),
         "B" | "c" | "?" => decoder!(u8, f64::from),
@@ -192,7 +189,7 @@ impl Cursor<'_> {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
-                // Variables of the log table have a group; those of other events have none.
+                // Variables of the log table have a group, those of other events have none.
                 let full = match variable.contains('.') {
                     true => variable.to_owned(),
                     false => format!("{name}.{variable}"),

@@ -127,9 +127,8 @@ impl PyFlight {
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
         let mut flight = flight.map_err(|error| raised(py, &error))?;
         let doubts = doubts(&flight);
-        let warnings = Diagnostic::warnings("arrays", doubts.iter().cloned());
-        flight.edit(|flight| flight.warnings.extend(warnings));
-        warn(py, doubts)?;
+        flight.edit(|flight| flight.warnings.extend(doubts.iter().cloned()));
+        warn(py, doubts.iter().map(ToString::to_string))?;
         Ok(Self::new(flight))
     }
 

@@ -11,9 +11,9 @@ use noctograph::logs::{Damaged, ImportOptions, import};
 use noctograph::plan::{PlanOptions, plan};
 use noctograph::sim::{Drone, SimOptions, fly};
 
-/// A letter's flight, a hundred samples a second.
-fn flown(letter: &str) -> Flight {
-    let strokes = write(letter, &LetterOptions::default()).unwrap();
+/// The flight of a word, a hundred samples a second.
+pub(crate) fn flown(word: &str) -> Flight {
+    let strokes = write(word, &LetterOptions::default()).unwrap();
     let plan = plan(&strokes, &PlanOptions::default()).unwrap();
     let mut options = SimOptions::default();
     options.rates.log_hz = 100;
@@ -32,7 +32,7 @@ fn shorten(flight: &mut Flight, n: usize) {
 type Variable = (&'static str, fn(&FlightSample) -> f64);
 
 /// The firmware's variables by block, in the firmware's units and signs.
-const FIRMWARE: [&[Variable]; 4] = [
+pub(crate) const FIRMWARE: [&[Variable]; 4] = [
     &[
         ("stateEstimate.x", |s| s.position_m.x),
         ("stateEstimate.y", |s| s.position_m.y),
@@ -81,19 +81,30 @@ fn stamp_ms(sample: &FlightSample) -> f64 {
     (sample.time_s * 1e3).round() + 40_000.0
 }
 
-fn json(flight: &Flight, blocks: &[&[Variable]], stamp: fn(&FlightSample) -> String) -> String {
-    let list = |cell: &dyn Fn(&FlightSample) -> String| {
-        flight.samples.iter().map(cell).collect::<Vec<_>>().join(", ")
-    };
+/// Members of a JSON log: each variable with the samples that were not lost.
+pub(crate) fn json(
+    flight: &Flight,
+    blocks: &[&[Variable]],
+    stamp: fn(&FlightSample) -> String,
+    is_lost: impl Fn(&str, &FlightSample) -> bool,
+) -> String {
     let variable = |(name, value): &Variable| {
-        let (time, data) = (list(&stamp), list(&|s| format!("{:?}", value(s))));
+        let kept = flight.samples.iter().filter(|sample| !is_lost(name, sample));
+        let (time, data): (Vec<_>, Vec<_>) =
+            kept.map(|sample| (stamp(sample), format!("{:?}", value(sample)))).unzip();
+        let (time, data) = (time.join(", "), data.join(", "));
         format!("\"{name}\": {{\"time\": [{time}], \"data\": [{data}]}}")
     };
     blocks.concat().iter().map(variable).collect::<Vec<_>>().join(",\n")
 }
 
-fn json_2022(flight: &Flight) -> String {
-    format!("{{{}}}", json(flight, &FIRMWARE, |s| stamp_ms(s).to_string()))
+/// A JSON log of the firmware's variables in milliseconds.
+pub(crate) fn json_2022(flight: &Flight, is_lost: impl Fn(&str, &FlightSample) -> bool) -> String {
+    format!("{{{}}}", json(flight, &FIRMWARE, |s| stamp_ms(s).to_string(), is_lost))
+}
+
+fn nothing(_: &str, _: &FlightSample) -> bool {
+    false
 }
 
 fn plain(flight: &Flight) -> String {
@@ -190,10 +201,10 @@ fn farthest_m(found: &Flight, logged: &Flight) -> f64 {
 fn letters_come_back_from_every_dialect() {
     for letter in ["A", "K", "S", "Q"] {
         let flight = flown(letter);
-        let course = json(&flight, &COURSE, |s| (stamp_ms(s) / 1e3).to_string());
+        let course = json(&flight, &COURSE, |s| (stamp_ms(s) / 1e3).to_string(), nothing);
         let of_2021 = format!(
             "{{{}, \"start_time\": 1.5, \"end_time\": 9, \"note\": \"{letter}\"}}",
-            json(&flight, &FIRMWARE, |s| stamp_ms(s).to_string())
+            json(&flight, &FIRMWARE, |s| stamp_ms(s).to_string(), nothing)
         );
         let blocks = FIRMWARE.map(|block| cfclient(&flight, block).into_bytes());
         let names = ["pos-20221212T10-00-00.csv", "att.csv", "target.csv", "motors.csv"];
@@ -201,7 +212,7 @@ fn letters_come_back_from_every_dialect() {
             names.into_iter().zip(blocks.iter().map(Vec::as_slice)).collect();
         let dialects = [
             ("2021", imported(&[("log.json", of_2021.as_bytes())], &ImportOptions::default())),
-            ("2022", read("log.json", json_2022(&flight).as_bytes())),
+            ("2022", read("log.json", json_2022(&flight, nothing).as_bytes())),
             (
                 "2024",
                 read("l.json", format!("{{\"drone\": {{{course}}}, \"mocap\": {{}}}}").as_bytes()),
@@ -232,7 +243,7 @@ fn logs_cut_off_anywhere_are_read_that_far_or_refused() {
     let mut flight = flown("K");
     shorten(&mut flight, 900);
     let logs = [
-        ("log.json", json_2022(&flight).into_bytes()),
+        ("log.json", json_2022(&flight, nothing).into_bytes()),
         ("log.csv", plain(&flight).into_bytes()),
         ("pos.csv", cfclient(&flight, FIRMWARE[0]).into_bytes()),
         ("log00", with_crc(usd_body(&flight, 1))),
@@ -387,7 +398,7 @@ fn scaled(flight: &Flight, factor: f64) -> String {
 fn broken_json_is_read_with_a_warning_or_refused() {
     let mut flight = flown("S");
     shorten(&mut flight, 400);
-    let text = json_2022(&flight);
+    let text = json_2022(&flight, nothing);
     let first = format!("{:?}", flight.samples[0].position_m.x);
     let with = |from: &str, to: &str| text.replacen(from, to, 1);
     let data = format!("\"data\": [{first}, ");

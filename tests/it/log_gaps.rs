@@ -4,52 +4,11 @@
 use std::path::Path;
 
 use noctograph::flight::{Flight, FlightSample};
-use noctograph::letters::{LetterOptions, write};
-use noctograph::plan::{PlanOptions, plan};
-use noctograph::sim::{Drone, SimOptions, fly};
 use predicates::prelude::*;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::cli::{fails, noctograph, run_json};
-
-type Variable = (&'static str, fn(&FlightSample) -> f64);
-
-/// The firmware's variables, in its units and signs.
-const VARIABLES: [Variable; 13] = [
-    ("stateEstimate.x", |s| s.position_m.x),
-    ("stateEstimate.y", |s| s.position_m.y),
-    ("stateEstimate.z", |s| s.position_m.z),
-    ("stateEstimate.yaw", |s| s.attitude.yaw_rad.to_degrees()),
-    ("stateEstimate.pitch", |s| -s.attitude.pitch_rad.to_degrees()),
-    ("stateEstimate.roll", |s| s.attitude.roll_rad.to_degrees()),
-    ("ctrltarget.x", |s| s.design_m.x),
-    ("ctrltarget.y", |s| s.design_m.y),
-    ("ctrltarget.z", |s| s.design_m.z),
-    ("motor.m1", |s| s.motors[0].round()),
-    ("motor.m2", |s| s.motors[1].round()),
-    ("motor.m3", |s| s.motors[2].round()),
-    ("motor.m4", |s| s.motors[3].round()),
-];
-
-/// A flight of NO in the letters of the preset ae483-2022.
-fn flown() -> Flight {
-    let strokes = write("NO", &LetterOptions::default()).unwrap();
-    let plan = plan(&strokes, &PlanOptions::default()).unwrap();
-    let mut options = SimOptions::default();
-    options.rates.log_hz = 100;
-    fly(&plan, &Drone::new(&options, 3), &mut |_| {}).unwrap()
-}
-
-/// Its log as JSON, without what the radio lost of the variables.
-fn log(flight: &Flight, lost: impl Fn(&str, f64) -> bool) -> String {
-    let variable = |(name, value): &Variable| {
-        let kept = || flight.samples.iter().filter(|sample| !lost(name, sample.time_s));
-        let time: Vec<f64> = kept().map(|s| (s.time_s * 1e3).round() + 40_000.0).collect();
-        let data: Vec<f64> = kept().map(value).collect();
-        ((*name).to_owned(), json!({ "time": time, "data": data }))
-    };
-    Value::Object(VARIABLES.iter().map(variable).collect::<Map<_, _>>()).to_string()
-}
+use crate::dialects::{flown, json_2022};
 
 /// The middle of the O's bottom, which is one stroke of the square letter, in time and place.
 fn bottom_of_o(flight: &Flight) -> FlightSample {
@@ -65,11 +24,11 @@ const SMALL: [&str; 4] = ["--backend", "cpu", "--size", "640x360"];
 
 #[test]
 fn a_gap_of_a_log_travels_into_the_advice_and_the_lamps_are_not_blamed() {
-    let (folder, flight) = (tempfile::tempdir().unwrap(), flown());
+    let (folder, flight) = (tempfile::tempdir().unwrap(), flown("NO"));
     let middle = bottom_of_o(&flight);
     let [from_s, to_s] = [middle.time_s - 0.5, middle.time_s + 0.5];
-    let lost = |_: &str, time_s: f64| time_s > from_s && time_s < to_s;
-    std::fs::write(folder.path().join("log.json"), log(&flight, lost)).unwrap();
+    let is_lost = |_: &str, sample: &FlightSample| sample.time_s > from_s && sample.time_s < to_s;
+    std::fs::write(folder.path().join("log.json"), json_2022(&flight, is_lost)).unwrap();
 
     // Without a scene, the letters are found; the gap is in the flight's file.
     let import = ["import", "log.json", "--word", "NO", "-o", "flown.csv"];
@@ -118,11 +77,13 @@ fn check_verdict(verdict: &Value, middle: &FlightSample, gap_s: [f64; 2]) {
 /// The attitude moves the lamps by millimeters: where it alone is lost, nothing is dark.
 #[test]
 fn a_gap_of_the_attitude_alone_leaves_no_gap_in_the_flight() {
-    let (folder, flight) = (tempfile::tempdir().unwrap(), flown());
+    let (folder, flight) = (tempfile::tempdir().unwrap(), flown("NO"));
     let middle_s = bottom_of_o(&flight).time_s;
     let import = |variable: &'static str, half_s: f64| {
-        let lost = |name: &str, time_s: f64| name == variable && (time_s - middle_s).abs() < half_s;
-        std::fs::write(folder.path().join("log.json"), log(&flight, lost)).unwrap();
+        let is_lost = |name: &str, sample: &FlightSample| {
+            name == variable && (sample.time_s - middle_s).abs() < half_s
+        };
+        std::fs::write(folder.path().join("log.json"), json_2022(&flight, is_lost)).unwrap();
         run_json(folder.path(), &["import", "log.json"])["gaps_s"].clone()
     };
     assert_eq!(import("stateEstimate.roll", 0.3), json!([]));
@@ -132,7 +93,7 @@ fn a_gap_of_the_attitude_alone_leaves_no_gap_in_the_flight() {
 
 #[test]
 fn a_log_of_other_letters_names_the_command_that_reads_it() {
-    let log = log(&flown(), |_, _| false);
+    let log = json_2022(&flown("NO"), |_, _| false);
     let other = ["expose", "log.json", "--word", "QUIZ"];
     let command = "noctograph import log.json --word QUIZ --scene SCENE.toml";
     fails(&other, &[("log.json", &log)], &["word QUIZ", command]);

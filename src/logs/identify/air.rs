@@ -10,11 +10,9 @@ use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_sim::vehicle::TORQUE_TIME_S;
 
-/// Length of a window, s.
 const WINDOW_S: f64 = 1.0;
 /// Time after take-off in which the controller finds its trim, and before landing.
 const ENDS_S: f64 = 2.0;
-/// Fewest windows.
 const FEWEST: usize = 6;
 
 /// Torque of uneven air, and the doubt that it causes in a flight's mean torque.
@@ -26,7 +24,7 @@ pub struct UnevenAir {
     pub mean_sigma_n_m: [f64; 2],
 }
 
-/// Estimates it from the samples in the air and the torque of a motor's unit of command; `None` if
+/// Estimates it from the samples in the air and the torque of a motor's unit of command. `None` if
 /// the flight is too short.
 pub(super) fn uneven_air(
     flight: &Flight,
@@ -36,6 +34,7 @@ pub(super) fn uneven_air(
     let [from_s, to_s] = [samples.first()?.time_s + ENDS_S, samples.last()?.time_s - ENDS_S];
     let middle: Vec<FlightSample> =
         samples.iter().filter(|s| (from_s..to_s).contains(&s.time_s)).copied().collect();
+    // Means of torque and velocity over windows of a second, none of them across a gap.
     let mut windows: Vec<[Vector2<f64>; 2]> = Vec::new();
     for run in runs(flight, &middle) {
         let start_s = run[0].time_s;
@@ -60,6 +59,8 @@ pub(super) fn uneven_air(
     if windows.len() < FEWEST {
         return None;
     }
+    // About each axis: the spread that the velocity does not explain. A mean of a second varies
+    // less than the torque itself.
     #[expect(clippy::cast_precision_loss, reason = "seconds of a flight")]
     let n = windows.len() as f64;
     let [torque_n_m, moving_m_s] =
@@ -81,6 +82,6 @@ pub(super) fn uneven_air(
 
 /// Variance of the mean of an Ornstein–Uhlenbeck process over a time, relative to its variance.
 fn mean_variance_frac(time_s: f64) -> f64 {
-    let share = TORQUE_TIME_S / time_s;
-    2.0 * share * (1.0 - share * (1.0 - libm::exp(-1.0 / share)))
+    let ratio = TORQUE_TIME_S / time_s;
+    2.0 * ratio * (1.0 - ratio * (1.0 - libm::exp(-1.0 / ratio)))
 }

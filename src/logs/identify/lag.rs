@@ -4,9 +4,9 @@
 //! Uneven air turns a drone, its controller answers, and a plain fit takes the answer for the
 //! cause: its lags are 20 to 70 ms too long. Both sides are therefore projected onto the design's
 //! acceleration around the moment, which neither the air nor the gyroscope changes (two-stage least
-//! squares: Söderström, Stoica, Instrumental Variable Methods for System Identification, 1983; in
-//! closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the one with the best fit. Its
-//! confidence comes from leaving out one stretch of the flight after the other (jackknife over
+//! squares: Söderström, Stoica, Instrumental Variable Methods for System Identification, 1983, and
+//! in closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the one with the best fit.
+//! Its confidence comes from leaving out one stretch of the flight after the other (jackknife over
 //! groups: Efron, Stein 1981), which is robust to gusts that last from span to span.
 //!
 //! Not done: flights whose design never moves, such as a hover, do not show the lag.
@@ -35,7 +35,7 @@ const FEWEST: usize = 10 * STRETCHES;
 /// Largest half width of the confidence interval of a usable result: the spread of published lags,
 /// 0.02 to 0.14 s.
 const LARGEST_DOUBT_S: f64 = 0.1;
-/// Least share of the changes of rotation that the motors explain in a usable result.
+/// Least fraction of the changes of rotation that the motors explain in a usable result.
 const LEAST_EXPLAINED: f64 = 0.1;
 
 /// Lag of the rotors, estimated from a flight.
@@ -45,18 +45,18 @@ pub struct RotorLag {
     pub lag_s: f64,
     /// Half the width of its confidence interval of 95 %.
     pub half_width_s: f64,
-    /// Share of the changes of rotation that the motors explain, 0 to 1.
+    /// Fraction of the changes of rotation that the motors explain, 0 to 1.
     pub explained: f64,
 }
 
 impl RotorLag {
-    /// Whether the flight shows a lag, and to 100 ms. A log that is slow or full of holes does not.
+    /// True if the flight shows a lag, and to 100 ms. A log that is slow or full of holes does not.
     pub fn is_identifiable(&self) -> bool {
         self.half_width_s < LARGEST_DOUBT_S.min(self.lag_s) && self.explained > LEAST_EXPLAINED
     }
 }
 
-/// Fits the lag; `None` for a flight too short for a fit, or whose design does not move.
+/// Fits the lag. `None` for a flight too short for a fit, or whose design does not move.
 pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag> {
     let runs: Vec<(&[FlightSample], Vec<[usize; 3]>)> =
         runs(flight, samples).map(|run| (run, pairs(run).collect())).collect();
@@ -64,6 +64,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     if n < FEWEST {
         return None;
     }
+    // Instruments, response, and the regressor of each lag that is tried.
     let designs = instruments(&runs)?;
     let turns = changes(&runs, |run| run.iter().map(|s| s.rate_body_rad_s.xy().into()).collect());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
@@ -73,11 +74,12 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
         lags_s.map(|lag_s: f64| changes(&runs, |run| torques(run, lag_s))).collect();
     let stretches: Vec<Stretch> =
         (0..STRETCHES).map(|index| Stretch::new(index, &designs, &turns, &pushes)).collect();
-    let all = explained(&stretches, None)?;
-    let lag_s = peak(&all.curve);
+    // The best lag of the whole flight. Its confidence is by the jackknife (Efron, Stein 1981).
+    let fit = explained(&stretches, None)?;
+    let lag_s = peak(&fit.curve);
     let others = (0..STRETCHES).map(|index| Some(peak(&explained(&stretches, Some(index))?.curve)));
     let half_width_s = T_95 * jackknife_sigma(&others.collect::<Option<Vec<_>>>()?);
-    Some(RotorLag { lag_s, half_width_s, explained: all.share })
+    Some(RotorLag { lag_s, half_width_s, explained: fit.fraction })
 }
 
 /// Standard deviation of an estimate, from those that leave out one stretch each.
@@ -106,8 +108,8 @@ struct Stretch {
 struct Explained {
     /// The log-likelihood, but for a constant.
     curve: Vec<f64>,
-    /// Share of all changes of rotation that the motors explain at best, 0 to 1.
-    share: f64,
+    /// Fraction of all changes of rotation that the motors explain at best, 0 to 1.
+    fraction: f64,
 }
 
 impl Stretch {
@@ -117,9 +119,11 @@ impl Stretch {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;
         let [z, y] = [designs, turns].map(|changes| changes.rows(from, rows));
+        // Zᵀy and Zᵀx for the first stage.
         let mut projected = std::iter::once(turns)
             .chain(pushes)
             .map(|changes| [0, 1].map(|axis| z.tr_mul(&changes.column(axis).rows(from, rows))));
+        // xᵀx, xᵀy and yᵀy without the projection, for the fraction that is explained.
         let plain = pushes.iter().map(|push| {
             [0, 1].map(|axis| {
                 let (x, y) = (push.column(axis), y.column(axis));
@@ -137,7 +141,7 @@ impl Stretch {
     }
 }
 
-/// The curve over the lags, without one stretch; `None` where the design's columns say nothing.
+/// The curve over the lags, without one stretch. `None` for a design whose columns are alike.
 fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained> {
     let kept = stretches.iter().enumerate().filter(|(index, _)| Some(*index) != without);
     let kept: Vec<&Stretch> = kept.map(|(_, stretch)| stretch).collect();
@@ -152,12 +156,14 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
     for k in 0..columns {
         square[(k, k)] += 1e-9 * mean;
     }
+    // First stage: the response projected onto the instruments, ZᵀZ = L Lᵀ.
     let factor = square.cholesky()?;
     let turns = [0, 1].map(|axis| kept.iter().map(|part| &part.turn[axis]).sum::<DVector<f64>>());
     let solved = [0, 1].map(|axis| factor.solve(&turns[axis]));
     let (mut curve, mut most) = (Vec::new(), 0.0_f64);
+    // Second stage: for each lag the regression of the projected response on the projected torque.
     for lag in 0..stretches[0].plain.len() {
-        let (mut likelihood, mut share) = (0.0, 0.0);
+        let (mut likelihood, mut fraction) = (0.0, 0.0);
         for axis in 0..2 {
             let push: DVector<f64> = kept.iter().map(|stretch| &stretch.pushes[lag][axis]).sum();
             let (xx, xy) = (push.dot(&factor.solve(&push)), push.dot(&solved[axis]));
@@ -168,16 +174,16 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
             let shared = if xy > 0.0 && xx > 0.0 { xy * xy / xx } else { 0.0 };
             let noise = (yy - turns[axis].dot(&solved[axis])) / rows;
             likelihood += if noise > 0.0 { shared / noise } else { 0.0 };
-            share += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
+            fraction += if pxy > 0.0 && pxx * yy > 0.0 { pxy * pxy / (pxx * yy) } else { 0.0 };
         }
         curve.push(likelihood);
-        most = most.max(0.5 * share);
+        most = most.max(0.5 * fraction);
     }
-    Some(Explained { curve, share: most })
+    Some(Explained { curve, fraction: most })
 }
 
 /// The design's acceleration along world x and y, at each pair of spans and those around it, a
-/// column each; `None` where it never moves.
+/// column each. `None` if it never moves.
 fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     let moves = changes(runs, |run| run.iter().map(|s| s.design_m.xy().into()).collect());
     let axes: Vec<usize> = (0..2).filter(|axis| moves.column(*axis).amax() > 1e-9).collect();
@@ -202,7 +208,6 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     (!axes.is_empty()).then_some(columns)
 }
 
-/// Changes of a quantity's rate from span to span.
 fn changes(
     runs: &[(&[FlightSample], Vec<[usize; 3]>)],
     quantity: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
@@ -211,6 +216,7 @@ fn changes(
     for (run, pairs) in runs {
         let values = quantity(run);
         for [a, b, c] in pairs {
+            // Second difference: the change of the mean rate from one span to the next.
             let [before, after] = [(*a, *b), (*b, *c)].map(|(from, to)| {
                 let span_s = run[to].time_s - run[from].time_s;
                 [0, 1].map(|axis| (values[to][axis] - values[from][axis]) / span_s)
@@ -240,6 +246,7 @@ fn peak(curve: &[f64]) -> f64 {
     let before = highest.checked_sub(1).map(|index| curve[index]);
     let shift = match (before, curve.get(highest + 1)) {
         (Some(before), Some(after)) => {
+            // Vertex of the parabola through three points.
             let bend = before - 2.0 * curve[highest] + after;
             if bend < 0.0 { 0.5 * (before - after) / bend } else { 0.0 }
         }
@@ -250,6 +257,7 @@ fn peak(curve: &[f64]) -> f64 {
 
 /// Three samples each a span apart, by their indices.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
+    // The first sample at least a span after the one before.
     let ends = std::iter::successors((!run.is_empty()).then_some(0), |from: &usize| {
         let due_s = run[*from].time_s + SPAN_S - 1e-6;
         let later = run[*from..].partition_point(|sample| sample.time_s < due_s);

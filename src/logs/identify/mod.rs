@@ -3,16 +3,13 @@
 //! In: a [`Flight`], and the vehicle's mass, arm and motor lag, which a log does not show. Out:
 //! [`Identified`]. The method is the reference team's (AE483, 2022).
 //!
-//! - Weights of the observer: Q and R are `1/σ²` of the airborne spread of the measurement error
+//! - Weights of the observer: Q and R are `1/σ²` of the airborne measurement error
 //!   `y − (C x̂ + D u)` and of the model error `ẋ − (A x + B u)`, with ẋ by finite differences.
 //! - Thrust per command is fitted to the accelerometer, with the assumed motor lag.
-//! - The mean motor commands give the torque that compensates a displaced center of mass.
+//! - The mean motor commands compensate the torque of a displaced center of mass.
 //! - Inertia comes from a pendulum test ([`pendulum_inertia_kg_m2`], their equation 12).
-//! - The rotors' lag comes from the response in roll and pitch ([`RotorLag`]).
-//! - Uneven air, of a folder of logs, comes from the torque that counters it ([`UnevenAir`]).
 //!
-//! Not done: inertia and the rotors' reaction torque, which slow logs and flights that hardly turn
-//! do not show.
+//! Not done: inertia and the rotors' reaction torque, which slow logs do not show.
 
 mod air;
 mod lag;
@@ -26,6 +23,7 @@ pub use self::air::UnevenAir;
 pub use self::lag::{RotorLag, T_95};
 use self::rotors::thrust_per_command_n;
 use noctograph_core::crazyflie::{GRAVITY_M_S2, MOTOR_SIGNS};
+use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result, within};
 use noctograph_core::flight::{Flight, FlightSample, Quantity, airborne};
 use noctograph_sim::vehicle::VehicleOptions;
@@ -60,27 +58,27 @@ pub struct Identified {
     /// Mean motor commands m1…m4.
     pub mean_motors: [f64; 4],
     /// Thrust of one motor per unit of its command, N: fitted to the accelerometer, or to hovering
-    /// where none is logged.
+    /// without one.
     pub k_f_n: f64,
     /// Mean torque that the motors gave about body x and y, N m. The body met its opposite.
     pub motor_torque_n_m: [f64; 2],
     /// The center of mass that explains that torque, in body x and y.
     pub center_of_mass_m: [f64; 2],
-    /// Half the width of its confidence interval of 95 %, from the torque of uneven air; `None` if
+    /// Half the width of its confidence interval of 95 %, from the torque of uneven air. `None` if
     /// the flight is too short.
     pub center_of_mass_half_width_m: Option<[f64; 2]>,
-    /// The rotors' lag; `None` where no body rate is logged.
+    /// The rotors' lag. `None` if no body rate is logged.
     pub lag: Option<RotorLag>,
-    /// Uneven air; `None` if the flight is too short.
+    /// Uneven air. `None` if the flight is too short.
     pub air: Option<UnevenAir>,
-    /// Spread of the measured position about the estimate, x y z; `None` where no raw position is
-    /// logged.
+    /// Standard deviation of the measured position about the estimate, x y z. `None` without a
+    /// logged raw position.
     pub measurement_sigma_m: Option<[f64; 3]>,
-    /// Spread of the model's error, [`MODEL_STATES`], in the state's unit per second; `None` where
-    /// attitude, velocity or body rates are not logged.
+    /// Standard deviation of the model's error, [`MODEL_STATES`], in the state's unit per second.
+    /// `None` if attitude, velocity or body rates are not logged.
     pub model_sigma: Option<[f64; 9]>,
     /// Warnings about data that was logged and is not used.
-    pub left_out: Vec<String>,
+    pub left_out: Vec<Diagnostic>,
 }
 
 impl Identified {
@@ -106,11 +104,12 @@ pub fn weight(sigma: f64) -> f64 {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where a figure is out of range, or the period is shorter than that of a point.
+/// [`Error::Input`] if a figure is out of range, or the period is shorter than that of a point.
 pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Result<f64> {
     within("vehicle.mass_kg", mass_kg, 1e-3, 100.0)?;
     within("pendulum_pivot_m", pivot_m, 1e-3, 10.0)?;
     within("pendulum_period_s", period_s, 1e-3, 100.0)?;
+    // T = 2π √((J + m r²) / (m g r)), solved for J.
     let per_turn_s = period_s / std::f64::consts::TAU;
     let inertia = mass_kg * (GRAVITY_M_S2 * pivot_m * per_turn_s * per_turn_s - pivot_m * pivot_m);
     if inertia > 0.0 {
@@ -126,7 +125,7 @@ pub fn pendulum_inertia_kg_m2(mass_kg: f64, pivot_m: f64, period_s: f64) -> Resu
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where the flight has no motor commands or is hardly in the air.
+/// [`Error::Input`] if the flight has no motor commands or is hardly in the air.
 pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified> {
     let hint = "import a log with motor.m1 to motor.m4, of a flight of ten seconds or more";
     if !flight.has(Quantity::Motors) {
@@ -143,18 +142,20 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         let commands = "motor commands that never turn the drone, as those of one row, repeated";
         return Err(Error::input("flight", commands, "those of a flight", hint));
     }
+    // Thrust and torque of the mean commands, by the accelerometer if it is sound.
     let mut left_out = Vec::new();
     let mean_motors = mean(samples.iter().map(|sample| Vector4::from(sample.motors)));
     let mut accelerations = accelerations(flight, &air, &mut left_out);
     let mut k_f_n = thrust_per_command_n(flight, samples, accelerations.as_deref(), assumed);
     if k_f_n.is_nan() || k_f_n <= 0.0 {
-        left_out
-            .push("the acceleration points down on average: the drone is taken to hover".into());
+        let text = "the acceleration points down on average: the drone is taken to hover";
+        left_out.push(Diagnostic::warning("acceleration-down", text));
         accelerations = None;
         k_f_n = thrust_per_command_n(flight, samples, None, assumed);
     }
     let torque = MOTOR_SIGNS * mean_motors * (k_f_n * assumed.arm_m);
     let thrust_n = k_f_n * mean_motors.sum();
+    // The model's error needs quantities that are logged and change.
     type Reading = fn(&FlightSample) -> Vector3<f64>;
     let quantities: [(Quantity, Reading); 3] = [
         (Quantity::Rate, |s| s.rate_body_rad_s),
@@ -165,7 +166,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
         let is_logged = flight.has(quantity);
         let changes = samples.iter().any(|s| vector(s) != vector(&samples[0]));
         if is_logged && !changes {
-            left_out.push(format!("{}: frozen, as if it was not logged", quantity.name()));
+            left_out.push(frozen(quantity.name()));
         }
         is_logged && changes
     });
@@ -193,7 +194,7 @@ pub fn identify(flight: &Flight, assumed: &VehicleOptions) -> Result<Identified>
     })
 }
 
-/// Whether the motors never change their roll and pitch torque, as where a logger repeats one row.
+/// True if the motors never change their roll and pitch torque, as when a logger repeats one row.
 /// No real flight holds both constant.
 pub fn is_frozen(samples: &[FlightSample]) -> bool {
     /// Below the grid of the files.
@@ -204,7 +205,10 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
     turns.all(|turn| (turn - first).amax() < SAME)
 }
 
-/// The samples of a further column in the air.
+fn frozen(names: &str) -> Diagnostic {
+    Diagnostic::warning("source-frozen", format!("{names}: frozen, as if it was not logged"))
+}
+
 fn column<'a>(flight: &'a Flight, air: &Range<usize>, name: &str) -> Option<&'a [f64]> {
     flight.extra.get(name).map(|column| &column[air.clone()])
 }
@@ -213,7 +217,8 @@ fn finite<const N: usize>(figures: [f64; N]) -> bool {
     figures.iter().all(|figure| figure.is_finite())
 }
 
-/// Whether spreads are finite and positive: the weight of a frozen value would be infinite.
+/// True for finite and positive standard deviations: the weight of a frozen value would be
+/// infinite.
 fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
@@ -222,35 +227,36 @@ fn are_figures(sigma: &[f64]) -> bool {
 fn accelerations(
     flight: &Flight,
     air: &Range<usize>,
-    left_out: &mut Vec<String>,
+    left_out: &mut Vec<Diagnostic>,
 ) -> Option<Vec<f64>> {
     for (name, unit) in ACCELERATIONS {
         let Some(values) = column(flight, air, name) else { continue };
         if values.iter().any(|value| *value != values[0]) {
             return Some(values.iter().map(|value| value * unit).collect());
         }
-        left_out.push(format!("{name}: frozen at {}, as if it was not logged", values[0]));
+        let text = format!("{name}: frozen at {}, as if it was not logged", values[0]);
+        left_out.push(Diagnostic::warning("source-frozen", text));
     }
     None
 }
 
-/// Spread about the estimate of the first raw position that changes.
+/// Standard deviation about the estimate of the first raw position that changes.
 fn measurement_sigma_m(
     flight: &Flight,
     air: &Range<usize>,
-    left_out: &mut Vec<String>,
+    left_out: &mut Vec<Diagnostic>,
 ) -> Option<[f64; 3]> {
     for names in LIGHTHOUSE {
         let columns = names.map(|name| column(flight, air, name));
         let [Some(x), Some(y), Some(z)] = columns else { continue };
         if [x, y, z].iter().all(|values| values.iter().all(|value| *value == values[0])) {
-            left_out.push(format!("{}: frozen, as if it was not logged", names.join(", ")));
+            left_out.push(frozen(&names.join(", ")));
             continue;
         }
         let places = flight.samples[air.clone()].iter().zip(x).zip(y).zip(z);
         let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
         let sigma: [f64; 3] = spread(&errors.collect::<Vec<_>>()).into();
-        // The estimate may be this raw position itself: there is no spread then.
+        // The estimate may be this raw position itself: then the deviations are zero.
         return Some(sigma).filter(|sigma| are_figures(sigma));
     }
     None
@@ -264,6 +270,7 @@ fn model_sigma(
     accelerations: Option<&[f64]>,
 ) -> [f64; 9] {
     let pairs = samples.windows(2).enumerate().filter_map(|(index, pair)| {
+        // ẋ by the forward difference.
         let dt_s = pair[1].time_s - pair[0].time_s;
         let acceleration = accelerations.map_or(GRAVITY_M_S2, |column| column[index]);
         let error = (state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration);
@@ -272,7 +279,6 @@ fn model_sigma(
     spread(&pairs.collect::<Vec<_>>()).into()
 }
 
-/// Stretches of samples without a hole.
 fn runs<'a>(
     flight: &Flight,
     samples: &'a [FlightSample],
@@ -285,7 +291,6 @@ fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-/// Whether a gap follows a sample.
 fn ends_at_hole(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
@@ -312,7 +317,6 @@ fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVecto
     sum / n
 }
 
-/// Standard deviation of each component.
 fn spread<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
     let middle = mean(values.iter().copied());
     let squares = values.iter().map(|value| (value - middle).map(|x| x * x));
@@ -473,7 +477,9 @@ mod tests {
         for value in [0.0, -5.0] {
             let identified = identify(&sway(("ae483log.a_z", value)), &assumed).unwrap();
             assert!((identified.k_f_n / hover - 1.0).abs() < 0.01, "{value}: {identified:?}");
-            assert!(identified.left_out.iter().any(|text| text.contains("a")), "{identified:?}");
+            let codes: Vec<&str> = identified.left_out.iter().map(|warning| warning.code).collect();
+            let wanted = if value == 0.0 { "source-frozen" } else { "acceleration-down" };
+            assert!(codes.contains(&wanted), "{value}: {codes:?}");
         }
         let mut flight = sway(("ae483log.a_z", 0.0));
         for axis in ["x", "y", "z"] {
@@ -487,7 +493,7 @@ mod tests {
             (identified.measurement_sigma_m, identified.model_sigma, identified.lag),
             (None, None, None)
         );
-        let said = identified.left_out.join("\n");
+        let said: String = identified.left_out.iter().map(ToString::to_string).collect();
         for name in ["ae483log.a_z", "ae483log.lh_x", "attitude", "velocity", "body rate"] {
             assert!(said.contains(name), "{name}: {said}");
         }

@@ -22,12 +22,13 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
     Vec::from_iter(run.windows(2).zip(wanted.windows(2)).map(|(pair, roots)| {
         let dt_s = pair[1].time_s - pair[0].time_s;
-        let share = (0.5 - HELD_S / dt_s).max(0.0);
+        let middle = (0.5 - HELD_S / dt_s).max(0.0);
         let stays = if lag_s > 0.0 { libm::exp(-dt_s / lag_s) } else { 0.0 };
         [0, 1, 2, 3].map(|motor| {
-            let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * share;
+            let wanted = roots[0][motor] + (roots[1][motor] - roots[0][motor]) * middle;
             let behind = speed[motor] - wanted;
             speed[motor] = wanted + behind * stays;
+            // ∫ (wanted + behind e^(−t/lag))² dt over the step.
             wanted * wanted * dt_s
                 + 2.0 * wanted * behind * lag_s * (1.0 - stays)
                 + 0.5 * behind * behind * lag_s * (1.0 - stays * stays)
@@ -41,19 +42,20 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
         let (from, next) = (&held[0], run.get(line.len() + held.len()));
+        // A command that is held for long is not interpolated.
         let to = next.filter(|next| next.time_s - from.time_s < LONGEST_STEP_S).unwrap_or(from);
         let [first, last] =
             [from, to].map(|sample| sample.motors.map(|command| command.max(0.0).sqrt()));
         line.extend(held.iter().map(|s| {
-            let share = (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
-            [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * share)
+            let part = (s.time_s - from.time_s) / (to.time_s - from.time_s).max(1e-9);
+            [0, 1, 2, 3].map(|motor| first[motor] + (last[motor] - first[motor]) * part)
         }));
     }
     line
 }
 
 /// Thrust per command that carries the drone, N: with the motors' lag, out of the ground effect.
-/// Against the accelerometer, by least squares of `m a = k ΣM`; without one, against gravity and
+/// Against the accelerometer, by least squares of `m a = k ΣM`. Without one, against gravity and
 /// the climb, over the whole time.
 pub(super) fn thrust_per_command_n(
     flight: &Flight,
@@ -73,6 +75,7 @@ pub(super) fn thrust_per_command_n(
     let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
     let motor_lag_s = 0.5 * (motor_rise_s + motor_fall_s);
     let (mut product, mut square) = (0.0, 0.0);
+    // Sums over the runs of samples without a gap, within the part that is in free air.
     let mut start = 0;
     for run in runs(flight, samples) {
         let inside = from.saturating_sub(start)..to.saturating_sub(start).min(run.len() - 1);
@@ -102,7 +105,6 @@ pub(super) fn thrust_per_command_n(
     product / square
 }
 
-/// Vertical speed about a sample.
 fn climb_m_s(run: &[FlightSample], index: usize) -> f64 {
     let (before, after) = (index.saturating_sub(CLIMB), (index + CLIMB).min(run.len() - 1));
     let lasts_s = run[after].time_s - run[before].time_s;

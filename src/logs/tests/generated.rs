@@ -23,7 +23,7 @@ fn clock(t: f64, from_s: f64) -> String {
 }
 
 /// Stamps that need no other column.
-const STAMPS: [(&str, Cells); 14] = [
+const STAMPS: [(&str, Cells); 22] = [
     ("t", |t, _| format!("{t:.3}")),
     ("Time [msec]", |t, _| format!("{:.0}", 1e3 * t)),
     ("timestamp_us", |t, _| format!("{:.0}", 1e6 * t)),
@@ -38,6 +38,18 @@ const STAMPS: [(&str, Cells); 14] = [
     ("timestamp", |t, _| format!("2026-05-04T{}+02:00", clock(t, 43_190.0))),
     ("sec,nanosec", |t, _| format!("{},{:.0}", 17.0 + parts(t).0, 1e9 * parts(t).1)),
     ("Date,Time", |t, _| format!("04.05.2026,{}", clock(t, 43_190.0))),
+    ("Uhrzeit,Datum", |t, _| format!("{},01.01.2026", clock(t, 43_190.0))),
+    ("header.stamp.sec,header.stamp.nanosec", |t, _| {
+        format!("{},{:.0}", 1.7e9 + parts(t).0, 1e9 * parts(t).1)
+    }),
+    ("field.header.stamp.secs,field.header.stamp.nsecs", |t, _| {
+        format!("{},{:.0}", 1.7e9 + parts(t).0, 1e9 * parts(t).1)
+    }),
+    ("stamp_nanosec,stamp_sec", |t, _| format!("{:.0},{}", 1e9 * parts(t).1, parts(t).0)),
+    ("tv_sec,tv_usec", |t, _| format!("{},{:.0}", parts(t).0, 1e6 * parts(t).1)),
+    ("time (days)", |t, _| format!("{:.10}", t / 86_400.0)),
+    ("datetime(UTC)", |t, _| format!("2026-01-01 {}", clock(t, 43_190.0))),
+    ("Time", |t, _| clock((t + 86_395.0) % 86_400.0, 0.0)),
 ];
 
 /// Coordinates in names and units; each title for x, y or z in place of `*`.
@@ -109,7 +121,7 @@ proptest! {
             }
         };
         // Dates with points are no numbers with commas.
-        prop_assume!(separator != "decimal comma" || stamp_titles != "Date,Time");
+        prop_assume!(separator != "decimal comma" || !["Date,Time", "Uhrzeit,Datum"].contains(&stamp_titles));
         let titles = ["x", "y", "z"].map(|axis| title.replace('*', axis));
         let mut text = row(stamp_titles.into(), titles, other_title.into()).replace(
             |sign| separator == "decimal comma" && sign == ',', ".") + end;
@@ -169,7 +181,7 @@ proptest! {
 
     #[test]
     fn json_is_read_in_every_form_of_pandas_and_of_cflib(
-        form in 0..6_usize,
+        form in 0..7_usize,
         stamps in 0..5_usize,
         has_group: bool,
     ) {
@@ -208,6 +220,11 @@ proptest! {
             2 => format!("{{{}}}", all(&|_, t| format!("{}:{{{}}}", key(t), cells(t)), ",")),
             3 => format!("[{}]", all(&|_, t| format!("{{\"time\":{},{}}}", stamp(t), cells(t)), ",")),
             4 => all(&|_, t| format!("{{\"time\":{},{}}}", stamp(t), cells(t)), "\n") + "\n",
+            5 => {
+                let (sec, nanosec) = (|t: f64| 17.0 + parts(t).0, |t: f64| (1e9 * parts(t).1).round());
+                let header = |t: f64| format!("{{\"stamp\":{{\"sec\":{},\"nanosec\":{}}}}}", sec(t), nanosec(t));
+                format!("[{}]", all(&|_, t| format!("{{\"header\":{},{}}}", header(t), cells(t)), ","))
+            }
             _ => {
                 let row = |t: f64| {
                     format!("[{}][Position]: {{{}}}", stamp(t), cells(t).replace('"', "'"))

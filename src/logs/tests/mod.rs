@@ -1,5 +1,5 @@
-//! Import of whole logs. `tests/it/dialects.rs` reads every dialect whole, cut off and broken; here
-//! stand the rules that all dialects share.
+//! Import of whole logs. `tests/it/dialects.rs` reads every dialect whole, cut off and broken. Here
+//! are the rules of all dialects.
 
 use noctograph_core::flight::FlightData;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -16,6 +16,11 @@ use noctograph_core::flight::{FlightSample, Quantity};
 mod foreign;
 mod generated;
 mod team_data;
+
+/// All warnings of a recording.
+pub(super) fn said(log: &Recording) -> String {
+    log.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}
 
 fn imported(bytes: &[u8]) -> Flight {
     parse(bytes, "log", &ImportOptions::default()).unwrap()
@@ -190,10 +195,9 @@ fn a_file_that_is_no_log_is_refused() {
     }
     let far = b"t,x,y,z\n0.5,0,0,0\n1e10,0,0,0\n";
     assert!(parse(far, "log", &ImportOptions::default()).is_err(), "300 years");
-    assert!(
-        flight(Recording::default(), &ImportOptions::default(), &Budget::new("log", HINT)).is_err(),
-        "no sample"
-    );
+    let (options, budget) = (&ImportOptions::default(), &Budget::new("log", HINT));
+    let job = Job { file: "log", options, budget };
+    assert!(flight(Recording::default(), job).is_err(), "no sample");
 }
 
 #[test]

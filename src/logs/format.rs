@@ -1,6 +1,73 @@
-//! Files of other programs that are known and not read, each with what turns it into a table.
+//! Format of a log, recognized from its content.
 
+use super::cfclient_csv::is_cfclient;
+use super::mocap_csv::{Capture, capture};
+use super::{unknown, usd};
 use noctograph_core::error::{Error, Result};
+use noctograph_core::files::{Head, Text};
+
+/// First columns of our flight files.
+const FLIGHT: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
+
+/// A log by its format, with what was read to recognize it.
+pub(super) enum Format<'a> {
+    Card,
+    Json(Text<'a>),
+    Flight(Text<'a>, Head),
+    Cfclient(Text<'a>, Head),
+    /// Any other table, or one of a motion capture.
+    Table(Text<'a>, Head, Option<Capture>),
+}
+
+impl<'a> Format<'a> {
+    /// Recognizes a log. Known files of other programs are refused first: some look like a table.
+    pub(super) fn recognized(bytes: &'a [u8], file: &str) -> Result<Self> {
+        refuse_foreign(bytes, file)?;
+        if bytes.first() == Some(&usd::MAGIC) {
+            return Ok(Self::Card);
+        }
+        // A text: JSON by its bracket, a table by its head.
+        let text = Text::decode(bytes);
+        let content = text.bytes.trim_ascii_start();
+        if content.starts_with(b"{") || content.starts_with(b"[") {
+            return Ok(Self::Json(text));
+        }
+        if content.is_empty() {
+            return Err(unknown(file, "an empty file"));
+        }
+        if let Some((head, captured)) = capture(&text.bytes, file)? {
+            return Ok(Self::Table(text, head, Some(captured)));
+        }
+        let head = Head::find(&text.bytes);
+        let is_odd = |c: char| c.is_control() || c == '\u{fffd}';
+        if is_flight(&head) {
+            Ok(Self::Flight(text, head))
+        } else if head.n_columns < 2 || head.titles.iter().any(|title| title.contains(is_odd)) {
+            let start = String::from_utf8_lossy(&content[..content.len().min(24)]);
+            Err(unknown(file, format_args!("a file that begins with {start:?}")))
+        } else if is_cfclient(&head) {
+            Ok(Self::Cfclient(text, head))
+        } else {
+            Ok(Self::Table(text, head, None))
+        }
+    }
+}
+
+/// True for a flight file: it begins with a pose, or with the time and has the column of letters.
+fn is_flight(head: &Head) -> bool {
+    let begins = head.titles.first().is_some_and(|title| title == FLIGHT[0]);
+    head.titles.starts_with(&FLIGHT.map(str::to_owned))
+        || begins && head.has("letter") && !has_ranges(head)
+}
+
+fn has_ranges(head: &Head) -> bool {
+    head.titles.iter().any(|title| title.starts_with("ranging."))
+}
+
+/// True for a flight file with ranges: an imported log, whose clock is lost.
+pub(super) fn is_imported(head: &Head) -> bool {
+    head.has(FLIGHT[0]) && head.has("letter") && has_ranges(head)
+}
 
 const BY_CAPTURE: &str =
     "export the rigid body as CSV in the motion capture's program, with a header t,x,y,z";
@@ -49,7 +116,7 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
 ];
 
 /// Refuses a file of another program, with what turns it into a table.
-pub(super) fn refuse(bytes: &[u8], file: &str) -> Result<()> {
+fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     let known = FORMATS.iter().find(|(begins, ..)| bytes.starts_with(begins));
     known.map_or(Ok(()), |(_, what, hint)| {
         Err(Error::input(file, *what, "a log that is read: text, JSON or a µSD log", *hint))

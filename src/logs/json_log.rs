@@ -1,0 +1,797 @@
+//! JSON logs: those of the AE483 course in its three dialects, and tables of scripts and of pandas.
+//!
+//! - 2021: `{"var": {"time": [ms], "data": []}, "start_time": …}`
+//! - 2022: `{"var": {"time": [ms], "data": []}}`
+//! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
+//!
+//! An object with `time` and `data` is a variable. Other objects are folders, whose name goes
+//! before the names in them (`drone` excepted). Lists beside one of times are columns, and a list
+//! of objects with a time is a block by rows, as scripts of cflib and pandas' `to_json` write it.
+//! Both may have the usual names of plain CSV. Other members are named as not read.
+//!
+//! The text is checked once. It is then taken apart from the outside to the inside, in pieces of
+//! itself ([`RawValue`]): only the numbers of columns stay in memory.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::de::IgnoredAny;
+use serde_json::value::RawValue;
+
+use super::cells::seconds_from_date;
+use super::cfclient_csv::WRAP_S;
+use super::recording::{Block, Clock, Column, Recording};
+use super::{Job, TimeUnit, plain_csv, rows, titles};
+use noctograph_core::error::{Error, Place, Result};
+use noctograph_core::files::{Budget, Text, simplified};
+use noctograph_core::flight::stamps::{SLOWEST_PERIOD_S, unit_of};
+use noctograph_core::statistics::median;
+
+/// Steps of checking a byte of text, of a value, of a name besides its bytes, and of a title.
+const BYTE_STEPS: usize = 3;
+const VALUE_STEPS: usize = 60;
+const NAME_STEPS: usize = 200;
+const TITLE_STEPS: usize = 10_000;
+
+/// Memory of a name besides its bytes, and of an item of a list that grows by doubling.
+const NAME_BYTES: usize = 160;
+const ITEM_BYTES: usize = 24;
+
+/// Most lists and objects within each other.
+const MAX_DEPTH: usize = 128;
+
+/// Different texts that are kept of a column, and characters of each.
+const TEXTS: usize = 4;
+const TEXT_CHARS: usize = 40;
+
+const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
+                    [...], \"data\": [...]}, ...}";
+
+pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
+    let Job { file, options, budget } = job;
+    budget.steps(BYTE_STEPS * text.bytes.len())?;
+    budget.bytes(text.bytes.len())?;
+    let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(file) };
+    log.warn_of_notes(&text.notes);
+
+    // What is nearly JSON becomes JSON: rows in lines, NaN, and a log that ends too early.
+    let mut text = listed(&text.bytes).unwrap_or_else(|| text.bytes.to_vec());
+    let depth = replace_nan(&mut text);
+    if depth > MAX_DEPTH {
+        let actual = format!("lists and objects within each other, {depth} deep");
+        return Err(Error::input(file, actual, format!("JSON of at most {MAX_DEPTH}"), HINT));
+    }
+    let broken = serde_json::from_slice::<IgnoredAny>(&text).err();
+    if let Some(source) = broken.filter(|source| is_cut(source, &text)) {
+        let place = format!("{}:{}", source.line(), source.column());
+        refuse_cut_script(&text, file, &place)?;
+        let note = format!("the file ends too early, at {place}; the part before is read");
+        log.warn("log-cut", note);
+        close(&mut text);
+    }
+    let top = serde_json::from_slice(&text).map_err(|source| {
+        let place = format!("column {}", source.column());
+        Error::input(place, &source, "JSON", HINT).in_file(file, source.line() as u64)
+    })?;
+
+    // Units need all blocks: the fastest one shows that of its clock.
+    let text = std::str::from_utf8(&text).expect("JSON was read from it");
+    let mut reader = Reader { text, budget, log, skipped: Vec::new(), in_seconds: false };
+    reader.top(top)?;
+    let Reader { mut log, skipped, in_seconds, .. } = reader;
+    if !skipped.is_empty() {
+        log.warn("not-read", format!("not read: {}", skipped.join(", ")));
+    }
+    resolve_units(&mut log, in_seconds, options.time_unit);
+    plain_csv::resolve_angles(&mut log, options.angle_unit);
+    Ok(log)
+}
+
+/// True for the error of a text that ends too early, within a number too.
+fn is_cut(source: &serde_json::Error, text: &[u8]) -> bool {
+    let last = text.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
+    let is_number = last.last().is_some_and(|byte| b"-+.eE".contains(byte));
+    source.is_eof() || is_number && source.column() == last.len()
+}
+
+/// Refuses the cut log of an exported script, whose variables stand one after another: its part is
+/// no shorter flight, but one without some of them.
+fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
+    let head = text.trim_ascii_start().strip_prefix(b"{").unwrap_or_default();
+    if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
+        return Ok(());
+    }
+    let hint = "take the file that the script named; it may be in the folder for temporary files";
+    let cut = format!("a script's log that is cut off at {place}");
+    Err(Error::input(file, cut, "the whole log", hint))
+}
+
+fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
+    let is_split = top.contains_key("columns") && top.contains_key("index");
+    if !top.contains_key("data") || !(is_split || top.contains_key("schema")) {
+        return Ok(());
+    }
+    let form = "DataFrame.to_json with orient split or table";
+    let hint = "write it with to_json(\"log.json\", orient=\"records\")";
+    Err(Error::input(file, form, "records or columns", hint))
+}
+
+/// Puts all times in seconds. One clock has one unit, which its fastest block shows: blocks of
+/// events have steps of any length.
+fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
+    for clock in [Clock::Drone, Clock::Mocap] {
+        let mut blocks = Vec::from_iter(log.blocks.iter_mut().filter(|block| block.clock == clock));
+        let steps = blocks.iter().filter_map(|block| {
+            let steps = block.time_s.windows(2).map(|pair| pair[1] - pair[0]);
+            median(steps.filter(|step| *step > 0.0))
+        });
+        let step = steps.fold(f64::INFINITY, f64::min);
+        let unit_s = wanted.seconds().unwrap_or_else(|| unit_s(step, in_seconds));
+        // Division by the units per second makes 10 ms 0.01 s to the last bit.
+        let per_s = if unit_s < 1.0 { (1.0 / unit_s).round() } else { 1.0 / unit_s };
+        blocks.iter_mut().flat_map(|block| &mut block.time_s).for_each(|time_s| *time_s /= per_s);
+        if wanted.seconds().is_none() && in_seconds && unit_s != 1.0 && step.is_finite() {
+            let text = format!(
+                "stamps {step} apart are taken as {unit_s} s a unit: no Crazyflie logs so slowly in \
+                 seconds"
+            );
+            log.warn("unit-guessed", text);
+        }
+    }
+}
+
+/// Seconds of a unit of time by the steps. Log periods are 10 ms to 2.55 s, so that longer steps
+/// are ms, and those below 0.5 are s. In between, the dialect decides.
+fn unit_s(step: f64, in_seconds: bool) -> f64 {
+    match step {
+        step if step.is_infinite() && in_seconds => 1.0,
+        step if step.is_infinite() => 1e-3,
+        step if step > 1e3 * SLOWEST_PERIOD_S * 1e3 => 1e-9,
+        step if step > 1e3 * SLOWEST_PERIOD_S => 1e-6,
+        step if step > SLOWEST_PERIOD_S => 1e-3,
+        step if step < 0.5 => unit_of(&[0.0, step]).unit_s,
+        _ if in_seconds => 1.0,
+        _ => 1e-3,
+    }
+}
+
+/// Lines of rows as one list: JSON lines, and what cflib's examples print,
+/// `[stamp][block]: {'variable': value}`. `None` of other text.
+fn listed(text: &[u8]) -> Option<Vec<u8>> {
+    let text = std::str::from_utf8(text).ok()?;
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty()).peekable();
+    let is_printed = lines.peek()?.contains("]: {");
+    let rows = lines.map(|line| match line.split_once("]: {") {
+        Some((head, data)) if is_printed => {
+            let stamp = head.trim_start_matches('[').split(']').next()?;
+            let data = data.replace('\'', "\"");
+            Some(format!("{{\"timestamp\": {stamp}, \"data\": {{{data}}}"))
+        }
+        // Printed dictionaries of Python have other quotation marks.
+        _ if line.starts_with("{'") => Some(line.replace('\'', "\"")),
+        _ => (line.starts_with(['{', '[']) && line.ends_with(['}', ']'])).then(|| line.to_owned()),
+    });
+    let rows = rows.collect::<Option<Vec<String>>>().filter(|rows| is_printed || rows.len() > 1)?;
+    Some(format!("[{}]", rows.join(",")).into_bytes())
+}
+
+/// Replaces Python's NaN and infinities, which are not JSON, by `""` and spaces of the same length.
+/// Returns how deep lists and objects are within each other.
+fn replace_nan(text: &mut [u8]) -> usize {
+    const ODD: [&[u8]; 4] = [b"NaN", b"Infinity", b"-Infinity", b"-NaN"];
+    let (mut i, mut in_string, mut depth, mut deepest) = (0, false, 0_usize, 0);
+    while i < text.len() {
+        match text[i] {
+            // Inside a text nothing is replaced or counted.
+            b'\\' if in_string => i += 1,
+            b'"' => in_string = !in_string,
+            b'{' | b'[' if !in_string => depth += 1,
+            b'}' | b']' if !in_string => depth = depth.saturating_sub(1),
+            b'N' | b'I' | b'-' if !in_string => {
+                if let Some(odd) = ODD.into_iter().find(|odd| text[i..].starts_with(odd)) {
+                    text[i..i + odd.len()].fill(b' ');
+                    text[i..i + 2].fill(b'"');
+                    i += odd.len() - 1;
+                }
+            }
+            _ => {}
+        }
+        deepest = deepest.max(depth);
+        i += 1;
+    }
+    deepest
+}
+
+/// Cuts a text that ends too early after its last whole member, and closes the open brackets.
+fn close(text: &mut Vec<u8>) {
+    let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
+    let (mut in_string, mut escaped) = (false, false);
+    for (i, &byte) in text.iter().enumerate() {
+        if in_string {
+            in_string = escaped || byte != b'"';
+            escaped = byte == b'\\' && !escaped;
+            continue;
+        }
+        // The last comma or bracket outside a text ends a whole member.
+        match byte {
+            b'"' => in_string = true,
+            b'{' => open.push(b'}'),
+            b'[' => open.push(b']'),
+            b'}' | b']' => {
+                open.pop();
+                cut = (i + 1, open.clone());
+            }
+            b',' => cut = (i, open.clone()),
+            _ => {}
+        }
+    }
+    let (end, closing) = cut;
+    text.truncate(end);
+    text.extend(closing.iter().rev());
+}
+
+/// Members of an object as pieces of the text, by their names.
+type Members<'a> = BTreeMap<String, &'a RawValue>;
+
+/// Items of a list, or of an object whose names are indices, as pandas writes a column or a table.
+struct List<'a> {
+    items: Vec<&'a RawValue>,
+    /// Those indices in rising order, none if they count from zero.
+    indices: Vec<f64>,
+}
+
+/// Numbers of rows by their names, missing ones as NaN, and the first different texts.
+#[derive(Default)]
+struct Rows {
+    columns: BTreeMap<String, Vec<f64>>,
+    texts: BTreeMap<String, Vec<String>>,
+}
+
+/// A value: a missing one is not a number, and the beginning of a text is kept.
+enum Cell {
+    Number(f64),
+    Text(String),
+    List,
+    Object,
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) if number.is_nan() => f.write_str("no value"),
+            Self::Number(number) => number.fmt(f),
+            Self::Text(text) => write!(f, "{text:?}"),
+            Self::List => f.write_str("a list"),
+            Self::Object => f.write_str("an object"),
+        }
+    }
+}
+
+struct Reader<'a> {
+    text: &'a str,
+    budget: &'a Budget,
+    log: Recording,
+    skipped: Vec<String>,
+    /// True if times are in seconds when their steps leave the unit open.
+    in_seconds: bool,
+}
+
+impl<'a> Reader<'a> {
+    /// Reads the outermost value: rows, or an object of variables, blocks and folders.
+    fn top(&mut self, value: &'a RawValue) -> Result<()> {
+        let file = Place::file(&self.log.file);
+        if let Some(list) = self.list(value)? {
+            if self.rows("", list)? {
+                return Ok(());
+            }
+        } else if is_object(value) {
+            return self.object("", value);
+        }
+        // It is neither: the message says what is nearest.
+        if value.get()[1..].trim_start().starts_with('[') {
+            let hint = "write it as CSV, with a header such as t,x,y,z";
+            return Err(Error::input(file, "lists without names", "objects with names", hint));
+        }
+        let wanted = "an object of variables, each with time and data, or a list of rows, each an \
+                      object with a time";
+        Err(Error::input(file, "JSON of another shape", wanted, HINT))
+    }
+
+    /// Reads an object: a variable, metadata, or a folder with columns and other members.
+    fn object(&mut self, name: &str, value: &'a RawValue) -> Result<()> {
+        let mut members = self.members(value)?;
+        if name.is_empty() {
+            self.in_seconds = members.contains_key("drone") || members.contains_key("mocap");
+            refuse_pandas(&members, &self.log.file)?;
+        } else if let (Some(time), Some(data)) = (members.get("time"), members.get("data")) {
+            return self.variable(name, time, data);
+        }
+        // Metadata has a known name and no times. All else may hold columns, and what is no
+        // column is another member.
+        let is_about = is_metadata(name) && !members.contains_key("time");
+        let folder = if name == "drone" { "" } else { name };
+        if !is_about {
+            self.columns(folder, &mut members)?;
+        }
+        for (key, value) in members {
+            let name = self.joined(folder, &key)?;
+            match self.cell(value)? {
+                Cell::Text(text) if matches!(&*key, "firmware" | "firmware_version") => {
+                    self.log.firmware.get_or_insert(text);
+                }
+                _ if is_about => {}
+                Cell::Number(number) if number.is_nan() => {}
+                Cell::Object => self.object(&name, value)?,
+                Cell::List => {
+                    let items = self.items(value)?;
+                    if !self.rows(&name, List { items, indices: Vec::new() })? {
+                        self.skipped.push(format!("{name} (a list without times)"));
+                    }
+                }
+                cell if !is_metadata(&name) => self.skipped.push(format!("{name} ({cell})")),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a variable to the block before it if their times are equal, else to a new block.
+    fn variable(&mut self, name: &str, time: &'a RawValue, data: &'a RawValue) -> Result<()> {
+        let mut time_s = self.numbers(&format!("{name}.time"), time)?;
+        let mut values = self.numbers(&format!("{name}.data"), data)?;
+        self.cut_to_shorter(name, &mut time_s, &mut values);
+        // Variables of one block of the radio become one block again.
+        let blocks = &mut self.log.blocks;
+        let same = blocks.pop_if(|block| block.clock == Clock::Drone && block.time_s == time_s);
+        let mut block =
+            same.unwrap_or_else(|| Block { name: name.to_owned(), time_s, ..Block::default() });
+        block.columns.push(Column::new(name.to_owned(), values));
+        self.add(block);
+        Ok(())
+    }
+
+    /// Takes the lists of a folder, one of them of times, as columns. Leaves the rest.
+    fn columns(&mut self, folder: &str, members: &mut Members<'a>) -> Result<()> {
+        let (mut titles, mut stamps) = (Vec::new(), Vec::new());
+        for (title, value) in &*members {
+            let left = self.budget.bytes_left();
+            if let Some(list) = self.list(value)? {
+                titles.push(title.clone());
+                stamps = if list.indices.is_empty() { stamps } else { list.indices };
+            }
+            self.budget.free(left - self.budget.bytes_left());
+        }
+        self.budget.steps(TITLE_STEPS * titles.len())?;
+        // Without a list of times, indices of pandas that do not count from zero are the times.
+        let (time, mut time_s) = match time_of(titles.iter()) {
+            Some(time) => (time.clone(), self.numbers(&self.joined(folder, time)?, members[time])?),
+            None if stamps.is_empty() || members.keys().any(|key| is_time(key)) => return Ok(()),
+            None => ("timestamp".to_owned(), stamps),
+        };
+        members.remove(&time);
+        let mut columns = Vec::new();
+        for title in titles.iter().filter(|title| **title != time) {
+            let value = members.remove(title).expect("a list");
+            self.check_owners(title, value)?;
+            let name = self.joined(folder, title)?;
+            let mut values = self.numbers(&name, value)?;
+            self.cut_to_shorter(&name, &mut time_s, &mut values);
+            columns.push((title.as_str(), values));
+        }
+        self.table(folder, (&time, time_s), columns)
+    }
+
+    /// Refuses a list of the names of several drones.
+    fn check_owners(&self, title: &str, value: &'a RawValue) -> Result<()> {
+        let items = self.list(value)?.map_or(Vec::new(), |list| list.items);
+        let mut texts = Vec::new();
+        for item in items.into_iter().take_while(|item| item.get().starts_with('"')) {
+            note_text(&mut texts, &self.cell(item)?);
+        }
+        rows::check_owners(title, &texts, &self.log.file)
+    }
+
+    /// Adds the columns of a list of objects, each with a time. Returns false if it is none. Rows
+    /// without a time are left out, and cells that a row lacks are missing values.
+    fn rows(&mut self, name: &str, List { items, indices }: List<'a>) -> Result<bool> {
+        let (n, others) = (items.len(), items.iter().filter(|item| !is_object(item)).count());
+        let mut rows = Rows::default();
+        for (row, item) in items.into_iter().enumerate().filter(|(_, item)| is_object(item)) {
+            self.row(item, "", row, &mut rows)?;
+        }
+        let Rows { mut columns, texts } = rows;
+        self.budget.steps(TITLE_STEPS * columns.len())?;
+        self.budget.bytes(size_of::<f64>() * n * columns.len())?;
+        if !columns.is_empty() && !indices.is_empty() && !columns.keys().any(|key| is_time(key)) {
+            columns.insert("timestamp".to_owned(), indices);
+        }
+        let Some(time) = time_of(columns.keys()).cloned() else { return Ok(false) };
+        let times = columns.remove(&time).expect("its times");
+        for values in columns.values_mut() {
+            values.resize(times.len(), f64::NAN);
+            let mut timed = times.iter().map(|time| !time.is_nan());
+            values.retain(|_| timed.next().expect("a time for each"));
+        }
+        // Different texts are the names of a long form, or those of several drones.
+        let mut different = texts.iter().filter(|(_, texts)| texts.len() > 1).peekable();
+        if let (1, Some(value), Some((names, _))) =
+            (columns.len(), columns.keys().next(), different.peek())
+        {
+            return Err(rows::in_long_form([&time, names, value]).in_file(&self.log.file, None));
+        }
+        for (title, texts) in different {
+            rows::check_owners(title, texts, &self.log.file)?;
+        }
+        self.skipped.extend(texts.iter().map(|(title, texts)| format!("{title} ({:?})", texts[0])));
+        if others > 0 {
+            self.skipped.push(format!("{others} items of {name} that are no objects"));
+        }
+        let time_s = times.into_iter().filter(|time| !time.is_nan()).collect();
+        let columns = columns.iter_mut().map(|(title, values)| (&**title, std::mem::take(values)));
+        self.table(name, (&time, time_s), columns.collect())?;
+        Ok(true)
+    }
+
+    /// Keeps the numbers of an object and of those in it, by their names with dots. An object
+    /// `data` adds no name.
+    fn row(&self, value: &'a RawValue, prefix: &str, row: usize, rows: &mut Rows) -> Result<()> {
+        let left = self.budget.bytes_left();
+        let members = self.members(value)?;
+        let held = left - self.budget.bytes_left();
+        for (key, value) in members {
+            let name = self.joined(prefix, &key)?;
+            if !rows.columns.contains_key(&name) && !rows.texts.contains_key(&name) {
+                self.budget.bytes(NAME_BYTES + name.len())?;
+            }
+            match self.cell(value)? {
+                Cell::Object if key == "data" => self.row(value, prefix, row, rows)?,
+                Cell::Object => self.row(value, &name, row, rows)?,
+                Cell::Number(number) if number.is_nan() => {}
+                Cell::Number(number) => {
+                    let column = rows.columns.entry(name).or_default();
+                    // A list that grows may hold twice its numbers.
+                    self.budget.bytes(2 * size_of::<f64>() * (row + 1).abs_diff(column.len()))?;
+                    column.resize(row, f64::NAN);
+                    column.push(number);
+                }
+                other => note_text(rows.texts.entry(name).or_default(), &other),
+            }
+        }
+        self.budget.free(held);
+        Ok(())
+    }
+
+    /// Adds columns of equal length under their names in a folder. Those in no folder have the
+    /// usual names of plain CSV.
+    fn table(
+        &mut self,
+        folder: &str,
+        (time, mut time_s): (&str, Vec<f64>),
+        mut titled: Vec<(&str, Vec<f64>)>,
+    ) -> Result<()> {
+        let unit_s = titles::meaning(time).1.unwrap_or(1.0);
+        time_s.iter_mut().for_each(|stamp| *stamp *= unit_s);
+        // Whole seconds may have their fraction in another column.
+        let part = titled.iter().enumerate().find_map(|(place, (title, values))| {
+            let (_, size_s) =
+                rows::whole_of(title).filter(|(whole, _)| *whole == simplified(time))?;
+            rows::is_fraction(&time_s, values, size_s).then_some((place, size_s))
+        });
+        if let Some((place, size_s)) = part {
+            let (_, parts) = titled.remove(place);
+            time_s.iter_mut().zip(parts).for_each(|(stamp, part)| *stamp += size_s * part);
+            self.in_seconds = true;
+        }
+        let mut columns = Vec::new();
+        for (title, values) in titled {
+            rows::check_owners(title, &rows::whole(&values), &self.log.file)?;
+            columns.push(match folder {
+                "" => titles::column_of(title, values),
+                folder => Column::new(self.joined(folder, title)?, values),
+            });
+        }
+        let name = if folder.is_empty() { "columns" } else { folder }.to_owned();
+        self.add(Block { name, clock: clock_of(folder), time_s, columns });
+        Ok(())
+    }
+
+    fn add(&mut self, mut block: Block) {
+        for column in &mut block.columns {
+            column.values.truncate(block.time_s.len());
+        }
+        self.log.blocks.push(block);
+    }
+
+    /// Cuts times and values of different lengths to the shorter ones, with a warning.
+    fn cut_to_shorter(&mut self, name: &str, time_s: &mut Vec<f64>, values: &mut Vec<f64>) {
+        let (n_time, n_data) = (time_s.len(), values.len());
+        if n_time != n_data {
+            let text =
+                format!("{name}: {n_time} stamps for {n_data} values; the longer list is cut");
+            self.log.warn("lists-unequal", text);
+        }
+        time_s.truncate(n_data);
+        values.truncate(n_time);
+    }
+
+    /// The numbers of a list. Anything else is an error, with its place.
+    fn numbers(&self, name: &str, value: &'a RawValue) -> Result<Vec<f64>> {
+        const WANTED: &str = "a list of numbers";
+        // The pieces of the text go, their numbers stay.
+        let left = self.budget.bytes_left();
+        let Some(List { items, .. }) = self.list(value)? else {
+            let error = Error::input(name, self.cell(value)?, WANTED, HINT);
+            return Err(error.in_file(&self.log.file, None));
+        };
+        let held = left - self.budget.bytes_left();
+        self.budget.bytes(size_of::<f64>() * items.len())?;
+        let mut numbers = Vec::with_capacity(items.len());
+        for (index, item) in items.into_iter().enumerate() {
+            match self.cell(item)? {
+                Cell::Number(number) => numbers.push(number),
+                odd => {
+                    let error = Error::input("", odd, WANTED, HINT).of_item(name, index);
+                    return Err(error.in_file(&self.log.file, None));
+                }
+            }
+        }
+        self.budget.free(held);
+        Ok(numbers)
+    }
+
+    /// A name within an object. It costs its bytes.
+    fn joined(&self, prefix: &str, key: &str) -> Result<String> {
+        self.budget.steps(NAME_STEPS + prefix.len() + key.len())?;
+        Ok(if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") })
+    }
+
+    /// The list that a value is, by its brackets or by its indices.
+    fn list(&self, value: &'a RawValue) -> Result<Option<List<'a>>> {
+        if value.get().starts_with('[') {
+            return Ok(Some(List { items: self.items(value)?, indices: Vec::new() }));
+        }
+        // An index begins with a digit or a sign. An object by indices has no other name.
+        let name = value.get()[1..].trim_start().strip_prefix('"').unwrap_or_default();
+        if !is_object(value) || !name.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+        {
+            return Ok(None);
+        }
+        let members = self.members(value)?.into_iter();
+        let items = members.map(|(key, item)| Some((index(&key)?, item)));
+        let items = items.collect::<Option<Vec<_>>>().filter(|items| !items.is_empty());
+        Ok(items.map(|mut items| {
+            items.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+            let (mut indices, items): (Vec<f64>, Vec<&RawValue>) = items.into_iter().unzip();
+            if (0_u32..).zip(&indices).all(|(n, index)| f64::from(n) == *index) {
+                indices.clear();
+            }
+            List { items, indices }
+        }))
+    }
+
+    fn members(&self, value: &'a RawValue) -> Result<Members<'a>> {
+        self.split(value, NAME_BYTES)
+    }
+
+    fn items(&self, value: &'a RawValue) -> Result<Vec<&'a RawValue>> {
+        self.split(value, ITEM_BYTES)
+    }
+
+    /// Takes an object or a list apart. Each part costs bytes.
+    fn split<T: serde::Deserialize<'a>>(&self, value: &'a RawValue, bytes: usize) -> Result<T> {
+        // Taken off before the parts are made: a text of commas would fill the memory.
+        let text = value.get();
+        self.budget.steps(2 * text.len())?;
+        self.budget.bytes(bytes * n_parts(text))?;
+        serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))
+    }
+
+    /// The number or the text that a value is, or its kind.
+    fn cell(&self, value: &RawValue) -> Result<Cell> {
+        self.budget.steps(VALUE_STEPS)?;
+        let text = value.get();
+        Ok(match text.as_bytes()[0] {
+            b'{' => Cell::Object,
+            b'[' => Cell::List,
+            b'n' => Cell::Number(f64::NAN),
+            b't' => Cell::Number(1.0),
+            b'f' => Cell::Number(0.0),
+            b'"' => {
+                let text: String =
+                    serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))?;
+                // A clock without a date has a colon, a plain number in quotes has none.
+                match seconds_from_date(&text).filter(|_| text.contains(':')) {
+                    _ if text.is_empty() => Cell::Number(f64::NAN),
+                    Some(stamp_s) => Cell::Number(stamp_s),
+                    None => Cell::Text(text.chars().take(TEXT_CHARS).collect()),
+                }
+            }
+            _ => Cell::Number(serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))?),
+        })
+    }
+
+    /// The error for what is JSON by its signs, but is out of range or has a broken escape.
+    fn broken(&self, value: &RawValue) -> Error {
+        let start = value.get().as_ptr() as usize - self.text.as_ptr() as usize;
+        let line = self.text[..start].matches('\n').count() + 1;
+        let wanted = "a number below 1.8e308, or a text with whole escapes";
+        Error::input("", value, wanted, HINT).in_file(&self.log.file, line as u64)
+    }
+}
+
+/// Keeps a text if it is one of the first different ones. Numbers are none.
+fn note_text(texts: &mut Vec<String>, cell: &Cell) {
+    let text = match cell {
+        Cell::Text(text) => text,
+        Cell::List => "a list",
+        Cell::Number(_) | Cell::Object => return,
+    };
+    if texts.len() < TEXTS && !texts.iter().any(|known| known == text) {
+        texts.push(text.to_owned());
+    }
+}
+
+/// Upper bound of the parts of an object or a list: commas within its brackets.
+fn n_parts(text: &str) -> usize {
+    let (mut depth, mut n, mut bytes) = (0, 1, text.bytes());
+    while let Some(byte) = bytes.next() {
+        match byte {
+            b'{' | b'[' => depth += 1,
+            b'}' | b']' => depth -= 1,
+            b',' if depth == 1 => n += 1,
+            // A text ends at a quotation mark without a backslash.
+            b'"' => {
+                while let Some(byte) = bytes.next().filter(|byte| *byte != b'"') {
+                    if byte == b'\\' {
+                        bytes.next();
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    n
+}
+
+fn is_object(value: &RawValue) -> bool {
+    value.get().starts_with('{')
+}
+
+/// The number or the date that a name is.
+fn index(name: &str) -> Option<f64> {
+    name.parse().ok().filter(|index: &f64| index.is_finite()).or_else(|| seconds_from_date(name))
+}
+
+fn is_time(title: &str) -> bool {
+    titles::meaning(title).0 == "t"
+}
+
+/// The title of times among others. Whole seconds go before their fraction.
+fn time_of<'t>(titles: impl Iterator<Item = &'t String>) -> Option<&'t String> {
+    titles.filter(|title| is_time(title)).min_by_key(|title| rows::whole_of(title).is_some())
+}
+
+/// True for metadata that changes nothing: that of the course's client, and of an exported script.
+fn is_metadata(name: &str) -> bool {
+    const NAMES: &str = "noctograph firmware start_time end_time uri address drone_id word scene \
+                         plan date program version metadata";
+    NAMES.split(' ').any(|known| known == name)
+        || ["_sha256", "_digest", "_version"].iter().any(|end| name.ends_with(end))
+        || name.starts_with("metadata.")
+}
+
+fn clock_of(name: &str) -> Clock {
+    if name == "mocap" || name.starts_with("mocap.") { Clock::Mocap } else { Clock::Drone }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ImportOptions;
+    use crate::tests::said;
+
+    fn read(bytes: &[u8], file: &str) -> Result<Recording> {
+        let (options, budget) = (&ImportOptions::default(), &Budget::new(file, HINT));
+        super::read(&Text::decode(bytes), Job { file, options, budget })
+    }
+
+    #[test]
+    fn the_three_dialects_give_seconds_and_names() {
+        let dialects = [
+            r#"{"start_time": 3.5, "a.b": {"time": [10, 20], "data": [1, 2]}, "end_time": 9}"#,
+            r#"{"a.b": {"time": [10, 20], "data": [1, 2]}}"#,
+            r#"{"drone": {"a.b": {"time": [0.010, 0.020], "data": [1, 2]}}, "mocap": {}}"#,
+        ];
+        for dialect in dialects {
+            let log = read(dialect.as_bytes(), "log.json").unwrap();
+            assert_eq!(log.names().collect::<Vec<_>>(), ["a.b"], "{dialect}");
+            assert_eq!(log.blocks[0].time_s, [0.01, 0.02], "{dialect}");
+        }
+    }
+
+    #[test]
+    fn a_list_of_rows_is_a_block() {
+        let rows = r#"[{"timestamp": 10, "stateEstimate.x": 1, "note": "a"},
+            {"timestamp": 20, "data": {"stateEstimate.x": 2, "stateEstimate.y": 5}}]"#;
+        let log = read(rows.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.blocks[0].time_s, [0.01, 0.02], "milliseconds");
+        assert_eq!(log.channel("stateEstimate.x").unwrap().values, [1.0, 2.0]);
+        assert_eq!(log.channel("stateEstimate.y").unwrap().values, [5.0]);
+        let log = read(br#"[{"t": 0.1, "x_mm": 100, "y": 2}, {"t": 0.2}]"#, "log.json").unwrap();
+        assert_eq!(log.channel("x_m").unwrap().values, [0.1]);
+        let mocap = r#"{"drone": {}, "mocap": [{"time": 1.0, "x": 3}, {"time": 1.01, "x": 4}]}"#;
+        let log = read(mocap.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.channel("mocap.x").unwrap().values, [3.0, 4.0]);
+        assert_eq!(log.blocks[0].clock, Clock::Mocap);
+        assert!(read(b"[{\"x\": 1}]", "log.json").unwrap_err().to_string().contains("a time"));
+        assert!(read(b"[1, 2]", "log.json").is_err());
+    }
+
+    #[test]
+    fn lists_beside_one_of_times_are_columns() {
+        let text =
+            br#"{"note": "a", "t_ms": [10, 20], "x_mm": [100, 200], "stateEstimate.y": [1, 2, 3],
+            "stateEstimate.z": {"time": [10, 20], "data": [5, 6]}}"#;
+        let log = read(text, "log.json").unwrap();
+        assert_eq!(log.blocks[0].time_s, [0.01, 0.02]);
+        assert_eq!(log.channel("x_m").unwrap().values, [0.1, 0.2]);
+        assert_eq!(log.channel("stateEstimate.y").unwrap().values, [1.0, 2.0]);
+        assert_eq!(log.channel("stateEstimate.z").unwrap().values, [5.0, 6.0]);
+        let warnings = said(&log);
+        assert!(
+            warnings.contains("2 stamps for 3 values") && warnings.contains("note"),
+            "{warnings}"
+        );
+    }
+
+    #[test]
+    fn python_nan_is_a_missing_value() {
+        let text = r#"{"drone": {}, "mocap": {"time": [1.0, 1.1, 1.2, 1.3, 1.4], "x": [1, NaN, -Infinity, null, 5]}}"#;
+        let log = read(text.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.blocks[0].clock, Clock::Mocap);
+        assert_eq!(log.channel("mocap.x").unwrap().values, [1.0, 5.0]);
+    }
+
+    #[test]
+    fn a_log_that_ends_too_early_is_read_up_to_there() {
+        let text = r#"{"a": {"time": [10, 20, 30], "data": [1, 2, 3]}, "b": {"time": [10, 20, 30], "data": [4, 5.5"#;
+        let log = read(text.as_bytes(), "log.json").unwrap();
+        assert_eq!(log.channel("a").unwrap().values, [1.0, 2.0, 3.0]);
+        assert_eq!(log.channel("b").unwrap().values, [4.0], "the last number may be cut");
+        assert_eq!(log.warnings.len(), 2, "end, and lengths: {:?}", log.warnings);
+    }
+
+    #[test]
+    fn values_that_would_take_too_much_memory_are_refused_before_they_do() {
+        for (value, n) in [("{\"t\":1},", 8_000_000), ("[0],", 17_000_000), ("0,", 25_000_000)] {
+            let text = format!("[{}0]", value.repeat(n));
+            let error = read(text.as_bytes(), "log.json").unwrap_err().to_string();
+            assert!(error.contains("than an input may"), "{value}: {error}");
+        }
+    }
+
+    /// A number at the end of objects within each other, each under a long name.
+    fn nested(depth: usize, name: &str, number: &str) -> String {
+        format!("{{\"{name}\":").repeat(depth) + number + &"}".repeat(depth)
+    }
+
+    #[test]
+    fn long_names_within_each_other_are_refused_before_they_are_joined() {
+        let leaves: String = (0..5000).map(|n| format!("\"{n}\":1,")).collect();
+        let leaves = format!("{{{leaves}\"x\":1}}");
+        let rows = format!("[{{\"t\":0,\"a\":{}}}]", nested(100, &"k".repeat(20_000), &leaves));
+        let folders = nested(100, &"k".repeat(20_000), &leaves);
+        for text in [rows, folders] {
+            let error = read(text.as_bytes(), "log.json").map(|log| log.blocks.len()).unwrap_err();
+            assert!(error.to_string().contains("log.json: found"), "{error}");
+        }
+    }
+
+    #[test]
+    fn broken_json_is_named_by_line_and_column_and_a_wrong_value_by_its_key() {
+        let error = read(b"{\"a\": {\"time\": [1],\n \"data\": [x]}}", "log.json").unwrap_err();
+        assert!(error.to_string().contains("log.json:2: column 11"), "{error}");
+        let error = read(br#"{"a": {"time": [1, "q"], "data": [1, 2]}}"#, "log.json").unwrap_err();
+        assert!(error.to_string().contains("a.time[1]"), "{error}");
+    }
+}
