@@ -6,6 +6,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use kurbo::Vec2;
+
 use super::plane::{Grid, Placed, SEARCH_H, SEARCH_SCALE};
 use super::raster::{Page, Raster, dots, whole};
 use super::{PEN_H, PX_PER_H};
@@ -96,7 +98,7 @@ impl Finder {
         }
         let [right, down] = [0, 1]
             .map(|axis| 2.0 * (shift[axis] as f64 + f64::from(between[axis])) * self.grid.pitch_m);
-        Placed { shift_m: [right, -down], scale, rotation_rad, ..self.home }
+        Placed { shift_m: Vec2::new(right, -down), scale, rotation_rad, ..self.home }
     }
 
     /// The word at a scale and a rotation, kept where there is room.
@@ -117,7 +119,7 @@ impl Finder {
     fn word(&self, scale: f64, rotation_rad: f64, blur_px: f32) -> Raster {
         let mut page = Page::blank(self.grid.width / 2, self.grid.height / 2);
         let placed = Placed { scale, rotation_rad, ..self.home };
-        let page_from_plane = self.grid.page_from_plane(&placed).post_scale(0.5, 0.5);
+        let page_from_plane = self.grid.transform(&placed).post_scale(0.5, 0.5);
         for glyph in &self.strokes.glyphs {
             page.stroke(&glyph.moves, 0.5 * PEN_PX, page_from_plane);
         }
