@@ -140,7 +140,7 @@ impl LightLines {
         bent
     }
 
-    /// Offset of the nearest light across a stroke; `None` if there is none.
+    /// Offset of the nearest light across a stroke, or `None` if there is none.
     fn offset(&self, point: Point, across: Vec2) -> Option<f64> {
         let mut nearest: Option<f64> = None;
         let mut first_lit = None;

@@ -10,7 +10,7 @@ use noctograph_core::geometry::distance;
 pub struct Cause {
     /// Its kind.
     pub kind: CauseKind,
-    /// Index of the letter, from 0; `None` if it concerns the whole word.
+    /// Index of the letter, from 0, or `None` if it concerns the whole word.
     pub letter: Option<usize>,
     /// Length, distance or width in the plane of the word.
     pub length_mm: Option<f64>,
@@ -92,8 +92,8 @@ pub struct Advice {
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a real flight, in which its lamps are dark in the photo because their place
-/// is unknown.
+/// A gap in the log of a flight. Its photo is dark there, because the place of the lamps is
+/// unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {
@@ -106,7 +106,7 @@ pub struct LogGap {
 }
 
 impl LogGap {
-    /// Gaps from the JSON in a photo of a log; `place` is their place in messages.
+    /// Gaps from the JSON in a photo of a log. `place` is their place in messages.
     ///
     /// # Errors
     ///
@@ -118,8 +118,8 @@ impl LogGap {
         })
     }
 
-    /// True if the lamps can have been at a point of the plane during the gap: within the ellipse
-    /// about its ends that the longest path spans.
+    /// True if the lamps can have been at a point during the gap: within the ellipse about its
+    /// ends.
     pub(super) fn may_hold(&self, at_m: [f64; 2]) -> bool {
         let away_m = self.ends_m.iter().map(|end| distance(*end, at_m));
         away_m.sum::<f64>() <= self.way_m

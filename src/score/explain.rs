@@ -37,12 +37,10 @@ const SURE: f64 = 0.97;
 /// Least gain of readability that is advised.
 const LEAST_GAIN: f64 = 0.005;
 
-/// Letters whose faults are taken out of a photo, the least probable ones. Each fault is one
-/// reading.
+/// Letters whose faults are taken out, the least probable ones. Each fault is one reading.
 const MOST_MENDED: usize = 12;
 
-/// Longest word, in letters, whose faults are taken out. In a longer one, faults are named without
-/// their gains.
+/// Longest word, in letters, whose faults are taken out. Longer ones have no gains.
 const LONGEST_MENDED: usize = 32;
 
 /// Most sentences of advice.
@@ -57,8 +55,7 @@ pub struct Marks {
     pub missing: Vec<Vec<[f64; 2]>>,
     /// Points of light where none was intended.
     pub stray: Vec<Vec<[f64; 2]>>,
-    /// Corners of the cells of letters with light, clockwise from the upper left, in the order of
-    /// the letters.
+    /// Corners of the cells of letters with light, clockwise from the upper left.
     pub cells: Vec<Vec<[f64; 2]>>,
 }
 
@@ -244,8 +241,7 @@ impl Reader {
         Columns::joined(columns)
     }
 
-    /// Letters that look like other ones even if they are drawn without fault, or that do so a
-    /// little and are read as these in the photo.
+    /// Adds letters that look like other ones even in a faultless drawing.
     fn flaws_of_design(&self, verdict: &Verdict, faults: &mut Vec<Fault>) {
         let choices = self.expected.choices(&self.drawn_columns());
         for (index, choice) in self.expected.indices.iter().zip(choices) {

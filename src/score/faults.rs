@@ -218,8 +218,7 @@ impl Reader {
     }
 }
 
-/// The first gap of the flight's log that may hold most of some points of a letter. They then lack
-/// light because the log lacks rows.
+/// The first gap of the flight's log that may explain why most of some points lack light.
 pub(super) fn lost_in<'a>(
     points: &[Point],
     page: &LetterPage,
@@ -233,7 +232,7 @@ pub(super) fn lost_in<'a>(
     })
 }
 
-/// The middle of points of a page, in the plane of the word; `None` without points.
+/// The middle of points of a page, in the plane of the word, or `None` without points.
 fn middle_m(page: &LetterPage, points: &[Point]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let sum: Vec2 = points.iter().map(|point| point.to_vec2()).sum();

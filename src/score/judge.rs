@@ -21,8 +21,7 @@ const LEAST_CONFUSION: f64 = 0.001;
 /// Rivals that a letter names.
 const N_RIVALS: usize = 3;
 
-/// Least probability of a letter, in a faultless drawing of one that the net was not trained on,
-/// that counts as it.
+/// Least probability of a letter, in a drawing of one without training, from which it counts as it.
 const LEAST_TAKEN: f64 = 0.02;
 
 /// Letters to either side that decide the choice in the place of one.
@@ -158,8 +157,7 @@ impl Expected {
         }
     }
 
-    /// One choice for each judged character of the word. Both letters of a ligature have to be
-    /// right.
+    /// One choice for each judged character. Both letters of a ligature have to be right.
     pub(super) fn by_character(&self, choices: Vec<Choice>) -> Vec<Choice> {
         let mut merged: Vec<(usize, Choice)> = Vec::new();
         for (index, choice) in self.indices.iter().zip(choices) {
@@ -189,8 +187,7 @@ impl Expected {
         (0..self.classes.len()).map(|place| self.choice_near(columns, &middles, place)).collect()
     }
 
-    /// The choice in the place of one judged character, by the letters around it. `middles` are
-    /// those of [`Columns::middles`].
+    /// The choice in the place of one judged character, by the letters around it.
     pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
         let letters = self.near(place);
         let part = columns_of(columns, middles, &letters);
@@ -217,8 +214,8 @@ impl Expected {
         names(0, self.characters.iter().all(char::is_ascii_digit))
     }
 
-    /// The likeliest word that has one letter more or less at an end of a line, if it is likelier
-    /// than the expected one.
+    /// The likeliest word with one letter more or less at an end of a line, if it beats the
+    /// expected one.
     pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
         let n_letters = self.classes.len();
         let middles = self.middles(columns);
@@ -269,8 +266,8 @@ impl Expected {
         spells(text, word) || same_length && are_same.all(|is_same| is_same)
     }
 
-    /// The likeliest other word: the word with one letter replaced by its rival, or a reading
-    /// without knowledge of the word.
+    /// The likeliest other word: one letter is replaced by its rival, or the columns are read
+    /// freely.
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
         let mut odds = Vec::new();
         for (index, choice) in choices.iter().enumerate() {

@@ -2,8 +2,8 @@
 //!
 //! A word is spelled by every sequence of columns that shows its letters in order, each for one or
 //! more columns, with or without blanks between them (connectionist temporal classification, Graves
-//! and others 2006). Sums over all these paths from the left and from the right give the probability
-//! of the word, and of the word with one letter replaced or left out.
+//! and others 2006). Sums over all these paths from the left and from the right give the
+//! probability of the word, and of the word with one letter replaced or left out.
 
 use std::ops::Range;
 
@@ -26,8 +26,7 @@ impl Columns {
         Self(net::logits(strip).iter().map(softmax).collect())
     }
 
-    /// The mean of the probabilities along a strip, its own, and along its neighbors. A letter that
-    /// only some of them show stays likely.
+    /// The mean with the neighbors of the strip. A letter that only some of them show stays likely.
     pub(super) fn agreed(mut self, strip: &Strip) -> Self {
         let beside: Vec<Self> = strip.neighbors().par_iter().map(Self::along).collect();
         let part = 1.0 / (beside.len() + 1) as f64;
@@ -48,8 +47,7 @@ impl Columns {
         }
     }
 
-    /// Columns in which light that no letter explains counts as darkness: trails from the take-off
-    /// and to the landing pass beside every word.
+    /// The same with unexplained light as darkness: trails to the floor pass beside every word.
     pub(super) fn unexplained_as_dark(mut self) -> Self {
         for column in &mut self.0 {
             column[0] += std::mem::replace(&mut column[N_CLASSES - 1], LEAST) - LEAST;
@@ -121,8 +119,7 @@ fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     weights.map(|weight| (weight / sum).max(LEAST))
 }
 
-/// The choice in the place of one letter, the other letters being right. All probabilities add up
-/// to 1.
+/// The choice in the place of one letter, the others being right. Probabilities add up to 1.
 pub(super) struct Choice {
     /// Probability of the expected letter.
     pub(super) p: f64,
@@ -237,7 +234,7 @@ impl<'a> Lattice<'a> {
         first + later.sum::<f64>()
     }
 
-    /// The mean column of a letter, weighted with the paths through it; `p` is the letter's
+    /// The mean column of a letter, weighted with the paths through it. `p` is the letter's
     /// probability at each column. 0 if there is no path.
     #[expect(clippy::needless_range_loop, reason = "one index for four tables")]
     pub(super) fn middle(&self, index: usize, p: &[f64]) -> f64 {
@@ -259,8 +256,7 @@ impl<'a> Lattice<'a> {
     }
 }
 
-/// Sums over the paths to each state (Graves and others 2006, forward variables): by column, in the
-/// order given, and by state.
+/// Sums over the paths to each state (forward variables), by column in the order given.
 fn path_sums(
     word: &[Classes],
     states: &[&[f64]],
@@ -294,7 +290,8 @@ mod tests {
     use super::super::alphabet::{class_of, classes_of};
     use super::*;
 
-    /// Columns that show a character each, ' ' the blank, of probability 0.9. The others have the rest.
+    /// Columns that show a character each, ' ' the blank, of probability 0.9. The others have the
+    /// rest.
     fn columns(text: &str) -> Columns {
         let columns = text.chars().map(|c| {
             let mut column = [0.1 / (N_CLASSES - 1) as f64; N_CLASSES];

@@ -1,5 +1,4 @@
-//! The plane of the word: grids of square pixels on it, their light in the photo, and the page of a
-//! letter, on which strokes and light are compared.
+//! The plane of the word: grids of square pixels on it, and their light in the photo.
 
 use kurbo::{Point, Vec2};
 use tiny_skia::Transform;
@@ -11,8 +10,7 @@ use super::{PX_PER_H, cap_height_m};
 use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::{Cell, Strokes};
 
-/// Farthest shift that is searched, in cap heights: a little more than the largest allowed one, so
-/// that a word out of range is still found.
+/// Farthest shift that is searched, in cap heights. A word a little out of range is still found.
 pub(super) const SEARCH_H: f64 = 0.75;
 
 /// Largest scale that is tried. The smallest is its inverse.
@@ -71,7 +69,7 @@ impl Placed {
         self.center_m + self.shift_m + Vec2::new(a * x - b * y, b * x + a * y)
     }
 
-    /// Where the photo shows a point of the intended word; `None` if it cannot.
+    /// Where the photo shows a point of the intended word, or `None` if it cannot.
     pub(super) fn image_point(&self, view: &View, point_m: Point) -> Option<[f64; 2]> {
         view.image_from_plane(xy(self.apply(point_m)))
     }
@@ -151,7 +149,7 @@ impl Grid {
         values
     }
 
-    /// The rectangle of the photo that shows the grid; `None` if a corner is behind the camera.
+    /// The rectangle of the photo that shows the grid, or `None` if a corner is behind the camera.
     pub(super) fn frame(&self, view: &View, placed: &Placed) -> Option<Frame> {
         let (right, bottom) = (self.width, self.height);
         let [a, b, c, d] = [[0, 0], [right, 0], [0, bottom], [right, bottom]]
@@ -159,7 +157,7 @@ impl Grid {
         Some(bounds([a?, b?, c?, d?]))
     }
 
-    /// Edge of the middle pixel in the photo; `None` if it is behind the camera.
+    /// Edge of the middle pixel in the photo, or `None` if it is behind the camera.
     pub(super) fn pixel_px(&self, view: &View, placed: &Placed) -> Option<f64> {
         let middle = [self.width / 2, self.height / 2];
         let [x, y] = self.image_point(view, placed, middle)?;

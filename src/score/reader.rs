@@ -29,9 +29,8 @@ use noctograph_core::strokes::{Glyph, Strokes};
 /// dark beside letters that are half missing.
 const INK_PART: f64 = 0.5;
 
-/// Least fraction of the light in a letter's cell that has the color of the brightest light on its
-/// page. If there is less, the letter has a color of its own. White that an overexposed blue line
-/// tints has 0.5, another color none.
+/// Least light in a letter's cell of the color of its page, else it has another color. White that
+/// an overexposed blue line tints has 0.5 of it.
 const LEAST_OF_COLOR: f32 = 0.25;
 
 /// Probability from which a letter that is read beside the place of the word counts as one.
@@ -142,9 +141,8 @@ impl Reader {
         Ok(self.sight(photo, view)?.0)
     }
 
-    /// The strips that a photo shows, for the training of the net: of each line of the word, its
-    /// columns and the bytes of 40 rows of them, two channels a pixel. There are none if nothing
-    /// shines.
+    /// The strip of each line for the training of the net: its columns, and the bytes of 40 rows of
+    /// them, two channels a pixel.
     ///
     /// # Errors
     ///
@@ -156,8 +154,7 @@ impl Reader {
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width))).collect())
     }
 
-    /// The verdict without causes, and its light; `None` if the photo does not show the place of
-    /// the word, or nothing shines there.
+    /// The verdict without causes, and its light, if any shines in the place of the word.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
@@ -193,8 +190,7 @@ impl Reader {
         Ok((self.verdict(judgment, &seen, cap_height_px, &reading), Some(seen)))
     }
 
-    /// True if blind recognition clearly reads letters outside the strips that were cut out for the
-    /// word.
+    /// True if blind recognition clearly reads letters outside the strips of the word.
     fn has_more(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
         let frames: Vec<Frame> =
             self.lines.iter().filter_map(|grid| around(grid).frame(view, &seen.placed)).collect();

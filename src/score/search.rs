@@ -53,13 +53,12 @@ struct Prefix {
     parent: usize,
     /// Index of its last symbol in its table.
     symbol: usize,
-    /// Its newest child, and the next older child of its parent; 0 for none.
+    /// Its newest child, and the next older child of its parent, or 0 for none.
     child: usize,
     sibling: usize,
 }
 
-/// The tree of all prefixes that were tried. A step takes the same time, however long they are. 0
-/// is the empty one.
+/// The tree of all prefixes that were tried. 0 is the empty one.
 struct Prefixes(Vec<Prefix>);
 
 impl Prefixes {
@@ -140,8 +139,7 @@ pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<
     words.zip(beam.iter().map(|(_, ends)| libm::log(ends.sum()) + ln_scale)).collect()
 }
 
-/// Adds up the steps to the same prefix. The sort is stable, so that sums are always taken in the
-/// same order.
+/// Adds up the steps to the same prefix.
 fn merge(steps: &mut [(usize, Ends)], beam: &mut Vec<(usize, Ends)>) {
     steps.sort_by_key(|(prefix, _)| *prefix);
     beam.clear();

@@ -99,8 +99,7 @@ pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterat
     .filter(move |beside| *beside != index)
 }
 
-/// Thins areas to lines a pixel wide: Zhang and Suen, "A fast parallel algorithm for thinning
-/// digital patterns" (1984).
+/// Thins areas to lines a pixel wide (Zhang and Suen 1984).
 fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     let height = ink.len() / width;
     loop {

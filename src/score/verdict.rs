@@ -21,7 +21,7 @@ pub struct Verdict {
     pub legible: bool,
     /// Probability that a viewer reads the word at first sight, 0 to 1.
     pub readability: f64,
-    /// The likeliest other word; `None` if nothing can be seen.
+    /// The likeliest other word, or `None` if nothing can be seen.
     pub rival: Option<RivalWord>,
     /// Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the
     /// strokes that has light and the fraction of the light that has strokes. `None` if it was not
@@ -29,19 +29,19 @@ pub struct Verdict {
     pub faithfulness: Option<f64>,
     /// The regression that gave the readability.
     pub calibration: Calibration,
-    /// Placement of the word; `None` if there is no light.
+    /// Placement of the word, or `None` if there is no light.
     pub placement: Option<Placement>,
-    /// Height of a capital in the photo, pixels; `None` if the photo does not show the place.
+    /// Height of a capital in the photo, pixels, or `None` if the photo does not show the place.
     pub cap_height_px: Option<f64>,
     /// One for each letter of the word, in its order.
     pub letters: Vec<LetterVerdict>,
-    /// Why the word is not legible; `None` if it is.
+    /// Why the word is not legible, or `None` if it is.
     pub reason: Option<Reason>,
-    /// The text that is read without knowledge of the word; `None` if nothing can be seen.
+    /// The text that is read without knowledge of the word, or `None` if nothing can be seen.
     pub second_opinion: Option<String>,
-    /// Faults, the most costly first; empty if they were not looked for.
+    /// Faults, the most costly first, or empty if they were not looked for.
     pub causes: Vec<Cause>,
-    /// At most three changes, the most gainful first; empty if faults were not looked for.
+    /// At most three changes, the most gainful first, or empty if faults were not looked for.
     pub advice: Vec<Advice>,
 }
 
@@ -70,12 +70,12 @@ pub struct Placement {
 pub struct LetterVerdict {
     /// The expected letter.
     pub expected: char,
-    /// The likeliest letter; `None` if no letter is likelier than each letter.
+    /// The likeliest letter, or `None` if no letter is likelier than each letter.
     pub best: Option<char>,
-    /// Probability of the expected letter in the choice among all, the other letters being right,
-    /// 0 to 1; `None` for punctuation, which is not judged.
+    /// Probability of the expected letter in the choice among all, the other letters being right, 0
+    /// to 1, or `None` for punctuation, which is not judged.
     pub p: Option<f64>,
-    /// Probability of no letter at all, 0 to 1; `None` for punctuation.
+    /// Probability of no letter at all, 0 to 1, or `None` for punctuation.
     pub no_letter: Option<f64>,
     /// The three likeliest other letters, the likeliest first.
     #[serde(default)]
@@ -83,8 +83,7 @@ pub struct LetterVerdict {
     /// Offset of the letter from its place in the word, to the right and up. This and the next four
     /// are `None` if faults were not looked for.
     pub shift_m: Option<[f64; 2]>,
-    /// Fraction of the intended strokes, moved onto their light, that has light within 0.1 cap
-    /// heights.
+    /// Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights.
     pub recall: Option<f64>,
     /// Fraction of the light's lines within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
