@@ -50,7 +50,7 @@ impl Write for Digest {
 pub struct Digested<W> {
     /// Where it is written.
     pub to: W,
-    /// The digest so far; `None`: not asked for.
+    /// The digest so far, or `None` if it is not wanted.
     pub digest: Option<Digest>,
 }
 

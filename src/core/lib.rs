@@ -22,7 +22,7 @@ pub mod srgb;
 pub mod statistics;
 pub mod strokes;
 
-/// Does work in the widest registers of this processor; a module of WebAssembly is built for one
+/// Does work in the widest registers of this processor. A module of WebAssembly is built for one
 /// width.
 #[inline(always)]
 pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {

@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place(pub Vec<Segment>);
 
-/// One step on the way to a value.
+/// One step in the path to a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Segment {
     /// A file, as it was named, or a part of one.
@@ -63,7 +63,7 @@ impl std::fmt::Display for Place {
 }
 
 impl From<String> for Place {
-    /// A key; no place at all where it is empty.
+    /// A key, or no place at all if it is empty.
     fn from(key: String) -> Self {
         Self(if key.is_empty() { Vec::new() } else { vec![Segment::Key(key)] })
     }

@@ -28,7 +28,7 @@ pub fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
 }
 
-/// Linear sRGB of XYZ; colors out of gamut have negative parts.
+/// Linear sRGB of XYZ. Colors out of gamut have negative parts.
 pub fn rgb_from_xyz(xyz: [f64; 3]) -> [f64; 3] {
     RGB_FROM_XYZ.map(|[x, y, z]| x * xyz[0] + y * xyz[1] + z * xyz[2])
 }

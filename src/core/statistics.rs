@@ -1,4 +1,4 @@
-//! Medians and quantiles, for every room that needs one.
+//! Medians and quantiles.
 
 use std::cmp::Ordering;
 
@@ -11,7 +11,7 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
 }
 
 /// Weighted quantile of pairs of a value and its weight: the least value whose cumulative weight
-/// reaches a share. Sorts the pairs.
+/// reaches a fraction. Sorts the pairs.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], share: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = share * pairs.iter().map(|(_, weight)| weight).sum::<f64>();

@@ -1,6 +1,6 @@
 //! Strokes: the product of letters, placed glyphs in the plane of the word.
 //!
-//! The plane of the word has x to the viewer's right and y up, in meters; y = 0 is the floor.
+//! The plane of the word has x to the viewer's right and y up, in meters. y = 0 is the floor.
 
 use std::collections::BTreeMap;
 
@@ -9,44 +9,44 @@ use crate::error::{Error, Result};
 use crate::geometry::{bounds, distance};
 use crate::product::{Rules, Valid, is_number, odd_number};
 
-/// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
-/// one of each color.
+/// Strokes of a word, glyph by glyph from left to right and line by line, or of a drawing: one
+/// glyph, or one of each color.
 pub type Strokes = Valid<StrokesData>;
 
 /// The data of [`Strokes`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StrokesData {
-    /// The word as it is drawn, spaces and line ends included, in upper case where the font has no
-    /// lower case; empty for a drawing.
+    /// The word as it is drawn, with spaces and line ends, in upper case if the font has no lower
+    /// case. Empty for a drawing.
     pub word: String,
-    /// Name of its font; a drawing has none.
+    /// Name of its font, or `None` for a drawing.
     pub font: Option<String>,
     /// Characters whose center lines lack a stroke of the typeface, and its length in cap heights.
     pub lost: BTreeMap<char, f64>,
-    /// One per drawn character; spaces and line ends have none.
+    /// One per drawn character. Spaces and line ends have none.
     pub glyphs: Vec<Glyph>,
-    /// Whether the strokes may be reordered.
+    /// Tells if the strokes may be reordered.
     pub order: StrokeOrder,
-    /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
+    /// Red, green and blue of each glyph of a drawing in its colors, or empty for any other.
     pub colors: Vec<[u8; 3]>,
     /// Strokes that the detail of a drawing leaves out (`letters.detail`).
     pub left_out: LeftOut,
     /// The number of each stroke of a drawing, which selects it (`letters.ink`, `letters.without`),
-    /// and one of its points; empty for a word.
+    /// and one of its points, or empty for a word.
     pub numbers: Vec<(usize, [f64; 2])>,
-    /// A drawing as its file has it.
+    /// The drawing in the file.
     pub source: Source,
     /// Unsupported or misleading parts of a drawing's file: a sentence each, with the place in the
     /// file.
     pub warnings: Vec<String>,
 }
 
-/// A drawing as its file has it; empty for a word.
+/// The drawing in the file, or empty for a word.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
     /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
     pub corners_px: Option<[[f64; 2]; 4]>,
-    /// Whether it is a bitmap: its strokes are in pixels.
+    /// True if it is a bitmap: its strokes are in pixels.
     pub is_bitmap: bool,
     /// All strokes in the order of their numbers, omitted ones included.
     pub strokes: Vec<SourceStroke>,
@@ -55,9 +55,9 @@ pub struct Source {
 /// A stroke in its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceStroke {
-    /// In pixels of the picture, or units of another drawing; y down.
+    /// In pixels of the picture, or units of another drawing, y down.
     pub points: Vec<[f64; 2]>,
-    /// The color whose name selects the stroke; none if the file gives none.
+    /// The color whose name selects the stroke, or none if the file gives none.
     pub color: Option<&'static str>,
 }
 
@@ -66,11 +66,11 @@ pub struct SourceStroke {
 pub struct LeftOut {
     /// Their number.
     pub strokes: usize,
-    /// Their share of the length of all strokes, 0 to 1.
+    /// Their fraction of the length of all strokes, 0 to 1.
     pub share: f64,
 }
 
-/// Whether strokes may be reordered.
+/// Freedom to reorder strokes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StrokeOrder {
     /// They may be drawn in any order, and backward.
@@ -88,8 +88,7 @@ pub struct Glyph {
     /// Its box.
     pub cell: Cell,
     /// Moves of the pen, in order. Where a move does not begin at the end of the one before, the
-    /// pen jumps. A dark move without length at the beginning means that the pen arrives in the
-    /// dark.
+    /// pen jumps. A dark move of zero length at the beginning: the pen arrives in the dark.
     pub moves: Vec<Move>,
 }
 
@@ -113,10 +112,9 @@ pub struct Move {
     pub from_m: [f64; 2],
     /// Where it ends.
     pub to_m: [f64; 2],
-    /// Whether the lights are on.
+    /// True if the lights are on.
     pub lit: bool,
-    /// Speed as a share of the stroke speed: 1 but for handwriting in its writer's pace
-    /// (`letters.pace`).
+    /// Speed by the stroke speed: 1 but for handwriting in its writer's pace (`letters.pace`).
     pub pace: f64,
 }
 
@@ -155,7 +153,7 @@ impl StrokesData {
         digest.hex()
     }
 
-    /// Number of its strokes: lit moves without a way in the dark between them.
+    /// Number of its strokes: lit moves without a dark move between them.
     pub fn n_strokes(&self) -> usize {
         let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);

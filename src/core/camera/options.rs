@@ -127,6 +127,7 @@ impl CameraOptions {
     ///
     /// [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
+        // Each setting by itself, then those that depend on each other.
         check_size(self.width_px, self.height_px)?;
         Described::check(self, "camera", None)?;
         let least = self.lens.figures().min_f_number;
@@ -147,7 +148,7 @@ impl CameraOptions {
         Ok(())
     }
 
-    /// Share of light lost by vignetting at the corner of the picture, at an aperture.
+    /// Fraction of light lost by vignetting at the corner of the picture, at an aperture.
     pub fn vignetting_at(&self, f_number: f64) -> f64 {
         let aspect = f64::from(self.height_px) / f64::from(self.width_px);
         let corner_m = 0.5 * self.body.figures().sensor_width_m * (1.0 + aspect * aspect).sqrt();
@@ -161,6 +162,19 @@ impl CameraOptions {
             .map_or(self.lens.figures().focal_length_m, |lens| lens.focal_length_m)
     }
 
+    /// Distance at which a word fills a fraction of the picture.
+    fn distance_m(&self, [left, bottom, right, top]: [f64; 4], fill_frac: f64) -> Result<f64> {
+        let aspect = f64::from(self.width_px) / f64::from(self.height_px);
+        let width_m = (right - left).max((top - bottom) * aspect) / fill_frac;
+        let distance_m = width_m * self.focal_length_m() / self.body.figures().sensor_width_m;
+        if distance_m.is_finite() && distance_m > 0.0 {
+            return Ok(distance_m);
+        }
+        let hint = "write something, or set camera.framing to fixed";
+        let wanted = "a word that the camera can be set up for";
+        Err(Error::input("camera.framing", "nothing written", wanted, hint))
+    }
+
     /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
     /// word) and a flight that ends at `end_s`.
     ///
@@ -170,25 +184,19 @@ impl CameraOptions {
     pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
         self.check()?;
         let (body, lens) = (self.body.figures(), self.lens.figures());
-        let fixed = body.fixed_lens;
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = match &self.framing {
             Framing::Word(framing) => {
-                let aspect = f64::from(self.width_px) / f64::from(self.height_px);
-                let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
-                let distance_m = width_m * self.focal_length_m() / body.sensor_width_m;
-                if !distance_m.is_finite() || distance_m <= 0.0 {
-                    let hint = "write something, or set camera.framing to fixed";
-                    let wanted = "a word that the camera can be set up for";
-                    return Err(Error::input("camera.framing", "nothing written", wanted, hint));
-                }
+                let distance_m = self.distance_m(bounds_m, framing.fill_frac)?;
                 let mut position_m = middle - Vector3::y() * distance_m;
                 position_m.z = framing.height_m.unwrap_or(middle.z);
                 (position_m, camera_from_world(middle - position_m))
             }
             Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
         };
+        // The lens of a telephone is fixed, with its own aperture and without distortion.
+        let fixed = body.fixed_lens;
         let at_word_m = (camera_from_world * (middle - position_m)).z;
         let focuses = !matches!(self.lens, LensModel::Custom(_)) && at_word_m > 0.1;
         Ok(Camera {

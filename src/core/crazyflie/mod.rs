@@ -21,9 +21,9 @@ pub const GRAVITY_M_S2: f64 = 9.81;
 
 /// Signs of each motor (columns m1…m4) in torque about body x, y, z and in thrust.
 ///
-/// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right,
-/// m3 back left, m4 front left (`power_distribution_quadrotor.c`). m1 and m3 turn
-/// counter-clockwise, m2 and m4 clockwise; each pushes the body the other way.
+/// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right, m3
+/// back left, m4 front left (`power_distribution_quadrotor.c`). m1 and m3 turn counter-clockwise,
+/// m2 and m4 clockwise. Each pushes the body the other way.
 pub const MOTOR_SIGNS: Matrix4<f64> = Matrix4::new(
     -1.0, -1.0, 1.0, 1.0, //
     -1.0, 1.0, 1.0, -1.0, //

@@ -34,18 +34,18 @@ settings! {
     }
 }
 
-/// What a release has, and those before do not.
+/// A feature of a release that earlier ones lack.
 #[derive(Debug)]
 pub struct Feature {
-    /// What it is.
+    /// Its name.
     pub what: &'static str,
     /// The first release that has it.
     pub since: Release,
-    /// What there is before.
+    /// Behavior of earlier releases.
     pub before: &'static str,
-    /// File of the firmware; commit or pull request.
+    /// File of the firmware. Commit or pull request.
     pub source: &'static str,
-    /// Who goes by it, and how.
+    /// Parts of this program that depend on it.
     pub here: &'static str,
 }
 
@@ -75,7 +75,7 @@ impl Feature {
         source: "`num.c`, `log.c`; #1647, 887ce819",
         here: "`import`: samples that are half of both neighbors are doubled, with a warning",
     };
-    /// Microsecond clock, which stamps logs on the card and paces trajectories on board.
+    /// Microsecond clock, which timestamps logs on the card and paces trajectories on board.
     pub const CLOCK: Self = Self {
         what: "the clock of trajectories and of µSD logs is right",
         since: Release::After2026_08,
@@ -108,7 +108,7 @@ impl Feature {
         here: "exports for it are refused",
     };
 
-    /// All that this program goes by, the newest first.
+    /// All features on which this program depends, the newest first.
     pub const ALL: [Self; 7] = [
         Self::CLOCK,
         Self::RESET,
@@ -140,8 +140,8 @@ impl Release {
     /// That of [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
 
-    /// The release that flies as a firmware of this name, such as `2025.12.1`; `None` for a build
-    /// between releases or of one's own.
+    /// The release that flies as a firmware of this name, such as `2025.12.1`, or `None` for a
+    /// custom build or one between releases.
     pub fn parse(firmware: &str) -> Option<Self> {
         let month = number(firmware)?;
         let not_newer = |release: &&Self| number(release.name()).is_some_and(|it| it <= month);
@@ -157,17 +157,17 @@ impl Release {
         Self::parse(name).filter(|release| number(release.name()) == number(name))
     }
 
-    /// Whether it has what releases before have not.
+    /// True if it has a feature.
     pub fn has(self, feature: &Feature) -> bool {
         self as usize >= feature.since as usize
     }
 
-    /// Whether this program does the same by both.
+    /// True if both have the same features.
     pub fn is_like(self, other: Self) -> bool {
         Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
-    /// Rate of the clock that stamps logs on the card and paces trajectories on board, in true
+    /// Rate of the clock that timestamps logs on the card and paces trajectories on board, in true
     /// seconds a second.
     pub fn clock(self) -> f64 {
         if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }

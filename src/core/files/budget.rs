@@ -34,26 +34,25 @@ enum Beyond {
 }
 
 impl Budget {
-    /// The budget of an input; `place` is its name in messages, `hint` the advice where it is
-    /// spent.
+    /// The budget of an input. `place` is its name in messages, `hint` the advice once it is spent.
     pub fn new(place: impl Into<String>, hint: &'static str) -> Self {
         let place = place.into();
         let (steps_left, bytes_left) = (Cell::new(MAX_STEPS), Cell::new(MAX_BYTES));
         Self { place, hint, steps_left, bytes_left, beyond: Cell::new(None) }
     }
 
-    /// Takes steps off; whether there were as many, and the budget is not spent yet.
+    /// Subtracts steps. True if there were as many, and the budget is not spent yet.
     pub fn spend_steps(&self, steps: usize) -> bool {
         self.spend(&self.steps_left, steps, Beyond::Steps)
     }
 
-    /// Takes steps off.
+    /// Subtracts steps.
     pub fn steps(&self, steps: usize) -> Result<()> {
         self.spend_steps(steps);
         self.check()
     }
 
-    /// Takes bytes off: memory that the input will hold.
+    /// Subtracts bytes: memory that the input will hold.
     pub fn bytes(&self, bytes: usize) -> Result<()> {
         self.spend(&self.bytes_left, bytes, Beyond::Bytes);
         self.check()

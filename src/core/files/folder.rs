@@ -21,7 +21,7 @@ pub struct OutputFolder {
     staging: TempDir,
     /// Shows other programs that the staging folder is in use.
     lock: Option<File>,
-    /// Whether the folder is new, and removed again unless the files are kept.
+    /// True if the folder is new. It is removed again unless the files are kept.
     made: bool,
     /// Files that were written, in their order.
     names: Vec<String>,
@@ -36,7 +36,7 @@ impl OutputFolder {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; [`Error::Input`] for standard output, which is one file.
+    /// [`Error::Io`]. [`Error::Input`] for standard output, which is one file.
     pub fn create(path: &Path) -> Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
             let hint = "name a folder (./- where it is called so)";
@@ -111,7 +111,7 @@ impl OutputFolder {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. A name that may not be written is found before any file has its name.
+    /// [`Error::Io`]. A name that cannot be written is refused before any file has its name.
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
@@ -226,7 +226,7 @@ mod tests {
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
 
-    /// Two writers of two hundred files each; the folder holds the set of one.
+    /// Two writers of two hundred files each. The folder holds the set of one.
     #[test]
     fn two_writers_of_one_folder_never_mix() {
         let parent = tempfile::tempdir().unwrap();

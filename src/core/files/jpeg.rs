@@ -13,14 +13,14 @@ pub struct JpegFrame {
     pub samples: u64,
     /// Scans over them.
     pub scans: u64,
-    /// Whether all coefficients are held until the last scan.
+    /// True if all coefficients are held until the last scan.
     pub progressive: bool,
-    /// Whether the file has an end: what is missing is gray.
+    /// True if the file has an end: what is missing is gray.
     pub has_end: bool,
 }
 
 impl JpegFrame {
-    /// The first frame of a file; `None` where it has none.
+    /// The first frame of a file, or `None` if it has none.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
         let mut rest = bytes.strip_prefix(b"\xff\xd8")?;
         loop {

@@ -25,7 +25,7 @@ const MAX_LINKS: usize = 40;
 /// A file under construction.
 ///
 /// A regular file is staged under a temporary name beside its place until [`Output::keep`] gives it
-/// its name; a link is followed. Devices and pipes are written through. `-` is standard output.
+/// its name. A link is followed. Devices and pipes are written through. `-` is standard output.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
@@ -44,7 +44,7 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the folder that does not exist; [`Error::Io`] for a folder in the
+    /// [`Error::Input`] with the folder that does not exist. [`Error::Io`] for a folder in the
     /// place of a file, and without write permission.
     pub fn create(path: &Path) -> Result<Self> {
         let sink = Sink::open(path).map_err(|source| {
@@ -53,7 +53,7 @@ impl Output {
         Ok(Self { path: path.to_owned(), sink })
     }
 
-    /// Whether it is a file, and no device, pipe or standard output.
+    /// True if it is a file, and no device, pipe or standard output.
     pub fn is_staged(&self) -> bool {
         matches!(self.sink, Sink::Staged { .. })
     }
@@ -62,7 +62,7 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; then a regular file is as it was before.
+    /// [`Error::Io`]. Then a regular file is as it was before.
     pub fn keep(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.keep_with(|out| out.write_all(content.as_ref()))
     }
@@ -77,16 +77,16 @@ impl Output {
         self.write_with(|out| out.write_all(content.as_ref()))?.keep()
     }
 
-    /// Writes the content onto the disk, piece by piece; the file has no name yet.
+    /// Writes the content onto the disk, piece by piece. The file has no name yet.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; then a regular file is as it was before.
+    /// [`Error::Io`]. Then a regular file is as it was before.
     pub fn write_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<WholeFile> {
         self.finish(write, true)
     }
 
-    /// Writes the content; `is_bound`: onto the disk and with its digest, as one of several files
+    /// Writes the content. `is_bound`: onto the disk and with its digest, as one of several files
     /// that belong together.
     fn finish(
         self,
@@ -156,7 +156,7 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; then the file of that name is as it was before.
+    /// [`Error::Io`]. Then the file of that name is as it was before.
     pub fn keep(self) -> Result<PathBuf> {
         let Self { path, staged, .. } = self;
         let named = staged.map_or(Ok(()), |(file, place)| file.persist(place).map(drop));
@@ -175,7 +175,7 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// As [`Self::keep`]; then all files are as they were before.
+    /// As [`Self::keep`]. Then all files are as they were before.
     pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
         let _lock = files.iter().find_map(Self::place).and_then(|place| locked_soon(folder(place)));
         let mut former = Former::default();

@@ -14,7 +14,7 @@ use tempfile::{Builder, NamedTempFile, TempDir, TempPath};
 const PREFIX: &str = ".noctograph-";
 const SUFFIX: &str = ".tmp";
 
-/// The file that stands for its folder.
+/// The lock file of a folder.
 #[cfg(windows)]
 const LOCK: &str = ".noctograph-lock";
 #[cfg(windows)]
@@ -48,7 +48,7 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     }
 }
 
-/// Makes a temporary folder in a folder, and removes those there that killed programs left; it is
+/// Makes a temporary folder in a folder, and removes those there that killed programs left. It is
 /// locked as long as the file returned is open.
 ///
 /// # Errors
@@ -65,15 +65,15 @@ pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     }
 }
 
-/// Locks a folder until the file is closed, waiting for another program; `None` where the system
+/// Locks a folder until the file is closed, waiting for another program, or `None` if the system
 /// has no such locks.
 #[cfg(not(windows))]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
 }
 
-/// Windows opens no folder as a file: a file in it stands for it, which one program has at a time
-/// and the system removes when that program closes it or is killed.
+/// Windows opens no folder as a file. A file in it is the lock: one program has it at a time, and
+/// the system removes it when that program closes it or is killed.
 #[cfg(windows)]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     // Renames take milliseconds. A folder that cannot be written is no reason to wait for ever.
@@ -184,13 +184,13 @@ pub(super) fn folder(path: &Path) -> &Path {
     parent.unwrap_or(Path::new("."))
 }
 
-/// What stands in the places of files that belong together, until all of these have their names: it
-/// is put back unless they do. A file system without hard links keeps nothing of it.
+/// The former files in the places of files that belong together. They are put back unless all of
+/// these get their names. A file system without hard links keeps none.
 #[derive(Debug, Default)]
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
 
 impl Former {
-    /// Puts a file in its place, and remembers what stood there.
+    /// Puts a file in its place, and remembers the former one.
     pub(super) fn replaced<T, E>(
         &mut self,
         place: Option<PathBuf>,

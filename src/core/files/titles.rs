@@ -16,7 +16,7 @@ const UNITS: [(&str, f64); 9] = [
     ("km", 1e3),
 ];
 
-/// Units of times alone: `x_min` is no time.
+/// Units only of times: `x_min` is not a time.
 const UNITS_OF_TIME: [(&str, f64); 3] =
     [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
 

@@ -17,13 +17,13 @@ const FLYING_HEIGHT_M: f64 = 0.05;
 /// loop.
 const LONGEST_BREAK_S: f64 = 0.5;
 
-/// The samples between take-off and landing; `None` where the drone never leaves the floor.
+/// The samples between take-off and landing, or `None` if the drone never leaves the floor.
 ///
-/// A sample is flown where every motor command is above 20,000 of 65535. Where motors are not
-/// logged, the setpoint's height decides; without setpoints, the height above the lowest sample;
-/// 0.05 m is the limit for both. Half a second of other samples ends a stretch (a gap in the log
-/// does not), and the longest stretch is the flight: samples of the drone being carried or dragged
-/// along the floor afterwards are left out.
+/// A sample is flown if every motor command is above 20,000 of 65535. Without motors in the log,
+/// the setpoint's height decides, and without setpoints, the height above the lowest sample. 0.05 m
+/// is the limit for both. Half a second of other samples ends a stretch (a gap in the log does
+/// not), and the longest stretch is the flight: samples of the drone being carried or dragged along
+/// the floor afterwards are left out.
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
@@ -36,10 +36,12 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
             sample.position_m.z - floor_m > FLYING_HEIGHT_M
         }
     };
+    // The longest stretch so far, and the one that goes on.
     let (mut longest, mut longest_s) = (0..0, 0.0);
     let (mut stretch, mut landed_s) = (0..0, None);
     for (index, sample) in flight.samples.iter().enumerate() {
         if !flown(sample) {
+            // A long break ends the stretch.
             let since_s = *landed_s.get_or_insert(sample.time_s);
             if sample.time_s - since_s >= LONGEST_BREAK_S {
                 stretch = 0..0;
@@ -58,7 +60,7 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
 }
 
 impl FlightSample {
-    /// Whether a motor is at an end of its range while any turns.
+    /// True if a motor is at an end of its range while any turns.
     pub fn is_saturated(&self, motor_max: f64) -> bool {
         let turns = self.motors.iter().any(|motor| *motor > 0.0);
         turns && self.motors.iter().any(|motor| *motor <= 0.0 || *motor >= motor_max)
@@ -71,7 +73,7 @@ pub fn saturated_s(samples: &[FlightSample], motor_max: f64) -> f64 {
     pairs.fold(0.0, |sum_s, pair| sum_s + pair[1].time_s - pair[0].time_s)
 }
 
-/// Whether a drone rests on the floor at zero all the time, whatever its motors and setpoints say.
+/// True if a drone rests on the floor at zero all the time, whatever its motors and setpoints say.
 pub fn rests_on_floor(samples: &[FlightSample]) -> bool {
     let heights_m = samples.iter().map(|sample| sample.position_m.z);
     let [low_m, high_m] = heights_m
@@ -79,7 +81,7 @@ pub fn rests_on_floor(samples: &[FlightSample]) -> bool {
     high_m - low_m < FLYING_HEIGHT_M && high_m.abs() < 2.0 * FLYING_HEIGHT_M
 }
 
-/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies, or
+/// Why a flight counts as one on the floor, with the number that decides, or `None` if it flies, or
 /// neither motors, setpoints nor heights are logged.
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {

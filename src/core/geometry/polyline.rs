@@ -1,7 +1,7 @@
 //! Polylines in a plane, in any unit of length, and which samples of a path a straight line may
 //! skip.
 
-/// The box around points: left, bottom, right, top; inverted and infinite where there are none.
+/// The box around points: left, bottom, right, top. Inverted and infinite without any.
 pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
     let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     points.into_iter().fold(none, |[left, bottom, right, top], [x, y]| {
@@ -23,7 +23,7 @@ pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -
     libm::hypot(x - ax - share * dx, y - ay - share * dy)
 }
 
-/// Distance of each point from the first one along the line; empty for an empty line.
+/// Distance of each point from the first one along the line, or empty for an empty line.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut along = 0.0;
     let later = line.windows(2).map(|leg| {
@@ -80,7 +80,7 @@ impl<const N: usize> Chords<N> {
         }
     }
 
-    /// Whether the chord to a sample at `offset` after `elapsed_s` is one of them.
+    /// True if the chord to a sample at `offset` after `elapsed_s` is one of them.
     pub fn contain(&self, offset: [f64; N], elapsed_s: f64) -> bool {
         (0..N).all(|i| (self.least[i]..=self.greatest[i]).contains(&(offset[i] / elapsed_s)))
     }

@@ -1,8 +1,8 @@
-//! Solids, and how near a way comes to them.
+//! Solids, and the distance of a path from them.
 
 use nalgebra::Vector3;
 
-/// A convex solid, so that its distance has one minimum along a straight way.
+/// A convex solid: its distance has one minimum along a straight path.
 #[derive(Clone, Debug)]
 pub enum Solid {
     /// All places within a radius of a box: the least and greatest x, y and z, which may be equal
@@ -24,7 +24,7 @@ impl Solid {
         Self::Block { ends_m, radius_m }
     }
 
-    /// Distance from a place; 0 within.
+    /// Distance from a place, or 0 within.
     pub fn distance_m(&self, place_m: &Vector3<f64>) -> f64 {
         let beyond_m = |[low, high]: [f64; 2], m: f64| (low - m).max(m - high).max(0.0);
         let distance_m = match self {
@@ -37,8 +37,8 @@ impl Solid {
         distance_m.max(0.0)
     }
 
-    /// Least distance along a straight way, by ternary search to 1e-6 of it; `None` where it is not
-    /// below `most_m`.
+    /// Least distance along a straight path, by ternary search to 1e-6 of it, or `None` if it is
+    /// not below `most_m`.
     pub fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
         let along_m = |share: f64| self.distance_m(&from_m.lerp(&to_m, share));
         if along_m(0.0) - (to_m - from_m).norm() >= most_m {

@@ -2,7 +2,7 @@
 //!
 //! They give the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No product is
 //! fused with a sum, so that every machine rounds alike. Each is valid for the arguments that occur
-//! here; [`is_hard`] finds those that `libm` itself must compute.
+//! here. [`is_hard`] finds those that `libm` itself must compute.
 
 use std::f64::consts::FRAC_2_PI;
 
@@ -24,7 +24,7 @@ pub(super) fn ln(x: f64) -> f64 {
         1.531_383_769_920_937_3e-1,
         1.479_819_860_511_658_6e-1,
     ];
-    // x = 2^k (1 + f) with 1 + f about 1; a whole number below 2^52 added to 2^52 is its last bits.
+    // x = 2^k (1 + f) with 1 + f about 1. A whole number below 2^52 added to 2^52 is its last bits.
     let bits = x.to_bits();
     let word = (bits >> 32) + (0x3ff0_0000 - 0x3fe6_a09e);
     let k = f64::from_bits(0x4330_0000_0000_0000 | word >> 20) - 4_503_599_627_370_496.0 - 1023.0;

@@ -1,4 +1,4 @@
-//! Random numbers as independent functions of a key; named streams of noise, and a smooth random
+//! Random numbers as independent functions of a key. Named streams of noise, and a smooth random
 //! field.
 
 mod elementary;
@@ -23,7 +23,7 @@ pub fn split_mix(state: u64) -> u64 {
 pub fn poisson(mean: f64, uniform: f64) -> u32 {
     let mut share = libm::exp(-mean);
     let (mut number, mut sum) = (0, share);
-    // The bound ends the loop where rounding keeps the sum of the shares below 1.
+    // The bound ends the loop if rounding keeps the sum of the probabilities below 1.
     while sum <= uniform && number < 1000 {
         number += 1;
         share *= mean / f64::from(number);

@@ -1,8 +1,8 @@
 //! Random numbers of a flight: named streams of one seed, and a smooth random field.
 //!
 //! Every sensor draws a fixed count of numbers at each of its measurements, whether or not it needs
-//! them all. Each number thus depends on the seed, the drone, the sensor and the count of its
-//! measurements alone; no other sensor can shift it.
+//! them all. Each number thus only depends on the seed, the drone, the sensor and the count of its
+//! measurements. No other sensor can shift it.
 
 use std::f64::consts::TAU;
 
@@ -14,11 +14,11 @@ use rand::{RngExt, SeedableRng};
 use super::elementary::cos;
 use crate::digest::{fnv_1a, hmac_sha256};
 
-/// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
+/// Plane waves per axis of a [`Field`]. Enough that no direction is preferred. More cost time.
 const WAVES: usize = 8;
 
-/// Seeds below this are public: anybody tries them one by one. Their streams share a key of `rand`,
-/// as in every release.
+/// Seeds below this are public: anybody tries them one by one. Their streams have one key of
+/// `rand`, as in every release.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
 /// The random stream of a name under a seed. Each stream of a seed that is not public has a key of
@@ -32,8 +32,8 @@ pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     rng
 }
 
-/// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone:
-/// a further sensor or drone leaves it as it is.
+/// Noise of one sensor on one drone. Its numbers only depend on the seed, the drone and the name:
+/// another sensor or drone does not change them.
 #[derive(Debug)]
 pub struct Noise {
     pub(super) rng: ChaCha8Rng,
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn numbers_stay_what_they_are_in_every_release() {
-        // Recorded; changes only if rand changes its ChaCha8 or its uniform numbers.
+        // Recorded. Changes only if rand changes its ChaCha8 or its uniform numbers.
         let recorded =
             [-0.05580547212376694, 0.04353956031888157, 0.3569199963005024, -1.4828057980230476];
         assert_eq!(first(42, 0, "gyro"), recorded);
