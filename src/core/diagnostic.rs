@@ -1,5 +1,4 @@
-//! Diagnostics: the one type in which anything says that something is wrong, doubtful, or could be
-//! better.
+//! Diagnostics: the one type for anything that is wrong, doubtful, or could be better.
 //!
 //! A [`Diagnostic`] has a code, which programs and the page's languages hang on, a severity, a
 //! place, a message, figures by name, and help as a sentence whose keys of the scene are data.
@@ -212,8 +211,7 @@ impl Diagnostic {
         [mark.into(), self.code.into(), self.to_string(), wanted.into(), self.change(typed)]
     }
 
-    /// One line about it: the message with its place, and help with each change as `typed` writes
-    /// it.
+    /// One line: the message with its place, and help with each change as `typed` writes it.
     pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
         match (self.change(typed), self.severity) {
             (help, _) if help.is_empty() => self.to_string(),

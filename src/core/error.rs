@@ -127,8 +127,8 @@ impl Error {
         self
     }
 
-    /// The same error in a file, and in its line where that is known. A file that it names already
-    /// is a part of this one.
+    /// The same error in a file, and in its line. A file that it already names is a part of this
+    /// one.
     #[must_use]
     pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
@@ -198,8 +198,7 @@ impl Error {
     }
 }
 
-/// True if Windows refuses a name for a file: that of a device, with any ending, or with a
-/// forbidden sign.
+/// True if Windows refuses a name for a file: it is a device's, or has a forbidden sign.
 fn is_reserved(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
     let numbered = ["COM", "LPT"].iter().find_map(|device| stem.strip_prefix(device));

@@ -22,8 +22,7 @@ pub mod srgb;
 pub mod statistics;
 pub mod strokes;
 
-/// Does work in the widest registers of this processor. A module of WebAssembly is built for one
-/// width.
+/// Does work in the widest registers of this processor. WebAssembly has one width.
 #[inline(always)]
 pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     #[cfg(target_family = "wasm")]

@@ -1,5 +1,4 @@
-//! Products that cannot be wrong: data that is checked once, when a stage has made it, and that is
-//! read from then on.
+//! Products that cannot be wrong: their data is checked once, when a stage has made it.
 
 use std::ops::Deref;
 
@@ -14,8 +13,7 @@ pub trait Rules {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the place, the value found and the values
-    /// wanted.
+    /// [`Error::Input`] for a broken rule.
     fn check(&self) -> Result<()>;
 }
 

@@ -39,8 +39,7 @@
 //! Settings without effect keep their values, so that a preset's gains survive a change of the
 //! choice.
 //!
-//! A group may end with `fixed { ... }`: constants that no scene sets, and which tests, conditions
-//! and ideal sensors vary.
+//! A group may end with `fixed { ... }`: constants that no scene sets, but tests and conditions.
 //!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
@@ -139,8 +138,7 @@ pub fn joined(path: &str, key: &str) -> String {
     format!("{path}{dot}{key}")
 }
 
-/// The dotted keys of all settings, but of the groups themselves. Kinds of a choice may have some
-/// in common.
+/// The dotted keys of all settings, but of the groups themselves.
 pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
     let mut keys = BTreeSet::new();
     for Setting { key, shape, .. } in settings {

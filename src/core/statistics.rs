@@ -10,8 +10,7 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)
 }
 
-/// Weighted quantile of pairs of a value and its weight: the least value whose cumulative weight
-/// reaches a fraction. Sorts the pairs.
+/// Weighted quantile of pairs of a value and its weight, which are sorted.
 pub fn weighted_quantile(pairs: &mut [(f64, f64)], share: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let wanted = share * pairs.iter().map(|(_, weight)| weight).sum::<f64>();

@@ -36,8 +36,7 @@ pub struct StrokesData {
     pub numbers: Vec<(usize, [f64; 2])>,
     /// The drawing in the file.
     pub source: Source,
-    /// Unsupported or misleading parts of a drawing's file: a sentence each, with the place in the
-    /// file.
+    /// Unsupported or misleading parts of a drawing's file: a sentence each, with its place.
     pub warnings: Vec<String>,
 }
 
@@ -168,8 +167,7 @@ impl StrokesData {
         lit.map(|step| distance(step.from_m, step.to_m)).sum()
     }
 
-    /// The box that holds all cells and all ink: `[left, bottom, right, top]` in the plane of the
-    /// word.
+    /// The box around all cells and ink: `[left, bottom, right, top]` in the plane of the word.
     pub fn bounds_m(&self) -> [f64; 4] {
         let corners = self.glyphs.iter().flat_map(|glyph| {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;

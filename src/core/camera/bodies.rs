@@ -101,8 +101,7 @@ pub struct LensFigures {
     pub min_f_number: f64,
     /// Distortion k1, k2, p1, p2 (see [`super::Camera::distortion`]).
     pub distortion: [f64; 4],
-    /// Stops by which the lens darkens the corner of full frame wide open: see
-    /// [`LensModel::vignetting`].
+    /// Stops of the falloff at the corner of full frame wide open: see [`LensModel::vignetting`].
     wide_open_stops: f64,
 }
 

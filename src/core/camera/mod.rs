@@ -93,8 +93,8 @@ impl Camera {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
-    /// Image of a point of the world, or `None` behind the entrance pupil, and beyond the radius
-    /// where the distortion folds back.
+    /// Image of a point of the world, or `None` behind the camera and where the distortion folds
+    /// back.
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
         if p.z <= 0.0 {
@@ -127,8 +127,7 @@ impl Camera {
         None
     }
 
-    /// Tangents off the axis with distortion, or `None` beyond the radius where the distortion
-    /// folds back.
+    /// Tangents off the axis with distortion, or `None` where it folds back.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {

@@ -222,8 +222,7 @@ impl CameraOptions {
 }
 
 impl FixedPose {
-    /// The rotation from the world to the camera frame, of a camera that looks at `middle` if
-    /// nothing else is given.
+    /// The rotation from the world to the camera frame. The camera looks at `middle` by default.
     fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
             let forward =

@@ -35,8 +35,8 @@ impl Described for WhiteBalance {
 }
 
 impl WhiteBalance {
-    /// Gains of red, green and blue. Those of a color temperature are at least 1, so that saturated
-    /// pixels are white at every temperature.
+    /// Gains of red, green and blue. Those of a color temperature are at least 1: saturated pixels
+    /// stay white.
     pub fn gains(self) -> [f64; 3] {
         match self {
             Self::Gains(gains) => gains,
@@ -49,8 +49,7 @@ impl WhiteBalance {
     }
 }
 
-/// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (1667 to 25000 K; chromaticity to
-/// within 0.0003).
+/// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (to within 0.0003 in x, y).
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
     let cubic = |[a, b, c, d]: [f64; 4], t: f64| ((a * t + b) * t + c) * t + d;
     let t = 1000.0 / kelvin;

@@ -7,9 +7,8 @@ use nalgebra::Matrix4;
 
 pub use release::{Feature, Release};
 
-/// Revision of `bitcraze/crazyflie-firmware` that the model stands for, one day after release
-/// 2026.08: its files are the sources named here and in other rooms, and its C gave the numbers
-/// under `recorded/` (tests/firmware).
+/// Revision of `bitcraze/crazyflie-firmware` that is modeled, one day after release 2026.08. Its
+/// files are the sources named here, and its C gave the numbers under `recorded/` (tests/firmware).
 pub const FIRMWARE_REVISION: &str = "2a18fc29";
 
 /// Rate of the clock on board, in true seconds a second, up to and with release 2026.08

@@ -1,9 +1,7 @@
-//! Releases of the Crazyflie's firmware, and what differs between them: the one table that exports,
-//! scripts, simulator and log readers go by.
+//! Releases of the Crazyflie's firmware, and their differences, for exports, simulator and logs.
 //!
-//! The history of `bitcraze/crazyflie-firmware` was read from tag 2023.11 to 2026.08 and to
-//! [`super::FIRMWARE_REVISION`]. What differs and is not in [`Feature::ALL`] is listed in
-//! `docs/fly.md`.
+//! The history of the firmware was read from 2023.11 to [`super::FIRMWARE_REVISION`]. Differences
+//! that are not in [`Feature::ALL`] are listed in `docs/fly.md`.
 
 use super::SLOW_CLOCK;
 use crate::settings::settings;
@@ -167,8 +165,8 @@ impl Release {
         Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
-    /// Rate of the clock that timestamps logs on the card and paces trajectories on board, in true
-    /// seconds a second.
+    /// Rate of the clock of logs on the card and of trajectories on board, in true seconds a
+    /// second.
     pub fn clock(self) -> f64 {
         if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
     }

@@ -12,8 +12,7 @@ const MAX_STEPS: u64 = 1_000_000_000;
 /// Most memory of an input in bytes, copies during reading included.
 const MAX_BYTES: u64 = 240 << 20;
 
-/// Work and memory that are left to an input: a file, a folder of files that belong together, or a
-/// typeface with all its characters.
+/// Work and memory that are left to an input, such as a file or a folder of files.
 ///
 /// Decoders spend before they work. Code that cannot return an error calls [`Budget::spend_steps`],
 /// which stays `false` once the budget is exceeded, and leaves the error to [`Budget::check`].

@@ -119,8 +119,7 @@ impl Separator {
         cells.map(|cell| String::from_utf8_lossy(unquoted(cell)).trim().to_owned()).collect()
     }
 
-    /// True if a line is a row of a table: its first cell is a number or a date, and most others
-    /// are.
+    /// True if a line is a row: its first cell and most others are numbers or dates.
     fn is_row(self, line: &[u8]) -> bool {
         let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
         let least = if self == Self::Blanks { 3 } else { 2 };
@@ -202,8 +201,7 @@ impl Head {
         Self { titles, n_columns, separator, row, notes }
     }
 
-    /// The head of a table without rows of numbers: titles in its first line, unless most cells are
-    /// numbers.
+    /// The head of a table without rows of numbers: its first line, unless most cells are numbers.
     fn alone(lines: &[&[u8]]) -> Self {
         let filled = || (0..lines.len()).filter(|index| !lines[*index].trim_ascii().is_empty());
         let first = filled().find(|index| !is_comment(lines[*index])).or(filled().next());
@@ -236,8 +234,7 @@ impl Sheet {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the line of a row that is short or long, and for a table that is too
-    /// large.
+    /// [`Error::Input`] for a row that is short or long, and for a table that is too large.
     pub fn read(
         text: &Text<'_>,
         head: Head,
@@ -505,8 +502,7 @@ fn is_date(cell: &[u8]) -> bool {
     digits && (points == 2 || cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/')))
 }
 
-/// Reads a line of only short numbers and separators, as programs write most tables, or `None` for
-/// any other.
+/// Reads a line of only short numbers and separators, or `None` for any other.
 fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<()> {
     let Separator::Byte(separator) = separator else { return None };
     for (place, value) in row.iter_mut().enumerate() {
@@ -522,9 +518,8 @@ fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<(
 const TENS: [f64; 16] =
     [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// A number of up to 15 digits without an exponent at the beginning of a text, and its length. It
-/// is rounded as [`str::parse`] does: numerator and denominator are exact, and rounded once
-/// (Clinger 1990).
+/// A number of up to 15 digits without an exponent at the beginning of a text, and its length.
+/// Numerator and denominator are exact, and their quotient is rounded once (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
     let (mut numerator, mut point) = (0_u64, None);

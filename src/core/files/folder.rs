@@ -82,8 +82,7 @@ impl OutputFolder {
         self.write(name, content).map(drop)
     }
 
-    /// Writes a file that will be called `name` onto the disk, piece by piece, and gives its
-    /// digest.
+    /// Writes a file that will be called `name`, piece by piece, and gives its digest.
     pub fn write_with(
         &mut self,
         name: &str,

@@ -1,5 +1,4 @@
-//! The frame of a JPEG file, read before decoding: the decoder's memory and its passes over the
-//! picture (ITU-T T.81, annex B).
+//! The frame of a JPEG file, read before decoding: memory and passes of the decoder (ITU-T T.81).
 //!
 //! The size of a progressive picture says too little: all its coefficients, two bytes each, are
 //! held until the last scan, and a scan may take a dozen bytes of the file.

@@ -14,8 +14,7 @@ use crate::input_error;
 /// Name of standard output as a file.
 pub const STANDARD_OUTPUT: &str = "-";
 
-/// Names of standard output in the file system. Opened anew, a redirected one would be written from
-/// its beginning again.
+/// Names of standard output. Opened anew, a redirected one would be overwritten.
 const STANDARD_OUTPUTS: [&str; 4] =
     [STANDARD_OUTPUT, "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
@@ -86,8 +85,7 @@ impl Output {
         self.finish(write, true)
     }
 
-    /// Writes the content. `is_bound`: onto the disk and with its digest, as one of several files
-    /// that belong together.
+    /// Writes the content, onto the disk and with its digest if `is_bound` to other files.
     fn finish(
         self,
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
@@ -235,8 +233,7 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
-/// Writes a file, and gives the digest of its content if it is asked for: of a photograph it would
-/// cost a twelfth of all the work.
+/// Writes a file, and gives its digest if wanted: for a photograph it is a twelfth of all work.
 fn buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,

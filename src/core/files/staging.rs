@@ -1,5 +1,4 @@
-//! Staged files: under a temporary name until they are whole, and removed if their program was
-//! killed.
+//! Staged files have a temporary name until they are whole, and go if their program was killed.
 //!
 //! A temporary file is locked while its program lives, so that the next program can tell one that
 //! was left behind. Where a file system has no locks, files that are left behind stay.
@@ -48,8 +47,8 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     }
 }
 
-/// Makes a temporary folder in a folder, and removes those there that killed programs left. It is
-/// locked as long as the file returned is open.
+/// Makes a temporary folder, which is locked as long as the file returned is open, and removes
+/// those of killed programs.
 ///
 /// # Errors
 ///
@@ -65,8 +64,7 @@ pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     }
 }
 
-/// Locks a folder until the file is closed, waiting for another program, or `None` if the system
-/// has no such locks.
+/// Locks a folder until the file is closed, or returns `None` if the system has no such locks.
 #[cfg(not(windows))]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
@@ -90,8 +88,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 #[cfg(windows)]
 pub(super) use locked as locked_soon;
 
-/// A lock as [`locked`] gives it, for a moment at most: whoever runs the program under a lock of
-/// the folder would wait forever.
+/// [`locked`] with a time limit: who runs the program under a lock of the folder would wait
+/// forever.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok()?;

@@ -9,21 +9,18 @@ use super::{Flight, FlightSample, Quantity};
 /// higher one cuts fast descents.
 const FLYING_MOTOR_COMMAND: f64 = 20_000.0;
 
-/// A setpoint or a position higher than this above the floor means flight where motor commands
-/// are not logged.
+/// Without motor commands, a setpoint or a position higher than this above the floor means flight.
 const FLYING_HEIGHT_M: f64 = 0.05;
 
-/// Shorter breaks do not end a flight: a saturated mixer stops one motor for some periods of its
-/// loop.
+/// Shorter breaks do not end a flight: a saturated mixer stops a motor for some periods.
 const LONGEST_BREAK_S: f64 = 0.5;
 
 /// The samples between take-off and landing, or `None` if the drone never leaves the floor.
 ///
 /// A sample is flown if every motor command is above 20,000 of 65535. Without motors in the log,
 /// the setpoint's height decides, and without setpoints, the height above the lowest sample. 0.05 m
-/// is the limit for both. Half a second of other samples ends a stretch (a gap in the log does
-/// not), and the longest stretch is the flight: samples of the drone being carried or dragged along
-/// the floor afterwards are left out.
+/// is the limit for both. Half a second of other samples ends a stretch, a gap in the log does not.
+/// The longest stretch is the flight, without the drone being carried afterwards.
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);

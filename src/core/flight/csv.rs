@@ -4,7 +4,7 @@
 //! columns of a quantity that a real log lacks are left out together. One column `light.<channel>`
 //! a light channel. `light` by itself is that of the headlights. `gap_before` is 1 in the first row
 //! after a gap, and is there only in files with gaps. Columns of other names are kept as
-//! [`FlightData::extra`]; the simulator's are `saturated_s` and, for a drone with a battery,
+//! [`FlightData::extra`]. The simulator's are `saturated_s` and, for a drone with a battery,
 //! `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -77,8 +77,7 @@ impl Flight {
         write_table(out, &header, rows)
     }
 
-    /// SHA-256 of the contents of a flight file, in hexadecimal: equal flights have equal digests,
-    /// on every machine and in every build.
+    /// SHA-256 of the contents of a flight file, in hexadecimal.
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
         for quantity in &self.unlogged {
@@ -109,8 +108,7 @@ impl Flight {
 
     /// Reads a flight from a CSV file as [`Self::write_csv`] makes it.
     ///
-    /// A quantity may be missing with all its columns: the flight then says so in `unlogged` and
-    /// in a warning.
+    /// A quantity may be missing with all its columns, with a warning.
     ///
     /// # Errors
     ///
@@ -174,8 +172,7 @@ impl Flight {
     }
 }
 
-/// Names further columns that are nearly ours, and refuses two columns of one name where one would
-/// be dropped.
+/// Names further columns that are nearly ours, and refuses two columns of one name.
 fn odd_titles(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()

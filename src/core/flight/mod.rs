@@ -1,5 +1,4 @@
-//! Flight: position, attitude, estimate, setpoints, motor commands and lights of one drone over
-//! time.
+//! Flight: motion, estimate, setpoints, motor commands and lights of one drone over time.
 //!
 //! The simulator and the readers of real logs both make it. Later stages do not depend on which.
 
@@ -24,8 +23,7 @@ pub use crate::place::DroneIndex;
 pub use airborne::airborne;
 pub use airborne::{on_floor, rests_on_floor, saturated_s};
 
-/// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
-/// battery.
+/// Column of a simulated flight: time so far, s, with a motor at its limit or the battery's.
 pub const SATURATED_S: &str = "saturated_s";
 /// Column of a simulated flight: voltage of the battery under load, V.
 pub const BATTERY_V: &str = "battery_v";

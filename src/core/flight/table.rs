@@ -45,8 +45,7 @@ pub fn on_grid(value: f64) -> f64 {
     if size < 4.5e15 { rounded } else { value }
 }
 
-/// A table read from a file: named columns of equal length, all of finite numbers
-/// where they are needed.
+/// A table read from a file: named columns of equal length, of finite numbers where needed.
 #[derive(Debug)]
 pub struct Table {
     file: String,

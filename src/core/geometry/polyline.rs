@@ -1,5 +1,4 @@
-//! Polylines in a plane, in any unit of length, and which samples of a path a straight line may
-//! skip.
+//! Polylines in a plane, in any unit of length.
 
 /// The box around points: left, bottom, right, top. Inverted and infinite without any.
 pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
@@ -38,8 +37,7 @@ pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
     points_m.windows(2).map(|leg| distance(leg[0], leg[1])).sum()
 }
 
-/// Indices of the points that stay when those nearer than `error` to the line through the others
-/// are left out (Ramer, Douglas and Peucker).
+/// Indices of the points that a simplified line within `error` keeps (Ramer, Douglas and Peucker).
 pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
@@ -59,9 +57,8 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     (0..line.len()).filter(|index| keep[*index]).collect()
 }
 
-/// Slopes of the chords from a first sample that pass close to every skipped sample, for each of N
-/// coordinates. Narrowing them costs the same for every sample, so that a greedy simplification is
-/// linear in time.
+/// Gradients of the chords from a first sample that pass close to every skipped sample, for each of
+/// N coordinates, as in swinging-door thinning (Bristol 1990).
 #[derive(Clone, Copy, Debug)]
 pub struct Chords<const N: usize> {
     least: [f64; N],

@@ -5,8 +5,7 @@ use nalgebra::Vector3;
 /// A convex solid: its distance has one minimum along a straight path.
 #[derive(Clone, Debug)]
 pub enum Solid {
-    /// All places within a radius of a box: the least and greatest x, y and z, which may be equal
-    /// or infinite.
+    /// All places within a radius of a box, whose ends may be equal or infinite.
     Block {
         /// Ends along x, y and z.
         ends_m: [[f64; 2]; 3],
@@ -37,8 +36,8 @@ impl Solid {
         distance_m.max(0.0)
     }
 
-    /// Least distance along a straight path, by ternary search to 1e-6 of it, or `None` if it is
-    /// not below `most_m`.
+    /// Least distance along a straight path, by ternary search, or `None` if it is not below
+    /// `most_m`.
     pub fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
         let along_m = |share: f64| self.distance_m(&from_m.lerp(&to_m, share));
         if along_m(0.0) - (to_m - from_m).norm() >= most_m {

@@ -1,5 +1,4 @@
-//! Light channels: the names by which a plan switches and dims lamps, and their firmware
-//! parameters.
+//! Light channels: their names in a plan, and their firmware parameters.
 
 use super::{COLOR_LED_COLORS, RING_COLORS};
 

@@ -70,8 +70,7 @@ pub enum Drive {
         /// Start of the first flash.
         phase_s: f64,
     },
-    /// Flashes at random, too short to tell apart: the mean level of every 0.1 s follows their
-    /// number.
+    /// Random flashes too short to tell apart: the mean level of every 0.1 s is their number.
     Flicker {
         /// Mean number of flashes per second.
         flashes_hz: f64,

@@ -108,8 +108,7 @@ impl LightOptions {
         }
     }
 
-    /// Color of the ring on a letter, counted from 0. Its LEDs have no white: white letters have
-    /// the ring's own color.
+    /// Color of the ring on a letter, counted from 0. White letters have the ring's own color.
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {
             ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],

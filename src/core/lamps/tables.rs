@@ -50,8 +50,7 @@ const RED: [f64; 2] = [0.694, 0.306];
 const GREEN: [f64; 2] = [0.151, 0.758];
 /// Blue of the ring, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Blue of the board, 475 nm: in the team's photograph green has 0.14 of its light where it does
-/// not clip.
+/// Blue of the board, 475 nm: in the team's photograph unclipped green has 0.14 of its light.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
@@ -131,8 +130,7 @@ fn lit_by(
 
 /// The LED-ring deck below the body: two headlights forward, twelve RGB LEDs down.
 ///
-/// LED 0 points forward and the numbers run to the right, as the deck's drawing numbers its parts.
-/// The firmware's order is documented nowhere.
+/// LED 0 points forward and the numbers run to the right, as in the deck's drawing.
 ///
 /// Most of a headlight's light that is seen from the side comes off the body. In the team's
 /// photograph a stroke is a band of 11 to 14 px of 3.1 mm, as wide as the front of the drone, at
@@ -145,8 +143,7 @@ fn lit_by(
 /// % of a headlight's light goes to its side, arms, mounts and propellers throw back 0.13 cd of
 /// both, and a motor 0.03 cd of each.
 ///
-/// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it
-/// lights.
+/// Assumption: the deck and the battery hide a headlight and its light beyond 120° off its beam.
 ///
 /// From the side the white packages of the ring's LEDs glow. In a public photograph of a flower
 /// (docs/photograph.md) strokes are ribbons with brighter edges, as wide as the ring when the drone
@@ -205,8 +202,7 @@ fn headlight(name: &str, left_m: f64) -> Fixture {
     }
 }
 
-/// The color LED deck of 2025 below the body: one lamp of four dies, white, red, green, blue, under
-/// a diffuser.
+/// The color LED deck of 2025 below the body: four dies under a diffuser.
 ///
 /// The diffuser is a bowl of 34.7 mm, 9.2 mm deep (Bitcraze's mechanical drawing of the LED
 /// diffuser, which comes with the deck). In their film of the deck it is evenly bright from the

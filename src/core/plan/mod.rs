@@ -18,11 +18,9 @@ pub type Plan = Valid<PlanData>;
 /// The data of a [`Plan`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlanData {
-    /// Setpoints, each of which is held until the next. A setpoint at or below the floor (z ≤ 0)
-    /// asks for motors off.
+    /// Setpoints, each held until the next. One at or below the floor (z ≤ 0) asks for motors off.
     pub setpoints: Vec<Setpoint>,
-    /// Light commands sent with each setpoint: one column per channel, 0 (off) to 1, each as long
-    /// as `setpoints`.
+    /// Light commands sent with each setpoint: one column per channel, 0 (off) to 1.
     pub lights: BTreeMap<String, Vec<f64>>,
     /// Light level of the design at each setpoint, if commands are sent ahead of it (light timing),
     /// or empty if it equals `lights`. See [`PlanData::lit()`].
@@ -96,8 +94,7 @@ impl PlanData {
         self.setpoints.get(self.row_at(time_s))
     }
 
-    /// Position of the design at a time, from the first setpoint on. The origin for a plan without
-    /// any.
+    /// Position of the design at a time, or the origin for an empty plan.
     pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
         match self.setpoint_at(time_s) {
             Some(setpoint) => setpoint.design_m(time_s.max(setpoint.time_s)),
@@ -121,8 +118,7 @@ impl PlanData {
         (0..self.setpoints.len()).map(highest).collect()
     }
 
-    /// Light level of the design from each setpoint on: that of the commands unless these are sent
-    /// ahead.
+    /// Light level of the design from each setpoint on.
     pub fn lit(&self) -> Vec<f64> {
         if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
     }

@@ -64,8 +64,7 @@ const C: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// Sine and cosine of an angle from 0 to 2π that is not hard (msun `s_sincos.c`, `e_rem_pio2.c`,
-/// `k_sin.c`, `k_cos.c`).
+/// Sine and cosine of an angle from 0 to 2π that is not hard (msun `s_sincos.c`, `e_rem_pio2.c`).
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
@@ -95,9 +94,8 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     (sine, cosine)
 }
 
-/// The cosine of an angle within ±10⁶, off by no more than 3·10⁻¹⁶ and the rounding of the angle
-/// itself: for arguments beyond a turn, which [`sincos`] is not for. Reduced in three parts (Cody,
-/// Waite, 1980), then msun's polynomials.
+/// The cosine of an angle within ±10⁶, off by no more than 3·10⁻¹⁶ and the rounding of the angle,
+/// reduced in three parts (Cody, Waite, 1980).
 #[inline(always)]
 pub(super) fn cos(x: f64) -> f64 {
     const QUARTER: [f64; 3] =

@@ -1,5 +1,4 @@
-//! Random numbers as independent functions of a key. Named streams of noise, and a smooth random
-//! field.
+//! Random numbers by key, named streams of noise, and a smooth random field.
 
 mod elementary;
 mod noise;

@@ -1,8 +1,7 @@
 //! Random numbers of a flight: named streams of one seed, and a smooth random field.
 //!
-//! Every sensor draws a fixed count of numbers at each of its measurements, whether or not it needs
-//! them all. Each number thus only depends on the seed, the drone, the sensor and the count of its
-//! measurements. No other sensor can shift it.
+//! Every sensor draws a fixed count of numbers for each measurement. Each number thus only depends
+//! on the seed, the drone, the sensor and the count of its measurements.
 
 use std::f64::consts::TAU;
 
@@ -70,9 +69,8 @@ impl Noise {
     }
 }
 
-/// A vector of `N` components that varies smoothly over space: per component a sum of random plane
-/// waves, which tends to a Gaussian field with correlation `exp(−d²/2l²)` (random Fourier features:
-/// Rahimi, Recht 2007).
+/// A smooth field of `N` components, each a sum of random plane waves: nearly a Gaussian field with
+/// correlation `exp(−d²/2l²)` (random Fourier features: Rahimi, Recht 2007).
 #[derive(Debug)]
 pub struct Field<const N: usize> {
     waves: [[Wave; WAVES]; N],

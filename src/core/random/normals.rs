@@ -1,5 +1,4 @@
-//! A stream of only normal numbers, computed in vectorized blocks with the same bits as
-//! [`Noise::normal`].
+//! A stream of normal numbers in vectorized blocks, with the same bits as [`Noise::normal`].
 //!
 //! Box and Muller's formula with logarithm, sine and cosine from [`super::elementary`]. A flight at
 //! 500 Hz draws 4500 numbers a second. Blocks take 3.7 ns each, one by one they take 13.5 ns.
