@@ -167,6 +167,7 @@ impl Error {
     /// A file or folder that cannot be written.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
+        // On Windows, a forbidden name fails with an error that does not name the reason.
         let mut names = path.components().filter_map(|part| match part {
             Component::Normal(name) => Some(name.to_string_lossy()),
             _ => None,

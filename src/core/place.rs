@@ -30,7 +30,7 @@ impl Place {
 
     /// The key in the innermost file, without indices and what follows them.
     pub fn key(&self) -> &str {
-        let is_file = |it: &Segment| matches!(it, Segment::File(_) | Segment::Line(_));
+        let is_file = |segment: &Segment| matches!(segment, Segment::File(_) | Segment::Line(_));
         match &self.0[self.0.iter().rposition(is_file).map_or(0, |file| file + 1)..] {
             [Segment::Key(key), ..] => key,
             _ => "",
@@ -40,6 +40,7 @@ impl Place {
 
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // A key within a key or an item has a dot before it, other names a colon.
         let mut outer: Option<&Segment> = None;
         for segment in &self.0 {
             match segment {

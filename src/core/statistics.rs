@@ -11,9 +11,9 @@ pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Opti
 }
 
 /// Weighted quantile of pairs of a value and its weight, which are sorted.
-pub fn weighted_quantile(pairs: &mut [(f64, f64)], share: f64) -> Option<f64> {
+pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let wanted = share * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
+    let wanted = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
     let mut weight = 0.0;
     let reached = pairs.iter().find(|pair| {
         weight += pair.1;

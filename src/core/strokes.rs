@@ -124,6 +124,7 @@ impl Rules for StrokesData {
             let (actual, wanted) = (format!("{colors} colors"), format!("{n}, one for each glyph"));
             return Err(Error::input("colors", actual, wanted, "give each glyph its color"));
         }
+        // All numbers of each glyph.
         for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
             let cell = [left_m, baseline_m, width_m, cap_height_m];

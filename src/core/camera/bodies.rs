@@ -188,7 +188,7 @@ impl LensModel {
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
         let lens = self.figures();
         let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);
-        let share = off_axis_m / FULL_FRAME_CORNER_M;
-        ((1.0 - libm::exp2(-stops)) * share * share).min(1.0)
+        let part = off_axis_m / FULL_FRAME_CORNER_M;
+        ((1.0 - libm::exp2(-stops)) * part * part).min(1.0)
     }
 }

@@ -133,10 +133,12 @@ impl Camera {
         if self.distortion == [0.0; 4] {
             return Some([x, y]);
         }
+        // Beyond the radius r at which d(r (1 + k₁ r² + k₂ r⁴))/dr = 0, the image folds back.
         let r2 = x * x + y * y;
         if 1.0 + r2 * (3.0 * k1 + r2 * 5.0 * k2) <= 0.0 {
             return None;
         }
+        // Brown 1966, Conrady 1919: radial and tangential terms.
         let radial = 1.0 + r2 * (k1 + r2 * k2);
         Some([
             x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),

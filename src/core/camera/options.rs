@@ -230,6 +230,7 @@ impl FixedPose {
             if forward.norm() > 1e-9 {
                 return Ok(camera_from_world(forward));
             }
+            // A camera at its own target looks nowhere.
             let position_m = self.position_m;
             return Err(input_error!(
                 "camera.framing.target_m",
@@ -238,6 +239,7 @@ impl FixedPose {
                 "place the camera some meters in front of its target",
             ));
         };
+        // Rounded quaternions are not quite of length 1.
         let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
         if (0.95..=1.05).contains(&length) {
             return Ok(camera_from_orientation(orientation));

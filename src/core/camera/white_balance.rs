@@ -51,6 +51,7 @@ impl WhiteBalance {
 
 /// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (to within 0.0003 in x, y).
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
+    // Chromaticity x is a cubic of the mired, and y one of x, piece by piece.
     let cubic = |[a, b, c, d]: [f64; 4], t: f64| ((a * t + b) * t + c) * t + d;
     let t = 1000.0 / kelvin;
     let x = if kelvin <= 4000.0 {

@@ -73,6 +73,7 @@ impl Budget {
     ///
     /// [`Error::Input`] with the limit.
     pub fn check(&self) -> Result<()> {
+        // The first amount beyond the budget is the reason.
         let (what, most, unit) = match self.beyond.get() {
             None => return Ok(()),
             Some(Beyond::Steps) => {

@@ -93,6 +93,7 @@ impl Separator {
 
     /// The cells of a line, trimmed, with their quotation marks.
     pub fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
+        // A separator within quotation marks is a part of its cell.
         let mut quoted = false;
         let line = if self == Self::Blanks { line.trim_ascii() } else { line };
         let ends = move |byte: &u8| {
@@ -121,6 +122,7 @@ impl Separator {
 
     /// True if a line is a row: its first cell and most others are numbers or dates.
     fn is_row(self, line: &[u8]) -> bool {
+        // Empty cells do not count, but blanks leave none.
         let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
         let least = if self == Self::Blanks { 3 } else { 2 };
         let starts = |cell: &&[u8]| is_number(cell) || is_date(cell);
@@ -147,6 +149,7 @@ impl Head {
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
+        // The first line that is a row with any separator.
         let first = { rows }.find_map(|(index, line)| {
             Some((index, Separator::ALL.into_iter().find(|s| s.is_row(line))?))
         });
@@ -158,6 +161,8 @@ impl Head {
 
     /// The head above a row.
     fn above(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
+        // Lines that fit have as many titles as the row has cells. The first bare one is the head, or
+        // the last comment.
         let (n, n_cells) = (separator.count(lines[row]), separator.cells(lines[row]).count());
         let before = || (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
         let fits = |index: &usize| {
@@ -174,6 +179,7 @@ impl Head {
         let named = named.or_else(|| before().rfind(is_bare));
         let are_short = |index: &usize| separator.cells(lines[*index]).all(|cell| cell.len() <= 8);
         let units = bare.get(1).copied().filter(|index| bare.len() == 2 && are_short(index));
+        // Units are in a second bare line.
         let mut titles = named.map_or(Vec::new(), |index| separator.titles(lines[index]));
         let units_line = units.map_or(&b""[..], |index| lines[index]);
         // Names of groups, of pandas' columns of two levels, repeat where titles do not.
@@ -325,6 +331,7 @@ impl Sheet {
 impl SheetColumn {
     /// Adds a row's cell to the column, as a number or as text.
     fn push(&mut self, value: Option<f64>, cell: &[u8], line: usize) {
+        // Of texts, the first line and the first different ones are kept for messages.
         push(&mut self.values, value.unwrap_or(f64::NAN));
         if value.is_none() {
             self.text_line = if self.n_texts == 0 { line } else { self.text_line };
@@ -470,11 +477,13 @@ fn thousands<'a>(
 /// True if a cell has three digits after each sign, and does not begin with zero.
 fn is_grouped(cell: &[u8], sign: u8) -> bool {
     let cell = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
+    // Whole digits before the decimal point, which only a table with commas may have.
     let whole = match cell.iter().position(|byte| *byte == b'.').filter(|_| sign == b',') {
         Some(point) if cell[point + 1..].iter().all(u8::is_ascii_digit) => &cell[..point],
         Some(_) => return false,
         None => cell,
     };
+    // One to three digits, then groups of three.
     let mut groups = whole.split(|byte| *byte == sign);
     let first = groups.next().unwrap_or_default();
     let are_digits = |group: &[u8]| group.iter().all(u8::is_ascii_digit);
@@ -522,6 +531,7 @@ const TENS: [f64; 16] =
 /// Numerator and denominator are exact, and their quotient is rounded once (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
+    // The digits as an integer, and the place of the point.
     let (mut numerator, mut point) = (0_u64, None);
     let mut length = usize::from(is_negative);
     let begin = length;
@@ -533,6 +543,7 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
         }
         length += 1;
     }
+    // Both are exact in an f64, so that one division gives the nearest number.
     let n_digits = length - begin - usize::from(point.is_some());
     let size = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
     let value = if is_negative { -size } else { size };

@@ -88,6 +88,7 @@ impl OutputFolder {
         name: &str,
         write: impl FnOnce(&mut BufWriter<Digested<File>>) -> std::io::Result<()>,
     ) -> Result<String> {
+        // The file is on the disk before it gets its name.
         let file = File::create(self.staging.path().join(name));
         let written = file.and_then(|file| {
             let mut out = BufWriter::with_capacity(1 << 18, Digested::new(file));
@@ -114,8 +115,10 @@ impl OutputFolder {
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        let ready = self.names.iter().map(|name| self.ready(name)).collect::<Result<Vec<_>>>()?;
-        let mut ready: Vec<_> = ready.into_iter().map(Some).collect();
+        // Everything that can fail comes before the first name: a file at a link or on another disk
+        // is copied now.
+        let ready = self.names.iter().map(|name| self.ready(name).map(Some));
+        let mut ready = ready.collect::<Result<Vec<_>>>()?;
         let mut former = Former::default();
         for index in std::iter::once(self.first).chain(0..self.names.len()) {
             if let Some(file) = ready.get_mut(index).and_then(Option::take) {
@@ -123,6 +126,7 @@ impl OutputFolder {
             }
         }
         former.forget();
+        // All files have their names. Those of an earlier set are no longer needed.
         for path in &self.former {
             std::fs::remove_file(path).map_err(|source| Error::write(path, source))?;
         }

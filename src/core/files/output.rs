@@ -91,6 +91,8 @@ impl Output {
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
         is_bound: bool,
     ) -> Result<WholeFile> {
+        // Standard output and devices are written at once. A staged file gets its permissions, and is
+        // named later.
         let Self { mut path, sink } = self;
         let mut staged = None;
         let written = match sink {
@@ -195,6 +197,7 @@ impl Sink {
         if path.file_name().is_none() {
             return Err(std::io::ErrorKind::IsADirectory.into());
         }
+        // A link is followed, so that the file is staged beside its target.
         let permissions = match Place::for_path(path)? {
             Place::Through(file) => return Ok(Self::Through(file)),
             Place::Regular(permissions) => permissions,
@@ -207,6 +210,7 @@ impl Sink {
 
 /// The error of a file whose folder does not exist.
 fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
+    // The folder of a link's target counts.
     let place = followed(path).ok()?;
     let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty())?;
     let is_missing = source.kind() == std::io::ErrorKind::NotFound && !folder.exists();

@@ -123,6 +123,7 @@ fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
             _ => return std::fs::remove_dir_all(path),
         }
     }
+    // A living program has locked it.
     let file = File::open(path)?;
     file.try_lock()?;
     match is_folder {
@@ -160,6 +161,7 @@ impl Place {
     ///
     /// [`Error::Io`] for a folder, and without write permission.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
+        // Opening tells now if the file may be written later.
         let there = std::fs::metadata(path);
         if there.as_ref().is_err_and(|error| error.kind() == ErrorKind::NotFound) {
             return Ok(Self::Regular(None));
@@ -194,6 +196,7 @@ impl Former {
         place: Option<PathBuf>,
         replace: impl FnOnce() -> std::result::Result<T, E>,
     ) -> std::result::Result<T, E> {
+        // A hard link keeps the former file under another name.
         let linked = place.map(|place| {
             let link = |to: &Path| std::fs::hard_link(&place, to);
             let link = Builder::new().prefix(PREFIX).suffix(SUFFIX).make_in(folder(&place), link);

@@ -67,6 +67,7 @@ fn with_line_feeds(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     if !text.contains(&b'\r') || !text.iter().enumerate().any(is_alone) {
         return text;
     }
+    // Each CR is a line end, or the first half of one.
     let mut lines = Vec::with_capacity(text.len());
     for (index, byte) in text.iter().enumerate() {
         match byte {

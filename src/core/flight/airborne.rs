@@ -84,6 +84,7 @@ pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;
     }
+    // The same evidence as in `airborne`, in the same order.
     let most = |value: fn(&FlightSample) -> f64| {
         flight.samples.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
     };

@@ -79,6 +79,7 @@ impl Flight {
 
     /// SHA-256 of the contents of a flight file, in hexadecimal.
     pub fn sha256(&self) -> String {
+        // Everything that the file has, in its order.
         let mut digest = Digest::default();
         for quantity in &self.unlogged {
             digest.add(quantity.name());
@@ -217,6 +218,7 @@ impl FlightSample {
             self.estimate_m,
             self.design_m,
         ];
+        // Time, vectors, four motors, letter.
         let mut numbers = [0.0; N_NUMBERS];
         numbers[0] = self.time_s;
         for (cells, vector) in numbers[1..].chunks_exact_mut(3).zip(vectors) {
@@ -250,6 +252,7 @@ impl FlightSample {
 ///
 /// [`Error::Input`] with the channel of a level outside, or for headlights in two columns.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
+    // A column `light` and one of the headlights would be the same channel.
     let mut lights = BTreeMap::new();
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
     for (channel, levels) in table.columns_after("light.").chain(bare) {

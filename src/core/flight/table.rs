@@ -80,6 +80,7 @@ impl Table {
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn below(head: Head, text: &Text<'_>, file: &str, needs: fn(&str) -> bool) -> Result<Self> {
+        // Numbers and names of columns first, then texts in columns that need numbers.
         let budget = Budget::new(file, SMALLER_HINT);
         let number = |_, cell: &str| cell.parse().ok().filter(|v: &f64| v.abs() <= MAX_NUMBER);
         let (budget, hint, needs_line_ends) = (&budget, REWRITE_HINT, false);
@@ -227,6 +228,7 @@ pub fn write_table(
     rows: impl Iterator<Item = impl IntoIterator<Item = f64>>,
 ) -> std::io::Result<()> {
     writeln!(out, "{}", header.join(","))?;
+    // One buffer for all lines: each number ends with a comma, of which the last becomes the end.
     let mut line = Vec::new();
     for row in rows {
         line.clear();

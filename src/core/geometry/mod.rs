@@ -35,6 +35,7 @@ impl From<Attitude> for [f64; 3] {
 impl Attitude {
     /// The rotation that turns body vectors into world vectors: `Rz(ψ) Ry(θ) Rx(φ)`.
     pub fn world_from_body(&self) -> Matrix3<f64> {
+        // The product of the three rotations, written out.
         let (sy, cy) = libm::sincos(self.yaw_rad);
         let (sp, cp) = libm::sincos(self.pitch_rad);
         let (sr, cr) = libm::sincos(self.roll_rad);
@@ -63,6 +64,7 @@ impl Attitude {
 pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
     assert!(forward.norm() > 0.0, "a camera must look somewhere");
     let forward = forward.normalize();
+    // Rows are the axes of the camera in the world.
     let side = forward.cross(&Vector3::z());
     let right = if side.norm() > 1e-9 { side.normalize() } else { Vector3::x() };
     let down = forward.cross(&right);

@@ -17,16 +17,17 @@ pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;
-    let share = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
-    let share = share.clamp(0.0, 1.0);
-    libm::hypot(x - ax - share * dx, y - ay - share * dy)
+    // The foot of the perpendicular, a part t of the way, or the nearer end.
+    let t = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
+    let t = t.clamp(0.0, 1.0);
+    libm::hypot(x - ax - t * dx, y - ay - t * dy)
 }
 
 /// Distance of each point from the first one along the line, or empty for an empty line.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut along = 0.0;
-    let later = line.windows(2).map(|leg| {
-        along += distance(leg[0], leg[1]);
+    let later = line.windows(2).map(|ends| {
+        along += distance(ends[0], ends[1]);
         along
     });
     line.first().map(|_| 0.0).into_iter().chain(later).collect()
@@ -34,7 +35,7 @@ pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
 
 /// Length of a polyline.
 pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
-    points_m.windows(2).map(|leg| distance(leg[0], leg[1])).sum()
+    points_m.windows(2).map(|ends| distance(ends[0], ends[1])).sum()
 }
 
 /// Indices of the points that a simplified line within `error` keeps (Ramer, Douglas and Peucker).
@@ -42,6 +43,8 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
     }
+    // The ends stay. Of each span between kept points, the farthest point stays if it is off by more
+    // than the error, and parts the span in two.
     let mut keep = vec![false; line.len()];
     (keep[0], keep[line.len() - 1]) = (true, true);
     let mut spans = vec![(0, line.len() - 1)];

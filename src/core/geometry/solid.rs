@@ -39,10 +39,12 @@ impl Solid {
     /// Least distance along a straight path, by ternary search, or `None` if it is not below
     /// `most_m`.
     pub fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
-        let along_m = |share: f64| self.distance_m(&from_m.lerp(&to_m, share));
+        let along_m = |part: f64| self.distance_m(&from_m.lerp(&to_m, part));
+        // A distance changes by no more than the path is long.
         if along_m(0.0) - (to_m - from_m).norm() >= most_m {
             return None;
         }
+        // The distance from a convex solid is convex along the path: it has one minimum.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..36 {
             let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];

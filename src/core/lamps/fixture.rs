@@ -85,6 +85,7 @@ pub enum Drive {
 
 impl Described for Drive {
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
+        // Key, value and range of each number.
         let ranges = match *self {
             Self::Blink { on_s, period_s, phase_s } => vec![
                 ("blink.period_s", period_s, 0.001, 1e6),
@@ -143,6 +144,7 @@ impl Fixture {
 
     /// Refuses a parameter that no export would set.
     fn check_parameter(&self, key: &str) -> Result<()> {
+        // A lamp with a channel of its own may have one, named group.name.
         let Some(parameter) = &self.parameter else { return Ok(()) };
         fn is_name(part: &str) -> bool {
             !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')

@@ -37,6 +37,7 @@ impl Plan {
     ///
     /// Errors of the writer.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
+        // Names of columns, then rows in the same order.
         let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
         let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
         let jerk = JERK_COLUMNS.iter().filter(|_| !self.jerk_m_s3.is_empty());

@@ -30,6 +30,7 @@ pub(super) fn ln(x: f64) -> f64 {
     let k = f64::from_bits(0x4330_0000_0000_0000 | word >> 20) - 4_503_599_627_370_496.0 - 1023.0;
     let word = (word & 0x000f_ffff) + 0x3fe6_a09e;
     let f = f64::from_bits(word << 32 | bits & 0xffff_ffff) - 1.0;
+    // ln(1 + f) = f − f²/2 + s (f²/2 + R(s²)) with s = f / (2 + f), and ln x = k ln 2 + ln(1 + f).
     let half_sq = 0.5 * f * f;
     let s = f / (2.0 + f);
     let z = s * s;
@@ -68,12 +69,14 @@ const C: [f64; 6] = [
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
+    // The nearest multiple of a quarter turn, subtracted in two parts: a, and its rounding error b.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
     let z = x - quarters * QUARTER[0];
     let a = z - quarters * QUARTER[1];
     let b = (z - a) - quarters * QUARTER[1];
 
+    // Polynomials of sine and cosine of a + b.
     let z = a * a;
     let w = z * z;
     let r = S[1] + z * (S[2] + z * S[3]) + z * w * (S[4] + z * S[5]);
@@ -86,6 +89,7 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     let w = 1.0 - half;
     let cos = w + (((1.0 - w) - half) + (z * r - a * b));
 
+    // An odd number of quarter turns swaps them, and each half turn changes a sign.
     let odd = (quarters == 1.0) | (quarters == 3.0);
     let (sine, cosine) = if odd { (cos, sin) } else { (sin, cos) };
     let sign = |minus: bool| if minus { -1.0 } else { 1.0 };

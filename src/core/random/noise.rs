@@ -52,6 +52,7 @@ impl Noise {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
+        // A pair of uniform numbers gives two normals. The second one is kept.
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         let (sin, cos) = libm::sincos(TAU * self.uniform());
         self.spare = Some(radius * sin);
@@ -91,6 +92,7 @@ impl<const N: usize> Field<N> {
             phase_rad: TAU * noise.uniform(),
         };
         let waves = std::array::from_fn(|_| std::array::from_fn(|_| wave()));
+        // A cosine has variance ½.
         let amplitude = sigma * (2.0 / WAVES as f64).sqrt();
         Self { waves, amplitude }
     }
