@@ -19,7 +19,7 @@ settings! {
         axis_body: [f64; 3] = [1.0, 0.0, 0.0], in -1e3..=1e3;
         /// Light-emitting dies: one, or several of different colors with drives of their own.
         dies: Vec<Die> = vec![Die::default()];
-        /// Exponent m of the beam shape: intensity falls as cosᵐ of the angle off axis; 1 is a
+        /// Exponent m of the beam shape: intensity falls as cosᵐ of the angle off axis. 1 is a
         /// Lambertian lamp.
         beam_exponent: f64 = 1.0, in 0.0..=1000.0;
         /// Share of the intensity on the axis that the package spills evenly in all directions.
@@ -30,17 +30,17 @@ settings! {
         /// Diameter of the luminous disc.
         diameter_m: f64 = 0.003, in 0.0..=1.0;
         /// Depth along its axis of a luminous cylinder of that diameter, such as a diffuser, which
-        /// is as wide and as high as it looks from the camera; a disc that faces the camera if left
-        /// out.
+        /// is as wide and as high as it looks from the camera, or a disc that faces the camera if
+        /// left out.
         depth_m: Option<f64> = None, in 0.0..=1.0;
         /// Bit in the parameter led.bitmask of the firmware, if it has one.
         ///
         /// `led.c`.
         bitmask_bit: Option<u8> = None, in 0.0..=6.0;
-        /// Firmware parameter of its light channel, such as `deckled.level`; lamps of Bitcraze's
+        /// Firmware parameter of its light channel, such as `deckled.level`. Lamps of Bitcraze's
         /// decks have their own.
         parameter: Option<String> = None;
-        /// Value of that parameter at full level; 1: a switch.
+        /// Value of that parameter at full level, or 1 for a switch.
         parameter_max: u32 = 1, in 1.0..=4_294_967_295.0;
     }
 

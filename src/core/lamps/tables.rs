@@ -68,7 +68,7 @@ const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 /// packets a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's
 /// photograph, which shows no green for the packets received.
 ///
-/// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class; the light that a small
+/// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class: the light that a small
 /// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on
 /// both axes. The board hides them from below. They are fitted to the team's photograph, in which a
 /// pixel is 3.1 mm. In 536 profiles across an upright blue strand, the green channel exceeds the
