@@ -244,9 +244,10 @@ impl Serialize for Diagnostic {
         map.serialize_entry("severity", &self.severity)?;
         map.serialize_entry("value", &self.figures.get("value"))?;
         map.serialize_entry("limit", self.figures.get("limit").unwrap_or(&Figure::Number(0.0)))?;
-        let is_other = |name: &str| !["value", "limit"].contains(&name);
-        for (name, figure) in self.figures.iter().filter(|(name, _)| is_other(name)) {
-            map.serialize_entry(name, figure)?;
+        for (name, figure) in &self.figures {
+            if !["value", "limit"].contains(name) {
+                map.serialize_entry(name, figure)?;
+            }
         }
         map.serialize_entry("found", &self.message)?;
         map.serialize_entry("wanted", &self.wanted)?;

@@ -142,8 +142,9 @@ impl Release {
     /// custom build or one between releases.
     pub fn parse(firmware: &str) -> Option<Self> {
         let month = number(firmware)?;
-        let not_newer = |release: &&Self| number(release.name()).is_some_and(|it| it <= month);
-        Some(match Self::ALL.iter().rfind(not_newer) {
+        let mut releases = Self::ALL.iter();
+        let not_newer = releases.rfind(|r| number(r.name()).is_some_and(|known| known <= month));
+        Some(match not_newer {
             Some(Self::R2026_08) if month > (2026, 8) => Self::After2026_08,
             Some(release) => *release,
             None => Self::OLDEST,
@@ -174,15 +175,12 @@ impl Release {
 
 /// Year and month of a release, which may have the number of a patch.
 fn number(name: &str) -> Option<(u32, u32)> {
-    let digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
     let parts: Vec<&str> = name.splitn(3, '.').collect();
-    let is_number = parts.iter().all(|part| !part.is_empty() && digits(part));
-    match parts[..] {
-        [year, month] | [year, month, _] if is_number && (year.len(), month.len()) == (4, 2) => {
-            Some((year.parse().ok()?, month.parse().ok()?))
-        }
-        _ => None,
-    }
+    let (year, month) = (parts[0], parts.get(1)?);
+    let are_digits =
+        parts.iter().all(|part| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit()));
+    let is_month = are_digits && (year.len(), month.len()) == (4, 2);
+    is_month.then_some((year.parse().ok()?, month.parse().ok()?))
 }
 
 #[cfg(test)]

@@ -96,15 +96,15 @@ impl Separator {
         // A separator within quotation marks is a part of its cell.
         let mut quoted = false;
         let line = if self == Self::Blanks { line.trim_ascii() } else { line };
-        let ends = move |byte: &u8| {
+        let cells = line.split(move |byte| {
             quoted ^= *byte == b'"';
-            !quoted
-                && match self {
-                    Self::Byte(separator) => *byte == separator,
-                    Self::Blanks => *byte == b' ' || *byte == b'\t',
-                }
-        };
-        let cells = line.split(ends).map(<[u8]>::trim_ascii);
+            let separates = match self {
+                Self::Byte(separator) => *byte == separator,
+                Self::Blanks => *byte == b' ' || *byte == b'\t',
+            };
+            separates && !quoted
+        });
+        let cells = cells.map(<[u8]>::trim_ascii);
         cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
     }
 
@@ -125,17 +125,16 @@ impl Separator {
         // Empty cells do not count, but blanks leave none.
         let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
         let least = if self == Self::Blanks { 3 } else { 2 };
-        let starts = |cell: &&[u8]| is_number(cell) || is_date(cell);
-        let filled: Vec<_> = cells.iter().filter(|cell| !cell.is_empty()).collect();
-        let numbers = filled.iter().filter(|cell| starts(cell)).count();
-        // A date without a separator of its own has a blank in it.
-        let whole = self != Self::Blanks || numbers == cells.len();
+        let filled = cells.iter().filter(|cell| !cell.is_empty());
+        let are_numbers: Vec<bool> = filled.map(|cell| is_number(cell) || is_date(cell)).collect();
+        let n_numbers = are_numbers.iter().filter(|is_number| **is_number).count();
         cells.len() >= least
-            && whole
-            && filled.first().is_some_and(|cell| starts(cell))
+            // A date has a blank in it, which is no separator.
+            && (self != Self::Blanks || n_numbers == cells.len())
+            && are_numbers.first() == Some(&true)
             // `; 2026-03-03` is a remark.
-            && (filled.len() > 1 || !cells[0].is_empty())
-            && 2 * numbers >= filled.len()
+            && (are_numbers.len() > 1 || !cells[0].is_empty())
+            && 2 * n_numbers >= are_numbers.len()
     }
 }
 
@@ -161,58 +160,63 @@ impl Head {
 
     /// The head above a row.
     fn above(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
-        // Lines that fit have as many titles as the row has cells. The first bare one is the head, or
-        // the last comment.
         let (n, n_cells) = (separator.count(lines[row]), separator.cells(lines[row]).count());
-        let before = || (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
-        let fits = |index: &usize| {
-            let n_titles = separator.count(uncommented(lines[*index]));
-            // A title may have blanks in it, and a row an empty cell at its end.
+        // Lines that are no comments, and lines that have as many titles as the row has cells. A title
+        // may have blanks in it, and a row an empty cell at its end.
+        let [mut bare, mut fitting, mut both] = [const { Vec::new() }; 3];
+        let filled = (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
+        let filled: Vec<usize> = filled.collect();
+        for &index in &filled {
+            let n_titles = separator.count(uncommented(lines[index]));
             let may_end_empty = separator != Separator::Blanks && n_titles > n;
-            n_titles == n || may_end_empty && n_titles == n_cells
-        };
-        let is_bare = |index: &usize| !is_comment(lines[*index]);
-        let bare: Vec<usize> = before().filter(fits).filter(is_bare).collect();
-        // Without a line that fits, the last one is the head, and its row is refused with its
-        // place.
-        let named = bare.first().copied().or_else(|| before().rfind(fits));
-        let named = named.or_else(|| before().rfind(is_bare));
-        let are_short = |index: &usize| separator.cells(lines[*index]).all(|cell| cell.len() <= 8);
-        let units = bare.get(1).copied().filter(|index| bare.len() == 2 && are_short(index));
-        // Units are in a second bare line.
+            let fits = n_titles == n || may_end_empty && n_titles == n_cells;
+            let is_bare = !is_comment(lines[index]);
+            bare.extend(is_bare.then_some(index));
+            fitting.extend(fits.then_some(index));
+            both.extend((fits && is_bare).then_some(index));
+        }
+        // Without a line that fits, the last one is the head, and its row is refused with its place.
+        let named = both.first().or(fitting.last()).or(bare.last()).copied();
         let mut titles = named.map_or(Vec::new(), |index| separator.titles(lines[index]));
-        let units_line = units.map_or(&b""[..], |index| lines[index]);
-        // Names of groups, of pandas' columns of two levels, repeat where titles do not.
+        // Names of groups, of pandas' columns of two levels, repeat. Titles do not.
         let in_groups =
             titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
-        for (title, unit) in titles.iter_mut().zip(separator.titles(units_line)) {
-            match unit.trim_matches(['[', ']', '(', ')']) {
-                "" | "-" => {}
-                name if in_groups => *title = format!("{title}/{name}"),
-                unit => *title = format!("{title} [{unit}]"),
+        // A second line of short names has units, or names within groups.
+        let mut units = None;
+        if let [_, second] = both[..]
+            && separator.cells(lines[second]).all(|cell| cell.len() <= 8)
+        {
+            units = Some(second);
+            for (title, unit) in titles.iter_mut().zip(separator.titles(lines[second])) {
+                match unit.trim_matches(['[', ']', '(', ')']) {
+                    "" | "-" => {}
+                    name if in_groups => *title = format!("{title}/{name}"),
+                    unit => *title = format!("{title} [{unit}]"),
+                }
             }
         }
-        // Below them is a line with only the name of the index.
-        for index in before().filter(|index| in_groups && separator.count(lines[*index]) == 1) {
-            titles[0] = separator.titles(lines[index]).swap_remove(0);
+        // Below groups, a line has only the name of the index.
+        for index in filled.iter().filter(|_| in_groups) {
+            if separator.count(lines[*index]) == 1 {
+                titles[0] = separator.titles(lines[*index]).swap_remove(0);
+            }
         }
-        let is_passed = |index: &usize| is_bare(index) && ![named, units].contains(&Some(*index));
-        let notes = before().filter(is_passed).map(|index| {
-            let shown: String =
-                String::from_utf8_lossy(lines[index]).trim().chars().take(40).collect();
+        bare.retain(|index| ![named, units].contains(&Some(*index)));
+        let notes = bare.into_iter().map(|index| {
+            let line = String::from_utf8_lossy(lines[index]);
+            let shown: String = line.trim().chars().take(40).collect();
             format!("line {} stands before the head and is not read: {shown}", index + 1)
         });
-        let notes = notes.collect();
         let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
-        Self { titles, n_columns, separator, row, notes }
+        Self { titles, n_columns, separator, row, notes: notes.collect() }
     }
 
     /// The head of a table without rows of numbers: its first line, unless most cells are numbers.
     fn alone(lines: &[&[u8]]) -> Self {
-        let filled = || (0..lines.len()).filter(|index| !lines[*index].trim_ascii().is_empty());
-        let first = filled().find(|index| !is_comment(lines[*index])).or(filled().next());
-        let first = first.unwrap_or(0);
-        let line = lines.get(first).copied().unwrap_or_default();
+        let filled = lines.iter().enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
+        let bare = filled.clone().find(|(_, line)| !is_comment(line));
+        let first = bare.or(filled.clone().next());
+        let (first, line) = first.map_or((0, &b""[..]), |(index, line)| (index, *line));
         let separator = Separator::most_in(line);
         let titles = separator.titles(line);
         let n_numbers = titles.iter().filter(|title| title.parse::<f64>().is_ok()).count();

@@ -24,20 +24,18 @@ const LONGEST_BREAK_S: f64 = 0.5;
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
-    let flown = |sample: &FlightSample| {
-        if flight.has(Quantity::Motors) {
+    // The longest stretch so far, and the one that goes on.
+    let (mut longest, mut longest_s) = (0..0, 0.0);
+    let (mut stretch, mut landed_s) = (0..0, None);
+    for (index, sample) in flight.samples.iter().enumerate() {
+        let is_flown = if flight.has(Quantity::Motors) {
             sample.motors.iter().all(|command| *command > FLYING_MOTOR_COMMAND)
         } else if flight.has(Quantity::Design) {
             sample.design_m.z > FLYING_HEIGHT_M
         } else {
             sample.position_m.z - floor_m > FLYING_HEIGHT_M
-        }
-    };
-    // The longest stretch so far, and the one that goes on.
-    let (mut longest, mut longest_s) = (0..0, 0.0);
-    let (mut stretch, mut landed_s) = (0..0, None);
-    for (index, sample) in flight.samples.iter().enumerate() {
-        if !flown(sample) {
+        };
+        if !is_flown {
             // A long break ends the stretch.
             let since_s = *landed_s.get_or_insert(sample.time_s);
             if sample.time_s - since_s >= LONGEST_BREAK_S {

@@ -104,18 +104,22 @@ impl PlanData {
 
     /// Channels that switch lamps. `ring.red` is the color of a lamp if there is a channel `ring`.
     pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
-        let is_color = |channel: &str| {
+        self.lights.iter().filter(|(channel, _)| {
             let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);
-            lamp.is_some_and(|lamp| self.lights.contains_key(lamp))
-        };
-        self.lights.iter().filter(move |(channel, _)| !is_color(channel))
+            !lamp.is_some_and(|lamp| self.lights.contains_key(lamp))
+        })
     }
 
     /// Level that is commanded from each setpoint on: the highest of all lamps.
     pub fn commanded(&self) -> Vec<f64> {
-        let lamps: Vec<&Vec<f64>> = self.lamps().map(|(_, levels)| levels).collect();
-        let highest = |row: usize| lamps.iter().map(|levels| levels[row]).fold(0.0, f64::max);
-        (0..self.setpoints.len()).map(highest).collect()
+        let mut highest = vec![0.0; self.setpoints.len()];
+        for (_, levels) in self.lamps() {
+            highest
+                .iter_mut()
+                .zip(levels)
+                .for_each(|(most, level)| *most = f64::max(*most, *level));
+        }
+        highest
     }
 
     /// Light level of the design from each setpoint on.

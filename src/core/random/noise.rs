@@ -87,11 +87,12 @@ struct Wave {
 impl<const N: usize> Field<N> {
     /// A field with standard deviation `sigma` of each component and length `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
-        let mut wave = || Wave {
-            wavevector_rad_m: noise.normals() / length_m,
-            phase_rad: TAU * noise.uniform(),
-        };
-        let waves = std::array::from_fn(|_| std::array::from_fn(|_| wave()));
+        let waves = [(); N].map(|()| {
+            [(); WAVES].map(|()| Wave {
+                wavevector_rad_m: noise.normals() / length_m,
+                phase_rad: TAU * noise.uniform(),
+            })
+        });
         // A cosine has variance ½.
         let amplitude = sigma * (2.0 / WAVES as f64).sqrt();
         Self { waves, amplitude }
