@@ -37,8 +37,8 @@ pub fn once<Output>(work: impl FnOnce() -> Output) -> Output {
     dispatch(work)
 }
 
-/// [`dispatch()`] of a closure. Otherwise it, or the step from `FnOnce` to it, is a function of its
-/// own, compiled for the oldest processor.
+/// [`dispatch()`] of a closure, inlined: a function of its own is compiled for the oldest
+/// processor.
 #[macro_export]
 #[rustfmt::skip]
 macro_rules! dispatch {

@@ -9,15 +9,13 @@ use crate::error::{Error, Result};
 use crate::geometry::{bounds, distance};
 use crate::product::{Rules, Valid, is_number, odd_number};
 
-/// Strokes of a word, glyph by glyph from left to right and line by line, or of a drawing: one
-/// glyph, or one of each color.
+/// Strokes of a word, glyph by glyph and line by line, or of a drawing: one glyph for each color.
 pub type Strokes = Valid<StrokesData>;
 
 /// The data of [`Strokes`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StrokesData {
-    /// The word as it is drawn, with spaces and line ends, in upper case if the font has no lower
-    /// case. Empty for a drawing.
+    /// The word with spaces and line ends, as the font draws it. Empty for a drawing.
     pub word: String,
     /// Name of its font, or `None` for a drawing.
     pub font: Option<String>,
@@ -31,8 +29,8 @@ pub struct StrokesData {
     pub colors: Vec<[u8; 3]>,
     /// Strokes that the detail of a drawing leaves out (`letters.detail`).
     pub left_out: LeftOut,
-    /// The number of each stroke of a drawing, which selects it (`letters.ink`, `letters.without`),
-    /// and one of its points, or empty for a word.
+    /// The number of each stroke of a drawing (`letters.ink`, `letters.without`), with one of its
+    /// points.
     pub numbers: Vec<(usize, [f64; 2])>,
     /// The drawing in the file.
     pub source: Source,

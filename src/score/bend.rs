@@ -1,6 +1,6 @@
 //! Strokes and their light. Each intended stroke is moved sideways onto its light, so that the
-//! stroke of a drone off its path does not count as missing. What has no light then is a gap, and
-//! lines of light without a stroke are extra.
+//! stroke of a drone off its path is not missing. Parts without light then are gaps, and lines
+//! without a stroke are extra.
 //!
 //! Strokes only move across their own direction: along it, light may be missing.
 
@@ -169,8 +169,7 @@ impl LightLines {
         inside && self.lit[whole(y) * self.width + whole(x)]
     }
 
-    /// Gaps in runs of the pen, and the fraction of the runs that has light. `is_lost` is true of
-    /// points whose light a log has lost.
+    /// Gaps in runs of the pen, except those that `is_lost` explains, and the fraction with light.
     pub(super) fn gaps(&self, bent: &Bent, is_lost: impl Fn(&[Point]) -> bool) -> (Vec<Gap>, f64) {
         let (mut gaps, mut n_points, mut n_lit) = (Vec::new(), 0, 0);
         for (stroke, run) in bent.runs.iter().enumerate() {
@@ -193,8 +192,7 @@ impl LightLines {
         (gaps, n_lit as f64 / n_points.max(1) as f64)
     }
 
-    /// Lines away from the intended strokes, and the fraction of the letter's lines near them,
-    /// without lines of its neighbors.
+    /// Lines away from the intended strokes, and the fraction of the letter's lines near them.
     pub(super) fn extra_lines(&self, own: &[Line], beside: &[Line]) -> (Vec<ExtraLine>, f64) {
         let mut far = vec![false; self.thin.len()];
         let (mut n_own, mut n_far) = (0_u32, 0_u32);

@@ -92,8 +92,7 @@ pub struct Advice {
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a flight. Its photo is dark there, because the place of the lamps is
-/// unknown.
+/// A gap in the log of a flight. Its photo is dark there: the place of the lamps is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {
@@ -118,8 +117,7 @@ impl LogGap {
         })
     }
 
-    /// True if the lamps can have been at a point during the gap: within the ellipse about its
-    /// ends.
+    /// True if the lamps can have been at a point then: within the ellipse about the ends.
     pub(super) fn may_hold(&self, at_m: [f64; 2]) -> bool {
         let away_m = self.ends_m.iter().map(|end| distance(*end, at_m));
         away_m.sum::<f64>() <= self.way_m

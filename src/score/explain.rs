@@ -121,8 +121,7 @@ impl Reader {
         in_place
     }
 
-    /// Compares the light of each letter with its strokes: fills in the measures of the verdict and
-    /// the marks, and returns the faults.
+    /// Compares the light of each letter with its strokes, for measures, marks and faults.
     fn compare(
         &self,
         sketches: &[Sketch],

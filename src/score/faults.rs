@@ -15,8 +15,7 @@ use super::{PEN_H, PX_PER_H};
 /// A cap height in pixels.
 const H_PX: f64 = PX_PER_H as f64;
 
-/// Letters farther from their place than this are shifted: 0.06 H, two pixels of a page. Clean
-/// letters are found within one.
+/// Letters farther from their place than this are shifted: 0.06 H. Clean letters are within half.
 const SHIFTED_PX: f64 = 0.06 * H_PX;
 
 /// Extra light leads along a dark move if this fraction of it is within `NEAR_MOVE_PX`.

@@ -65,8 +65,7 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
     Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 
-/// The median gradient between all points (Theil 1950, Sen 1968): a letter with a tail is an
-/// outlier.
+/// The median gradient between all points (Theil 1950, Sen 1968). A tail is an outlier.
 fn median_slope(points: &[[f64; 2]]) -> f64 {
     let pairs = (0..points.len()).flat_map(|a| (0..a).map(move |b| (points[a], points[b])));
     let apart = pairs.filter(|(a, b)| a[0] != b[0]);

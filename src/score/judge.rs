@@ -1,5 +1,4 @@
-//! The judgment of the columns that show a word: the choice in the place of each letter, the
-//! likeliest other word, and the readability.
+//! The judgment of columns: the choice for each letter, the likeliest other word, the readability.
 
 use std::ops::Range;
 
@@ -35,8 +34,8 @@ const N_FREE: usize = 2;
 
 /// A word that columns are expected to show, without its punctuation.
 pub(super) struct Expected {
-    /// Index of each judged character in the word. A ligature (æ, œ) that the net reads as two
-    /// letters has it twice.
+    /// Index of each judged character in the word, twice for a ligature that is read as two
+    /// letters.
     pub(super) indices: Vec<usize>,
     characters: Vec<char>,
     /// The classes that count as each character.
@@ -214,8 +213,7 @@ impl Expected {
         names(0, self.characters.iter().all(char::is_ascii_digit))
     }
 
-    /// The likeliest word with one letter more or less at an end of a line, if it beats the
-    /// expected one.
+    /// The likeliest word with one letter more or less at an end of a line, if it is likelier.
     pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
         let n_letters = self.classes.len();
         let middles = self.middles(columns);
@@ -266,8 +264,7 @@ impl Expected {
         spells(text, word) || same_length && are_same.all(|is_same| is_same)
     }
 
-    /// The likeliest other word: one letter is replaced by its rival, or the columns are read
-    /// freely.
+    /// The likeliest other word: one letter is replaced, or the columns are read freely.
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
         let mut odds = Vec::new();
         for (index, choice) in choices.iter().enumerate() {

@@ -190,8 +190,7 @@ impl<'a> Lattice<'a> {
         self.scales.iter().map(|scale| libm::log(*scale)).sum()
     }
 
-    /// Probability of the word with another letter in one place: of a set of classes, whose
-    /// probability is `p` at each column.
+    /// Probability of the word with another letter in one place, which is `p` at each column.
     #[expect(clippy::needless_range_loop, reason = "the columns before and after")]
     pub(super) fn replaced(&self, index: usize, p: &[f64], set: Classes) -> f64 {
         let (before, after) = (2 * index, 2 * index + 2);
@@ -234,8 +233,8 @@ impl<'a> Lattice<'a> {
         first + later.sum::<f64>()
     }
 
-    /// The mean column of a letter, weighted with the paths through it. `p` is the letter's
-    /// probability at each column. 0 if there is no path.
+    /// The mean column of a letter, which is `p` at each column, weighted with the paths through
+    /// it.
     #[expect(clippy::needless_range_loop, reason = "one index for four tables")]
     pub(super) fn middle(&self, index: usize, p: &[f64]) -> f64 {
         let state = 2 * index + 1;

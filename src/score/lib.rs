@@ -5,8 +5,9 @@
 //!
 //! 1. The photo's linear light is resampled into the plane of the word. The word is located near
 //!    its place, and each line of it is cut out as a strip of fixed height.
-//! 2. A small convolutional net with integer weights gives the probabilities of all characters along
-//!    the strip. It was trained on drawn and simulated words of random letters (`examples/readings`).
+//! 2. A small convolutional net with integer weights gives the probabilities of all characters
+//!    along the strip. It was trained on drawn and simulated words of random letters
+//!    (`examples/readings`).
 //! 3. From these follow the probability of each letter in its place, the likeliest other word, and
 //!    the readability, calibrated with readers at first sight (docs/calibration.md).
 //! 4. The light is compared with the intended strokes for faithfulness, causes and advice.
@@ -89,8 +90,7 @@ const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 /// Widths of cells that can be read, by cap height. The team's are 0.6 wide.
 const ASPECTS: [f64; 2] = [0.05, 5.0];
 
-/// Longest word, in cap heights: 256 of the team's letters with the same space between them are
-/// 400.
+/// Longest word, in cap heights: 256 of the team's letters with spaces between them are 400.
 const MAX_LENGTH_H: f64 = 1000.0;
 
 settings! {

@@ -8,15 +8,13 @@ use noctograph_core::srgb::linear_from_level;
 pub(super) use noctograph_core::srgb::luminance_f32 as luminance;
 use noctograph_core::statistics::median;
 
-/// Photo pixels to one pixel of the plane that are left after the photo was made smaller by whole
-/// steps. Fewer would soften the picture. More only cost time.
+/// Photo pixels to one pixel of the plane, after the photo was made smaller by whole steps.
 const SAMPLES_PER_PIXEL: f64 = 2.0;
 
 /// Largest step. Its sums fit into 32 bits: 128² pixels of 16 bits.
 const MAX_STEP: f64 = 128.0;
 
-/// Side of the blocks for which the sky is found, in pixels of the plane: an eighth of a cap
-/// height.
+/// Side of the blocks of the sky, in pixels of the plane: an eighth of a cap height.
 const BLOCK_PLANE_PX: f64 = 4.0;
 
 /// Most blocks of a photo. A word has fewer, unless the camera sees it edge-on: then its pixels are
@@ -67,9 +65,8 @@ pub(super) struct Light {
 pub(super) type Frame = [f64; 4];
 
 impl Light {
-    /// Decodes a part of the photo, all of it without a frame, with the median luminance of its
-    /// sky. A pixel of the plane is `pixel_px` wide there. `None` if the photo does not show the
-    /// part.
+    /// Decodes a part of the photo, if it shows the part, with the median luminance of its sky. A
+    /// pixel of the plane is `pixel_px` wide there.
     pub(super) fn decode(
         photo: &Photo,
         frame: Option<Frame>,

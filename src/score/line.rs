@@ -23,8 +23,7 @@ const LIT_SIGMAS: f32 = 5.0;
 /// Fewest lit pixels of writing.
 const MIN_LIT_PX: usize = 16;
 
-/// Fractions of the lit pixels that are darker than full light: high for bright strokes among dim
-/// streaks, low for strokes that differ in brightness.
+/// Fractions of the lit pixels below full light: for dim streaks, and for uneven strokes.
 const FULL_RANKS: [f64; 2] = [0.95, 0.6];
 
 /// Light of ink, of full light.
@@ -140,8 +139,7 @@ impl Ink {
         lines
     }
 
-    /// The line of all ink around the row with the most crossings, for a single letter. In it, the
-    /// ragged edge of a level stroke crosses more than the letter.
+    /// The line of all ink, for a single letter, in which the ragged edge of a stroke crosses most.
     pub(super) fn line_of_any(&self) -> Option<Line> {
         Line::from_mask(self, &self.mask(), Band::OfAny)
     }
@@ -158,8 +156,7 @@ impl Ink {
 }
 
 impl Line {
-    /// The line of writing in a mask of inked pixels, unless it is no higher than its strokes are
-    /// wide.
+    /// The line of writing in a mask of inked pixels, unless it is as low as its strokes are wide.
     fn from_mask(ink: &Ink, mask: &[bool], by: Band) -> Option<Self> {
         let Raster { width, height, .. } = *ink.raster();
         let [top, bottom] = band(mask, width, by)?;
@@ -197,8 +194,7 @@ impl Line {
         (whole((last - first) * CAP_PX as f64 / cap_px) + 2 * MARGIN_PX).next_multiple_of(2)
     }
 
-    /// The line as a strip, for a cap height, with its left end and its pitch in pixels of the
-    /// photo.
+    /// The line as a strip, for a cap height, with its left end and pitch in pixels of the photo.
     pub(super) fn strip(&self, cap_px: f64) -> (Strip, f64, f64) {
         let pitch = cap_px / CAP_PX as f64;
         let left = self.columns[0] as f64 - MARGIN_PX as f64 * pitch;

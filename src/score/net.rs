@@ -157,8 +157,7 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
 }
 
 impl Layer {
-    /// Scaled sums, row by row. Zeros pad columns, and rows unless the kernel is as high as the
-    /// map.
+    /// Scaled sums, row by row. Zeros pad columns, and rows if the kernel is lower than the map.
     fn sums(&self, map: &Map) -> Vec<i32> {
         let [kh, kw] = self.kernel;
         let [ci, co] = self.channels;

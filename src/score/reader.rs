@@ -25,8 +25,7 @@ use noctograph_core::photo::Photo;
 use noctograph_core::settings::Described;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Fraction of the word's intended ink whose mean is the color of its ink. Much more takes in the
-/// dark beside letters that are half missing.
+/// Fraction of the word's ink whose mean is its color. Letters that are half missing have no more.
 const INK_PART: f64 = 0.5;
 
 /// Least light in a letter's cell of the color of its page, else it has another color. White that
@@ -135,8 +134,7 @@ impl Reader {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo whose size is not the
-    /// view's.
+    /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo of another size.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
         Ok(self.sight(photo, view)?.0)
     }

@@ -21,8 +21,8 @@ use noctograph_core::photo::Photo;
 /// Sizes at which a line is tried: cap height by letter height. Small letters are 2/3 of a capital.
 const SIZES: [f64; 3] = [1.0, 1.2, 1.5];
 
-/// ln of the frequency of words by kind of characters against words of capitals: capitals, small
-/// letters, capitalized, digits, capitals and digits.
+/// ln of the frequency of words of capitals, small letters, capitalized, digits, capitals and
+/// digits.
 const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 
 /// Mean probability of the letters from which a line is clear.

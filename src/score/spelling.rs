@@ -21,16 +21,14 @@ const LN_BACKOFF: f64 = -0.916;
 /// A unit of the table's ln p.
 const LN_UNIT: f64 = -0.05;
 
-/// Weight of the spelling beside the light, and fraction of words that are spelled like none,
-/// chosen on the choosing halves of the readings.
+/// Weight of the spelling beside the light, and fraction of words spelled at random.
 const WEIGHT: f64 = 0.6;
 const RANDOM: f64 = 0.2;
 
 /// Probability of a letter from which it is tried.
 const LEAST: f64 = 0.001;
 
-/// Probability of no letter from which a place is a gap: viewers guess its letter, but do not see
-/// it.
+/// Probability of no letter from which a place is a gap, whose letter is a guess.
 const GAP: f64 = 0.75;
 
 /// Words that are followed at once.

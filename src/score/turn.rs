@@ -34,8 +34,7 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     best.unwrap_or((upright, 0))
 }
 
-/// The reading of a photo that is flipped from left to right, if its writing reads clearly only so,
-/// with the number of quarter turns after that.
+/// [`read_any_way_up`] of the photo flipped from left to right.
 pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
     if is_right(upright, word) {
         return None;

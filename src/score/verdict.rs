@@ -127,9 +127,8 @@ pub enum Reason {
 }
 
 impl Verdict {
-    /// Probability that a viewer reads this word and no other at first sight, 0 to 1. Studies rank
-    /// and tune by it. It is the readability, and at most the word's own probability against a
-    /// likelier rival.
+    /// Probability that a viewer reads this word and no other, by which studies rank and tune: the
+    /// readability, and at most the word's own probability against a likelier rival.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))

@@ -51,8 +51,7 @@ impl View {
         (x.is_finite() && y.is_finite()).then_some([x, y])
     }
 
-    /// A photo of a part of the plane (`[left, bottom, right, top]`) seen square on, by nearest
-    /// pixels.
+    /// A part of the plane (`[left, bottom, right, top]`) seen square on, by nearest pixels.
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
         #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]

@@ -110,8 +110,7 @@ const NAMED_IN_EXIF: [BodyModel; 3] =
     [BodyModel::A6400, BodyModel::CanonEos2000D, BodyModel::OneInch];
 
 impl BodyModel {
-    /// The table of bodies. Focal lengths of fixed lenses are those that see the maker's angle over
-    /// the sensor's diagonal (4:3).
+    /// The table of bodies. Fixed lenses see the maker's angle over the sensor's diagonal (4:3).
     pub fn figures(&self) -> BodyFigures {
         fn body(sensor_width_m: f64, width_px: f64, exif: &'static [&'static str]) -> BodyFigures {
             BodyFigures { sensor_width_m, width_px, fixed_lens: None, exif }

@@ -176,8 +176,7 @@ impl Camera {
         })
     }
 
-    /// Luminous exposure in lx s, in the middle of the picture, of a surface of 1 cd/m²:
-    /// `π τ t / (4 N²)`.
+    /// Luminous exposure, lx s, in the middle of the picture by 1 cd/m²: `π τ t / (4 N²)`.
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
         std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s

@@ -175,8 +175,8 @@ impl CameraOptions {
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
     }
 
-    /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
-    /// word) and a flight that ends at `end_s`.
+    /// The camera for a word within `[left, bottom, right, top]`, and a flight that ends at
+    /// `end_s`.
     ///
     /// # Errors
     ///

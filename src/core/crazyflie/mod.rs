@@ -49,8 +49,8 @@ pub const RING_TIMING_ENTRIES: usize = 9;
 pub const TRAJECTORY_MEMORY_BYTES: usize = 4096;
 
 /// Silence of the host after which the firmware levels the drone out, and stops its motors for
-/// good, s (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`, `supervisorOverrideSetpoint` in
-/// `supervisor.c`, release 2026.08).
+/// good, s (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`,
+/// `supervisorOverrideSetpoint` in `supervisor.c`, release 2026.08).
 pub const LEVEL_OUT_S: f64 = 0.5;
 /// See [`LEVEL_OUT_S`].
 pub const MOTORS_STOP_S: f64 = 2.0;

@@ -138,8 +138,7 @@ impl Release {
     /// That of [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
 
-    /// The release that flies as a firmware of this name, such as `2025.12.1`, or `None` for a
-    /// custom build or one between releases.
+    /// The release that flies as a firmware such as `2025.12.1`, or `None` for a custom build.
     pub fn parse(firmware: &str) -> Option<Self> {
         let month = number(firmware)?;
         let mut releases = Self::ALL.iter();

@@ -5,8 +5,7 @@ use std::cell::Cell;
 
 use crate::error::{Error, Result};
 
-/// Most work of an input in steps. A step is a nanosecond of a core of 2020: readers multiply their
-/// counts by the measured cost of one.
+/// Most work of an input in steps of a nanosecond of a core of 2020, as measured by each reader.
 const MAX_STEPS: u64 = 1_000_000_000;
 
 /// Most memory of an input in bytes, copies during reading included.

@@ -161,8 +161,8 @@ impl Head {
     /// The head above a row.
     fn above(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
         let (n, n_cells) = (separator.count(lines[row]), separator.cells(lines[row]).count());
-        // Lines that are no comments, and lines that have as many titles as the row has cells. A title
-        // may have blanks in it, and a row an empty cell at its end.
+        // Lines that are no comments, and lines that have as many titles as the row has cells. A
+        // title may have blanks in it, and a row an empty cell at its end.
         let [mut bare, mut fitting, mut both] = [const { Vec::new() }; 3];
         let filled = (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
         let filled: Vec<usize> = filled.collect();
@@ -175,7 +175,8 @@ impl Head {
             fitting.extend(fits.then_some(index));
             both.extend((fits && is_bare).then_some(index));
         }
-        // Without a line that fits, the last one is the head, and its row is refused with its place.
+        // Without a line that fits, the last one is the head, and its row is refused with its
+        // place.
         let named = both.first().or(fitting.last()).or(bare.last()).copied();
         let mut titles = named.map_or(Vec::new(), |index| separator.titles(lines[index]));
         // Names of groups, of pandas' columns of two levels, repeat. Titles do not.

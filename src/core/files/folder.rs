@@ -13,8 +13,7 @@ use crate::error::{Error, Result};
 
 /// A folder whose files are staged inside it until all are written.
 ///
-/// Two programs may write into one folder: it is locked during the renames, so that it holds the
-/// files of one of them, never a mixture.
+/// The folder is locked during the renames, so that it never holds a mixture of two programs.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,

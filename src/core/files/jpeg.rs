@@ -39,7 +39,8 @@ impl JpegFrame {
         let [_, h1, h0, w1, w0, n, ref components @ ..] = *header else { return None };
         let size_px = [[w1, w0], [h1, h0]].map(|side| u64::from(u16::from_be_bytes(side)));
         let components = components.get(..3 * usize::from(n))?;
-        // Sampling factors, as two numbers of four bits. A unit of the picture is 8 times the greatest.
+        // Sampling factors, as two numbers of four bits. A unit of the picture is 8 times the
+        // greatest.
         let factors = components.chunks(3).map(|c| [c[1] >> 4, c[1] & 15].map(u64::from));
         let most = factors.clone().fold([1, 1], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
         let units = |side: usize| size_px[side].div_ceil(8 * most[side]);

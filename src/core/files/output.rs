@@ -91,8 +91,8 @@ impl Output {
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
         is_bound: bool,
     ) -> Result<WholeFile> {
-        // Standard output and devices are written at once. A staged file gets its permissions, and is
-        // named later.
+        // Standard output and devices are written at once. A staged file gets its permissions, and
+        // is named later.
         let Self { mut path, sink } = self;
         let mut staged = None;
         let written = match sink {

@@ -43,8 +43,8 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
     }
-    // The ends stay. Of each span between kept points, the farthest point stays if it is off by more
-    // than the error, and parts the span in two.
+    // The ends stay. Of each span between kept points, the farthest point stays if it is off by
+    // more than the error, and parts the span in two.
     let mut keep = vec![false; line.len()];
     (keep[0], keep[line.len() - 1]) = (true, true);
     let mut spans = vec![(0, line.len() - 1)];

@@ -10,11 +10,10 @@ pub struct Channel {
     pub name: &'static str,
     /// The firmware parameter that it sets.
     pub parameter: &'static str,
-    /// Channels of a plan for its color, as bytes of the parameter from the last one on. Empty: a
-    /// pin, which is on or off.
+    /// Channels of a plan for its color, as bytes of the parameter from the last one on, or a pin's
+    /// none.
     pub colors: &'static [&'static str],
-    /// The channel's deck, and the parameters `deck.*`, one of which is set if the deck is
-    /// attached.
+    /// The channel's deck, and parameters `deck.*`, one of which is set if it is attached.
     pub deck: (&'static str, &'static [&'static str]),
     /// Parameters that make it ready and dark before a flight that it lights.
     pub ready: &'static [(&'static str, u32)],

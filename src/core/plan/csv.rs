@@ -65,8 +65,7 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Io`], or [`crate::error::Error::Input`] with line
-    /// and column.
+    /// [`Error::Io`], or [`Error::Input`] with line and column.
     pub fn read_csv(path: &Path) -> Result<Self> {
         Self::from_table(&Table::read(path)?)
     }
@@ -75,7 +74,7 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] with line and column.
+    /// [`Error::Input`] with line and column.
     pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
         Self::from_table(&Table::parse(csv, file)?)
     }

@@ -16,8 +16,7 @@ use crate::digest::{fnv_1a, hmac_sha256};
 /// Plane waves per axis of a [`Field`]. Enough that no direction is preferred. More cost time.
 const WAVES: usize = 8;
 
-/// Seeds below this are public: anybody tries them one by one. Their streams have one key of
-/// `rand`, as in every release.
+/// Seeds below this are public: anybody tries them one by one. Their streams have one key.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
 /// The random stream of a name under a seed. Each stream of a seed that is not public has a key of

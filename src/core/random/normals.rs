@@ -79,8 +79,8 @@ impl pulp::NullaryFnOnce for Fill<'_> {
 
     #[inline(always)]
     fn call(self) {
-        // Box and Muller (1958): radius √(−2 ln(1 − u₁)), angle 2π u₂. Hard angles come after the loop,
-        // so that it stays without a branch.
+        // Box and Muller (1958): radius √(−2 ln(1 − u₁)), angle 2π u₂. Hard angles come after the
+        // loop, so that it stays without a branch.
         let mut radii = [0.0; PAIRS];
         let mut hard = [false; PAIRS];
         for i in 0..PAIRS {
