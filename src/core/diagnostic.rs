@@ -40,7 +40,7 @@ pub enum Figure {
     Text(String),
 }
 
-macro_rules! figures {
+macro_rules! figure_from {
     ($($type:ty => $variant:ident,)*) => {$(
         impl From<$type> for Figure {
             fn from(value: $type) -> Self {
@@ -49,7 +49,7 @@ macro_rules! figures {
         }
     )*};
 }
-figures! { f64 => Number, usize => Count, [f64; 3] => Position, String => Text, &str => Text, }
+figure_from! { f64 => Number, usize => Count, [f64; 3] => Position, String => Text, &str => Text, }
 
 /// What is wrong, doubtful, or could be better.
 #[derive(Clone, Debug, Default, PartialEq)]
