@@ -1,5 +1,4 @@
-//! Diagnostics: the one type in which anything says that something is wrong, doubtful, or could be
-//! better.
+//! Diagnostics: the one type for anything that is wrong, doubtful, or could be better.
 //!
 //! A [`Diagnostic`] has a code, which programs and the page's languages hang on, a severity, a
 //! place, a message, figures by name, and help as a sentence whose keys of the scene are data.
@@ -41,35 +40,16 @@ pub enum Figure {
     Text(String),
 }
 
-impl From<f64> for Figure {
-    fn from(number: f64) -> Self {
-        Self::Number(number)
-    }
+macro_rules! figure_from {
+    ($($type:ty => $variant:ident,)*) => {$(
+        impl From<$type> for Figure {
+            fn from(value: $type) -> Self {
+                Self::$variant(value.into())
+            }
+        }
+    )*};
 }
-
-impl From<usize> for Figure {
-    fn from(count: usize) -> Self {
-        Self::Count(count)
-    }
-}
-
-impl From<[f64; 3]> for Figure {
-    fn from(position_m: [f64; 3]) -> Self {
-        Self::Position(position_m)
-    }
-}
-
-impl From<String> for Figure {
-    fn from(text: String) -> Self {
-        Self::Text(text)
-    }
-}
-
-impl From<&str> for Figure {
-    fn from(text: &str) -> Self {
-        Self::Text(text.to_owned())
-    }
-}
+figure_from! { f64 => Number, usize => Count, [f64; 3] => Position, String => Text, &str => Text, }
 
 /// What is wrong, doubtful, or could be better.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -78,16 +58,16 @@ pub struct Diagnostic {
     pub code: &'static str,
     /// How bad it is.
     pub severity: Severity,
-    /// Where it is: a file with its line, a key, a drone; may be empty.
+    /// Where it is: a file with its line, a key, a drone. May be empty.
     pub place: Place,
     /// What was found.
     pub message: String,
-    /// What is wanted; may be empty.
+    /// What is wanted. May be empty.
     pub wanted: String,
     /// Figures by name. Those of a check are `value` and `limit` in its unit, `count`, `time_s`,
     /// `position_m`, and `detail`, the subject or a reason.
     pub figures: BTreeMap<&'static str, Figure>,
-    /// What to do; may be empty.
+    /// What to do. May be empty.
     pub help: Help,
 }
 
@@ -110,7 +90,7 @@ impl Diagnostic {
         messages.into_iter().map(|message| Self::warning(code, message)).collect()
     }
 
-    /// A check with its measured value, if there is one; [`Self::say`] adds the sentences.
+    /// A check with its measured value, if there is one. [`Self::say`] adds the sentences.
     pub fn check(code: &'static str, severity: Severity, value: impl Into<Option<f64>>) -> Self {
         Self::new(code, severity, "").with_some("value", value.into())
     }
@@ -156,7 +136,7 @@ impl Diagnostic {
         self.with_some("position_m", position_m.into())
     }
 
-    /// The value's subject, or a reason; none if it is empty.
+    /// The value's subject, or a reason, or none if it is empty.
     #[must_use]
     pub fn detailed(self, detail: impl Into<String>) -> Self {
         self.with_some("detail", Some(detail.into()).filter(|detail| !detail.is_empty()))
@@ -173,7 +153,7 @@ impl Diagnostic {
         Self { message: message.into(), wanted: wanted.into(), help: Help::from(help), ..self }
     }
 
-    /// What to do; keys of the scene stand in braces, see [`Help`].
+    /// What to do. Keys of the scene stand in braces, see [`Help`].
     #[must_use]
     pub fn helped(self, help: impl Into<Help>) -> Self {
         Self { help: help.into(), ..self }
@@ -193,7 +173,7 @@ impl Diagnostic {
         self
     }
 
-    /// Whether it stops the flight, or hides the word.
+    /// True if it stops the flight, or hides the word.
     pub fn is_stop(&self) -> bool {
         self.severity == Severity::Stop
     }
@@ -206,7 +186,7 @@ impl Diagnostic {
         }
     }
 
-    /// The subject of the value, or a reason; empty if there is none.
+    /// The subject of the value, or a reason, or empty if there is none.
     pub fn detail(&self) -> &str {
         match self.figures.get("detail") {
             Some(Figure::Text(text)) => text,
@@ -214,12 +194,12 @@ impl Diagnostic {
         }
     }
 
-    /// What to do, with each change as `typed` writes it; empty for a passed check.
+    /// What to do, with each change as `typed` writes it, or empty for a passed check.
     pub fn change(&self, typed: impl Fn(&Change) -> String) -> String {
         if self.severity == Severity::Fine { String::new() } else { self.help.sentence(typed) }
     }
 
-    /// Mark of severity, name of the check, and finding; what is wanted and what to do, with each
+    /// Mark of severity, name of the check, and finding. What is wanted and what to do, with each
     /// change as `typed` writes it, are empty for a passed check.
     pub fn cells(&self, typed: impl Fn(&Change) -> String) -> [String; 5] {
         let (mark, wanted) = match self.severity {
@@ -231,8 +211,7 @@ impl Diagnostic {
         [mark.into(), self.code.into(), self.to_string(), wanted.into(), self.change(typed)]
     }
 
-    /// One line about it: the message with its place, and help with each change as `typed` writes
-    /// it.
+    /// One line: the message with its place, and help with each change as `typed` writes it.
     pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
         match (self.change(typed), self.severity) {
             (help, _) if help.is_empty() => self.to_string(),
@@ -257,6 +236,7 @@ impl Serialize for Diagnostic {
     /// of one of several. `value` and `limit` are always there.
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut map = to.serialize_map(None)?;
+        // What is always there, then further figures, then texts.
         if let Some(Segment::Drone(drone)) = self.place.0.first() {
             map.serialize_entry("drone", drone)?;
         }
@@ -264,9 +244,10 @@ impl Serialize for Diagnostic {
         map.serialize_entry("severity", &self.severity)?;
         map.serialize_entry("value", &self.figures.get("value"))?;
         map.serialize_entry("limit", self.figures.get("limit").unwrap_or(&Figure::Number(0.0)))?;
-        let is_other = |name: &str| !["value", "limit"].contains(&name);
-        for (name, figure) in self.figures.iter().filter(|(name, _)| is_other(name)) {
-            map.serialize_entry(name, figure)?;
+        for (name, figure) in &self.figures {
+            if !["value", "limit"].contains(name) {
+                map.serialize_entry(name, figure)?;
+            }
         }
         map.serialize_entry("found", &self.message)?;
         map.serialize_entry("wanted", &self.wanted)?;
@@ -295,7 +276,7 @@ impl<T> Warned<T> {
 pub struct Change {
     /// Dotted key.
     pub key: String,
-    /// The value, as a scene takes it; `None`: the sentence about it says which way it goes.
+    /// The value in the syntax of a scene, or `None` if the sentence gives a direction.
     pub value: Option<String>,
 }
 
@@ -307,11 +288,12 @@ impl Change {
 }
 
 impl fmt::Display for Change {
-    /// The change as a scene file has it.
+    /// The change in the syntax of a scene file.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Some(value) = &self.value else { return f.write_str(&self.key) };
-        let quote =
-            if format!("value = {value}").parse::<toml::Table>().is_ok() { "" } else { "\"" };
+        // Numbers, lists and texts in quotation marks are TOML, a bare name is not.
+        let is_toml = format!("value = {value}").parse::<toml::Table>().is_ok();
+        let quote = if is_toml { "" } else { "\"" };
         write!(f, "{} = {quote}{value}{quote}", self.key)
     }
 }
@@ -339,14 +321,13 @@ impl Help {
 
     /// The sentence with each change as `typed` writes it.
     pub fn sentence(&self, typed: impl Fn(&Change) -> String) -> String {
-        let texts = self.0.iter().map(|part| match part {
-            Part::Words(words) => words.clone(),
-            Part::Change(change) => typed(change),
-        });
-        texts.collect()
+        self.0.iter().fold(String::new(), |text, part| match part {
+            Part::Words(words) => text + words,
+            Part::Change(change) => text + &typed(change),
+        })
     }
 
-    /// Whether there is nothing to do.
+    /// True if there is nothing to do.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -355,6 +336,7 @@ impl Help {
 impl From<&'static str> for Help {
     /// A literal of the program, which has keys in braces.
     fn from(text: &'static str) -> Self {
+        // Every second part is within braces.
         let parts = text.split(['{', '}']).enumerate().map(|(index, part)| {
             match (index % 2, part.split_once('=')) {
                 (0, _) => Part::Words(part.to_owned()),
@@ -367,7 +349,7 @@ impl From<&'static str> for Help {
 }
 
 impl From<String> for Help {
-    /// Words alone: braces in them are braces.
+    /// Only words: braces in them are braces.
     fn from(words: String) -> Self {
         Self(if words.is_empty() { Vec::new() } else { vec![Part::Words(words)] })
     }

@@ -1,5 +1,4 @@
-//! Digests: SHA-256 (FIPS 180-4) of products, in hexadecimal. Equal products, equal digest, on
-//! every machine and in every build.
+//! Digests of products: SHA-256 (FIPS 180-4) in hexadecimal, equal on every machine.
 
 use std::io::Write;
 
@@ -50,7 +49,7 @@ impl Write for Digest {
 pub struct Digested<W> {
     /// Where it is written.
     pub to: W,
-    /// The digest so far; `None`: not asked for.
+    /// The digest so far, or `None` if it is not wanted.
     pub digest: Option<Digest>,
 }
 
@@ -82,8 +81,7 @@ pub fn sha256(bytes: &[u8]) -> String {
     digest.hex()
 }
 
-/// HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes: without the key nobody can
-/// tell it from random numbers.
+/// HMAC-SHA-256 (RFC 2104) of a message, with a key of at most 64 bytes.
 pub fn hmac_sha256(key: &[u8], message: impl IntoIterator<Item = u8>) -> [u8; 32] {
     fn sha256_of(padding: u8, key: &[u8], message: &[u8]) -> [u8; 32] {
         let mut padded = [padding; 64];

@@ -12,7 +12,7 @@ const LONGEST_FOUND: usize = 160;
 
 /// One error for the whole crate.
 ///
-/// The text names the place, the value found and the value wanted; [`Error::hint`] is advice.
+/// The text names the place, the value found and the value wanted. [`Error::hint`] is advice.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -29,7 +29,7 @@ pub enum Error {
     /// An input value cannot be used.
     #[error("{place}: found {found}, wanted {wanted}")]
     Input {
-        /// Its name, which help and other languages hang on; `input` if nothing does.
+        /// Its name, which help and other languages hang on, or `input` if nothing does.
         code: &'static str,
         /// Its place.
         place: Box<Place>,
@@ -63,7 +63,7 @@ pub enum Error {
     /// The input is well formed, but cannot be carried out.
     #[error("{what}")]
     Infeasible {
-        /// Its name, as that of an input; `infeasible` if nothing hangs on it.
+        /// Its name, as that of an input, or `infeasible` if nothing hangs on it.
         code: &'static str,
         /// The reason, with the figure that is exceeded.
         what: String,
@@ -127,8 +127,8 @@ impl Error {
         self
     }
 
-    /// The same error in a file, and in its line where that is known. A file that it names already
-    /// is a part of this one.
+    /// The same error in a file, and in its line. A file that it already names is a part of this
+    /// one.
     #[must_use]
     pub fn in_file(self, file: impl std::fmt::Display, line: impl Into<Option<u64>>) -> Self {
         let file = Segment::File(file.to_string());
@@ -167,6 +167,7 @@ impl Error {
     /// A file or folder that cannot be written.
     pub fn write(path: &Path, source: std::io::Error) -> Self {
         use std::io::ErrorKind::{AlreadyExists, NotADirectory};
+        // On Windows, a forbidden name fails with an error that does not name the reason.
         let mut names = path.components().filter_map(|part| match part {
             Component::Normal(name) => Some(name.to_string_lossy()),
             _ => None,
@@ -198,8 +199,7 @@ impl Error {
     }
 }
 
-/// Whether Windows refuses a name for a file: that of a device, with any ending, or with a sign
-/// that it does not allow.
+/// True if Windows refuses a name for a file: it is a device's, or has a forbidden sign.
 fn is_reserved(name: &str) -> bool {
     let stem = name.split('.').next().unwrap_or_default().trim_end().to_ascii_uppercase();
     let numbered = ["COM", "LPT"].iter().find_map(|device| stem.strip_prefix(device));

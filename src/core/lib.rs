@@ -22,8 +22,7 @@ pub mod srgb;
 pub mod statistics;
 pub mod strokes;
 
-/// Does work in the widest registers of this processor; a module of WebAssembly is built for one
-/// width.
+/// Does work in the widest registers of this processor. WebAssembly has one width.
 #[inline(always)]
 pub fn dispatch<Work: pulp::NullaryFnOnce>(work: Work) -> Work::Output {
     #[cfg(target_family = "wasm")]
@@ -38,8 +37,8 @@ pub fn once<Output>(work: impl FnOnce() -> Output) -> Output {
     dispatch(work)
 }
 
-/// [`dispatch()`] of a closure. Otherwise it, or the step from `FnOnce` to it, is a function of its
-/// own, compiled for the oldest processor.
+/// [`dispatch()`] of a closure, inlined: a function of its own is compiled for the oldest
+/// processor.
 #[macro_export]
 #[rustfmt::skip]
 macro_rules! dispatch {

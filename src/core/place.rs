@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place(pub Vec<Segment>);
 
-/// One step on the way to a value.
+/// One step in the path to a value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Segment {
     /// A file, as it was named, or a part of one.
@@ -30,7 +30,7 @@ impl Place {
 
     /// The key in the innermost file, without indices and what follows them.
     pub fn key(&self) -> &str {
-        let is_file = |it: &Segment| matches!(it, Segment::File(_) | Segment::Line(_));
+        let is_file = |segment: &Segment| matches!(segment, Segment::File(_) | Segment::Line(_));
         match &self.0[self.0.iter().rposition(is_file).map_or(0, |file| file + 1)..] {
             [Segment::Key(key), ..] => key,
             _ => "",
@@ -40,6 +40,7 @@ impl Place {
 
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // A key within a key or an item has a dot before it, other names a colon.
         let mut outer: Option<&Segment> = None;
         for segment in &self.0 {
             match segment {
@@ -63,7 +64,7 @@ impl std::fmt::Display for Place {
 }
 
 impl From<String> for Place {
-    /// A key; no place at all where it is empty.
+    /// A key, or no place at all if it is empty.
     fn from(key: String) -> Self {
         Self(if key.is_empty() { Vec::new() } else { vec![Segment::Key(key)] })
     }

@@ -1,5 +1,4 @@
-//! Products that cannot be wrong: data that is checked once, when a stage has made it, and that is
-//! read from then on.
+//! Products that cannot be wrong: their data is checked once, when a stage has made it.
 
 use std::ops::Deref;
 
@@ -14,8 +13,7 @@ pub trait Rules {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the place, the value found and the values
-    /// wanted.
+    /// [`Error::Input`] for a broken rule.
     fn check(&self) -> Result<()>;
 }
 
@@ -85,7 +83,7 @@ pub(crate) fn check_length(name: &str, rows: usize, times: usize) -> Result<()> 
     Err(Error::input(name, format_args!("{rows} rows"), wanted, FINITE_HINT))
 }
 
-/// Whether a number is finite, and within the world of a drone.
+/// True if a number is finite, and within the world of a drone.
 pub(crate) fn is_number(value: f64) -> bool {
     value.abs() <= MAX_QUANTITY
 }
@@ -123,7 +121,7 @@ pub(crate) fn check_levels(name: &str, levels: &[f64], times: usize) -> Result<(
     }
 }
 
-/// Checks the size of a picture, whose values are so many for each pixel.
+/// Checks the size of a picture, whose size in values for each pixel is `channels`.
 pub fn check_picture(size_px: [u32; 2], values: usize, channels: usize) -> Result<()> {
     let [width_px, height_px] = size_px;
     let wanted = width_px as usize * height_px as usize * channels;

@@ -35,12 +35,11 @@
 //! ```
 //!
 //! `for KEY = NAMES` and `unless KEY = NAMES` restrict the effect of a setting to some values of
-//! another key, members of its list, or numbers; without names, to that key being set and not 0.
+//! another key, members of its list, or numbers. Without names, to that key being set and not 0.
 //! Settings without effect keep their values, so that a preset's gains survive a change of the
 //! choice.
 //!
-//! A group may end with `fixed { ... }`: constants that no scene sets, and which tests, conditions
-//! and ideal sensors vary.
+//! A group may end with `fixed { ... }`: constants that no scene sets, but tests and conditions.
 //!
 //! Numbers without a range must be finite. Rules that involve several settings stay in a function
 //! `check` of the type, which calls [`Described::check`] for the ranges.
@@ -69,9 +68,9 @@ pub struct Setting {
 pub struct Need {
     /// The other setting.
     pub key: &'static str,
-    /// Values of that key that count; with none listed, any value but 0 counts.
+    /// Values of that key that count. With none listed, any value but 0 counts.
     pub names: &'static [&'static str],
-    /// Whether that must be so, or must not.
+    /// True if that must be so, false if it must not.
     pub holds: bool,
 }
 
@@ -112,14 +111,16 @@ impl Shape {
 /// A type that a setting may have.
 pub trait Described {
     /// Form in the scene file.
-    const SHAPE: Shape;
+    const SHAPE: Shape = Shape::Plain;
 
-    /// Checks all ranges within the value; `place` is its key, and `range` its own range.
+    /// Checks all ranges within the value. `place` is its key, and `range` its own range.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] with the key that is out of range.
-    fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()>;
+    fn check(&self, _place: &str, _range: Option<[f64; 2]>) -> Result<()> {
+        Ok(())
+    }
 }
 
 /// The names of a choice.
@@ -137,24 +138,25 @@ pub fn joined(path: &str, key: &str) -> String {
     format!("{path}{dot}{key}")
 }
 
-/// The dotted keys of all settings, but of the groups themselves; kinds of a choice may share some.
+/// The dotted keys of all settings, but of the groups themselves.
 pub fn paths(settings: &[Setting]) -> BTreeSet<String> {
-    let mut all = BTreeSet::new();
+    let mut keys = BTreeSet::new();
     for Setting { key, shape, .. } in settings {
+        // Keys of the table below it, then its own.
         let below = match shape {
             Shape::Group(settings) => paths(settings),
             Shape::Tagged(kinds) => kinds.iter().flat_map(|kind| paths(kind.settings)).collect(),
             Shape::Plain | Shape::Names(_) => BTreeSet::new(),
         };
-        all.extend(below.iter().map(|path| joined(key, path)));
+        keys.extend(below.iter().map(|path| joined(key, path)));
         if !matches!(shape, Shape::Group(_)) {
-            all.insert((*key).to_owned());
+            keys.insert((*key).to_owned());
         }
     }
-    all
+    keys
 }
 
-/// The settings of a choice's kind; none where its table names no kind that there is.
+/// The settings of a choice's kind, or none if its table names no kind that there is.
 pub fn of_kind(variants: &[Variant], table: &toml::Table) -> &'static [Setting] {
     let kind = table.get("kind").and_then(toml::Value::as_str);
     let variant = variants.iter().find(|variant| Some(variant.name) == kind);
@@ -172,13 +174,16 @@ pub fn suggestion<'a>(
 
 /// The candidate most like a name that does not exist, if any is alike.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    let most = |candidate: &str| 1 + candidate.len() / 4;
-    // The edit distance is at least the difference in length, which settles a huge name at once.
+    // The edit distance is at least the difference in length, which decides on a huge name at once.
     let n_letters = name.chars().count();
-    let near = candidates.into_iter().filter(|it| n_letters.abs_diff(it.len()) <= most(it));
-    let likeness = |candidate: &&str| strsim::damerau_levenshtein(name, candidate);
-    let nearest = near.min_by_key(likeness)?;
-    (likeness(&nearest) <= most(nearest)).then_some(nearest)
+    let distances = candidates.into_iter().filter_map(|candidate| {
+        let most = 1 + candidate.len() / 4;
+        let may_be_near = n_letters.abs_diff(candidate.len()) <= most;
+        let distance = may_be_near.then(|| strsim::damerau_levenshtein(name, candidate))?;
+        Some((distance, most, candidate))
+    });
+    let (distance, most, nearest) = distances.min_by_key(|(distance, ..)| *distance)?;
+    (distance <= most).then_some(nearest)
 }
 
 /// The error for a name that a choice does not have.
@@ -192,8 +197,6 @@ pub fn unknown_name(place: &str, name: &str, shape: Shape) -> Error {
 macro_rules! number {
     ($($type:ty),*) => {$(
         impl Described for $type {
-            const SHAPE: Shape = Shape::Plain;
-
             fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
                 let [min, max] = range.unwrap_or([f64::MIN, f64::MAX]);
                 if (min..=max).contains(&(*self as f64)) {
@@ -210,19 +213,8 @@ macro_rules! number {
 }
 number!(f64, u8, u32, u64, usize);
 
-/// Values without a range.
-macro_rules! plain {
-    ($($type:ty),*) => {$(
-        impl Described for $type {
-            const SHAPE: Shape = Shape::Plain;
-
-            fn check(&self, _: &str, _: Option<[f64; 2]>) -> Result<()> {
-                Ok(())
-            }
-        }
-    )*};
-}
-plain!(bool, String);
+impl Described for bool {}
+impl Described for String {}
 
 impl<T: Described> Described for Option<T> {
     const SHAPE: Shape = T::SHAPE;
@@ -233,28 +225,23 @@ impl<T: Described> Described for Option<T> {
 }
 
 impl<T: Described> Described for Vec<T> {
-    const SHAPE: Shape = Shape::Plain;
-
     fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
-        let mut values = self.iter().enumerate();
-        values.try_for_each(|(i, value)| {
-            value.check("", range).map_err(|error| error.of_item(place, i))
-        })
+        check_items(self, place, range)
     }
 }
 
 impl<T: Described, const N: usize> Described for [T; N] {
-    const SHAPE: Shape = Shape::Plain;
-
     fn check(&self, place: &str, range: Option<[f64; 2]>) -> Result<()> {
-        let mut values = self.iter().enumerate();
-        values.try_for_each(|(i, value)| {
-            value.check("", range).map_err(|error| error.of_item(place, i))
-        })
+        check_items(self, place, range)
     }
 }
 
-/// Declares groups and choices of settings; see the module's documentation.
+fn check_items(items: &[impl Described], place: &str, range: Option<[f64; 2]>) -> Result<()> {
+    let mut items = items.iter().enumerate();
+    items.try_for_each(|(i, item)| item.check("", range).map_err(|error| error.of_item(place, i)))
+}
+
+/// Declares groups and choices of settings. See the module's documentation.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! described {
@@ -457,10 +444,6 @@ macro_rules! described {
                 },
                 $($crate::settings::Variant { name: $text, doc: &[$($doc),+], settings: &[] },)*
             ]);
-
-            fn check(&self, _: &str, _: Option<[f64; 2]>) -> $crate::error::Result<()> {
-                Ok(())
-            }
         }
 
         $crate::settings::settings! { $($rest)* }

@@ -11,7 +11,7 @@ pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
 /// The same of a picture's light.
 #[inline(always)]
 pub fn luminance_f32([r, g, b]: [f32; 3]) -> f32 {
-    #[expect(clippy::cast_possible_truncation, reason = "shares of white")]
+    #[expect(clippy::cast_possible_truncation, reason = "weights up to 1")]
     const WEIGHTS: [f32; 3] = [LUMINANCE[0] as f32, LUMINANCE[1] as f32, LUMINANCE[2] as f32];
     WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b
 }
@@ -28,7 +28,7 @@ pub fn xyz([x, y]: [f64; 2]) -> [f64; 3] {
     [x / y, 1.0, (1.0 - x - y) / y]
 }
 
-/// Linear sRGB of XYZ; colors out of gamut have negative parts.
+/// Linear sRGB of XYZ. Colors out of gamut have negative parts.
 pub fn rgb_from_xyz(xyz: [f64; 3]) -> [f64; 3] {
     RGB_FROM_XYZ.map(|[x, y, z]| x * xyz[0] + y * xyz[1] + z * xyz[2])
 }

@@ -1,4 +1,4 @@
-//! Medians and quantiles, for every room that needs one.
+//! Medians and quantiles.
 
 use std::cmp::Ordering;
 
@@ -6,21 +6,26 @@ use std::cmp::Ordering;
 pub fn median<T: Copy + PartialOrd>(values: impl IntoIterator<Item = T>) -> Option<T> {
     let mut values: Vec<T> = values.into_iter().collect();
     let middle = values.len() / 2;
-    let order = |a: &T, b: &T| a.partial_cmp(b).unwrap_or(Ordering::Equal);
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, order).1)
+    if values.is_empty() {
+        return None;
+    }
+    let (_, median, _) =
+        values.select_nth_unstable_by(middle, |a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+    Some(*median)
 }
 
-/// Weighted quantile of pairs of a value and its weight: the least value whose cumulative weight
-/// reaches a share. Sorts the pairs.
-pub fn weighted_quantile(pairs: &mut [(f64, f64)], share: f64) -> Option<f64> {
+/// Weighted quantile of pairs of a value and its weight, which are sorted.
+pub fn weighted_quantile(pairs: &mut [(f64, f64)], fraction: f64) -> Option<f64> {
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let wanted = share * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
-    let mut weight = 0.0;
-    let reached = pairs.iter().find(|pair| {
-        weight += pair.1;
-        weight >= wanted
-    });
-    reached.map(|(value, _)| *value)
+    let wanted = fraction * pairs.iter().map(|(_, weight)| weight).sum::<f64>();
+    let mut sum = 0.0;
+    for (value, weight) in pairs {
+        sum += *weight;
+        if sum >= wanted {
+            return Some(*value);
+        }
+    }
+    None
 }
 
 #[cfg(test)]

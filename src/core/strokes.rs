@@ -1,6 +1,6 @@
 //! Strokes: the product of letters, placed glyphs in the plane of the word.
 //!
-//! The plane of the word has x to the viewer's right and y up, in meters; y = 0 is the floor.
+//! The plane of the word has x to the viewer's right and y up, in meters. y = 0 is the floor.
 
 use std::collections::BTreeMap;
 
@@ -10,43 +10,41 @@ use crate::error::{Error, Result};
 use crate::geometry::{bounds, distance};
 use crate::product::{Rules, Valid, is_number, odd_number};
 
-/// A word as strokes: glyphs line by line, from left to right; or a drawing, which is one glyph, or
-/// one of each color.
+/// Strokes of a word, glyph by glyph and line by line, or of a drawing: one glyph for each color.
 pub type Strokes = Valid<StrokesData>;
 
 /// The data of [`Strokes`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StrokesData {
-    /// The word as it is drawn, spaces and line ends included, in upper case where the font has no
-    /// lower case; empty for a drawing.
+    /// The word with spaces and line ends, as the font draws it. Empty for a drawing.
     pub word: String,
-    /// Name of its font; a drawing has none.
+    /// Name of its font, or `None` for a drawing.
     pub font: Option<String>,
     /// Characters whose center lines lack a stroke of the typeface, and its length in cap heights.
     pub lost: BTreeMap<char, f64>,
-    /// One per drawn character; spaces and line ends have none.
+    /// One per drawn character. Spaces and line ends have none.
     pub glyphs: Vec<Glyph>,
-    /// Whether the strokes may be reordered.
+    /// Tells if the strokes may be reordered.
     pub order: StrokeOrder,
-    /// Red, green and blue of each glyph of a drawing in its colors; empty for any other.
+    /// Red, green and blue of each glyph of a drawing in its colors, or empty for any other.
     pub colors: Vec<[u8; 3]>,
     /// Strokes that the detail of a drawing leaves out (`letters.detail`).
     pub left_out: LeftOut,
-    /// The number of each stroke of a drawing, which selects it (`letters.ink`, `letters.without`),
-    /// and one of its points; empty for a word.
+    /// The number of each stroke of a drawing (`letters.ink`, `letters.without`), with one of its
+    /// points.
     pub numbers: Vec<(usize, [f64; 2])>,
-    /// A drawing as its file has it.
+    /// The drawing in the file.
     pub source: Source,
     /// Unsupported or misleading parts of a drawing's file.
     pub warnings: Vec<Diagnostic>,
 }
 
-/// A drawing as its file has it; empty for a word.
+/// The drawing in the file, or empty for a word.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
     /// Corners of the sheet of paper that is cut out of a picture, as in `letters.corners_px`.
     pub corners_px: Option<[[f64; 2]; 4]>,
-    /// Whether it is a bitmap: its strokes are in pixels.
+    /// True if it is a bitmap: its strokes are in pixels.
     pub is_bitmap: bool,
     /// All strokes in the order of their numbers, omitted ones included.
     pub strokes: Vec<SourceStroke>,
@@ -55,9 +53,9 @@ pub struct Source {
 /// A stroke in its file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceStroke {
-    /// In pixels of the picture, or units of another drawing; y down.
+    /// In pixels of the picture, or units of another drawing, y down.
     pub points: Vec<[f64; 2]>,
-    /// The color whose name selects the stroke; none if the file gives none.
+    /// The color whose name selects the stroke, or none if the file gives none.
     pub color: Option<&'static str>,
 }
 
@@ -66,11 +64,11 @@ pub struct SourceStroke {
 pub struct LeftOut {
     /// Their number.
     pub strokes: usize,
-    /// Their share of the length of all strokes, 0 to 1.
+    /// Their fraction of the length of all strokes, 0 to 1.
     pub share: f64,
 }
 
-/// Whether strokes may be reordered.
+/// Freedom to reorder strokes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StrokeOrder {
     /// They may be drawn in any order, and backward.
@@ -88,8 +86,7 @@ pub struct Glyph {
     /// Its box.
     pub cell: Cell,
     /// Moves of the pen, in order. Where a move does not begin at the end of the one before, the
-    /// pen jumps. A dark move without length at the beginning means that the pen arrives in the
-    /// dark.
+    /// pen jumps. A dark move of zero length at the beginning: the pen arrives in the dark.
     pub moves: Vec<Move>,
 }
 
@@ -113,10 +110,9 @@ pub struct Move {
     pub from_m: [f64; 2],
     /// Where it ends.
     pub to_m: [f64; 2],
-    /// Whether the lights are on.
+    /// True if the lights are on.
     pub lit: bool,
-    /// Speed as a share of the stroke speed: 1 but for handwriting in its writer's pace
-    /// (`letters.pace`).
+    /// Speed by the stroke speed: 1 but for handwriting in its writer's pace (`letters.pace`).
     pub pace: f64,
 }
 
@@ -127,6 +123,7 @@ impl Rules for StrokesData {
             let (actual, wanted) = (format!("{colors} colors"), format!("{n}, one for each glyph"));
             return Err(Error::input("colors", actual, wanted, "give each glyph its color"));
         }
+        // All numbers of each glyph.
         for (row, Glyph { cell, moves, .. }) in self.glyphs.iter().enumerate() {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
             let cell = [left_m, baseline_m, width_m, cap_height_m];
@@ -155,7 +152,7 @@ impl StrokesData {
         digest.hex()
     }
 
-    /// Number of its strokes: lit moves without a way in the dark between them.
+    /// Number of its strokes: lit moves without a dark move between them.
     pub fn n_strokes(&self) -> usize {
         let n_runs = self.glyphs.iter().map(|glyph| {
             let runs = glyph.moves.chunk_by(|a, b| a.lit == b.lit && a.to_m == b.from_m);
@@ -170,8 +167,7 @@ impl StrokesData {
         lit.map(|step| distance(step.from_m, step.to_m)).sum()
     }
 
-    /// The box that holds all cells and all ink: `[left, bottom, right, top]` in the plane of the
-    /// word.
+    /// The box around all cells and ink: `[left, bottom, right, top]` in the plane of the word.
     pub fn bounds_m(&self) -> [f64; 4] {
         let corners = self.glyphs.iter().flat_map(|glyph| {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;

@@ -3,8 +3,8 @@
 //! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the
 //! cases of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and
 //! Cyrillic and Greek letters of the shape of a Latin one. A Latin letter that the net was not
-//! trained on (Ł, ø, æ, þ) also counts as what the net takes a faultless drawing of it for
-//! ([`super::judge::Expected::learn`]).
+//! trained on (Ł, ø, æ, þ) also counts as the letter that the net takes a faultless drawing of it
+//! for ([`super::judge::Expected::learn`]).
 
 use unicode_normalization::UnicodeNormalization;
 
@@ -30,9 +30,7 @@ const SHAPES: &str = "AÀÁÂÃÄÅĀĂĄǍАΑ BВΒƁ CÇĆĈĊČСϹ DĎĐÐ�
                       JĴЈ KĶКΚƘ LĹĻĽĿŁ MМΜ NÑŃŅŇΝ OÒÓÔÕÖØŌŎŐОΟ PРΡ RŔŖŘ SŚŜŞŠȘЅ TŢŤŦȚТΤ \
                       UÙÚÛÜŨŪŬŮŰŲ VѴ WŴ XХΧ YÝŶŸУΥƳ ZŹŻŽΖ";
 
-/// Latin letters with marks: Latin-1 Supplement to Latin Extended-B, with the small letters of its
-/// last capitals, and the composed letters of Latin Extended Additional, Vietnamese ones among them
-/// (Unicode).
+/// Latin letters with marks: Unicode's Latin-1 Supplement to Extended-B, and Extended Additional.
 const LATIN_WITH_MARKS: [core::ops::RangeInclusive<char>; 3] =
     ['\u{c0}'..='\u{259}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
 
@@ -40,13 +38,13 @@ fn has_mark(character: char) -> bool {
     LATIN_WITH_MARKS.iter().any(|block| block.contains(&character))
 }
 
-/// Latin letters of their own, and the letters whose shape is near theirs, the nearest first.
+/// Further Latin letters, and the letters whose shape is near theirs, the nearest first.
 const OTHER_LETTERS: &str = "ßẞ:B ÆæǼǽ:AE Œœ:OE Ĳĳ:IJ Þþ:P Ŋŋ:N Əə:E Ŧŧ:T ĸ:K";
 
 /// Sharp s, small and capital.
 const SHARP_S: [char; 2] = ['ß', 'ẞ'];
 
-/// The Latin letter or digit of a character's shape, in its case; `None` where there is none.
+/// The Latin letter or digit of a character's shape, in its case, or `None` if there is none.
 pub(super) fn latin(character: char) -> Option<char> {
     if character.is_ascii_alphanumeric() {
         return Some(character);
@@ -60,6 +58,7 @@ pub(super) fn latin(character: char) -> Option<char> {
         let is_sharp_s = SHARP_S.contains(&character);
         return Some(if is_sharp_s { nearest } else { with_case_of(nearest, character) });
     }
+    // Letters of another script by their capitals, other marks by Unicode's decomposition.
     let capital = character.to_uppercase().next()?;
     let Some(shape) = SHAPES.split(' ').find(|shape| shape.contains(capital)) else {
         let base = has_mark(character).then(|| character.nfd().next())??;
@@ -70,8 +69,8 @@ pub(super) fn latin(character: char) -> Option<char> {
 
 /// The letters near the shape of a letter of [`OTHER_LETTERS`].
 fn near_shapes(character: char) -> Option<&'static str> {
-    let mut all = OTHER_LETTERS.split(' ').filter_map(|row| row.split_once(':'));
-    all.find_map(|(letters, near)| letters.contains(character).then_some(near))
+    let mut rows = OTHER_LETTERS.split(' ').filter_map(|row| row.split_once(':'));
+    rows.find_map(|(letters, near)| letters.contains(character).then_some(near))
 }
 
 /// The two letters of a ligature, in its case.
@@ -80,7 +79,7 @@ pub(super) fn ligature(character: char) -> Option<[char; 2]> {
     Some([letters.next()?, letters.next()?])
 }
 
-/// Whether a character is a Latin letter that the net was not trained on.
+/// True of a Latin letter that the net was not trained on.
 pub(super) fn is_untrained(character: char) -> bool {
     has_mark(character) || near_shapes(character).is_some()
 }
@@ -90,12 +89,11 @@ pub(super) fn class_of(character: char) -> Option<usize> {
     CHARACTERS.iter().position(|known| char::from(*known) == character).map(|index| index + 1)
 }
 
-/// The classes that count as a character; `None` for one that the net does not know. A letter with
-/// a mark may also be no letter to the net: it was trained without marks.
+/// The classes that count as a character, or `None` if the net does not know it.
 pub(super) fn classes_of(character: char) -> Option<Classes> {
     let mark = if is_untrained(character) { NO_LETTER } else { 0 };
     let classes = match latin(character)? {
-        // Who does not know the sharp s takes it for one of these.
+        // Readers who do not know the sharp s take it for one of these.
         _ if SHARP_S.contains(&character) => set_of("Bb38"),
         _ if let Some(near) = near_shapes(character) => {
             set_of(near) | set_of(&near.to_ascii_lowercase())
@@ -108,14 +106,13 @@ pub(super) fn classes_of(character: char) -> Option<Classes> {
     Some(classes | mark)
 }
 
-/// Whether a character is a letter or digit that the net does not know, which nobody can judge. A
-/// modifier letter, as in Hawaiian and Uzbek, is punctuation.
+/// True of a letter or digit that nobody can judge. A modifier letter, as in Uzbek, is punctuation.
 pub(super) fn is_foreign(character: char) -> bool {
     let is_modifier = ('\u{2b0}'..='\u{2ff}').contains(&character);
     character.is_alphanumeric() && !is_modifier && classes_of(character).is_none()
 }
 
-/// The classes whose shape is that of a character alone, whatever its size.
+/// The classes of the same shape as a character, whatever its size.
 pub(super) fn alike(character: char) -> Classes {
     match character {
         'O' | 'o' | '0' => set_of("Oo0"),
@@ -132,24 +129,23 @@ pub(super) fn with_case_of(letter: char, other: char) -> char {
     if other.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
 }
 
-/// Names with their classes: no class twice, and none of `taken`. Where a letter and a digit share
-/// all classes, the digit is named if `digits_first`.
+/// Names with their classes: no class twice, and none of `taken`.
 pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classes)> {
     let (letters, digits) = NAMES.split_at(26);
     let order = if digits_first { [digits, letters] } else { [letters, digits] };
     let mut names = Vec::new();
     for name in order.into_iter().flatten().map(|name| char::from(*name)) {
-        let own = classes_of(name).expect("the net knows its names") & !taken;
-        taken |= own;
-        if own != 0 {
-            names.push((name, own));
+        let free = classes_of(name).expect("the net knows its names") & !taken;
+        taken |= free;
+        if free != 0 {
+            names.push((name, free));
         }
     }
     names
 }
 
-/// Whether a reading spells a word, equal shapes being equal: cases, marks, punctuation and spaces
-/// aside. A small l has the shape of an I, and is the small letter of L.
+/// True if a reading spells a word. Characters of equal shape are equal. Cases, marks, punctuation
+/// and spaces do not count. A small l has the shape of an I, and is the small letter of L.
 pub(super) fn spells(reading: &str, word: &str) -> bool {
     let read = reading.chars().filter(|c| !c.is_whitespace()).map(shape);
     let wanted = word.chars().filter(|c| classes_of(*c).is_some()).map(shape);
@@ -170,7 +166,7 @@ fn shape(character: char) -> Classes {
     }
 }
 
-/// Classes of a character of a reading; `?` stands for light that no letter explains.
+/// Classes of a character of a reading. `?` is light that no letter explains.
 pub(super) fn seen_as(character: char) -> Classes {
     classes_of(character).unwrap_or(NO_LETTER)
 }

@@ -1,5 +1,4 @@
-//! From shares of letters to the probability that a viewer reads the word at first sight: the
-//! fitted numbers.
+//! The probability that a viewer reads the word at first sight, by a logistic regression.
 
 use serde::Serialize;
 
@@ -8,7 +7,7 @@ use super::lattice::Choice;
 /// Range of a letter's log-odds. One letter that is surely wrong, or surely right, counts no more.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
 
-/// Least share of all that is not the expected letter, in a letter's log-odds.
+/// Least probability against the expected letter, in its log-odds.
 const LEAST_REST: f64 = 5e-4;
 
 /// Largest log-odds against the rival word, either way.
@@ -33,14 +32,12 @@ pub struct Calibration {
     pub mean_log_odds: f64,
     /// Weight of the log-odds of the word against the likeliest other one, within ±9.
     pub rival: f64,
-    /// Weight of the spelling: the mean of ln p over the word's letters, each after the four before
-    /// it, −4 at least and above −2.2, as far as the letters are unclear.
+    /// Weight of the spelling, `s` above.
     pub spelling: f64,
 }
 
-/// The calibration that verdicts are made with, fitted by `examples/readings/fit.py` to the
-/// choosing half of `examples/readings/readings.tsv` and to clean photographs; docs/calibration.md
-/// has the result.
+/// The calibration of all verdicts, fitted by `examples/readings/fit.py` to the choosing half of
+/// `examples/readings/readings.tsv` and to clean photographs (docs/calibration.md).
 pub const CALIBRATION: Calibration = Calibration {
     reader: "two at first sight",
     constant: -0.081,
@@ -49,17 +46,14 @@ pub const CALIBRATION: Calibration = Calibration {
     spelling: 1.192,
 };
 
-/// Probability that a viewer reads a word at first sight, from what is seen in the place of each
-/// judged letter, ln of the odds of the word against the likeliest other word, and the mean of ln p
-/// of its spelling.
+/// Probability that a viewer reads a word, from the choices in its places, ln of its odds against
+/// the likeliest other word, and the mean of ln p of its spelling.
 pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
     let odds = choices.iter().map(|choice| choice.p / (1.0 - choice.p).max(LEAST_REST));
-    let log_odds: Vec<f64> =
-        odds.map(|odds| libm::log(odds).clamp(LOG_ODDS[0], LOG_ODDS[1])).collect();
-    let n_letters = log_odds.len().max(1) as f64;
-    let mean = log_odds.iter().sum::<f64>() / n_letters;
+    let log_odds = odds.map(|odds| libm::log(odds).clamp(LOG_ODDS[0], LOG_ODDS[1]));
+    let mean = log_odds.sum::<f64>() / choices.len().max(1) as f64;
     let against = ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
-    // Letters that are clear are read, however unusual the word is.
+    // Clear letters are read, however unusual the word is.
     let unclear = 1.0 - mean.clamp(0.0, LOG_ODDS[1]) / LOG_ODDS[1];
     let usual = unclear * (ln_p_of_spelling.max(LEAST_SPELLING) - MEAN_SPELLING);
     let Calibration { constant, mean_log_odds, rival, spelling, .. } = CALIBRATION;
@@ -71,12 +65,12 @@ pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spel
 mod tests {
     use super::*;
 
-    fn choices(shares: &[f64]) -> Vec<Choice> {
-        shares.iter().map(|&p| Choice { p, none: 1.0 - p, others: Vec::new() }).collect()
+    fn choices(letters_p: &[f64]) -> Vec<Choice> {
+        letters_p.iter().map(|&p| Choice { p, none: 1.0 - p, others: Vec::new() }).collect()
     }
 
-    fn read(shares: &[f64], rival: f64) -> f64 {
-        readability(&choices(shares), rival, -2.5)
+    fn read(letters_p: &[f64], rival: f64) -> f64 {
+        readability(&choices(letters_p), rival, -2.5)
     }
 
     #[test]

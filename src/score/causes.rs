@@ -6,11 +6,11 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::distance;
 
 /// A fault in the photo, and the letter's gain without it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cause {
     /// Its kind.
     pub kind: CauseKind,
-    /// Index of the letter, from 0; `None` where it concerns the whole word.
+    /// Index of the letter, from 0, or `None` if it concerns the whole word.
     pub letter: Option<usize>,
     /// Length, distance or width in the plane of the word.
     pub length_mm: Option<f64>,
@@ -18,31 +18,21 @@ pub struct Cause {
     pub at_m: Option<[f64; 2]>,
     /// The part of a stroke that is missing.
     pub missing: Option<MissingRun>,
-    /// Delay of the lamp, where light leads from stroke to stroke and the speed is known.
+    /// Delay of the lamp, if light leads from stroke to stroke and the speed is known.
     pub lamp_delay_s: Option<f64>,
     /// First and last moment of the gap in the log that a part of a stroke is missing for.
     pub log_gap_s: Option<[f64; 2]>,
-    /// The letter that it looks like, of a fault of design.
+    /// The letter that it looks like, for a fault of design.
     pub reads_as: Option<char>,
-    /// Gain in the letter's share without the fault, −1 to 1: the photo was read again with the
-    /// fault taken out. `None` where it cannot be taken out.
+    /// Gain in the letter's probability, −1 to 1, when the photo is read without the fault. `None`
+    /// if the fault cannot be taken out.
     pub gain: Option<f64>,
 }
 
 impl Cause {
     /// A fault of a kind, without measures.
     pub(super) fn new(kind: CauseKind, letter: Option<usize>) -> Self {
-        Self {
-            kind,
-            letter,
-            length_mm: None,
-            at_m: None,
-            missing: None,
-            lamp_delay_s: None,
-            log_gap_s: None,
-            reads_as: None,
-            gain: None,
-        }
+        Self { kind, letter, ..Self::default() }
     }
 }
 
@@ -58,13 +48,13 @@ pub struct MissingRun {
 }
 
 /// Kind of a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CauseKind {
     /// A part of a stroke has no light.
+    #[default]
     MissingRun,
-    /// A part of a stroke has no light, and the log of the flight has a gap there: where the lamps
-    /// were is not known.
+    /// A part of a stroke has no light, and the log of the flight has a gap there.
     LogGap,
     /// Light leads from one stroke to the next, where it should be off.
     LitTransit,
@@ -97,13 +87,12 @@ pub struct Advice {
     pub kind: CauseKind,
     /// A sentence for people.
     pub text: String,
-    /// Gain in readability, 0 to 1: the photo was read again with all faults of the kind taken out.
-    /// `None` where they cannot be taken out.
+    /// Gain in readability, 0 to 1, when the photo is read without any fault of the kind. `None` if
+    /// these cannot be taken out.
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a real flight, in which its lamps are dark in the photo: it does not say
-/// where they were.
+/// A gap in the log of a flight. Its photo is dark there: the place of the lamps is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {
@@ -111,12 +100,12 @@ pub struct LogGap {
     pub span_s: [f64; 2],
     /// Where the drone was then, in the plane of the word, to the right and up.
     pub ends_m: [[f64; 2]; 2],
-    /// Longest way that the lamps can have taken from the one to the other.
+    /// Longest path that the lamps can have taken from the one to the other.
     pub way_m: f64,
 }
 
 impl LogGap {
-    /// Gaps from JSON, as a photo of a log holds them; `place` is their place in messages.
+    /// Gaps from the JSON in a photo of a log. `place` is their place in messages.
     ///
     /// # Errors
     ///
@@ -128,15 +117,14 @@ impl LogGap {
         })
     }
 
-    /// Whether the lamps can have been at a point of the plane during the gap: within the ellipse
-    /// about its ends that the longest way spans.
+    /// True if the lamps can have been at a point then: within the ellipse about the ends.
     pub(super) fn may_hold(&self, at_m: [f64; 2]) -> bool {
         let away_m = self.ends_m.iter().map(|end| distance(*end, at_m));
         away_m.sum::<f64>() <= self.way_m
     }
 }
 
-/// Facts of the flight, where they are known.
+/// Facts of the flight, as far as they are known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
     /// Speed along the strokes.
@@ -161,6 +149,7 @@ pub(super) fn sentence(
 ) -> String {
     use CauseKind as Kind;
 
+    // Lengths of missing or extra light add up. Of distances and widths, the greatest is named.
     let named = named(causes, letters);
     let length_mm: f64 = causes.iter().filter_map(|cause| cause.length_mm).sum();
     let most_mm = causes.iter().filter_map(|cause| cause.length_mm).fold(0.0, f64::max);
@@ -178,7 +167,7 @@ pub(super) fn sentence(
              ({}), not because of the lamps: log fewer variables, or on the \u{b5}SD card.",
             spans(causes)
         ),
-        // Behind a loop that lags, light on the way says nothing about the lamp.
+        // Behind a loop that lags, light between strokes says nothing about the lamp.
         Kind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
             "Switch the light off earlier between strokes of {named}: {length_mm:.0} mm of transit are \
              lit, as by a lamp {:.0} ms late.",
@@ -216,7 +205,7 @@ pub(super) fn sentence(
     }
 }
 
-/// The times of the gaps that causes have, each once.
+/// The times of the gaps in the log, each once.
 fn spans(causes: &[&Cause]) -> String {
     let mut spans: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
     spans.sort_by(|a, b| a[0].total_cmp(&b[0]));

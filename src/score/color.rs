@@ -1,24 +1,23 @@
-//! Ink by its color: what shines in the color of the strokes is ink, what shines in another color
-//! is something else.
+//! Ink by its color: light in the color of the strokes is ink, other light is not.
 //!
-//! A Crazyflie's status lights draw along with the headlights, all the time. People tell the blue
-//! and red lines from the white ones; luminance alone does not where they are overexposed.
+//! A Crazyflie's status lights draw along with the headlights. People tell the blue and red lines
+//! from the white ones. Luminance does not if these are overexposed.
 
 use std::cmp::Ordering;
 
 use super::light::{Rgb, luminance};
 
-/// Channels with less than this share of the ink's strongest channel say nothing about the ink:
-/// there is too little light in them.
+/// Channels with less of the ink's light, by its strongest channel, are too dark to be compared.
 const MIN_CHANNEL: f32 = 0.3;
 
-/// What light of another color takes off ink, by its own. An overexposed blue lamp is white by
-/// three quarters; the white of a trail differs from place to place by a tenth.
+/// Factor by which light of another color is subtracted from ink. An overexposed blue lamp is white
+/// by three quarters. The white of a trail differs from place to place by a tenth.
 const FOREIGN: f32 = 3.0;
 
 /// Mean color of the brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
-    // Half as wide as the half million pixels themselves.
+    // Integers are half as wide as pixels, of which there are half a million. Equal luminances are
+    // ordered by color, so that the same pixels are chosen for any order of them.
     let ranks = light.iter().map(|light| rank(luminance(*light)));
     let mut sorted: Vec<(i32, u32)> = ranks.zip(0..).collect();
     let n_pixels = n_pixels.clamp(1, sorted.len());
@@ -40,23 +39,23 @@ fn rank(value: f32) -> i32 {
     bits ^ ((bits >> 31).cast_unsigned() >> 1).cast_signed()
 }
 
-/// How much light of a color a pixel holds, as luminance: the share of its scarcest channel.
+/// Luminance of the light of a color that a pixel holds: that of its scarcest channel.
 fn holds(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
-    // Weak channels hold any share: without a branch, so that a row of pixels is vectorized.
+    // Weak channels hold any amount: without a branch, so that a row of pixels is vectorized.
     let terms = color.map(|c| match c >= MIN_CHANNEL * strongest && c > 0.0 {
         true => (scale / c, 0.0),
         false => (0.0, f32::INFINITY),
     });
     move |light| {
-        let shares = [0, 1, 2].map(|channel| light[channel] * terms[channel].0 + terms[channel].1);
-        let share = shares[0].min(shares[1]).min(shares[2]);
-        if share.is_finite() { share.max(0.0) } else { 0.0 }
+        let held = [0, 1, 2].map(|channel| light[channel] * terms[channel].0 + terms[channel].1);
+        let scarcest = held[0].min(held[1]).min(held[2]);
+        if scarcest.is_finite() { scarcest.max(0.0) } else { 0.0 }
     }
 }
 
-/// The light of a color in a pixel less what shines there in another color: a status light that is
+/// The light of a color in a pixel, less the light of other colors there: a status light that is
 /// overexposed nearly to white is not a stroke.
 pub(super) fn pure(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let holds = holds(color);

@@ -1,7 +1,9 @@
 //! Causes: what is missing in each letter, what is too much, and the gain of mending it.
 //!
-//! Each fault is taken out of the photo by itself and the word is read again: the difference is the
-//! cost of the fault.
+//! Each fault is taken out of the photo by itself, and the word is read again. The difference is
+//! the cost of the fault.
+
+use kurbo::Point;
 
 use super::alphabet::with_case_of;
 use super::causes::{Advice, Cause, CauseKind, Known, sentence};
@@ -22,25 +24,23 @@ const FEW_PX: f64 = 30.0;
 /// Full light by the least light that stands out, below which a photo is dim.
 const DIM: f32 = 2.0;
 
-/// Share in the choice below which a faultless drawing is a flaw of its font.
+/// Probability below which a faultless drawing is a flaw of its font.
 const STRANGE: f64 = 0.5;
 
-/// Share of another letter in a faultless drawing from which the font has a part in it, if the
+/// Probability of another letter in a faultless drawing from which the font is to blame if the
 /// photo is read as that letter: the team's J, whose hook is small, has it for T.
 const AMBIGUOUS: f64 = 0.01;
 
-/// Share in the choice from which a letter is sure: mending it gains nothing.
+/// Probability from which a letter is sure: mending it gains nothing.
 const SURE: f64 = 0.97;
 
 /// Least gain of readability that is advised.
 const LEAST_GAIN: f64 = 0.005;
 
-/// Letters whose faults are taken out of a photo: those with the least shares. Each fault is read
-/// anew.
+/// Letters whose faults are taken out, the least probable ones. Each fault is one reading.
 const MOST_MENDED: usize = 12;
 
-/// Longest word, in letters, whose faults are taken out. In a longer one, faults are named without
-/// their gains.
+/// Longest word, in letters, whose faults are taken out. Longer ones have no gains.
 const LONGEST_MENDED: usize = 32;
 
 /// Most sentences of advice.
@@ -55,8 +55,7 @@ pub struct Marks {
     pub missing: Vec<Vec<[f64; 2]>>,
     /// Points of light where none was intended.
     pub stray: Vec<Vec<[f64; 2]>>,
-    /// Corners of the letters' cells, clockwise from the upper left, in the order of the letters
-    /// that have light.
+    /// Corners of the cells of letters with light, clockwise from the upper left.
     pub cells: Vec<Vec<[f64; 2]>>,
 }
 
@@ -66,43 +65,16 @@ impl Reader {
     /// # Errors
     ///
     /// As [`Self::score`].
-    ///
-    /// # Panics
-    ///
-    /// As [`Self::score`].
     pub fn explain(&self, photo: &Photo, view: &View, known: &Known) -> Result<(Verdict, Marks)> {
         let (mut verdict, seen) = self.sight(photo, view)?;
         let mut marks = Marks::default();
         let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
+        // Faults of letters first, with their gains, then those of the font and of the photo, which
+        // cannot be mended.
         let mut faults = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
-        if self.expected.indices.len() > LONGEST_MENDED {
-            faults.iter_mut().for_each(|(_, mending)| *mending = None);
-        }
-        let columns = Columns::joined(seen.columns.iter().cloned());
-        let in_place = self.expected.judge(&columns);
-        let middles = self.expected.middles(&columns);
-        // The places with the least shares.
-        let mut worst: Vec<usize> = (0..in_place.choices.len()).collect();
-        worst.sort_by(|a, b| in_place.choices[*a].p.total_cmp(&in_place.choices[*b].p));
-        worst.truncate(MOST_MENDED);
-        for (cause, mending) in &mut faults {
-            let (Some(index), Some(fault)) = (cause.letter, mending.as_ref()) else { continue };
-            let place = self.expected.indices.iter().position(|judged| *judged == index);
-            let Some(place) = place else { continue };
-            if !worst.contains(&place) {
-                *mending = None;
-                continue;
-            }
-            let before = in_place.choices[place].p;
-            cause.gain = Some(if before >= SURE {
-                0.0
-            } else {
-                let mended = self.mended(seen, &sketches, &[(index, fault)]);
-                self.expected.choice_near(&mended, &middles, place).p - before
-            });
-        }
+        let in_place = self.gains(seen, &sketches, &mut faults);
         self.flaws_of_design(&verdict, &mut faults);
         if verdict.cap_height_px.is_some_and(|px| px < FEW_PX) {
             faults.push((Cause::new(CauseKind::FewPixels, None), None));
@@ -116,8 +88,40 @@ impl Reader {
         Ok((verdict, marks))
     }
 
-    /// Compares the light of each letter with its strokes: fills in the measures of the verdict and
-    /// the marks, and returns the faults.
+    /// Reads each letter again without each of its faults, for their gains, and returns the
+    /// judgment with all faults. Faults of letters that are not read again lose their mending.
+    fn gains(&self, seen: &Seen, sketches: &[Sketch], faults: &mut [Fault]) -> Judgment {
+        let columns = Columns::joined(seen.columns.iter().cloned());
+        let in_place = self.expected.judge(&columns);
+        let middles = self.expected.middles(&columns);
+        let mut worst: Vec<usize> = (0..in_place.choices.len()).collect();
+        worst.sort_by(|a, b| in_place.choices[*a].p.total_cmp(&in_place.choices[*b].p));
+        worst.truncate(MOST_MENDED);
+        let is_long = self.expected.indices.len() > LONGEST_MENDED;
+        for (cause, mending) in faults {
+            let (Some(index), false) = (cause.letter, is_long) else {
+                *mending = None;
+                continue;
+            };
+            let place = self.expected.indices.iter().position(|judged| *judged == index);
+            // Punctuation is not judged, but is mended with the other letters for advice.
+            let Some(place) = place else { continue };
+            if !worst.contains(&place) {
+                *mending = None;
+            }
+            let Some(fault) = mending else { continue };
+            let before = in_place.choices[place].p;
+            cause.gain = Some(if before >= SURE {
+                0.0
+            } else {
+                let mended = self.mended(seen, sketches, &[(index, fault)]);
+                self.expected.choice_near(&mended, &middles, place).p - before
+            });
+        }
+        in_place
+    }
+
+    /// Compares the light of each letter with its strokes, for measures, marks and faults.
     fn compare(
         &self,
         sketches: &[Sketch],
@@ -128,49 +132,53 @@ impl Reader {
     ) -> Vec<Fault> {
         let placed = &seen.placed;
         let mut faults: Vec<Fault> = Vec::new();
-        // Length of all strokes, and the parts of it that have light and whose light is theirs.
+        // Length of all strokes, of those with light, and of the light that is theirs.
         let [mut length, mut lit, mut own] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
             let (gaps, recall) = sketch
                 .trace
                 .gaps(&sketch.bent, |points| lost_in(points, page, placed, known).is_some());
-            let (mut strays, precision) = sketch.trace.strays(&sketch.own, &sketch.beside);
-            strays.retain(|stray| stray.points.iter().any(|point| page.holds(*point)));
+            let (mut extra, precision) = sketch.trace.extra_lines(&sketch.own, &sketch.beside);
+            extra.retain(|line| line.points.iter().any(|point| page.holds(*point)));
             let n_segments = sketch.own.len() as f64;
             length += n_segments;
             lit += recall * n_segments;
             own += precision * n_segments;
+
+            // Measures of the letter, in millimeters and meters of the word's plane.
             let pitch_mm = 1000.0 * page.grid.pitch_m;
-            let missing: f64 = gaps.iter().map(|gap| gap.along_px[1] - gap.along_px[0]).sum();
-            let stray = strays.iter().map(|stray| stray.points.len()).sum::<usize>() as f64;
+            let missing_px: f64 = gaps.iter().map(|gap| gap.along_px[1] - gap.along_px[0]).sum();
+            let extra_px = extra.iter().map(|line| line.points.len()).sum::<usize>() as f64;
             let letter = &mut verdict.letters[index];
             (letter.recall, letter.precision) = (Some(recall), Some(precision));
             // The sum of nothing is -0.
-            letter.missing_mm = Some(missing.abs() * pitch_mm);
-            letter.stray_mm = Some(stray * pitch_mm);
+            letter.missing_mm = Some(missing_px.abs() * pitch_mm);
+            letter.stray_mm = Some(extra_px * pitch_mm);
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
-            let photo_line = |points: &[[f64; 2]]| {
-                let in_plane =
-                    points.iter().map(|point| placed.apply(page.plane_from_page(*point)));
-                in_plane.filter_map(|point_m| view.image_from_plane(point_m)).collect()
+
+            // The same as lines on the photo.
+            let on_photo = |points: &[Point]| -> Vec<[f64; 2]> {
+                let in_plane = points.iter().map(|point| page.grid.plane_from_page(*point));
+                in_plane.filter_map(|point_m| placed.image_point(view, point_m)).collect()
             };
-            marks.intended.extend(sketch.bent.intended.iter().map(|points| photo_line(points)));
-            marks.missing.extend(gaps.iter().map(|gap| photo_line(&gap.points)));
-            marks.stray.extend(strays.iter().map(|stray| photo_line(&stray.points)));
+            marks.intended.extend(sketch.bent.runs.iter().map(|run| on_photo(&run.intended)));
+            marks.missing.extend(gaps.iter().map(|gap| on_photo(&gap.points)));
+            marks.stray.extend(extra.iter().map(|line| on_photo(&line.points)));
             let [left, top, right, bottom] = page.cell();
-            let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
-            marks.cells.push(photo_line(&corners));
-            faults.extend(self.faults(index, sketch, (gaps, strays), (placed, known)));
+            let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+            marks.cells.push(on_photo(&corners.map(Point::from)));
+            faults.extend(self.faults(index, sketch, (gaps, extra), (placed, known)));
         }
+        // The harmonic mean, F1, of both fractions.
         let [recall, precision] = [lit, own].map(|part| part / length.max(1e-9));
         verdict.faithfulness = Some(2.0 * recall * precision / (recall + precision).max(1e-9));
         faults
     }
 
     /// Sentences for kinds of faults: first those whose mending gains readability, the most gainful
-    /// first; where the word is not legible, then those that cannot be taken out of a photo.
+    /// first. If the word is not legible, those that cannot be mended follow.
     fn advise(
         &self,
         (seen, in_place): (&Seen, &Judgment),
@@ -179,37 +187,43 @@ impl Reader {
         faults: &[Fault],
         known: &Known,
     ) -> Vec<Advice> {
-        let kinds = faults.iter().enumerate().map(|(index, (cause, _))| (index, cause.kind));
-        let kinds = kinds
-            .filter(|(index, kind)| faults[..*index].iter().all(|(cause, _)| cause.kind != *kind));
         let letters: Vec<char> = self.strokes.glyphs.iter().map(|glyph| glyph.character).collect();
-        let advice = kinds.filter_map(|(_, kind)| {
-            let alike = faults.iter().filter(|(cause, _)| cause.kind == kind);
+        let mut advice: Vec<Advice> = Vec::new();
+        let mut kinds: Vec<CauseKind> = Vec::new();
+        for (Cause { kind, .. }, _) in faults {
+            if kinds.contains(kind) {
+                continue;
+            }
+            kinds.push(*kind);
+            // All faults of a kind are mended at once: one change to the flight mends them all.
+            let alike = faults.iter().filter(|(cause, _)| cause.kind == *kind);
             let (causes, mendings): (Vec<&Cause>, Vec<_>) =
                 alike.map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref()))).unzip();
             let mendings: Vec<(usize, &Mending)> = mendings.into_iter().flatten().collect();
-            let mut shares = mendings.iter().map(|(index, _)| verdict.letters[*index].p);
+            let mut letters_p = mendings.iter().map(|(index, _)| verdict.letters[*index].p);
             let gain = if mendings.is_empty() {
-                (!verdict.legible).then_some(None)?
-            } else if shares.all(|p| p.is_none_or(|p| p >= SURE)) {
-                return None;
+                None
+            } else if letters_p.all(|p| p.is_none_or(|p| p >= SURE)) {
+                Some(0.0)
             } else {
                 let columns = self.mended(seen, sketches, &mendings);
-                let gain = self.expected.judge(&columns).readability - in_place.readability;
-                (gain >= LEAST_GAIN).then_some(Some(gain))?
+                Some(self.expected.judge(&columns).readability - in_place.readability)
             };
-            Some(Advice { kind, text: sentence(kind, &causes, &letters, known), gain })
-        });
-        let mut advice: Vec<Advice> = advice.collect();
+            if gain.map_or(!verdict.legible, |gain| gain >= LEAST_GAIN) {
+                let text = sentence(*kind, &causes, &letters, known);
+                advice.push(Advice { kind: *kind, text, gain });
+            }
+        }
         advice.sort_by(|a, b| b.gain.unwrap_or(0.0).total_cmp(&a.gain.unwrap_or(0.0)));
         advice.truncate(MAX_ADVICE);
         advice
     }
 
-    /// What the word shows with faults taken out of letters.
+    /// The columns of the word with faults taken out of letters.
     fn mended(&self, seen: &Seen, sketches: &[Sketch], mendings: &[(usize, &Mending)]) -> Columns {
         let (mut strips, mut columns) = (seen.strips.clone(), seen.columns.clone());
         let mut changed = vec![Vec::new(); strips.len()];
+        // The letter's picture is mended on its page, and the strip takes over the difference.
         for letters in mendings.chunk_by(|a, b| a.0 == b.0) {
             let (index, line) = (letters[0].0, self.line_of[letters[0].0]);
             let (sketch, page) = (&sketches[index], &self.pages[index].grid);
@@ -219,14 +233,14 @@ impl Reader {
                 [&sketch.ink, &mended].map(|raster| raster.blur(BLUR_H * f32::from(PX_PER_H)));
             changed[line].push(strips[line].change(&self.lines[line], page, &before, &after));
         }
+        // Only columns near a change are read again by the net.
         for (line, parts) in changed.into_iter().enumerate() {
             parts.into_iter().for_each(|part| columns[line].replace(&strips[line], part));
         }
         Columns::joined(columns)
     }
 
-    /// Letters that look like other ones even where they are drawn without fault, or that do so a
-    /// little and are read as these in the photo.
+    /// Adds letters that look like other ones even in a faultless drawing.
     fn flaws_of_design(&self, verdict: &Verdict, faults: &mut Vec<Fault>) {
         let choices = self.expected.choices(&self.drawn_columns());
         for (index, choice) in self.expected.indices.iter().zip(choices) {

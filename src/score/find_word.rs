@@ -1,13 +1,12 @@
 //! Location of a word in a photo without a known camera, from its light.
 //!
-//! The letters that [`read`](super::read) finds are matched with the word's cells, one by one where
+//! The letters that [`read`](super::read) finds are matched with the word's cells, one by one if
 //! their numbers agree, else from the first to the last. The plane is assumed to be seen square on,
 //! with separate scales across and down and a slope of the line.
 
 use super::reader::lit_bounds_m;
 use super::reading::Reading;
 use super::view::{Homography, View};
-use noctograph_core::error::Result;
 use noctograph_core::geometry::bounds;
 use noctograph_core::photo::Photo;
 use noctograph_core::statistics::median;
@@ -19,35 +18,30 @@ const MAX_STRETCH: f64 = 2.5;
 /// Steepest line: rise by run.
 const MAX_SLOPE: f64 = 0.3;
 
-/// The view that places a word on the writing in a photo; `None` where there is too little.
-///
-/// # Errors
-///
-/// As [`Homography::from_corners`].
-pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<Option<View>> {
+/// The view that places a word on the writing in a photo, or `None` if there is too little.
+pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<View> {
     let boxes = strokes.glyphs.chunks(1).map(lit_bounds_m);
     let boxes: Vec<[f64; 4]> = boxes.filter(|[left, _, right, _]| left <= right).collect();
     let letters = &reading.letters;
-    let (Some(first), Some(last)) = (letters.first(), letters.last()) else { return Ok(None) };
-    if boxes.is_empty() {
-        return Ok(None);
-    }
-    // Edges of letters, or of the word: where they are in the plane, and where in the picture.
-    let pairs: Vec<[f64; 2]> = if letters.len() == boxes.len() {
-        let edges = boxes.iter().zip(letters).flat_map(|(plane, letter)| {
-            [[plane[0], letter.box_px[0]], [plane[2], letter.box_px[2]]]
-        });
-        edges.collect()
+    let [first_box, last_box] = [boxes.first()?, boxes.last()?];
+    let [first, last] = [letters.first()?, letters.last()?];
+    // Across: a line through the edges of letters, or of the word, in the plane and in the picture.
+    let mut edges: Vec<[f64; 2]> = Vec::new();
+    if letters.len() == boxes.len() {
+        for (plane, letter) in boxes.iter().zip(letters) {
+            edges.extend([[plane[0], letter.box_px[0]], [plane[2], letter.box_px[2]]]);
+        }
     } else {
-        let [left, right] = [boxes[0][0], boxes[boxes.len() - 1][2]];
-        vec![[left, first.box_px[0]], [right, last.box_px[2]]]
-    };
-    let Some((at_zero, across)) = line_through(&pairs) else { return Ok(None) };
+        edges.extend([[first_box[0], first.box_px[0]], [last_box[2], last.box_px[2]]]);
+    }
+    let (at_zero, across) = line_through(&edges)?;
+    // Down: the median height of the letters is that of the word.
     let corners = boxes.iter().flat_map(|plane| [[plane[0], plane[1]], [plane[2], plane[3]]]);
     let [_, bottom, _, top] = bounds(corners);
     let high_px =
         median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1])).expect("letters");
     let down = high_px / (top - bottom);
+    // The slope of the line, and its height in the picture at x = 0.
     let middles = letters.iter().map(|letter| {
         let [left, top, right, bottom] = letter.box_px;
         [0.5 * (left + right), 0.5 * (top + bottom)]
@@ -59,21 +53,19 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Result<
 
     let stretch = (across / down).max(down / across);
     if !(across > 0.0 && down > 0.0 && stretch <= MAX_STRETCH) {
-        return Ok(None);
+        return None;
     }
-    let [left, right] = [boxes[0][0], boxes[boxes.len() - 1][2]];
+    let [left, right] = [first_box[0], last_box[2]];
     let corners = [(left, 1.0), (right, 1.0), (right, -1.0), (left, -1.0)].map(|(x, above)| {
         let x = at_zero + across * x;
         [x, height_px + slope * x - 0.5 * above * high_px]
     });
     let size_px = [photo.width_px, photo.height_px];
-    let plane = Homography::from_corners([left, bottom, right, top], corners, size_px);
-    // An I alone has no width.
-    Ok(plane.ok().map(View::Plane))
+    // A single I has no width, and no view.
+    Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 
-/// The median of the slopes between all points (Theil and Sen): a letter with a tail has its middle
-/// elsewhere.
+/// The median gradient between all points (Theil 1950, Sen 1968). A tail is an outlier.
 fn median_slope(points: &[[f64; 2]]) -> f64 {
     let pairs = (0..points.len()).flat_map(|a| (0..a).map(move |b| (points[a], points[b])));
     let apart = pairs.filter(|(a, b)| a[0] != b[0]);
@@ -84,9 +76,9 @@ fn median_slope(points: &[[f64; 2]]) -> f64 {
 fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let n = points.len() as f64;
     let [x, y] = [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / n);
-    let spread: f64 = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
-    let slope = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum::<f64>() / spread;
-    (spread > 0.0 && slope.is_finite()).then_some((y - slope * x, slope))
+    let variance: f64 = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
+    let slope = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum::<f64>() / variance;
+    (variance > 0.0 && slope.is_finite()).then_some((y - slope * x, slope))
 }
 
 #[cfg(test)]

@@ -1,5 +1,4 @@
-//! The judgment of the columns that show a word: what is seen in the place of each letter, the
-//! likeliest other word, and the readability.
+//! The judgment of columns: the choice for each letter, the likeliest other word, the readability.
 
 use std::ops::Range;
 
@@ -15,20 +14,19 @@ use super::spelling;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
 use noctograph_core::strokes::Strokes;
 
-/// Shares below this are left out of a letter's row of confusions.
-const LEAST_SHARE: f64 = 0.001;
+/// Probabilities below this are left out of a letter's row of confusions.
+const LEAST_CONFUSION: f64 = 0.001;
 
 /// Rivals that a letter names.
 const N_RIVALS: usize = 3;
 
-/// Least share of a letter in a faultless drawing of one that the net was not trained on that
-/// counts as it.
+/// Least probability of a letter, in a drawing of one without training, from which it counts as it.
 const LEAST_TAKEN: f64 = 0.02;
 
-/// Letters to either side that decide what is seen in the place of one.
+/// Letters to either side that decide the choice in the place of one.
 const NEAR: usize = 4;
 
-/// Readability where a word of another length is likelier, at most: an even chance.
+/// Greatest readability if a word of another length is likelier: an even chance.
 const MOST_OF_OTHER_LENGTH: f64 = 0.5;
 
 /// Free readings that are tried as rivals.
@@ -36,19 +34,19 @@ const N_FREE: usize = 2;
 
 /// A word that columns are expected to show, without its punctuation.
 pub(super) struct Expected {
-    /// Index of each judged character in the word; twice that of a ligature (æ, œ) that the net
-    /// reads as two letters.
+    /// Index of each judged character in the word, twice for a ligature that is read as two
+    /// letters.
     pub(super) indices: Vec<usize>,
     characters: Vec<char>,
     /// The classes that count as each character.
     classes: Vec<Classes>,
     /// Mean of ln p over its letters.
     ln_p_of_spelling: f64,
-    /// How many judged characters are before the begin of each line and before its end.
+    /// Number of judged characters before the begin of each line and before its end.
     line_ends: Vec<usize>,
 }
 
-/// What columns show of a word.
+/// Evidence for a word in columns.
 pub(super) struct Judgment {
     /// By judged character.
     pub(super) choices: Vec<Choice>,
@@ -60,6 +58,33 @@ pub(super) struct Judgment {
 pub(super) struct Odds {
     word: String,
     ln_odds: f64,
+}
+
+impl Odds {
+    fn new(word: Vec<char>, ln_odds: f64) -> Self {
+        Self { word: word.into_iter().collect(), ln_odds }
+    }
+
+    /// The first of the likeliest.
+    fn likeliest(odds: impl IntoIterator<Item = Self>) -> Option<Self> {
+        odds.into_iter().reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a })
+    }
+}
+
+/// The letters near an end of a line, and the columns that show them.
+struct LineEnd {
+    /// Number of judged characters before the end.
+    index: usize,
+    letters: Range<usize>,
+    columns: Columns,
+    /// ln of the probability of the expected letters.
+    ln_p: f64,
+}
+
+impl LineEnd {
+    fn ln_odds(&self, classes: &[Classes]) -> f64 {
+        self.columns.ln_p(classes) - self.ln_p
+    }
 }
 
 impl Judgment {
@@ -75,7 +100,7 @@ impl Judgment {
         self
     }
 
-    /// Whether a word of another length is likelier than the expected one.
+    /// True if a word of another length is likelier than the expected one.
     pub(super) fn has_other_length(&self) -> bool {
         let rival = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         rival.is_some_and(|rival| rival.word.chars().count() != self.choices.len())
@@ -83,8 +108,25 @@ impl Judgment {
 }
 
 impl Expected {
-    /// Takes for a Latin letter that the net was not trained on also what the net takes it for in
-    /// the columns of a faultless drawing: people read it by an alphabet that the net lacks.
+    pub(super) fn new(strokes: &Strokes) -> Self {
+        let characters = strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
+        let known = characters.filter_map(|(index, c)| Some((index, (c, classes_of(c)?))));
+        let (indices, (characters, classes)): (Vec<usize>, (_, _)) = known.unzip();
+        let ends = strokes.lines().into_iter().map(|line| line.end);
+        let ends = ends.map(|end| indices.iter().filter(|index| **index < end).count());
+        let mut line_ends: Vec<usize> = [0].into_iter().chain(ends).collect();
+        line_ends.dedup();
+        let ln_p_of_spelling = spelling::mean_ln_p(&strokes.word);
+        Self { indices, characters, classes, ln_p_of_spelling, line_ends }
+    }
+
+    /// True if the net was not trained on one of the letters.
+    pub(super) fn is_untrained(&self) -> bool {
+        self.characters.iter().any(|character| is_untrained(*character))
+    }
+
+    /// Widens the classes of Latin letters that the net was not trained on by what it takes a
+    /// faultless drawing of them for: people read them by an alphabet that the net lacks.
     pub(super) fn learn(&mut self, drawn: &Columns) {
         for place in (0..self.characters.len()).rev() {
             if let Some(pair) = ligature(self.characters[place]) {
@@ -102,11 +144,10 @@ impl Expected {
         }
     }
 
-    /// Takes a ligature for its two letters, where a faultless drawing shows them.
+    /// Replaces a ligature by its two letters if a faultless drawing shows them.
     fn split(&mut self, place: usize, pair: [char; 2], drawn: &Columns) {
         let mut apart = self.classes.clone();
-        let pair_classes = pair.map(seen_as);
-        apart.splice(place..=place, pair_classes);
+        apart.splice(place..=place, pair.map(seen_as));
         if drawn.ln_p(&apart) > drawn.ln_p(&self.classes) {
             self.classes = apart;
             self.characters.splice(place..=place, pair);
@@ -115,8 +156,7 @@ impl Expected {
         }
     }
 
-    /// One choice for each judged character of the word: both letters of a ligature have to be
-    /// right.
+    /// One choice for each judged character. Both letters of a ligature have to be right.
     pub(super) fn by_character(&self, choices: Vec<Choice>) -> Vec<Choice> {
         let mut merged: Vec<(usize, Choice)> = Vec::new();
         for (index, choice) in self.indices.iter().zip(choices) {
@@ -128,46 +168,34 @@ impl Expected {
         merged.into_iter().map(|(_, choice)| choice).collect()
     }
 
-    /// Whether a letter is one that the net was not trained on.
-    pub(super) fn is_untrained(&self) -> bool {
-        self.characters.iter().any(|character| is_untrained(*character))
+    pub(super) fn judge(&self, columns: &Columns) -> Judgment {
+        let choices = self.choices(columns);
+        let rival = self.rival(columns, &choices);
+        let against = rival.as_ref().map_or(f64::INFINITY, |rival| -rival.ln_odds);
+        let readability = readability(&choices, against, self.ln_p_of_spelling);
+        Judgment { choices, rival: None, readability }.against(rival)
     }
 
-    pub(super) fn new(strokes: &Strokes) -> Self {
-        let characters = strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
-        let known = characters.filter_map(|(index, c)| Some((index, (c, classes_of(c)?))));
-        let (indices, (characters, classes)): (Vec<usize>, (_, _)) = known.unzip();
-        let ends = strokes.lines().into_iter().map(|line| line.end);
-        let ends = ends.map(|end| indices.iter().filter(|index| **index < end).count());
-        let mut line_ends: Vec<usize> = [0].into_iter().chain(ends).collect();
-        line_ends.dedup();
-        Self {
-            indices,
-            characters,
-            classes,
-            ln_p_of_spelling: spelling::mean_ln_p(&strokes.word),
-            line_ends,
-        }
-    }
-
-    /// What is seen in the place of each judged character. The time grows with the square of a
-    /// word's length if all its letters decide, so that those near by do in a long one.
+    /// The choice in the place of each judged character. All letters of a short word decide. The
+    /// time would grow with the square of the length, so that in a long word those near by decide.
     pub(super) fn choices(&self, columns: &Columns) -> Vec<Choice> {
-        let n_letters = self.classes.len();
-        if n_letters <= 2 * NEAR + 1 {
+        if self.is_short() {
             return columns.choices(&self.classes, &self.characters);
         }
         let middles = self.middles(columns);
-        (0..n_letters).map(|place| self.choice_near(columns, &middles, place)).collect()
+        (0..self.classes.len()).map(|place| self.choice_near(columns, &middles, place)).collect()
     }
 
-    /// What is seen in the place of one judged character, by the letters around it alone: in a long
-    /// word the others are far away. `middles` are those of [`Columns::middles`].
+    /// The choice in the place of one judged character, by the letters around it.
     pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
         let letters = self.near(place);
         let part = columns_of(columns, middles, &letters);
-        let (own, start) = (&self.classes[letters.clone()], letters.start);
-        part.choices(own, &self.characters[letters]).swap_remove(place - start)
+        let (classes, start) = (&self.classes[letters.clone()], letters.start);
+        part.choices(classes, &self.characters[letters]).swap_remove(place - start)
+    }
+
+    fn is_short(&self) -> bool {
+        self.classes.len() <= 2 * NEAR + 1
     }
 
     /// The letters around a place.
@@ -180,59 +208,52 @@ impl Expected {
         columns.middles(&self.classes)
     }
 
-    pub(super) fn judge(&self, columns: &Columns) -> Judgment {
-        let choices = self.choices(columns);
-        let rival = self.rival(columns, &choices);
-        let against = rival.as_ref().map_or(f64::INFINITY, |rival| -rival.ln_odds);
-        let readability = readability(&choices, against, self.ln_p_of_spelling);
-        Judgment { choices, rival: None, readability }.against(rival)
+    /// Letters and digits with their classes. Shapes that both have are digits in a number.
+    fn names(&self) -> Vec<(char, Classes)> {
+        names(0, self.characters.iter().all(char::is_ascii_digit))
     }
 
-    /// The likeliest word that has one letter more or less at an end of a line, if it is likelier
-    /// than the expected one. In a long word the letters near that end decide.
+    /// The likeliest word with one letter more or less at an end of a line, if it is likelier.
     pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
         let n_letters = self.classes.len();
         let middles = self.middles(columns);
-        let parts = self.line_ends.iter().map(|&end| {
-            let letters = if n_letters <= 2 * NEAR + 1 {
-                0..n_letters
-            } else {
-                self.near(end.min(n_letters - 1))
-            };
-            let part = columns_of(columns, &middles, &letters);
-            let own = part.ln_p(&self.classes[letters.clone()]);
-            (end, letters, part, own)
+        let line_ends = self.line_ends.iter().map(|&index| {
+            let near = self.near(index.min(n_letters - 1));
+            let letters = if self.is_short() { 0..n_letters } else { near };
+            let columns = columns_of(columns, &middles, &letters);
+            let ln_p = columns.ln_p(&self.classes[letters.clone()]);
+            LineEnd { index, letters, columns, ln_p }
         });
-        let parts: Vec<_> = parts.collect();
-        let any = !(BLANK | NO_LETTER);
-        let all = names(0, self.characters.iter().all(char::is_ascii_digit));
-        let longer = parts.iter().flat_map(|(end, letters, part, own)| {
-            let ln_odds = move |set: Classes| {
-                let mut word = self.classes[letters.clone()].to_vec();
-                word.insert(end - letters.start, set);
-                part.ln_p(&word) - own
-            };
-            let names = if ln_odds(any) > 0.0 { &all[..] } else { &[] };
-            names.iter().map(move |(letter, set)| {
+        let line_ends: Vec<LineEnd> = line_ends.collect();
+        let names = self.names();
+        let mut odds = Vec::new();
+        // One letter more. Each one is only tried if all of them together are likelier.
+        for end in &line_ends {
+            let mut classes = self.classes[end.letters.clone()].to_vec();
+            let added = end.index - end.letters.start;
+            classes.insert(added, !(BLANK | NO_LETTER));
+            let may_be_longer = end.ln_odds(&classes) > 0.0;
+            for (letter, set) in names.iter().filter(|_| may_be_longer) {
                 let mut word = self.characters.clone();
-                word.insert(*end, with_case_of(*letter, word[end.saturating_sub(1)]));
-                Odds { word: word.into_iter().collect(), ln_odds: ln_odds(*set) }
-            })
-        });
-        let shorter = parts.windows(2).flat_map(|ends| [(&ends[0], 0), (&ends[1], 1)]);
-        let shorter = shorter.filter(|_| n_letters > 1).map(|((end, letters, part, own), back)| {
-            let (mut word, mut classes) =
-                (self.characters.clone(), self.classes[letters.clone()].to_vec());
-            word.remove(end - back);
-            classes.remove(end - back - letters.start);
-            Odds { word: word.into_iter().collect(), ln_odds: part.ln_p(&classes) - own }
-        });
-        let likeliest =
-            longer.chain(shorter).reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a });
-        likeliest.filter(|odds| odds.ln_odds > 0.0)
+                word.insert(end.index, with_case_of(*letter, word[end.index.saturating_sub(1)]));
+                classes[added] = *set;
+                odds.push(Odds::new(word, end.ln_odds(&classes)));
+            }
+        }
+        // One letter less: the first of each line, and its last.
+        for pair in line_ends.windows(2).filter(|_| n_letters > 1) {
+            for (end, removed) in [(&pair[0], pair[0].index), (&pair[1], pair[1].index - 1)] {
+                let mut word = self.characters.clone();
+                let mut classes = self.classes[end.letters.clone()].to_vec();
+                word.remove(removed);
+                classes.remove(removed - end.letters.start);
+                odds.push(Odds::new(word, end.ln_odds(&classes)));
+            }
+        }
+        Odds::likeliest(odds).filter(|odds| odds.ln_odds > 0.0)
     }
 
-    /// Whether a free reading is the expected word.
+    /// True if a free reading is the expected word.
     fn is_spelled(&self, text: &str, word: &str) -> bool {
         let same_length = text.chars().count() == self.characters.len();
         let letters = text.chars().zip(&self.characters).zip(&self.classes);
@@ -243,33 +264,31 @@ impl Expected {
         spells(text, word) || same_length && are_same.all(|is_same| is_same)
     }
 
-    /// The likeliest other word: the word with one letter replaced by its rival, or a reading that
-    /// does not know the word (of digits alone where the word has only digits).
+    /// The likeliest other word: one letter is replaced, or the columns are read freely.
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
+        let mut odds = Vec::new();
+        for (index, choice) in choices.iter().enumerate() {
+            if let Some(&(letter, p)) = choice.others.first() {
+                let mut word = self.characters.clone();
+                word[index] = with_case_of(letter, word[index]);
+                odds.push(Odds::new(word, libm::log(p / choice.p.max(1e-300))));
+            }
+        }
         let word: String = self.characters.iter().collect();
-        let by_letter = choices.iter().enumerate().filter_map(|(index, choice)| {
-            let &(letter, p) = choice.others.first()?;
-            let mut rival = self.characters.clone();
-            rival[index] = with_case_of(letter, rival[index]);
-            let ln_odds = libm::log(p / choice.p.max(1e-300));
-            Some(Odds { word: rival.into_iter().collect(), ln_odds })
-        });
-        let own = columns.ln_p(&self.classes);
-        let all = names(0, self.characters.iter().all(char::is_ascii_digit));
-        let free = search(columns, &all, &all).into_iter();
+        let ln_p = columns.ln_p(&self.classes);
+        let names = self.names();
+        let free = search(columns, &names, &names).into_iter();
         // Light beside a word that no letter explains makes no other word.
         let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
         let free = free.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
-        let free = free.take(N_FREE);
-        let free = free.map(|text| {
-            let ln_p = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>());
+        for text in free.take(N_FREE) {
+            let ln_odds = columns.ln_p(&text.chars().map(seen_as).collect::<Vec<_>>()) - ln_p;
             let last = self.characters.len() - 1;
             let named = text.chars().enumerate();
             let named = named.map(|(index, c)| with_case_of(c, self.characters[index.min(last)]));
-            Odds { word: named.collect(), ln_odds: ln_p - own }
-        });
-        let all = by_letter.chain(free).filter(|rival| !rival.ln_odds.is_nan());
-        all.reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a })
+            odds.push(Odds::new(named.collect(), ln_odds));
+        }
+        Odds::likeliest(odds.into_iter().filter(|rival| !rival.ln_odds.is_nan()))
     }
 }
 
@@ -288,7 +307,7 @@ fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Col
 pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
     let others = choice.others.iter();
     let rivals = others.map(|(c, p)| Rival { letter: with_case_of(*c, expected), p: *p });
-    let likely = rivals.clone().filter(|rival| rival.p >= LEAST_SHARE);
+    let likely = rivals.clone().filter(|rival| rival.p >= LEAST_CONFUSION);
     let mut confusion: Vec<Rival> =
         [Rival { letter: expected, p: choice.p }].into_iter().chain(likely).collect();
     confusion.sort_by(|a, b| b.p.total_cmp(&a.p));

@@ -1,10 +1,9 @@
-//! What a strip shows: the shares of the net's classes along it, the ways through these columns
-//! that spell a word, and the choice among all letters in each place.
+//! Probabilities of the net's classes along a strip, and of words in them.
 //!
 //! A word is spelled by every sequence of columns that shows its letters in order, each for one or
 //! more columns, with or without blanks between them (connectionist temporal classification, Graves
-//! and others 2006). Sums over all ways from the left and from the right give the probability of
-//! the word, and of the word with one letter replaced or left out.
+//! and others 2006). Sums over all these paths from the left and from the right give the
+//! probability of the word, and of the word with one letter replaced or left out.
 
 use std::ops::Range;
 
@@ -14,46 +13,44 @@ use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
 
-/// Least share of a class at a column: below it, shares are noise of the training.
+/// Least probability of a class at a column. Lower ones are noise of the training.
 const LEAST: f64 = 1e-6;
 
-/// Shares of the classes at each column.
+/// Probabilities of the classes at each column.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Columns(pub(super) Vec<[f64; N_CLASSES]>);
 
 impl Columns {
-    /// Shares along a strip.
+    /// Probabilities along a strip.
     pub(super) fn along(strip: &Strip) -> Self {
-        Self(net::logits(strip).iter().map(shares).collect())
+        Self(net::logits(strip).iter().map(softmax).collect())
     }
 
-    /// The mean of the shares along a strip, its own, and along its neighbors: of letters that they
-    /// disagree on, one is there all the same.
+    /// The mean with the neighbors of the strip. A letter that only some of them show stays likely.
     pub(super) fn agreed(mut self, strip: &Strip) -> Self {
         let beside: Vec<Self> = strip.neighbors().par_iter().map(Self::along).collect();
         let part = 1.0 / (beside.len() + 1) as f64;
         for (index, column) in self.0.iter_mut().enumerate() {
-            for (class, share) in column.iter_mut().enumerate() {
+            for (class, p) in column.iter_mut().enumerate() {
                 let sum = beside.iter().map(|columns| columns.0[index][class]).sum::<f64>();
-                *share = part * (*share + sum);
+                *p = part * (*p + sum);
             }
         }
         self
     }
 
-    /// Takes the shares anew that depend on some columns of a strip.
+    /// Computes the probabilities anew that depend on some columns of a strip.
     pub(super) fn replace(&mut self, strip: &Strip, part: Range<usize>) {
         let (first, logits) = net::logits_around(strip, part);
         for (column, logits) in self.0[first..].iter_mut().zip(&logits) {
-            *column = shares(logits);
+            *column = softmax(logits);
         }
     }
 
-    /// Columns in which light that no letter explains counts as darkness: trails from the take-off
-    /// and to the landing pass beside every word.
+    /// The same with unexplained light as darkness: trails to the floor pass beside every word.
     pub(super) fn unexplained_as_dark(mut self) -> Self {
-        for shares in &mut self.0 {
-            shares[0] += std::mem::replace(&mut shares[N_CLASSES - 1], LEAST) - LEAST;
+        for column in &mut self.0 {
+            column[0] += std::mem::replace(&mut column[N_CLASSES - 1], LEAST) - LEAST;
         }
         self
     }
@@ -68,8 +65,8 @@ impl Columns {
         Self(lines.into_iter().flat_map(|line| line.0).collect())
     }
 
-    /// Share of a set of classes at each column.
-    pub(super) fn shares(&self, set: Classes) -> Vec<f64> {
+    /// Probability of a set of classes at each column.
+    pub(super) fn of_set(&self, set: Classes) -> Vec<f64> {
         let members: Vec<usize> = (0..N_CLASSES).filter(|class| set >> class & 1 == 1).collect();
         self.0.iter().map(|column| members.iter().map(|class| column[*class]).sum()).collect()
     }
@@ -83,46 +80,52 @@ impl Columns {
     /// The mean column of each letter of a word.
     pub(super) fn middles(&self, word: &[Classes]) -> Vec<f64> {
         let lattice = Lattice::new(self, word);
-        (0..word.len()).map(|index| lattice.middle(index, &self.shares(word[index]))).collect()
+        (0..word.len()).map(|index| lattice.middle(index, &self.of_set(word[index]))).collect()
     }
 
-    /// For each letter of a word, given with its classes, what is seen in its place.
+    /// The choice in the place of each letter of a word, given with its classes.
     pub(super) fn choices(&self, word: &[Classes], letters: &[char]) -> Vec<Choice> {
         let lattice = Lattice::new(self, word);
-        let own = lattice.total();
-        let choices = (0..word.len()).map(|index| {
-            let expected = word[index];
-            let replaced = |set| lattice.replaced(index, &self.shares(set), set);
-            let none = replaced(NO_LETTER & !expected) + lattice.without(index);
+        let total = lattice.total();
+        let mut choices = Vec::with_capacity(word.len());
+        for (index, &expected) in word.iter().enumerate() {
+            // All words that differ in this place only, in the lattice's unit.
+            let no_letter = NO_LETTER & !expected;
+            let none = lattice.replaced(index, &self.of_set(no_letter), no_letter)
+                + lattice.without(index);
             let others = names(expected, letters[index].is_ascii_digit()).into_iter();
-            let mut others: Vec<_> = others.map(|(name, set)| (name, replaced(set))).collect();
-            let sum = own + none + others.iter().map(|(_, p)| p).sum::<f64>();
+            let others =
+                others.map(|(name, set)| (name, lattice.replaced(index, &self.of_set(set), set)));
+            let mut others: Vec<(char, f64)> = others.collect();
+            let sum = total + none + others.iter().map(|(_, p)| p).sum::<f64>();
             if sum <= 0.0 {
-                // Every way through the columns is too unlikely for a number.
-                return Choice { p: 0.0, none: 1.0, others: Vec::new() };
+                // Every path through the columns is too unlikely for a number.
+                choices.push(Choice { p: 0.0, none: 1.0, others: Vec::new() });
+                continue;
             }
             others.iter_mut().for_each(|(_, p)| *p /= sum);
             others.sort_by(|a, b| b.1.total_cmp(&a.1));
-            Choice { p: own / sum, none: none / sum, others }
-        });
-        choices.collect()
+            choices.push(Choice { p: total / sum, none: none / sum, others });
+        }
+        choices
     }
 }
 
-fn shares(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
+/// Probabilities of logits, each at least [`LEAST`].
+fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     let most = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let shares = logits.map(|logit| libm::exp(logit - most));
-    let sum: f64 = shares.iter().sum();
-    shares.map(|share| (share / sum).max(LEAST))
+    let weights = logits.map(|logit| libm::exp(logit - most));
+    let sum: f64 = weights.iter().sum();
+    weights.map(|weight| (weight / sum).max(LEAST))
 }
 
-/// What is seen in the place of one letter, the other letters being right.
+/// The choice in the place of one letter, the others being right. Probabilities add up to 1.
 pub(super) struct Choice {
-    /// Share of the expected letter.
+    /// Probability of the expected letter.
     pub(super) p: f64,
-    /// Share of light that no letter explains, or of darkness.
+    /// Probability of light that no letter explains, or of darkness.
     pub(super) none: f64,
-    /// Shares of the other letters and digits, the likeliest first.
+    /// Probabilities of the other letters and digits, the likeliest first.
     pub(super) others: Vec<(char, f64)>,
 }
 
@@ -133,7 +136,7 @@ impl Choice {
         Self { p: self.p * second.p, none: worse.none, others: worse.others.clone() }
     }
 
-    /// What is likeliest in the place, and its share; `None`: no letter.
+    /// The likeliest letter in the place, `None` for no letter, and its probability.
     pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
         let other = self.others.first().filter(|(_, p)| *p > self.p);
         let (letter, most) =
@@ -142,65 +145,38 @@ impl Choice {
     }
 }
 
-/// Sums over the ways to each state from the left and from the right.
+/// Sums over the paths to each state from the left and from the right.
 pub(super) struct Lattice<'a> {
     word: &'a [Classes],
     /// By column and state: blank, first letter, blank, second letter … blank. Both sums include
-    /// the share of the state itself.
+    /// the probability of the state itself.
     forward: Vec<Vec<f64>>,
     backward: Vec<Vec<f64>>,
-    /// What the shares of each column were divided by, so that products stay in range.
+    /// Divisors of the probabilities of each column, so that products stay in range.
     scales: Vec<f64>,
 }
 
 impl<'a> Lattice<'a> {
     pub(super) fn new(columns: &Columns, word: &'a [Classes]) -> Self {
-        let mut letters: Vec<Vec<f64>> = word.iter().map(|set| columns.shares(*set)).collect();
-        let mut blanks = columns.shares(BLANK);
-        let n_columns = blanks.len();
+        // Each column is divided by its greatest probability among the states.
+        let mut letters: Vec<Vec<f64>> = word.iter().map(|set| columns.of_set(*set)).collect();
+        let mut blanks = columns.of_set(BLANK);
         let mut scales = blanks.clone();
-        for shares in &letters {
-            scales.iter_mut().zip(shares).for_each(|(scale, share)| *scale = scale.max(*share));
+        for letter in &letters {
+            scales.iter_mut().zip(letter).for_each(|(scale, p)| *scale = scale.max(*p));
         }
-        for shares in letters.iter_mut().chain([&mut blanks]) {
-            shares.iter_mut().zip(&scales).for_each(|(share, scale)| *share /= scale);
+        for probabilities in letters.iter_mut().chain([&mut blanks]) {
+            probabilities.iter_mut().zip(&scales).for_each(|(p, scale)| *p /= scale);
         }
-        let n_states = 2 * word.len() + 1;
-        let shares = (0..n_states)
-            .map(|state| if state.is_multiple_of(2) { &blanks } else { &letters[state / 2] });
-        let shares: Vec<&Vec<f64>> = shares.collect();
-        // Two equal letters have a blank between them.
-        let may_follow = (0..n_states).map(|state| {
-            state % 2 == 1 && state >= 3 && word[state / 2] & word[state / 2 - 1] == 0
-        });
-        let may_follow: Vec<bool> = may_follow.collect();
-        let mut forward = vec![vec![0.0; n_states]; n_columns];
-        let mut backward = forward.clone();
-        for column in 0..n_columns {
-            for state in 0..n_states {
-                let ways = match column.checked_sub(1).map(|before| &forward[before]) {
-                    None => f64::from(u8::from(state < 2)),
-                    Some(before) => {
-                        let ways = before[state] + if state > 0 { before[state - 1] } else { 0.0 };
-                        ways + if may_follow[state] { before[state - 2] } else { 0.0 }
-                    }
-                };
-                forward[column][state] = ways * shares[state][column];
-            }
-        }
-        for column in (0..n_columns).rev() {
-            for state in 0..n_states {
-                let ways = match backward.get(column + 1) {
-                    None => f64::from(u8::from(state + 2 >= n_states)),
-                    Some(after) => {
-                        let ways = after[state] + after.get(state + 1).copied().unwrap_or(0.0);
-                        let skips = may_follow.get(state + 2) == Some(&true);
-                        ways + if skips { after[state + 2] } else { 0.0 }
-                    }
-                };
-                backward[column][state] = ways * shares[state][column];
-            }
-        }
+        let states: Vec<&[f64]> =
+            letters.iter().flat_map(|letter| [&blanks[..], letter]).chain([&blanks[..]]).collect();
+        let forward = path_sums(word, &states, 0..blanks.len());
+        // From the right, the word is spelled backward.
+        let word_back: Vec<Classes> = word.iter().rev().copied().collect();
+        let states_back: Vec<&[f64]> = states.into_iter().rev().collect();
+        let mut backward = path_sums(&word_back, &states_back, (0..blanks.len()).rev());
+        backward.reverse();
+        backward.iter_mut().for_each(|sums| sums.reverse());
         Self { word, forward, backward, scales }
     }
 
@@ -214,22 +190,25 @@ impl<'a> Lattice<'a> {
         self.scales.iter().map(|scale| libm::log(*scale)).sum()
     }
 
-    /// Probability of the word with another letter in one place; `shares` are those of the letter.
+    /// Probability of the word with another letter in one place, which is `p` at each column.
     #[expect(clippy::needless_range_loop, reason = "the columns before and after")]
-    pub(super) fn replaced(&self, index: usize, shares: &[f64], set: Classes) -> f64 {
+    pub(super) fn replaced(&self, index: usize, p: &[f64], set: Classes) -> f64 {
         let (before, after) = (2 * index, 2 * index + 2);
+        // Without a blank, the letter only follows another one, and only another one follows it.
         let [from_letter, to_letter] = [index.checked_sub(1), Some(index + 1)].map(|beside| {
             beside.and_then(|beside| self.word.get(beside)).is_some_and(|letter| letter & set == 0)
         });
+        // Paths that are in the letter at a column come from it, from the blank, or from the letter
+        // before. The total sums those that leave it there, so that each path counts once.
         let (mut letter, mut total) = (0.0, 0.0);
         for column in 0..self.scales.len() {
-            let ways = match column.checked_sub(1).map(|before| &self.forward[before]) {
+            let paths = match column.checked_sub(1).map(|before| &self.forward[before]) {
                 None => f64::from(u8::from(index == 0)),
                 Some(left) => {
                     letter + left[before] + if from_letter { left[before - 1] } else { 0.0 }
                 }
             };
-            letter = ways * shares[column] / self.scales[column];
+            letter = paths * p[column] / self.scales[column];
             total += letter
                 * match self.backward.get(column + 1) {
                     None => f64::from(u8::from(index + 1 == self.word.len())),
@@ -243,34 +222,66 @@ impl<'a> Lattice<'a> {
     pub(super) fn without(&self, index: usize) -> f64 {
         let blank = 2 * index;
         let Some(next) = self.word.get(index + 1) else { return self.ends(blank) };
+        // Paths enter the next letter from the blank before the missing one, or from the letter
+        // before that. The first letter may also begin the word.
         let from_letter = index > 0 && self.word[index - 1] & next == 0;
         let first = if index == 0 { self.backward[0][blank + 3] } else { 0.0 };
         let later = self.forward.iter().zip(&self.backward[1..]).map(|(left, right)| {
-            let ways = left[blank] + if from_letter { left[blank - 1] } else { 0.0 };
-            ways * right[blank + 3]
+            let paths = left[blank] + if from_letter { left[blank - 1] } else { 0.0 };
+            paths * right[blank + 3]
         });
         first + later.sum::<f64>()
     }
 
-    /// The mean column of a letter, weighted with the ways through it; `shares` are those of the
-    /// letter. 0 where there is no way.
+    /// The mean column of a letter, which is `p` at each column, weighted with the paths through
+    /// it.
     #[expect(clippy::needless_range_loop, reason = "one index for four tables")]
-    pub(super) fn middle(&self, index: usize, shares: &[f64]) -> f64 {
+    pub(super) fn middle(&self, index: usize, p: &[f64]) -> f64 {
         let state = 2 * index + 1;
         let (mut sum, mut moment) = (0.0, 0.0);
         for column in 0..self.scales.len() {
-            let ways = self.forward[column][state] * self.backward[column][state];
-            let weight = ways * self.scales[column] / shares[column];
+            // Both sums include the letter's own probability: one of them is divided by it.
+            let paths = self.forward[column][state] * self.backward[column][state];
+            let weight = paths * self.scales[column] / p[column];
             (sum, moment) = (sum + weight, moment + weight * column as f64);
         }
         if sum > 0.0 { moment / sum } else { 0.0 }
     }
 
-    /// Ways that end in a blank or in the letter before it.
+    /// Sum over the paths that end in a blank or in the letter before it.
     fn ends(&self, blank: usize) -> f64 {
         let last = self.forward.last().expect("a strip has columns");
         last[blank] + blank.checked_sub(1).map_or(0.0, |letter| last[letter])
     }
+}
+
+/// Sums over the paths to each state (forward variables), by column in the order given.
+fn path_sums(
+    word: &[Classes],
+    states: &[&[f64]],
+    columns: impl Iterator<Item = usize>,
+) -> Vec<Vec<f64>> {
+    // A path skips the blank between two letters, unless these are equal.
+    let may_skip: Vec<bool> = (0..states.len())
+        .map(|state| state % 2 == 1 && state >= 3 && word[state / 2] & word[state / 2 - 1] == 0)
+        .collect();
+    let mut sums: Vec<Vec<f64>> = Vec::with_capacity(states[0].len());
+    for column in columns {
+        let next = (0..states.len()).map(|state| {
+            let paths = match sums.last() {
+                // A word begins with a blank or with its first letter.
+                None => f64::from(u8::from(state < 2)),
+                Some(before) => {
+                    let paths = before[state] + if state > 0 { before[state - 1] } else { 0.0 };
+                    paths + if may_skip[state] { before[state - 2] } else { 0.0 }
+                }
+            };
+            paths * states[state][column]
+        });
+        let next = next.collect();
+        sums.push(next);
+    }
+    sums
 }
 
 #[cfg(test)]
@@ -278,7 +289,8 @@ mod tests {
     use super::super::alphabet::{class_of, classes_of};
     use super::*;
 
-    /// Columns that show a character each, ' ' the blank, with a share of 0.9; the rest is spread.
+    /// Columns that show a character each, ' ' the blank, of probability 0.9. The others have the
+    /// rest.
     fn columns(text: &str) -> Columns {
         let columns = text.chars().map(|c| {
             let mut column = [0.1 / (N_CLASSES - 1) as f64; N_CLASSES];
@@ -308,13 +320,16 @@ mod tests {
             }
             read == (1..=word.len()).collect::<Vec<_>>()
         };
-        let shares: Vec<Vec<f64>> =
-            [BLANK].iter().chain(word).map(|set| columns.shares(*set)).collect();
+        let probabilities: Vec<Vec<f64>> =
+            [BLANK].iter().chain(word).map(|set| columns.of_set(*set)).collect();
         let n_paths = (word.len() + 1).pow(u32::try_from(columns.0.len()).unwrap());
         let paths = (0..n_paths).map(symbols).filter(|path| spells(path));
         paths
             .map(|path| {
-                path.iter().enumerate().map(|(column, s)| shares[*s][column]).product::<f64>()
+                path.iter()
+                    .enumerate()
+                    .map(|(column, s)| probabilities[*s][column])
+                    .product::<f64>()
             })
             .sum()
     }
@@ -332,8 +347,8 @@ mod tests {
     #[test]
     fn a_replaced_and_a_missing_letter_are_as_likely_as_those_words() {
         let columns = columns(" N OP R ");
-        let (own, noor) = (word("NOOR"), columns.ln_p(&word("NOOR")));
-        let lattice = Lattice::new(&columns, &own);
+        let (word_noor, noor) = (word("NOOR"), columns.ln_p(&word("NOOR")));
+        let lattice = Lattice::new(&columns, &word_noor);
         let rest = ["OOR", "NOR", "NOR", "NOO"];
         for (index, rest) in rest.iter().enumerate() {
             let without = libm::log(lattice.without(index) / lattice.total());
@@ -343,7 +358,7 @@ mod tests {
                 let mut text: Vec<char> = "NOOR".chars().collect();
                 text[index] = other;
                 let set = classes_of(other).unwrap();
-                let replaced = lattice.replaced(index, &columns.shares(set), set);
+                let replaced = lattice.replaced(index, &columns.of_set(set), set);
                 let wanted = columns.ln_p(&word(&text.iter().collect::<String>())) - noor;
                 let ln_odds = libm::log(replaced / lattice.total());
                 assert!((ln_odds - wanted).abs() < 1e-9, "{text:?}: {ln_odds}, {wanted}");
@@ -352,7 +367,7 @@ mod tests {
     }
 
     #[test]
-    fn shares_of_a_place_add_up_and_name_what_is_there() {
+    fn probabilities_of_a_place_add_up_and_name_what_is_there() {
         let columns = columns("N O O P ");
         let choices = columns.choices(&word("NOOR"), &['N', 'O', 'O', 'R']);
         for choice in &choices {

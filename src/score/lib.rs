@@ -1,13 +1,14 @@
-//! Score: whether the word in a photo is read at first sight.
+//! Score: from a photo to a verdict on whether its word is read at first sight.
 //!
-//! Product in: a [`Photo`], the [`Strokes`] of the word that it should show, and the
-//! [`View`] of the camera that took it. Product out: a [`Verdict`], by a [`Reader`].
+//! Product in: a [`Photo`], the [`Strokes`] of the expected word, and the [`View`] of the camera.
+//! Product out: a [`Verdict`], by a [`Reader`].
 //!
-//! 1. The photo's linear light is resampled into the plane of the word, the word is located around
+//! 1. The photo's linear light is resampled into the plane of the word. The word is located near
 //!    its place, and each line of it is cut out as a strip of fixed height.
-//! 2. A small convolutional net with integer weights gives the shares of all characters along the
-//!    strip. It was trained on drawn and simulated words of random letters (`examples/readings`).
-//! 3. From these shares follow the share of each letter in its place, the likeliest other word, and
+//! 2. A small convolutional net with integer weights gives the probabilities of all characters
+//!    along the strip. It was trained on drawn and simulated words of random letters
+//!    (`examples/readings`).
+//! 3. From these follow the probability of each letter in its place, the likeliest other word, and
 //!    the readability, calibrated with readers at first sight (docs/calibration.md).
 //! 4. The light is compared with the intended strokes for faithfulness, causes and advice.
 //!
@@ -77,7 +78,7 @@ const BLUR_H: f32 = 0.05;
 /// Largest shift of the word that still counts as its place, in cap heights.
 const MAX_SHIFT_H: f64 = 0.6;
 
-/// Smallest and largest scale of the word that count as its own.
+/// Smallest and largest scale of the word that is as large as intended.
 const SCALES: [f64; 2] = [0.85, 1.17];
 
 /// Largest rotation of the word, either way: 8 degrees.
@@ -89,8 +90,7 @@ const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 /// Widths of cells that can be read, by cap height. The team's are 0.6 wide.
 const ASPECTS: [f64; 2] = [0.05, 5.0];
 
-/// Longest word, in cap heights: 256 of the team's letters with as much space again are 400. The
-/// alignment's rasters grow with it.
+/// Longest word, in cap heights: 256 of the team's letters with spaces between them are 400.
 const MAX_LENGTH_H: f64 = 1000.0;
 
 settings! {
@@ -101,15 +101,15 @@ settings! {
     }
 }
 
-/// Whether a verdict on strokes is possible: they are a word with letters or digits, and the reader
-/// knows all of these.
+/// True if strokes can be judged: a word with letters or digits, all of which the reader knows.
 pub fn is_judged(strokes: &Strokes) -> bool {
-    let mut known = strokes.glyphs.iter().filter(|glyph| classes_of(glyph.character).is_some());
-    let has_foreign = strokes.glyphs.iter().any(|glyph| is_foreign(glyph.character));
-    strokes.font.is_some() && known.next().is_some() && !has_foreign
+    let mut characters = strokes.glyphs.iter().map(|glyph| glyph.character);
+    strokes.font.is_some()
+        && !characters.clone().any(is_foreign)
+        && characters.any(|character| classes_of(character).is_some())
 }
 
-/// Refuses all but a word of letters that the reader knows and that leave light.
+/// Refuses everything but a word of letters that the reader knows and that leave light.
 fn check(strokes: &Strokes) -> Result<()> {
     let hint = "write the word with Latin letters and digits, or look at the photo yourself";
     if strokes.glyphs.is_empty() {
@@ -124,6 +124,7 @@ fn check(strokes: &Strokes) -> Result<()> {
         let place = format!("word, letter {}", index + 1);
         Err(Error::input(place, format!("{character:?}"), wanted, hint))
     };
+    // Each letter by itself, then the word as a whole.
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
         if is_foreign(glyph.character) {
             return refuse(index, "a letter or digit that the reader knows: Latin letters, 0-9");
@@ -151,8 +152,6 @@ fn check_size(photo: &Photo, view: &View) -> Result<()> {
         let size = format!("{width_px} x {height_px} pixels");
         return Err(Error::input("photo", size, wanted, hint));
     }
-    let bytes = 3 * width_px as usize * height_px as usize;
-    assert_eq!(photo.rgb8.len(), bytes, "three bytes a pixel");
     Ok(())
 }
 

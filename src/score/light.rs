@@ -1,59 +1,55 @@
-//! Light of a photo: sRGB is decoded, the sky is taken off, and the level that counts as fully lit
-//! is found without knowing the exposure.
+//! Light of a photo: linear light above the sky, and the level that counts as fully lit.
 
 use super::raster::{Raster, narrow, overlaps, whole};
 use noctograph_core::photo::Photo;
 use noctograph_core::srgb::linear_from_level;
-/// How bright light looks to a reader. An even mean of the channels makes the blue power LEDs,
-/// which shine on every transit, as much a part of a letter as its strokes.
+/// Brightness for a reader. An even mean of the channels makes the blue power LEDs, which shine on
+/// every transit, as much a part of a letter as its strokes.
 pub(super) use noctograph_core::srgb::luminance_f32 as luminance;
 use noctograph_core::statistics::median;
 
-/// Photo pixels to one pixel of the plane that are left after the photo was made smaller by whole
-/// steps. Fewer would soften the picture; more only cost time.
+/// Photo pixels to one pixel of the plane, after the photo was made smaller by whole steps.
 const SAMPLES_PER_PIXEL: f64 = 2.0;
 
 /// Largest step. Its sums fit into 32 bits: 128² pixels of 16 bits.
 const MAX_STEP: f64 = 128.0;
 
-/// The sky is found for blocks this large, in pixels of the plane: an eighth of a cap height.
+/// Side of the blocks of the sky, in pixels of the plane: an eighth of a cap height.
 const BLOCK_PLANE_PX: f64 = 4.0;
 
-/// Most blocks of a photo. A word has fewer, unless the camera sees it edge-on: then its pixels
-/// are next to nothing, and the part of the photo that shows it is all of it.
+/// Most blocks of a photo. A word has fewer, unless the camera sees it edge-on: then its pixels are
+/// next to nothing, and the whole photo may show it.
 const MAX_BLOCKS: f64 = 131_072.0;
 
-/// Blocks to either side that a block's sky is judged by: about a cap height in all, so that a
-/// letter's strokes are a minority and the glow of a floor or a window is not.
+/// Blocks to either side that decide a block's sky: about a cap height in all, so that a letter's
+/// strokes are a minority and the glow of a floor or a window is not.
 const BLOCKS_AROUND: usize = 4;
 
-/// Share of the blocks around that is darker than the sky. Half would take off a bold letter's own
-/// light; much less would leave half of a glow's slope.
-const SKY_SHARE: f64 = 0.4;
+/// Fraction of the blocks around that is darker than the sky. Half would subtract a bold letter's
+/// own light. Much less would leave half of a glow's slope.
+const SKY_RANK: f64 = 0.4;
 
-/// Brightest sky under which white stays white, where the place of the word is known.
+/// Brightest sky under which white stays white, if the place of the word is known.
 const MAX_SKY: f32 = 0.9;
 
-/// The same where writing is looked for in the whole photo: more would raise a floor's glow to ink.
+/// The same if writing is looked for in the whole photo: more would raise a floor's glow to ink.
 const MAX_SKY_OF_WHOLE: f32 = 0.3;
 
 /// How far above the sky light must be, in standard deviations of the sky.
 const LIGHT_SIGMAS: f32 = 5.0;
 
-/// Share of the intended ink's area that is brighter than the level that counts as fully lit. The
-/// 99.5th percentile of a word's frame is about this, but shifts with the frame.
-/// Too small a share lets one glaring spot darken the word.
-const GLARE_SHARE: f64 = 0.1;
+/// Fraction of the intended ink's area that is brighter than the level that counts as fully lit.
+/// The 99.5th percentile of a word's frame is about this, but shifts with the frame. Too small a
+/// fraction lets one glaring spot darken the word.
+const GLARE_RANK: f64 = 0.1;
 
-/// Share of the intended ink's area that must stand out from the sky for a word to be there. Hot
-/// pixels are fewer.
-const MIN_INK_SHARE: f64 = 0.05;
+/// Fraction of the intended ink's area that must stand out from the sky. Hot pixels are fewer.
+const MIN_INK_RANK: f64 = 0.05;
 
 /// Linear light above the sky: red, green and blue, 1 is white.
 pub(super) type Rgb = [f32; 3];
 
-/// The part of a photo that shows the word, in linear light above the sky. What lies outside is
-/// sky.
+/// The part of a photo that shows the word, in linear light above the sky. Outside is sky.
 pub(super) struct Light {
     /// Photo pixels to one of ours.
     step: usize,
@@ -69,46 +65,44 @@ pub(super) struct Light {
 pub(super) type Frame = [f64; 4];
 
 impl Light {
-    /// Decodes a part of the photo, all of it without a frame; a pixel of the plane is `pixel_px`
-    /// wide there. Returns the median luminance of the part as it was, too; `None` where the
-    /// photo does not show the part.
+    /// Decodes a part of the photo, if it shows the part, with the median luminance of its sky. A
+    /// pixel of the plane is `pixel_px` wide there.
     pub(super) fn decode(
         photo: &Photo,
         frame: Option<Frame>,
         pixel_px: f64,
     ) -> Option<(Self, f32)> {
         let step = whole((pixel_px / SAMPLES_PER_PIXEL).clamp(1.0, MAX_STEP));
-        let all = frame_of(photo);
-        let [left, top, right, bottom] = frame.unwrap_or(all);
+        let whole_photo = frame_of(photo);
+        let [left, top, right, bottom] = frame.unwrap_or(whole_photo);
         let (left, top) = (left.max(0.0), top.max(0.0));
-        let (right, bottom) = (right.min(all[2]), bottom.min(all[3]));
+        let (right, bottom) = (right.min(whole_photo[2]), bottom.min(whole_photo[3]));
         if left >= right || top >= bottom {
             return None;
         }
         let area = (right - left) * (bottom - top) / (step * step) as f64;
         let least = (area / MAX_BLOCKS).sqrt().ceil().max(1.0);
         let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(least));
-        let mut light = Self::of_frame(photo, [left, top, right, bottom], step);
+        let mut light = Self::with_sky(photo, [left, top, right, bottom], step);
         let sky = median_size(&map(&light.values, luminance));
-        light.take_off_sky(block, MAX_SKY);
+        light.subtract_sky(block, MAX_SKY);
         Some((light, sky))
     }
 
-    /// Decodes the whole photo, `step` pixels to one; letters are about `letter_px` high.
+    /// Decodes the whole photo, `step` pixels to one. Letters are about `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
         let block = whole((BLOCK_PLANE_PX / 32.0 * letter_px / step as f64).max(1.0));
-        let mut light = Self::of_frame(photo, frame_of(photo), step);
-        light.take_off_sky(block, MAX_SKY_OF_WHOLE);
+        let mut light = Self::with_sky(photo, frame_of(photo), step);
+        light.subtract_sky(block, MAX_SKY_OF_WHOLE);
         light
     }
 
-    /// With its sky.
-    fn of_frame(photo: &Photo, [left, top, right, bottom]: Frame, step: usize) -> Self {
+    fn with_sky(photo: &Photo, [left, top, right, bottom]: Frame, step: usize) -> Self {
         let origin = [left, top].map(|px| whole(px) / step);
         let [right, bottom] = [right, bottom].map(|px| whole(px.ceil()).div_ceil(step));
         let (width, height) = (right - origin[0], bottom - origin[1]);
         let values = match step {
-            1 => pixels(photo, origin, [width, height]),
+            1 => means::<1>(photo, origin, [width, height], 1),
             2 => means::<2>(photo, origin, [width, height], 2),
             step => means::<0>(photo, origin, [width, height], step),
         };
@@ -126,13 +120,14 @@ impl Light {
         if area <= 0.0 {
             return sum;
         }
+        // Pixels count by their area within the rectangle.
         let across = overlaps(x0, x1, self.width);
         for (y, high) in overlaps(y0, y1, self.height) {
             let row = &self.values[y * self.width..][..self.width];
             for (x, wide) in across.clone() {
-                let (share, value) = (wide * high, measure(row[x]));
+                let (weight, value) = (wide * high, measure(row[x]));
                 for channel in 0..3 {
-                    sum[channel] += share * value[channel];
+                    sum[channel] += weight * value[channel];
                 }
             }
         }
@@ -150,60 +145,38 @@ impl Light {
         (top..bottom).flat_map(|y| &self.values[y * self.width..][left..right]).copied().collect()
     }
 
-    /// Takes off the sky around each pixel: a quantile of the means of blocks, channel by channel,
-    /// between their middles.
-    fn take_off_sky(&mut self, block: usize, max_sky: f32) {
+    /// Subtracts the sky around each pixel, bilinear between the middles of blocks.
+    fn subtract_sky(&mut self, block: usize, max_sky: f32) {
         let Self { width: n_columns, height: n_rows, ref mut values, .. } = *self;
-        let (width, height) = (n_columns.div_ceil(block), n_rows.div_ceil(block));
-        let mut means = Vec::with_capacity(width * height);
-        for rows in values.chunks(block * n_columns) {
-            let mut sums = vec![([0.0_f32; 3], 0.0_f32); width];
-            for row in rows.chunks_exact(n_columns) {
-                for (sum, values) in sums.iter_mut().zip(row.chunks(block)) {
-                    for value in values {
-                        (0..3).for_each(|channel| sum.0[channel] += value[channel]);
-                    }
-                    sum.1 += values.len() as f32;
-                }
-            }
-            means.extend(sums.iter().map(|(sum, area)| sum.map(|sum| sum / area)));
-        }
-
+        let size = [n_columns.div_ceil(block), n_rows.div_ceil(block)];
+        let means = block_means(values, n_columns, block);
         let sky = [0, 1, 2].map(|channel| {
             let means: Vec<f32> = means.iter().map(|mean| mean[channel]).collect();
-            sky_around(&means, [width, height])
+            sky_around(&means, size)
         });
-
-        // Bilinear between the middles of blocks.
-        let between = |pixel: usize, n_blocks: usize| {
-            let place = (pixel as f32 + 0.5) / block as f32 - 0.5;
-            let place = place.clamp(0.0, (n_blocks - 1) as f32);
-            let first = whole(f64::from(place));
-            (first, (first + 1).min(n_blocks - 1), place - first as f32)
-        };
-        let columns: Vec<_> = (0..n_columns).map(|x| between(x, width)).collect();
-        let across = |row: usize| {
-            Vec::from_iter(columns.iter().map(|(left, right, share)| {
-                let ends = sky.each_ref().map(|sky| [*left, *right].map(|x| sky[row * width + x]));
-                ends.map(|[a, b]| a + share * (b - a))
-            }))
-        };
-        let mut rows = [(0, across(0)), (0, across(0))];
+        // Rows of blocks are interpolated along x once, and kept while rows of pixels lie between
+        // the same two of them.
+        let columns: Vec<_> = (0..n_columns).map(|x| blocks_beside(x, block, size[0])).collect();
+        let mut rows = [(usize::MAX, Vec::new()), (usize::MAX, Vec::new())];
         for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
-            let (above, below, down) = between(y, height);
+            let (above, below, down) = blocks_beside(y, block, size[1]);
             if rows[0].0 != above {
                 rows.swap(0, 1);
             }
             for (known, wanted) in rows.iter_mut().zip([above, below]) {
                 if known.0 != wanted {
-                    *known = (wanted, across(wanted));
+                    let sky = sky.each_ref().map(|sky| &sky[wanted * size[0]..][..size[0]]);
+                    let along_x = columns.iter().map(|(left, right, part)| {
+                        sky.map(|sky| sky[*left] + part * (sky[*right] - sky[*left]))
+                    });
+                    *known = (wanted, along_x.collect());
                 }
             }
-            let [above, below] = rows.each_ref().map(|(_, row)| row.as_flattened());
+            let [above, below] = rows.each_ref().map(|(_, row): &(_, Vec<Rgb>)| row.as_flattened());
             let lights = values.as_flattened_mut().iter_mut();
             noctograph_core::dispatch!(|| {
                 for (light, (above, below)) in lights.zip(above.iter().zip(below)) {
-                    // White stays white: a saturated pixel hides what sky there was.
+                    // White stays white: a saturated pixel hides the sky.
                     let sky = above + down * (below - above);
                     *light = (*light - sky) / (1.0 - sky.min(max_sky));
                 }
@@ -212,24 +185,12 @@ impl Light {
     }
 }
 
-/// All of a photo.
+/// A whole photo.
 fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
 
-/// The light of each pixel of a part.
-fn pixels(photo: &Photo, [left, top]: [usize; 2], [width, height]: [usize; 2]) -> Vec<Rgb> {
-    let light_of_level = light_of_level().map(|light| light as f32 * (1.0 / 65535.0));
-    let mut values = Vec::with_capacity(width * height);
-    for row in photo.rgb8.chunks_exact(3 * photo.width_px as usize).skip(top).take(height) {
-        let pixels = row[3 * left..][..3 * width].as_chunks::<3>().0;
-        values.extend(pixels.iter().map(|rgb| rgb.map(|level| light_of_level[usize::from(level)])));
-    }
-    values
-}
-
-/// Means over blocks of `step` pixels by `step`; `STEP` is the same number where it is known to the
-/// compiler, else 0.
+/// Means over blocks of `step` pixels by `step`. `STEP` is the same for the compiler, or 0.
 #[inline(always)]
 fn means<const STEP: usize>(
     photo: &Photo,
@@ -247,17 +208,11 @@ fn means<const STEP: usize>(
         let n_rows = rows.len();
         sums.fill([0; 3]);
         for bytes in rows {
-            let add = |sum: &mut [u32; 3], pixels: &[u8]| {
-                for pixel in pixels.as_chunks::<3>().0 {
-                    for channel in 0..3 {
-                        sum[channel] += light_of_level[usize::from(pixel[channel])];
-                    }
-                }
-            };
+            // Whole blocks first, of a length that the compiler may know, then what is left.
             let blocks = bytes[3 * left * step..].chunks_exact(3 * step);
             let (rest, n) = (blocks.remainder(), blocks.len());
-            sums.iter_mut().zip(blocks).for_each(|(sum, pixels)| add(sum, pixels));
-            sums.get_mut(n).into_iter().for_each(|sum| add(sum, rest));
+            sums.iter_mut().zip(blocks).for_each(|(sum, block)| add(sum, block, &light_of_level));
+            sums.get_mut(n).into_iter().for_each(|sum| add(sum, rest, &light_of_level));
         }
         values.extend(sums.iter().enumerate().map(|(column, sum)| {
             let n_columns = step.min(photo.width_px as usize - (left + column) * step);
@@ -266,6 +221,41 @@ fn means<const STEP: usize>(
         }));
     }
     values
+}
+
+/// Adds up the light of pixels.
+#[inline(always)]
+fn add(sum: &mut [u32; 3], pixels: &[u8], light_of_level: &[u32; 256]) {
+    for pixel in pixels.as_chunks::<3>().0 {
+        for channel in 0..3 {
+            sum[channel] += light_of_level[usize::from(pixel[channel])];
+        }
+    }
+}
+
+/// Mean light of the blocks of a picture, row by row.
+fn block_means(values: &[Rgb], width: usize, block: usize) -> Vec<Rgb> {
+    let mut means = Vec::new();
+    for rows in values.chunks(block * width) {
+        let mut sums = vec![([0.0_f32; 3], 0.0_f32); width.div_ceil(block)];
+        for row in rows.chunks_exact(width) {
+            for (sum, values) in sums.iter_mut().zip(row.chunks(block)) {
+                for value in values {
+                    (0..3).for_each(|channel| sum.0[channel] += value[channel]);
+                }
+                sum.1 += values.len() as f32;
+            }
+        }
+        means.extend(sums.iter().map(|(sum, area)| sum.map(|sum| sum / area)));
+    }
+    means
+}
+
+/// The blocks whose middles lie around that of a pixel, of `n`, and its place between them, 0 to 1.
+fn blocks_beside(pixel: usize, block: usize, n: usize) -> (usize, usize, f32) {
+    let place = ((pixel as f32 + 0.5) / block as f32 - 0.5).clamp(0.0, (n - 1) as f32);
+    let first = whole(f64::from(place));
+    (first, (first + 1).min(n - 1), place - first as f32)
 }
 
 /// The sky of each block: a quantile of the means around it.
@@ -281,7 +271,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
             for row in near(y, height) {
                 window.extend_from_slice(&means[row * width..][columns.clone()]);
             }
-            let rank = whole(SKY_SHARE * window.len() as f64);
+            let rank = whole(SKY_RANK * window.len() as f64);
             sky.push(*window.select_nth_unstable_by(rank, f32::total_cmp).1);
         }
     }
@@ -303,27 +293,25 @@ pub(super) fn median_size(values: &[f32]) -> f32 {
     f32::from_bits(median(sizes).expect("a picture has pixels"))
 }
 
-/// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and that level
-/// by the least that stands out; `None` where next to nothing stands out from the sky.
+/// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and its ratio to
+/// the least that stands out. `None` if next to nothing does.
 pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
-    // A Gaussian's standard deviation is 1.4826 median deviations; an 8-bit code is off by its step
+    // A Gaussian's standard deviation is 1.4826 median deviations. An 8-bit code is off by its step
     // over the root of 12.
     let noise = 1.4826 * median_size(&seen.values);
     let sigma = noise.max(code_step(sky) / 12.0_f32.sqrt());
     let lit = LIGHT_SIGMAS * sigma;
-
+    // Levels that a part of the intended ink reaches.
     let mut values = seen.values.clone();
-    let mut level_at = |share: f64| {
-        let rank = whole(share * ink_px).min(values.len() - 1);
+    let [least, glare] = [MIN_INK_RANK, GLARE_RANK].map(|part| {
+        let rank = whole(part * ink_px).min(values.len() - 1);
         *values.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1
-    };
-    (level_at(MIN_INK_SHARE) > lit).then(|| {
-        let full = level_at(GLARE_SHARE).max(lit);
-        (full, full / lit)
-    })
+    });
+    let full = glare.max(lit);
+    (least > lit).then_some((full, full / lit))
 }
 
-/// Step of an 8-bit sRGB code at a light level, in linear light: what one code more would add.
+/// Step of an 8-bit sRGB code at a light level, in linear light: the light of one code more.
 fn code_step(level: f32) -> f32 {
     let linear = linear_from_level();
     let code = linear.partition_point(|value| *value < level).clamp(1, 255);
@@ -352,7 +340,7 @@ mod tests {
             let around = (0..width * height).filter(|k| near(k % width, x) && near(k / width, y));
             let mut around: Vec<f32> = around.map(|k| means[k]).collect();
             around.sort_by(f32::total_cmp);
-            let darker = whole(SKY_SHARE * around.len() as f64);
+            let darker = whole(SKY_RANK * around.len() as f64);
             assert_eq!(sky[y * width + x].to_bits(), around[darker].to_bits(), "{x}, {y}");
         }
     }

@@ -1,8 +1,7 @@
-//! Lines of writing in a photo, found from their ink alone: which pixels are ink, and how high the
-//! letters are.
+//! Lines of writing in a photo, found only from their ink.
 //!
-//! Ink is what stands out from the sky, in the color of the brightest pixels or in any color. A
-//! line is where rows of pixels cross the most strokes.
+//! Ink stands out from the sky, in the color of the brightest pixels or in any color. A line is
+//! where rows of pixels cross the most strokes.
 
 use std::sync::Arc;
 
@@ -15,24 +14,30 @@ use noctograph_core::photo::Photo;
 /// Longest side at which a photo is searched. Letters of half its height have hundreds of pixels.
 const MAX_SIDE: u32 = 1200;
 
-/// Height of letters, of the photo's height, by which its sky is judged.
-const LETTER_SHARE: f64 = 0.3;
+/// Height of letters by which the sky is judged, by the photo's height.
+const LETTER_PART: f64 = 0.3;
 
 /// How far above the sky ink must be, in standard deviations of the sky.
 const LIT_SIGMAS: f32 = 5.0;
 
-/// Ink has this share of the light that most of the lit pixels do not reach.
+/// Fewest lit pixels of writing.
+const MIN_LIT_PX: usize = 16;
+
+/// Fractions of the lit pixels below full light: for dim streaks, and for uneven strokes.
+const FULL_RANKS: [f64; 2] = [0.95, 0.6];
+
+/// Light of ink, of full light.
 const INK_LEVEL: f32 = 0.3;
 
-/// Rows that cross the letters have at least this share of the most crossings that a row has. A
-/// streak to the landing place has one or two.
+/// Rows that cross the letters have at least this fraction of the most crossings of a row. A streak
+/// to the landing place has one or two.
 const MIN_CROSSINGS: f64 = 0.4;
 
 /// How far above and below the line a letter's ink may reach, in its height.
 const SLACK_H: f64 = 0.25;
 
-/// Share of its line's height from which the ink of a letter's own color is all of the letter.
-const OWN_BOX: f64 = 0.7;
+/// Fraction of its line's height from which a letter's ink in the ink's color is the whole letter.
+const WHOLE_LETTER: f64 = 0.7;
 
 /// Least height of a letter with a level bar, in widths of its stroke.
 const BAR: f64 = 3.0;
@@ -49,14 +54,20 @@ const LARGER: f64 = 3.0;
 /// Largest height of a line that is looked for beside a smaller one, by the photo's.
 const ROOM: f64 = 0.6;
 
-/// A line of writing. Lengths are pixels of the searched picture.
-pub(super) struct Line {
+/// Light of a photo in which lines are looked for.
+#[derive(Clone)]
+pub(super) struct Ink {
     /// Photo pixels to one.
     step: f64,
-    /// Light in any color and in the color of the ink, 1 is fully lit.
+    /// Light in any color and in the color of the brightest pixels, 1 is fully lit.
     light: [Arc<Raster>; 2],
-    /// Light of the ink.
-    ink: Arc<Raster>,
+    /// Which of the two is the ink.
+    which: usize,
+}
+
+/// A line of writing. Lengths are pixels of the searched picture.
+pub(super) struct Line {
+    ink: Ink,
     /// Height of most letters, between the middles of their strokes.
     pub(super) letter_px: f64,
     /// Width of a stroke.
@@ -69,52 +80,56 @@ pub(super) struct Line {
     columns: [usize; 2],
 }
 
-/// The light of a photo in which lines are looked for.
-pub(super) struct Search {
-    /// Photo pixels to one.
-    step: usize,
-    light: Light,
-    /// Luminances.
-    bright: Vec<f32>,
-    /// Those that stand out from the sky.
-    levels: Vec<f32>,
-}
-
-impl Search {
-    pub(super) fn new(photo: &Photo) -> Self {
-        let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
-        let light = Light::of_whole(photo, step, LETTER_SHARE * f64::from(photo.height_px));
-        let bright = map(&light.values, luminance);
-        let lit = LIT_SIGMAS * (1.4826 * median_size(&bright)).max(1e-4);
-        let levels = bright.iter().copied().filter(|value| *value > lit).collect();
-        Self { step, light, bright, levels }
+/// The inks of a photo, or none if nothing shines.
+pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
+    let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
+    let light = Light::of_whole(photo, step, LETTER_PART * f64::from(photo.height_px));
+    let bright = map(&light.values, luminance);
+    let lit = LIT_SIGMAS * (1.4826 * median_size(&bright)).max(1e-4);
+    let mut levels: Vec<f32> = bright.iter().copied().filter(|value| *value > lit).collect();
+    let mut inks = Vec::new();
+    if levels.len() < MIN_LIT_PX {
+        return inks;
     }
-
-    /// Light in any color and in that of the ink, where a share of the lit pixels is darker than
-    /// full light: high where bright strokes lie among dim streaks, low where strokes differ in
-    /// brightness. `None` where nothing shines.
-    pub(super) fn exposed(&self, full_rank: f64) -> Option<[Arc<Raster>; 2]> {
-        if self.levels.len() < 16 {
-            return None;
-        }
-        let Light { width, height, ref values, .. } = self.light;
-        let mut levels = self.levels.clone();
+    let Light { width, height, ref values, .. } = light;
+    for full_rank in FULL_RANKS {
         let rank = whole(full_rank * levels.len() as f64);
         let n_brightest = levels.len() - rank;
         let full = *levels.select_nth_unstable_by(rank, f32::total_cmp).1;
         let pure = map(values, color::pure(color::of_brightest(values, n_brightest)));
-        let lights = [self.bright.clone(), pure].map(|values| Raster { width, height, values });
-        Some(lights.map(|light| Arc::new(light.exposed(full))))
+        let lights = [bright.clone(), pure].map(|values| Raster { width, height, values });
+        let light = lights.map(|light| Arc::new(light.exposed(full)));
+        inks.extend([1, 0].map(|which| Ink { step: step as f64, light: light.clone(), which }));
+    }
+    inks
+}
+
+impl Ink {
+    fn raster(&self) -> &Raster {
+        &self.light[self.which]
     }
 
-    /// The lines of an ink, which is one of two lights, from the top.
-    pub(super) fn lines(&self, light: &[Arc<Raster>; 2], ink: &Arc<Raster>) -> Vec<Line> {
-        let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
+    /// True of each pixel that is ink.
+    fn mask(&self) -> Vec<bool> {
+        self.raster().values.iter().map(|value| *value > INK_LEVEL).collect()
+    }
+
+    /// Lines by their crossings, the most first: the rows of each are blank for the next.
+    fn by_crossings(&self) -> impl Iterator<Item = Line> {
+        let mut mask = self.mask();
+        let lines = std::iter::from_fn(move || {
+            let line = Line::from_mask(self, &mask, Band::OfMost)?;
+            let width = self.raster().width;
+            mask[line.rows[0] * width..line.rows[1] * width].fill(false);
+            Some(line)
+        });
+        lines.take(MAX_LINES)
+    }
+
+    /// The lines of one text, from the top.
+    pub(super) fn lines(&self) -> Vec<Line> {
         let mut lines: Vec<Line> = Vec::new();
-        while lines.len() < MAX_LINES {
-            let line = Line::from_mask(self.step, light, ink, &mask, Band::OfMost);
-            let Some(line) = line else { break };
-            mask[line.rows[0] * ink.width..line.rows[1] * ink.width].fill(false);
+        for line in self.by_crossings() {
             if lines.first().is_some_and(|first| !line.has_height_of(first)) {
                 break;
             }
@@ -123,52 +138,27 @@ impl Search {
         lines.sort_by(|a, b| a.extent[0].total_cmp(&b.extent[0]));
         lines
     }
-}
 
-impl Search {
-    /// The line of all ink around the row with the most crossings: of a single letter, in which the
-    /// ragged edge of a level stroke crosses more than the letter does.
-    pub(super) fn of_any(&self, light: &[Arc<Raster>; 2], ink: &Arc<Raster>) -> Option<Line> {
-        let mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
-        Line::from_mask(self.step, light, ink, &mask, Band::OfAny)
-    }
-
-    /// Whether the photo has room for writing that is several times as high as some letters.
-    pub(super) fn has_room_for_larger(&self, than_px: f64) -> bool {
-        LARGER * than_px <= ROOM * self.light.height as f64
+    /// The line of all ink, for a single letter, in which the ragged edge of a stroke crosses most.
+    pub(super) fn line_of_any(&self) -> Option<Line> {
+        Line::from_mask(self, &self.mask(), Band::OfAny)
     }
 
     /// The line with the most crossings among those that are several times as high as some letters:
-    /// a credit or a date in the corner has more strokes than the writing that it stands by.
-    pub(super) fn larger(
-        &self,
-        light: &[Arc<Raster>; 2],
-        ink: &Arc<Raster>,
-        than_px: f64,
-    ) -> Option<Line> {
-        let mut mask: Vec<bool> = ink.values.iter().map(|value| *value > INK_LEVEL).collect();
-        for _ in 0..MAX_LINES {
-            let line = Line::from_mask(self.step, light, ink, &mask, Band::OfMost)?;
-            if line.letter_px >= LARGER * than_px {
-                return Some(line);
-            }
-            mask[line.rows[0] * ink.width..line.rows[1] * ink.width].fill(false);
+    /// a credit or a date has more than the writing beside it.
+    pub(super) fn larger(&self, than_px: f64) -> Option<Line> {
+        let least_px = LARGER * than_px;
+        if least_px > ROOM * self.raster().height as f64 {
+            return None;
         }
-        None
+        self.by_crossings().find(|line| line.letter_px >= least_px)
     }
 }
 
 impl Line {
-    /// The line of writing in a mask of inked pixels: its rows, columns and stroke width. `None`
-    /// where it would be no higher than its strokes are wide, as the ragged edge of a level stroke.
-    fn from_mask(
-        step: usize,
-        light: &[Arc<Raster>; 2],
-        ink: &Arc<Raster>,
-        mask: &[bool],
-        by: Band,
-    ) -> Option<Self> {
-        let (width, height) = (ink.width, ink.height);
+    /// The line of writing in a mask of inked pixels, unless it is as low as its strokes are wide.
+    fn from_mask(ink: &Ink, mask: &[bool], by: Band) -> Option<Self> {
+        let Raster { width, height, .. } = *ink.raster();
         let [top, bottom] = band(mask, width, by)?;
         let stroke_px = stroke_width(mask, width);
         if by == Band::OfAny && ((bottom - top) as f64) < BAR * stroke_px {
@@ -180,20 +170,12 @@ impl Line {
         let slack = whole(SLACK_H * (bottom - top) as f64);
         let rows = [top.saturating_sub(slack), (bottom + slack).min(height)];
         let extent = [top as f64 + 0.5 * stroke_px, bottom as f64 - 0.5 * stroke_px];
-        let line = Self {
-            step: step as f64,
-            light: light.clone(),
-            ink: ink.clone(),
-            letter_px: extent[1] - extent[0],
-            stroke_px,
-            extent,
-            rows,
-            columns,
-        };
-        (line.letter_px >= 1.0).then_some(line)
+        let letter_px = extent[1] - extent[0];
+        let ink = ink.clone();
+        (letter_px >= 1.0).then_some(Self { ink, letter_px, stroke_px, extent, rows, columns })
     }
 
-    /// Whether the ink is that of another line, or some of it, or of letters of another height.
+    /// True if the ink is that of another line, or a part of it, or of letters of another height.
     pub(super) fn adds_nothing_to(&self, other: &Self) -> bool {
         let slack = whole(self.stroke_px.ceil());
         let [first, last] = other.columns;
@@ -201,7 +183,7 @@ impl Line {
         is_within || !self.has_height_of(other)
     }
 
-    /// Whether the letters of two lines may be of one text.
+    /// True if the letters of two lines may be of one text.
     fn has_height_of(&self, other: &Self) -> bool {
         (1.0 / MAX_RATIO..=MAX_RATIO).contains(&(self.letter_px / other.letter_px))
     }
@@ -212,31 +194,29 @@ impl Line {
         (whole((last - first) * CAP_PX as f64 / cap_px) + 2 * MARGIN_PX).next_multiple_of(2)
     }
 
-    /// The line as a strip, for a cap height; and where in the photo its left end is and how wide
-    /// its columns are, in pixels.
+    /// The line as a strip, for a cap height, with its left end and pitch in pixels of the photo.
     pub(super) fn strip(&self, cap_px: f64) -> (Strip, f64, f64) {
         let pitch = cap_px / CAP_PX as f64;
         let left = self.columns[0] as f64 - MARGIN_PX as f64 * pitch;
         let top = self.extent[1] - (CAP_PX + HEAD_ROW) as f64 * pitch;
         let width = self.strip_width(cap_px);
         let per_area = narrow(1.0 / (pitch * pitch));
-        let [bright, pure] = self.light.each_ref().map(|light| {
+        let [bright, pure] = self.ink.light.each_ref().map(|light| {
             let sums = light.sums([left, top], pitch, 0..width, HEIGHT);
             sums.into_iter().map(|sum| (sum * per_area).clamp(0.0, 1.0)).collect()
         });
-        (Strip::of_light(width, bright, pure), left * self.step, pitch * self.step)
+        (Strip::of_light(width, bright, pure), left * self.ink.step, pitch * self.ink.step)
     }
 
-    /// The boxes of letters whose middles are given, in pixels of the photo. Two letters part where
-    /// there is the least ink between their middles.
+    /// The boxes of letters whose middles are given, in pixels of the photo.
     pub(super) fn boxes(&self, middles_px: &[f64]) -> Vec<[f64; 4]> {
         let [first, end] = self.columns;
-        let middles = middles_px.iter().map(|px| whole((px / self.step).max(0.0)));
+        let middles = middles_px.iter().map(|px| whole((px / self.ink.step).max(0.0)));
         let middles: Vec<usize> = middles.map(|column| column.clamp(first, end - 1)).collect();
-        let ink = (0..self.ink.width).map(|x| {
-            (self.rows[0]..self.rows[1]).map(|y| self.ink.values[y * self.ink.width + x]).sum()
-        });
-        let ink: Vec<f32> = ink.collect();
+        let Raster { width, ref values, .. } = *self.ink.raster();
+        let column = |x| (self.rows[0]..self.rows[1]).map(|y| values[y * width + x]).sum();
+        let ink: Vec<f32> = (0..width).map(column).collect();
+        // Two letters part where there is the least ink between their middles.
         let between = middles.windows(2).map(|pair| {
             let (from, to) = (pair[0], pair[1].max(pair[0] + 1));
             (from..to).min_by(|a, b| ink[*a].total_cmp(&ink[*b])).unwrap_or(to)
@@ -247,16 +227,17 @@ impl Line {
         let whole_line = [left, self.extent[0], right, self.extent[1]];
         let boxes =
             ends.windows(2).map(|ends| self.ink_box(ends[0], ends[1]).unwrap_or(whole_line));
-        boxes.map(|sides| sides.map(|side| side * self.step)).collect()
+        boxes.map(|sides| sides.map(|side| side * self.ink.step)).collect()
     }
 
-    /// The box of the ink between two columns, along the middles of its strokes: left, top, right
-    /// and bottom; `None` where there is none. A letter in the color of the ink ends where that
-    /// color does: trails of other lamps lead to it and from it.
+    /// The box of the ink between two columns, along the middles of its strokes.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
-        let own = self.box_of(&self.light[1], from, to);
-        let own = own.filter(|[_, top, _, bottom]| bottom - top >= OWN_BOX * self.letter_px);
-        own.or_else(|| self.box_of(&self.ink, from, to))
+        // A letter in the color of the ink ends where that color does: trails of other lamps lead
+        // to it and from it.
+        let colored = self.box_of(&self.ink.light[1], from, to);
+        let whole =
+            colored.filter(|[_, top, _, bottom]| bottom - top >= WHOLE_LETTER * self.letter_px);
+        whole.or_else(|| self.box_of(self.ink.raster(), from, to))
     }
 
     /// Bounding box of the ink between two columns of the line.
@@ -271,6 +252,7 @@ impl Line {
                 (top, bottom) = (top.min(y), bottom.max(y + 1));
             }
         }
+        // Narrower by a stroke: from the middle of the first to that of the last.
         let half = 0.5 * self.stroke_px;
         (left < right).then(|| {
             let [[left, right], [top, bottom]] =
@@ -283,10 +265,10 @@ impl Line {
     }
 }
 
-/// Rows that are the letters'.
+/// Rows of the letters.
 #[derive(Clone, Copy, PartialEq)]
 enum Band {
-    /// With a share of the most crossings of a row.
+    /// With nearly the most crossings of a row.
     OfMost,
     /// With any ink.
     OfAny,
@@ -294,11 +276,12 @@ enum Band {
 
 /// First and last row of the letters: around the row with the most crossings.
 fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
+    // Strokes that each row crosses.
     let crossings = mask.chunks_exact(width).map(|row| {
         u32::from(row[0]) + row.iter().zip(&row[1..]).map(|(a, b)| u32::from(!a & b)).sum::<u32>()
     });
     let rows: Vec<u32> = noctograph_core::dispatch!(|| crossings.collect());
-    // Means over some rows: noise has crossings, too, but not for long.
+    // Means over some rows: noise has crossings, too, but only in few rows.
     let reach = (rows.len() / 100).max(1);
     let smooth = (0..rows.len()).map(|y| {
         let around = &rows[y.saturating_sub(reach)..(y + reach + 1).min(rows.len())];
@@ -342,10 +325,9 @@ mod tests {
             }
         }
         let light = Arc::new(Raster { width, height, values });
-        let mask: Vec<bool> = light.values.iter().map(|value| *value > INK_LEVEL).collect();
+        let ink = Ink { step: 1.0, light: [light.clone(), light], which: 0 };
         for band in [Band::OfMost, Band::OfAny] {
-            let line = Line::from_mask(1, &[light.clone(), light.clone()], &light, &mask, band);
-            assert!(line.is_none());
+            assert!(Line::from_mask(&ink, &ink.mask(), band).is_none());
         }
     }
 }

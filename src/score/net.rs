@@ -1,8 +1,9 @@
 //! The net: from a strip of light to the logits of every character at every second column.
 //!
-//! Layers of convolution in integers: bytes for light and activations, weights of 8 bits, sums of
-//! 32, one multiplier per channel. Integers have the same sums on every machine. The architecture,
-//! the training and the file format are in `examples/readings/net.py` and `train.py`.
+//! Layers of convolution in integers (Jacob and others 2018): bytes for light and activations,
+//! weights of 8 bits, sums of 32, one multiplier per channel. Integers have the same sums on every
+//! machine. Architecture, training and file format are in `examples/readings/net.py` and
+//! `train.py`.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -21,7 +22,7 @@ pub(super) const N_CLASSES: usize = 64;
 /// Columns of a strip for one column of logits.
 pub(super) const COLUMN_PX: usize = 2;
 
-/// Columns of a strip to either side of a logit's own: where all are dark, there is no letter.
+/// Columns of a strip to either side of a logit's own. If all are dark, there is no letter.
 const DARK_PX: usize = 2;
 
 /// A unit of logits.
@@ -30,8 +31,7 @@ const LOGIT: f64 = 1.0 / 256.0;
 /// The net of this program.
 static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
 
-/// A convolution, added to its input if its columns stand apart, then a maximum over rows and
-/// columns.
+/// A convolution, added to its input if it is dilated, then a maximum over rows and columns.
 struct Layer {
     /// Kernel: rows and columns.
     kernel: [usize; 2],
@@ -39,10 +39,10 @@ struct Layer {
     channels: [usize; 2],
     /// Rows and columns that are pooled to their maximum.
     pool: [usize; 2],
-    /// Columns from one of the kernel's to the next; `None`: neighbors.
+    /// Dilation: columns from one of the kernel's to the next, or `None` for neighbors.
     apart: Option<usize>,
     /// By group of channels that are summed at once, kernel row, kernel column and pair of input
-    /// channels: those of each eight of the group's channels, the pair's side by side.
+    /// channels: the weights of eight of the group's channels, those of the pair side by side.
     weights: Vec<i16x16>,
     /// Eights of channels in a group.
     eights: usize,
@@ -65,8 +65,7 @@ struct Map {
     values: Vec<i16>,
 }
 
-/// Columns of a strip to either side of a logit's own that it depends on, rounded up to whole
-/// logits.
+/// Receptive field of a logit to either side, in columns of a strip.
 static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
     let reach = NET.iter().scan(1, |step, layer| {
         let reach = layer.kernel[1] / 2 * layer.apart.unwrap_or(1) * *step;
@@ -83,14 +82,15 @@ pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
 
 /// The logits of the columns that depend on a part of a strip, and the index of the first.
 pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
+    // Logits within reach of the part change, and columns within reach of these decide them.
     let [wanted, needed] = [*REACH_PX, 2 * *REACH_PX].map(|reach| {
         let [first, end] = [part.start.saturating_sub(reach), part.end + reach]
             .map(|column| column.clamp(strip.read.start, strip.read.end));
         first / COLUMN_PX..end.div_ceil(COLUMN_PX)
     });
-    let all = logits_of(strip, COLUMN_PX * needed.start..COLUMN_PX * needed.end);
-    let own = wanted.start - needed.start..wanted.end - needed.start;
-    (wanted.start, all[own].to_vec())
+    let logits = logits_of(strip, COLUMN_PX * needed.start..COLUMN_PX * needed.end);
+    let wanted_logits = &logits[wanted.start - needed.start..wanted.end - needed.start];
+    (wanted.start, wanted_logits.to_vec())
 }
 
 /// Logits of all classes for columns of a strip.
@@ -117,20 +117,22 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
 fn layers(mut bytes: &[u8]) -> Vec<Layer> {
     let mut layers = Vec::new();
     while let Some((head, rest)) = bytes.split_at_checked(6) {
+        // A head of six bytes, weights by channel, then multipliers and biases of 32 bits.
         let [kh, kw, ci, co, pool, apart] = [0, 1, 2, 3, 4, 5].map(|byte| usize::from(head[byte]));
         let (weights, rest) = rest.split_at(kh * kw * ci * co);
         let (multipliers, rest) = rest.split_at(4 * co);
         let (biases, rest) = rest.split_at(4 * co);
         let padded = co.next_multiple_of(LANES);
         let [multipliers, biases] = [multipliers, biases].map(|bytes| {
-            let all = bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b));
-            all.chain(std::iter::repeat_n(0, padded - co)).collect()
+            let numbers = bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b));
+            numbers.chain(std::iter::repeat_n(0, padded - co)).collect()
         });
+        // Channels are summed in equal groups, as large as registers allow.
         let eights = (1..=MOST_EIGHTS).rev().find(|n| (padded / LANES).is_multiple_of(*n));
         let eights = eights.expect("1 divides every number");
         let weight = |channel: usize, place: usize| {
-            let own = weights.get(channel * kh * kw * ci + place).filter(|_| channel < co);
-            own.map_or(0, |byte| i16::from(byte.cast_signed()))
+            let byte = weights.get(channel * kh * kw * ci + place).filter(|_| channel < co);
+            byte.map_or(0, |byte| i16::from(byte.cast_signed()))
         };
         let groups = (0..padded).step_by(eights * LANES).flat_map(|first| {
             (0..kh * kw * ci).step_by(2).flat_map(move |pair| {
@@ -155,8 +157,7 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
 }
 
 impl Layer {
-    /// Scaled sums, row by row. Columns are padded with zeros, and rows unless the kernel is as
-    /// high as the map.
+    /// Scaled sums, row by row. Zeros pad columns, and rows if the kernel is lower than the map.
     fn sums(&self, map: &Map) -> Vec<i32> {
         let [kh, kw] = self.kernel;
         let [ci, co] = self.channels;
@@ -172,16 +173,16 @@ impl Layer {
             row[beside..beside + row_length].copy_from_slice(values);
         }
         let mut sums = vec![0; height * map.width * co];
-        let all = Sums { layer: self, width: map.width, rows, sums: &mut sums };
+        let work = Sums { layer: self, width: map.width, rows, sums: &mut sums };
         #[cfg(target_arch = "x86_64")]
         if let Some(simd) = pulp::x86::V3::try_new() {
-            pulp::Simd::vectorize(simd, With(simd, all));
+            pulp::Simd::vectorize(simd, With(simd, work));
             return sums;
         }
         #[cfg(all(target_family = "wasm", target_feature = "simd128"))]
-        With(Simd128, all).call();
+        With(Simd128, work).call();
         #[cfg(not(all(target_family = "wasm", target_feature = "simd128")))]
-        noctograph_core::dispatch(With((), all));
+        noctograph_core::dispatch(With((), work));
         sums
     }
 
@@ -201,7 +202,7 @@ impl Layer {
 struct Sums<'a> {
     layer: &'a Layer,
     width: usize,
-    /// Rows of the map with what is padded, by pairs of channels.
+    /// Rows of the map with their padding, by pairs of channels.
     rows: Vec<Vec<[i16; 2]>>,
     sums: &'a mut [i32],
 }
@@ -212,7 +213,7 @@ trait Registers: Copy {
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8;
 }
 
-/// What every processor has.
+/// Those of every processor.
 impl Registers for () {
     #[inline(always)]
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
@@ -250,7 +251,7 @@ impl Registers for Simd128 {
         let pair = i32x4_splat(cast(pair));
         let [sums, weights]: [[[u64; 2]; 2]; 2] = [cast(sums), cast(weights)];
         let halves = [0, 1].map(|half| {
-            let [sums, weights] = [sums, weights].map(|all| u64x2(all[half][0], all[half][1]));
+            let [sums, weights] = [sums, weights].map(|x| u64x2(x[half][0], x[half][1]));
             let sum = i32x4_add(sums, i32x4_dot_i16x8(pair, weights));
             [u64x2_extract_lane::<0>(sum), u64x2_extract_lane::<1>(sum)]
         });
@@ -258,7 +259,7 @@ impl Registers for Simd128 {
     }
 }
 
-/// Sums, and the registers that they are taken in.
+/// Sums, and the registers for them.
 struct With<'a, R>(R, Sums<'a>);
 
 impl<R: Registers> NullaryFnOnce for With<'_, R> {
@@ -293,10 +294,11 @@ impl Sums<'_> {
         for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
             for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
                 for (group, weights) in groups.clone().enumerate() {
+                    // Totals begin with the biases, and stay in registers.
                     let first = group * N * LANES;
                     let mut totals: [i32x8; N] = std::array::from_fn(|n| {
-                        let own = biases[first + n * LANES..].first_chunk::<LANES>();
-                        cast(*own.expect("biases of whole eights"))
+                        let eight = biases[first + n * LANES..].first_chunk::<LANES>();
+                        cast(*eight.expect("biases of whole eights"))
                     });
                     let mut pieces = weights.chunks_exact(piece * N);
                     for row in &self.rows[y..y + kh] {
@@ -309,8 +311,9 @@ impl Sums<'_> {
                             }
                         }
                     }
-                    let own = sums[first..].chunks_mut(LANES).take(N);
-                    for (n, (sums, total)) in own.zip(totals).enumerate() {
+                    // Scaled by the multipliers, in units of 2⁻²⁴.
+                    let group_sums = sums[first..].chunks_mut(LANES).take(N);
+                    for (n, (sums, total)) in group_sums.zip(totals).enumerate() {
                         let totals: [i32; LANES] = cast(total);
                         let by = multipliers[first + n * LANES..].first_chunk::<LANES>();
                         let by = by.expect("multipliers of whole eights");
@@ -330,7 +333,7 @@ impl Sums<'_> {
 }
 
 impl Map {
-    /// Maxima over blocks of rows and columns; what is left over is dropped.
+    /// Maxima over blocks of rows and columns. Rows and columns that are left over are dropped.
     fn pooled(self, [rows, columns]: [usize; 2]) -> Self {
         if [rows, columns] == [1, 1] {
             return self;

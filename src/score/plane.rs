@@ -1,6 +1,6 @@
-//! The plane of the word: grids of square pixels on it, what the photo shows there, and the page of
-//! a letter: its cell and a margin, on which strokes and light are compared.
+//! The plane of the word: grids of square pixels on it, and their light in the photo.
 
+use kurbo::{Point, Vec2};
 use tiny_skia::Transform;
 
 use super::light::{Frame, Light, Rgb};
@@ -10,11 +10,10 @@ use super::{PX_PER_H, cap_height_m};
 use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::{Cell, Strokes};
 
-/// Farthest shift that is searched, in cap heights: a little more than the largest allowed one, so
-/// that a word out of range is still found.
+/// Farthest shift that is searched, in cap heights. A word a little out of range is still found.
 pub(super) const SEARCH_H: f64 = 0.75;
 
-/// Largest scale that is tried; the smallest is its inverse.
+/// Largest scale that is tried. The smallest is its inverse.
 pub(super) const SEARCH_SCALE: f64 = 1.25;
 
 /// Farthest shift of a letter that is searched, in pixels: a quarter of a cap height.
@@ -42,8 +41,8 @@ pub(super) struct Grid {
 /// `center + shift + scale · R(rotation) (point − center)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Placed {
-    pub(super) center_m: [f64; 2],
-    pub(super) shift_m: [f64; 2],
+    pub(super) center_m: Point,
+    pub(super) shift_m: Vec2,
     pub(super) scale: f64,
     /// Counterclockwise.
     pub(super) rotation_rad: f64,
@@ -53,23 +52,32 @@ impl Placed {
     /// The word in its intended place.
     pub(super) fn home(strokes: &Strokes) -> Self {
         let [left, bottom, right, top] = strokes.bounds_m();
-        let center_m = [0.5 * (left + right), 0.5 * (bottom + top)];
-        Self { center_m, shift_m: [0.0, 0.0], scale: 1.0, rotation_rad: 0.0 }
+        let center_m = Point::new(0.5 * (left + right), 0.5 * (bottom + top));
+        Self { center_m, shift_m: Vec2::ZERO, scale: 1.0, rotation_rad: 0.0 }
     }
 
-    /// First column of `scale · R(rotation)`; the second is `[−y, x]`.
+    /// First column of `scale · R(rotation)`. The second is `[−y, x]`.
     fn column(&self) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.rotation_rad);
         [self.scale * cos, self.scale * sin]
     }
 
     /// Where a point of the intended word is found.
-    pub(super) fn apply(&self, point_m: [f64; 2]) -> [f64; 2] {
+    pub(super) fn apply(&self, point_m: Point) -> Point {
         let [a, b] = self.column();
-        let [x, y] = [0, 1].map(|axis| point_m[axis] - self.center_m[axis]);
-        let turned = [a * x - b * y, b * x + a * y];
-        [0, 1].map(|axis| self.center_m[axis] + self.shift_m[axis] + turned[axis])
+        let Vec2 { x, y } = point_m - self.center_m;
+        self.center_m + self.shift_m + Vec2::new(a * x - b * y, b * x + a * y)
     }
+
+    /// Where the photo shows a point of the intended word, or `None` if it cannot.
+    pub(super) fn image_point(&self, view: &View, point_m: Point) -> Option<[f64; 2]> {
+        view.image_from_plane(xy(self.apply(point_m)))
+    }
+}
+
+/// A point as other crates take it.
+pub(super) fn xy(point: Point) -> [f64; 2] {
+    [point.x, point.y]
 }
 
 impl Grid {
@@ -83,8 +91,8 @@ impl Grid {
         let [width, height] = [right - left, top - bottom].map(|length_m| {
             whole(((length_m * SEARCH_SCALE + 2.0 * margin_m) / pitch_m).ceil()).next_multiple_of(4)
         });
-        let left_m = home.center_m[0] - 0.5 * width as f64 * pitch_m;
-        let top_m = home.center_m[1] + 0.5 * height as f64 * pitch_m;
+        let left_m = home.center_m.x - 0.5 * width as f64 * pitch_m;
+        let top_m = home.center_m.y + 0.5 * height as f64 * pitch_m;
         Self { left_m, top_m, pitch_m, width, height }
     }
 
@@ -94,18 +102,26 @@ impl Grid {
         Self { left_m, width: self.width + 2 * columns, ..self.clone() }
     }
 
-    /// Brings the plane of the word (meters, y up) onto the grid's page (pixels, y down), with the
-    /// word as placed.
-    pub(super) fn page_from_plane(&self, placed: &Placed) -> Transform {
+    /// A point of the page (pixels, y down) in the plane of the word (meters, y up).
+    pub(super) fn plane_from_page(&self, point: Point) -> Point {
+        Point::new(self.left_m + point.x * self.pitch_m, self.top_m - point.y * self.pitch_m)
+    }
+
+    /// A point of the plane of the word on the page.
+    pub(super) fn page_from_plane(&self, point_m: Point) -> Point {
+        let Point { x, y } = point_m;
+        Point::new((x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m)
+    }
+
+    /// [`Self::page_from_plane`] as a transform, with the word as placed.
+    pub(super) fn transform(&self, placed: &Placed) -> Transform {
         let [a, b] = placed.column().map(|part| part / self.pitch_m);
-        let [x, y] = placed.apply([0.0, 0.0]);
-        let [x, y] = [(x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m];
+        let Point { x, y } = self.page_from_plane(placed.apply(Point::ZERO));
         let [a, b, x, y] = [a, b, x, y].map(narrow);
         Transform::from_row(a, -b, -b, -a, x, y)
     }
 
-    /// The mean at each pixel of the grid of a function of the photo's light there, the grid moved
-    /// along with the word.
+    /// The mean at each pixel of the grid, moved along with the word, of a measure of the light.
     pub(super) fn resample(
         &self,
         light: &Light,
@@ -113,6 +129,8 @@ impl Grid {
         placed: &Placed,
         measure: impl Fn(Rgb) -> Rgb,
     ) -> Vec<Rgb> {
+        // Each row of corners is computed once: it is the lower one of a row of pixels, then the
+        // upper one of the next.
         let mut rows = (0..=self.height).map(|y| {
             (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect::<Vec<_>>()
         });
@@ -131,7 +149,7 @@ impl Grid {
         values
     }
 
-    /// The rectangle of the photo that shows the grid; `None` where a corner is behind the camera.
+    /// The rectangle of the photo that shows the grid, or `None` if a corner is behind the camera.
     pub(super) fn frame(&self, view: &View, placed: &Placed) -> Option<Frame> {
         let (right, bottom) = (self.width, self.height);
         let [a, b, c, d] = [[0, 0], [right, 0], [0, bottom], [right, bottom]]
@@ -139,7 +157,7 @@ impl Grid {
         Some(bounds([a?, b?, c?, d?]))
     }
 
-    /// Edge of the middle pixel in the photo; `None` behind the camera.
+    /// Edge of the middle pixel in the photo, or `None` if it is behind the camera.
     pub(super) fn pixel_px(&self, view: &View, placed: &Placed) -> Option<f64> {
         let middle = [self.width / 2, self.height / 2];
         let [x, y] = self.image_point(view, placed, middle)?;
@@ -149,8 +167,7 @@ impl Grid {
 
     /// Where the photo shows the upper left corner of pixel `x, y`.
     fn image_point(&self, view: &View, placed: &Placed, [x, y]: [usize; 2]) -> Option<[f64; 2]> {
-        let [x, y] = [self.left_m + x as f64 * self.pitch_m, self.top_m - y as f64 * self.pitch_m];
-        view.image_from_plane(placed.apply([x, y]))
+        placed.image_point(view, self.plane_from_page(Point::new(x as f64, y as f64)))
     }
 }
 
@@ -158,7 +175,7 @@ impl Grid {
 #[derive(Clone, Debug)]
 pub(super) struct LetterPage {
     pub(super) grid: Grid,
-    /// Width and height of the cell, in pixels; it is in the middle of the page.
+    /// Width and height of the cell, in pixels. It is in the middle of the page.
     cell_px: [f64; 2],
 }
 
@@ -185,7 +202,7 @@ impl LetterPage {
         [x - half_width, y - half_height, x + half_width, y + half_height]
     }
 
-    /// The page without what is beside the cell, where other letters may shine brighter.
+    /// The page's columns of the cell: beside it, other letters may shine brighter.
     pub(super) fn columns_of_cell(&self) -> Grid {
         let [left, _, right, _] = self.cell();
         let [from, to] = [(left - PEN_PX).floor(), (right + PEN_PX).ceil()];
@@ -193,29 +210,22 @@ impl LetterPage {
         Grid { left_m, width: whole(to - from), ..self.grid.clone() }
     }
 
-    /// Whether a point is within the cell and its margin.
-    pub(super) fn holds(&self, [x, y]: [f64; 2]) -> bool {
+    /// True if a point is within the cell and its margin.
+    pub(super) fn holds(&self, point: Point) -> bool {
         let [left, top, right, bottom] = self.cell();
-        (left - MARGIN_PX[0]..=right + MARGIN_PX[0]).contains(&x)
-            && (top - MARGIN_PX[1]..=bottom + MARGIN_PX[1]).contains(&y)
+        (left - MARGIN_PX[0]..=right + MARGIN_PX[0]).contains(&point.x)
+            && (top - MARGIN_PX[1]..=bottom + MARGIN_PX[1]).contains(&point.y)
     }
 
-    /// Whether a cell has a part on the page.
+    /// True if a cell has a part on the page.
     pub(super) fn is_near(&self, cell: &Cell) -> bool {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
-        let [left, bottom] = self.page_from_plane([left_m, baseline_m]);
-        let [right, top] = self.page_from_plane([left_m + width_m, baseline_m + cap_height_m]);
-        let [wide, high] = [self.grid.width, self.grid.height].map(|side| side as f64);
-        right > 0.0 && left < wide && bottom > 0.0 && top < high
-    }
-
-    /// A point of the word's plane on the page.
-    pub(super) fn page_from_plane(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
-        [(x_m - self.grid.left_m) / self.grid.pitch_m, (self.grid.top_m - y_m) / self.grid.pitch_m]
-    }
-
-    /// A point of the page in the word's plane.
-    pub(super) fn plane_from_page(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        [self.grid.left_m + x * self.grid.pitch_m, self.grid.top_m - y * self.grid.pitch_m]
+        let lower_left = self.grid.page_from_plane(Point::new(left_m, baseline_m));
+        let upper_right = Point::new(left_m + width_m, baseline_m + cap_height_m);
+        let upper_right = self.grid.page_from_plane(upper_right);
+        upper_right.x > 0.0
+            && lower_left.x < self.grid.width as f64
+            && lower_left.y > 0.0
+            && upper_right.y < self.grid.height as f64
     }
 }

@@ -1,8 +1,7 @@
-//! Rasters of one value a pixel: strokes drawn with a round pen, blur, halving, and sums of
-//! products.
+//! Rasters of one value a pixel: strokes, blur, halving, and sums of products.
 //!
-//! Pixel `x, y` has its center at +0.5 and y down; strokes are given in the plane of the word
-//! (meters, y up), with the transform that brings them onto the raster.
+//! Pixel `x, y` has its center at +0.5 and y down. Strokes are in the plane of the word (meters, y
+//! up), with the transform that brings them onto the raster.
 
 use std::ops::Range;
 
@@ -29,8 +28,7 @@ impl Raster {
         Self { values: values.collect(), ..*self }
     }
 
-    /// Light in the squares of a grid, from its upper left corner and of a side in pixels, in some
-    /// of its columns and its first rows; outside is dark.
+    /// Light in the squares of a grid, given by its upper left corner and its side in pixels.
     pub(super) fn sums(
         &self,
         [left, top]: [f64; 2],
@@ -38,14 +36,10 @@ impl Raster {
         columns: Range<usize>,
         n_rows: usize,
     ) -> Vec<f32> {
-        type Touched = Vec<(usize, f32)>;
-        let touched = |first: f64, squares: Range<usize>, n_pixels: usize| -> Vec<Touched> {
-            let starts = squares.map(|square| first + side * square as f64);
-            starts.map(|from| overlaps(from, from + side, n_pixels).collect()).collect()
-        };
-        let columns = touched(left, columns, self.width);
+        // Pixels that each column and each row of squares touches, once for all squares.
+        let columns = touched(left, side, columns, self.width);
         let mut sums = Vec::with_capacity(n_rows * columns.len());
-        for rows in touched(top, 0..n_rows, self.height) {
+        for rows in touched(top, side, 0..n_rows, self.height) {
             for columns in &columns {
                 let mut sum = 0.0;
                 for (y, high) in &rows {
@@ -58,7 +52,7 @@ impl Raster {
         sums
     }
 
-    /// Gaussian blur, cut off at 3 σ; outside is dark.
+    /// Gaussian blur, cut off at 3 σ. Outside is dark.
     pub(super) fn blur(&self, sigma_px: f32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
         let reach = (3.0 * sigma_px).ceil() as usize;
@@ -69,6 +63,7 @@ impl Raster {
         let sum: f32 = kernel.iter().sum();
         kernel.iter_mut().for_each(|weight| *weight /= sum);
 
+        // A Gaussian is separable: first along each row, then along each column.
         let mut rows = Self::dark(self.width, self.height);
         let mut padded = vec![0.0; self.width + 2 * reach];
         for (from, to) in
@@ -82,10 +77,9 @@ impl Raster {
         let mut blurred = Self::dark(self.width, self.height);
         for (y, to) in blurred.values.chunks_exact_mut(self.width).enumerate() {
             for (tap, weight) in kernel.iter().enumerate() {
-                let Some(from) = (y + tap).checked_sub(reach).filter(|y| *y < self.height) else {
-                    continue;
-                };
-                add_scaled(to, &rows.values[from * self.width..][..self.width], *weight);
+                if let Some(from) = (y + tap).checked_sub(reach).filter(|y| *y < self.height) {
+                    add_scaled(to, &rows.values[from * self.width..][..self.width], *weight);
+                }
             }
         }
         blurred
@@ -139,7 +133,7 @@ impl Page {
     }
 }
 
-/// The lit moves as a path; `None` where nothing is lit.
+/// The lit moves as a path, or `None` if nothing is lit.
 fn path_of(moves: &[Move]) -> Option<Path> {
     let mut builder = PathBuilder::new();
     let mut pen_at = None;
@@ -158,7 +152,18 @@ fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
 }
 
-/// The pixels of `n` that an interval touches, each with the length of what it touches.
+/// For each square of a row, or of a column, the pixels that it touches.
+fn touched(
+    first: f64,
+    side: f64,
+    squares: Range<usize>,
+    n_pixels: usize,
+) -> Vec<Vec<(usize, f32)>> {
+    let starts = squares.map(|square| first + side * square as f64);
+    starts.map(|from| overlaps(from, from + side, n_pixels).collect()).collect()
+}
+
+/// The pixels of `n` that an interval touches, each with the length of the overlap.
 pub(super) fn overlaps(from: f64, to: f64, n: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
     let first = whole(from.clamp(0.0, n as f64));
     let end = whole(to.ceil().clamp(first as f64, n as f64));
@@ -180,8 +185,7 @@ pub(super) fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// Scalar products of several rows with one, in lanes whose order is fixed, so that the bits are
-/// too.
+/// Scalar products of several rows with one. The order of the lanes is fixed, and so are the bits.
 pub(super) fn dots<const N: usize>(rows: [&[f32]; N], with: &[f32]) -> [f32; N] {
     let (with, with_rest) = with.as_chunks::<8>();
     let rows = rows.map(|row| row.as_chunks::<8>());

@@ -25,14 +25,22 @@ use noctograph_core::photo::Photo;
 use noctograph_core::settings::Described;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Share of the word's intended ink whose mean is the color of its ink. Much more takes in the dark
-/// beside letters that are half missing.
-const INK_SHARE: f64 = 0.5;
+/// Fraction of the word's ink whose mean is its color. Letters that are half missing have no more.
+const INK_PART: f64 = 0.5;
 
-/// Least share of the light in a letter's cell that is of the color of its page's brightest light,
-/// which is then the letter's. White that an overexposed blue line tints has 0.5, another color
-/// none.
-const LEAST_OWN: f32 = 0.25;
+/// Least light in a letter's cell of the color of its page, else it has another color. White that
+/// an overexposed blue line tints has 0.5 of it.
+const LEAST_OF_COLOR: f32 = 0.25;
+
+/// Probability from which a letter that is read beside the place of the word counts as one.
+const CLEAR_P: f64 = 0.6;
+
+/// Ratio of the odds of being read in the line found blindly to those in the word's place from
+/// which the two views contradict each other: the outline of a white patch is an O in only one.
+const CONTRADICTION: f64 = 20.0;
+
+/// Letters of a word that is not read blindly by chance.
+const MANY_LETTERS: usize = 3;
 
 /// Reads photos of one word.
 pub struct Reader {
@@ -51,17 +59,6 @@ pub struct Reader {
     pub(super) ink_px: Vec<f64>,
 }
 
-/// Share from which a letter that is read beside the place of the word counts as one.
-const CLEAR_SHARE: f64 = 0.6;
-
-/// Ratio of the odds of being read in the line found blindly to those in the word's place from
-/// which the two views contradict each other: the outline of a white patch is an O in the one
-/// alone.
-const CONTRADICTION: f64 = 20.0;
-
-/// Letters of a word that is not read blindly by chance.
-const MANY_LETTERS: usize = 3;
-
 /// The light of a word.
 pub(super) struct Seen {
     pub(super) light: Light,
@@ -72,7 +69,7 @@ pub(super) struct Seen {
     pub(super) contrast: f32,
     /// One for each line of the word.
     pub(super) strips: Vec<Strip>,
-    /// What each of them shows.
+    /// The columns of each strip.
     pub(super) columns: Vec<Columns>,
     /// The letters of all lines, and those beside them.
     around: Columns,
@@ -96,6 +93,7 @@ impl Reader {
         options.check("score", None)?;
         check(strokes)?;
         let home = Placed::home(strokes);
+        // Area of the ink: length by width of the pen.
         let ink_px = strokes.glyphs.iter().map(|glyph| {
             let lit = glyph.moves.iter().filter(|step| step.lit);
             let length_m: f64 = lit.map(|step| distance(step.from_m, step.to_m)).sum();
@@ -122,7 +120,7 @@ impl Reader {
         Ok(reader)
     }
 
-    /// What the net makes of a faultless drawing of the word.
+    /// The columns of a faultless drawing of the word.
     pub(super) fn drawn_columns(&self) -> Columns {
         let drawn = self.lines.iter().map(|grid| {
             let light = draw(grid, &self.home, &self.strokes.glyphs, CAP_PX as f32).values;
@@ -136,18 +134,13 @@ impl Reader {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo whose size is not the
-    /// view's.
-    ///
-    /// # Panics
-    ///
-    /// If the photo has not three bytes a pixel.
+    /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo of another size.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
         Ok(self.sight(photo, view)?.0)
     }
 
-    /// The strips that a photo shows, for the training of the net: of each line of the word, its
-    /// columns and the bytes of 40 rows of them, two channels a pixel; none where nothing shines.
+    /// The strip of each line for the training of the net: its columns, and the bytes of 40 rows of
+    /// them, two channels a pixel.
     ///
     /// # Errors
     ///
@@ -159,15 +152,11 @@ impl Reader {
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width))).collect())
     }
 
-    /// The verdict without causes, and the light that it was made from; `None` where the photo does
-    /// not show the place of the word, or nothing shines there.
-    ///
-    /// The word is looked for in its place and in the lines that blind recognition finds: two views
-    /// of the same light; the one that shows the word better counts.
+    /// The verdict without causes, and its light, if any shines in the place of the word.
     pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
         let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
-        // `None` where the photo cannot show a capital.
+        // `None` if the photo cannot show a capital.
         let pixel_px = self.finder.grid.pixel_px(view, &self.home);
         let cap_height_px = pixel_px.map(|px| f64::from(PX_PER_H) * px);
         let seen = match seen {
@@ -178,6 +167,9 @@ impl Reader {
                 return Ok((Verdict { second_opinion, ..verdict }, None));
             }
         };
+        // The word is judged in its place and in the lines that blind recognition finds: two views
+        // of the same light. The one that shows the word better counts, unless it contradicts the
+        // other.
         let in_place = (!self.has_more(&reading, &seen, view))
             .then(|| Columns::joined(seen.columns.iter().cloned()));
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
@@ -187,16 +179,16 @@ impl Reader {
         let is_spelled = n_letters >= MANY_LETTERS && spells(&reading.text, &self.strokes.word);
         let most = if is_spelled { f64::INFINITY } else { CONTRADICTION };
         let judgment = judgments.reduce(|place, line| {
-            let [own, other] = [&place, &line].map(|one| one.readability / (1.0 - one.readability));
-            if (1.0..most).contains(&(other / own)) { line } else { place }
+            let [odds, blind_odds] =
+                [&place, &line].map(|one| one.readability / (1.0 - one.readability));
+            if (1.0..most).contains(&(blind_odds / odds)) { line } else { place }
         });
         let judgment = judgment.expect("letters beside the word were read");
         let judgment = judgment.against(self.expected.at_ends(&seen.around));
         Ok((self.verdict(judgment, &seen, cap_height_px, &reading), Some(seen)))
     }
 
-    /// Whether blind recognition clearly reads letters outside the strips that were cut out for the
-    /// word.
+    /// True if blind recognition clearly reads letters outside the strips of the word.
     fn has_more(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
         let frames: Vec<Frame> =
             self.lines.iter().filter_map(|grid| around(grid).frame(view, &seen.placed)).collect();
@@ -204,7 +196,7 @@ impl Reader {
             && reading.letters.iter().any(|letter| {
                 let [left, top, right, bottom] = letter.box_px;
                 let (x, y) = (0.5 * (left + right), 0.5 * (top + bottom));
-                letter.p >= CLEAR_SHARE
+                letter.p >= CLEAR_P
                     && !frames.iter().any(|[left, top, right, bottom]| {
                         (*left..=*right).contains(&x) && (*top..=*bottom).contains(&y)
                     })
@@ -213,35 +205,36 @@ impl Reader {
 
     /// Finds the word's light in a photo of the size that the view gives, or why there is none.
     fn see(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
+        // Light of the part of the photo that may show the word, and its exposure.
         let grid = &self.finder.grid;
         let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
         let decoded =
             grid.pixel_px(view, &self.home).and_then(|px| Light::decode(photo, frame, px));
-        let Some((light, sky)) = decoded else { return Err(Reason::NotInPhoto) };
+        let (light, sky) = decoded.ok_or(Reason::NotInPhoto)?;
         let colors = grid.resample(&light, view, &self.home, |light| light);
         let bright = brightness(grid, &colors);
         let ink_px = self.ink_px.iter().sum();
-        let Some((full_light, contrast)) = full_light(&bright, sky, ink_px) else {
-            return Err(Reason::NoLight);
-        };
+        let (full_light, contrast) = full_light(&bright, sky, ink_px).ok_or(Reason::NoLight)?;
+        let color = color::of_brightest(&colors, whole(INK_PART * ink_px));
+
+        // The place of the word, then a strip of each line, and a wider one with what is beside it.
         let placed = self.finder.place(&bright.exposed(full_light));
-        let color = color::of_brightest(&colors, whole(INK_SHARE * ink_px));
         let wide: Vec<Grid> = self.lines.iter().map(around).collect();
         let grids = self.lines.iter().enumerate().chain(wide.iter().enumerate());
         let strips = grids.map(|(line, grid)| {
             let mut strip = Strip::cut(grid, &light, view, &placed, color, full_light);
-            let glyphs = self.strokes.glyphs.iter().zip(&self.line_of);
-            let own = glyphs.filter(|(_, own)| **own == line).map(|(glyph, _)| glyph);
-            for glyph in own.filter(|glyph| classes_of(glyph.character).is_none()) {
-                strip.darken(grid, lit_bounds_m(std::slice::from_ref(glyph)));
+            for (glyph, glyph_line) in self.strokes.glyphs.iter().zip(&self.line_of) {
+                if *glyph_line == line && classes_of(glyph.character).is_none() {
+                    strip.darken(grid, lit_bounds_m(std::slice::from_ref(glyph)));
+                }
             }
             strip
         });
         let mut strips: Vec<Strip> = strips.collect();
-        let around = strips.split_off(wide.len()).into_iter().map(Strip::where_lit);
-        let around: Vec<Strip> = around.collect();
-        let all = strips.par_iter().chain(&around);
-        let mut columns: Vec<Columns> = all.map(Columns::along).collect();
+        let around: Vec<Strip> =
+            strips.split_off(wide.len()).into_iter().map(Strip::where_lit).collect();
+        let every_strip = strips.par_iter().chain(&around);
+        let mut columns: Vec<Columns> = every_strip.map(Columns::along).collect();
         let around = Columns::joined(columns.split_off(strips.len())).unexplained_as_dark();
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
@@ -273,6 +266,7 @@ impl Reader {
         // Of letters that are one glyph the others were not judged.
         let is_whole = !self.is_joined();
         let legible = is_whole && is_likeliest && readability >= self.options.legible_probability;
+        // The first of the reasons that hold: the photo comes before the letters.
         let reason = match () {
             () if legible => None,
             () if has_few_px => Some(Reason::TooSmall),
@@ -294,41 +288,43 @@ impl Reader {
         }
     }
 
-    /// Whether letters touch, as by a bar through them: they are one glyph, that of the first.
+    /// True if letters touch, as by a bar through them: they are one glyph, that of the first.
     fn is_joined(&self) -> bool {
-        let n_judged = |letters: &mut dyn Iterator<Item = char>| {
-            letters.filter(|letter| classes_of(*letter).is_some()).count()
-        };
-        let glyphs = &mut self.strokes.glyphs.iter().map(|glyph| glyph.character);
-        n_judged(glyphs) != n_judged(&mut self.strokes.word.chars())
+        let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
+        judged(glyphs).len() != judged(self.strokes.word.chars()).len()
     }
 
     /// The likeliest spelling of each word, with the word's spaces, line ends and punctuation.
     fn spelled(&self, choices: &[Choice]) -> String {
         if self.is_joined() {
             let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
-            let first: Vec<char> = glyphs.filter(|c| classes_of(*c).is_some()).collect();
-            return likeliest(choices, &first).into_iter().collect();
+            return likeliest(choices, &judged(glyphs)).into_iter().collect();
         }
-        let mut choices = choices;
-        let read = self.strokes.word.split_inclusive(char::is_whitespace).flat_map(|word| {
-            let expected: Vec<char> = word.chars().filter(|c| classes_of(*c).is_some()).collect();
-            let (own, rest) = choices.split_at(expected.len());
-            choices = rest;
-            // What the light alone reads as expected is not spelled otherwise.
+        let mut rest = choices;
+        let mut read = String::new();
+        for word in self.strokes.word.split_inclusive(char::is_whitespace) {
+            let expected = judged(word.chars());
+            let choices;
+            (choices, rest) = rest.split_at(expected.len());
+            // Letters that the light already shows as expected are not spelled otherwise.
             let is_read =
-                own.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
-            let letters = if is_read { expected } else { likeliest(own, &expected) };
+                choices.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
+            let letters = if is_read { expected } else { likeliest(choices, &expected) };
             let mut letters = letters.into_iter();
-            let shown =
-                word.chars().map(|c| classes_of(c).and_then(|_| letters.next()).unwrap_or(c));
-            shown.collect::<Vec<char>>()
-        });
-        read.collect()
+            read.extend(
+                word.chars().map(|c| classes_of(c).and_then(|_| letters.next()).unwrap_or(c)),
+            );
+        }
+        read
     }
 }
 
-/// Where a line is cut out with what may be beside it.
+/// The characters that are letters or digits.
+fn judged(characters: impl Iterator<Item = char>) -> Vec<char> {
+    characters.filter(|character| classes_of(*character).is_some()).collect()
+}
+
+/// Where a line is cut out together with its sides.
 fn around(line: &Grid) -> Grid {
     line.widened(SIDE_PX - MARGIN_PX)
 }
@@ -348,33 +344,34 @@ fn strip_grid(glyphs: &[Glyph]) -> Grid {
     }
 }
 
-/// The box of what the lit moves of letters draw: left, bottom, right, top.
+/// The box of the lit moves of letters: left, bottom, right, top.
 pub(super) fn lit_bounds_m(glyphs: &[Glyph]) -> [f64; 4] {
     let lit = glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
     bounds(lit.flat_map(|step| [step.from_m, step.to_m]))
 }
 
-/// Light in the color of the strokes alone, on a letter's page. The color is taken from the photo's
-/// own pixels: one of ours holds a stroke and the status light beside it.
+/// Light in only the color of the strokes, on a letter's page.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
-    let [mut color, own] = [grid, &page.columns_of_cell()].map(|part| {
+    // The color is taken from the photo's pixels: one of ours holds a stroke and the status light
+    // beside it.
+    let [mut color, cell_color] = [grid, &page.columns_of_cell()].map(|part| {
         let frame = part.frame(view, &seen.placed);
         let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(frame));
-        let share = INK_SHARE * ink_px / (part.width * part.height) as f64;
-        let n_brightest = whole(share * pixels.len() as f64);
+        let fraction = INK_PART * ink_px / (part.width * part.height) as f64;
+        let n_brightest = whole(fraction * pixels.len() as f64);
         if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) }
     });
     // Letters beside it may be brighter, and of another color.
-    if color::pure(color)(own) < LEAST_OWN * luminance(own) {
-        color = own;
+    if color::pure(color)(cell_color) < LEAST_OF_COLOR * luminance(cell_color) {
+        color = cell_color;
     }
     let pure = color::pure(color);
     let pure = grid.resample(&seen.light, view, &seen.placed, |light| [pure(light); 3]);
     let pure = brightness(grid, &pure);
-    // Thin strokes fill our pixels by half: half of the ink is full light, whatever the word's is.
+    // Thin strokes fill half of our pixels: half of the ink is full light, whatever the word's is.
     let mut levels = pure.values.clone();
-    let rank = whole(INK_SHARE * ink_px).min(levels.len() - 1);
+    let rank = whole(INK_PART * ink_px).min(levels.len() - 1);
     let level = *levels.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1;
     pure.exposed(seen.full_light.min(level))
 }
@@ -387,7 +384,7 @@ fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
 pub(super) fn draw(grid: &Grid, home: &Placed, glyphs: &[Glyph], cap_px: f32) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {
-        page.stroke(&glyph.moves, narrow(PEN_H) * cap_px, grid.page_from_plane(home));
+        page.stroke(&glyph.moves, narrow(PEN_H) * cap_px, grid.transform(home));
     }
     page.dry().blur(BLUR_H * cap_px)
 }

@@ -1,9 +1,8 @@
-//! Spelling: what a viewer takes a half-seen word for, who knows words and names, and needs every
-//! letter of an unusual one.
+//! Spelling: a viewer knows words and names, and guesses a half-seen one.
 //!
 //! A model of letters, not a dictionary: the probability of a letter after the four before it, in
-//! words and names, interpolated over shorter runs of letters (Witten and Bell 1991), of which a
-//! table holds those that say most (`examples/readings/spelling.py`).
+//! words and names, interpolated over shorter runs of letters (Witten and Bell 1991). A table holds
+//! the runs that matter most (`examples/readings/spelling.py`).
 
 use std::sync::LazyLock;
 
@@ -16,33 +15,32 @@ const N_SYMBOLS: usize = 27;
 /// Letters before one that its probability depends on.
 const N_BEFORE: usize = 4;
 
-/// ln of the factor from the run without its first letter to one that is missing in the table.
+/// ln of the backoff factor, for a run that the table lacks: it is taken without its first letter.
 const LN_BACKOFF: f64 = -0.916;
 
 /// A unit of the table's ln p.
 const LN_UNIT: f64 = -0.05;
 
-/// Weight of the spelling beside the light, and share of words that are spelled like none; chosen
-/// on the choosing halves of the readings.
+/// Weight of the spelling beside the light, and fraction of words spelled at random.
 const WEIGHT: f64 = 0.6;
 const RANDOM: f64 = 0.2;
 
-/// Share of a letter from which it is tried.
+/// Probability of a letter from which it is tried.
 const LEAST: f64 = 0.001;
 
-/// Share of no letter from which a place is a gap: viewers guess what it lacks, but do not see it.
+/// Probability of no letter from which a place is a gap, whose letter is a guess.
 const GAP: f64 = 0.75;
 
 /// Words that are followed at once.
 const N_WORDS: usize = 64;
 
-/// Mean of ln p over the letters of a word with a digit, as of one character of 36; and of a single
-/// character, which has no neighbors: that of words and names.
+/// Mean of ln p over the letters of a word with a digit, as of one character of 36.
 const WITH_DIGIT: f64 = -3.58;
+
+/// ln p of a single character, which has no neighbors: the mean of words and names.
 const AVERAGE: f64 = -2.2;
 
-/// Runs of four or of five letters, as numbers of base 27 in three bytes, in order, and their
-/// costs.
+/// Runs of letters as sorted numbers of base 27, in three bytes, and their costs.
 struct Runs {
     numbers: &'static [[u8; 3]],
     costs: &'static [u8],
@@ -74,7 +72,10 @@ impl Runs {
 
 /// ln p of a symbol after the four before it.
 fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
-    let number = |run: &[usize]| run.iter().fold(0, |number, symbol| N_SYMBOLS * number + symbol);
+    fn number(run: &[usize]) -> usize {
+        run.iter().fold(0, |number, symbol| N_SYMBOLS * number + symbol)
+    }
+    // The longest run in the table counts: each letter that it lacks costs a backoff.
     let [a, b, c, d] = before;
     let run = [a, b, c, d, next];
     let (triples, [fours, fives]) = &*TABLE;
@@ -99,9 +100,8 @@ pub(super) fn mean_ln_p(text: &str) -> f64 {
         let n_letters = word.chars().count() as f64 + 1.0;
         let ln_p = match symbols {
             Some(symbols) if symbols.len() > 1 => {
-                let spelled =
-                    symbols.iter().fold(Spelled::default(), |word, symbol| word.and(*symbol, 0.0));
-                spelled.and(0, 0.0).spelling
+                let ended = symbols.into_iter().chain([0]);
+                ended.fold(Spelled::default(), |word, symbol| word.and(symbol, 0.0)).spelling
             }
             Some(_) => n_letters * AVERAGE,
             None => n_letters * if n_letters > 2.0 { WITH_DIGIT } else { AVERAGE },
@@ -111,7 +111,7 @@ pub(super) fn mean_ln_p(text: &str) -> f64 {
     sum / n.max(1.0)
 }
 
-/// A word as far as it is spelled: its symbols, and ln p of its light and of its spelling.
+/// The begin of a word: its symbols, and ln p of its light and of its spelling.
 #[derive(Clone, Default)]
 struct Spelled {
     symbols: Vec<usize>,
@@ -140,9 +140,8 @@ impl Spelled {
     }
 }
 
-/// The likeliest word, given what is seen in the place of each of its letters and the letters that
-/// it was looked at for: as its light says, or as words are spelled that the light might be. `?`
-/// stands for light that no letter explains.
+/// The likeliest word for the choices in its places: the letters that the light shows, or a usual
+/// word that it may show. `?` is light that no letter explains.
 pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let seen: Vec<(Option<char>, f64)> =
         choices.iter().zip(expected).map(|(choice, expected)| choice.best(*expected)).collect();
@@ -150,6 +149,8 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let Some(spelled) = spell(choices, expected).filter(|_| choices.len() > 1) else {
         return light;
     };
+    // Either the word is one of letters at random (each one of 36), and its light decides, or it is
+    // spelled as usual.
     let n_letters = choices.len() as f64;
     let ln_p_of_light: f64 = seen.iter().map(|(_, p)| libm::log(p.max(LEAST))).sum();
     let as_light = libm::log(RANDOM) + ln_p_of_light - WEIGHT * n_letters * libm::log(36.0);
@@ -161,29 +162,29 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
         let letter = char::from(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ"[symbol - 1]);
         match self::symbol(*expected) {
             _ if choice.none > GAP => '?',
-            Some(own) if own == *symbol => *expected,
+            Some(wanted) if wanted == *symbol => *expected,
             _ => with_case_of(letter, *expected),
         }
     });
     letters.collect()
 }
 
-/// The likeliest spelling of the choices by letters alone, by beam search; `None` without any.
+/// The likeliest spelling of the choices, only by letters, by beam search (Lowerre 1976).
 fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
     let mut words = vec![Spelled::default()];
     for (choice, expected) in choices.iter().zip(expected) {
+        // Probability of each symbol in this place: a letter with a mark counts as its letter.
         let mut light = [0.0; N_SYMBOLS];
         for (letter, p) in choice.others.iter().chain([&(*expected, choice.p)]) {
             if let Some(symbol) = symbol(*letter) {
                 light[symbol] += p;
             }
         }
-        let tried = (1..N_SYMBOLS).filter(|symbol| light[*symbol] > LEAST);
-        let tried: Vec<(usize, f64)> =
-            tried.map(|symbol| (symbol, libm::log(light[symbol]))).collect();
-        let longer = words
-            .iter()
-            .flat_map(|word| tried.iter().map(|(symbol, ln_light)| word.and(*symbol, *ln_light)));
+        let likely: Vec<usize> = (1..N_SYMBOLS).filter(|symbol| light[*symbol] > LEAST).collect();
+        // Each word grows by each of them, and the likeliest stay.
+        let longer = words.iter().flat_map(|word| {
+            likely.iter().map(|&symbol| word.and(symbol, libm::log(light[symbol])))
+        });
         words = longer.collect();
         words.sort_by(|a, b| b.ln_p().total_cmp(&a.ln_p()));
         words.truncate(N_WORDS);
@@ -197,8 +198,8 @@ fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
 mod tests {
     use super::*;
 
-    /// What is seen of a word of which each letter has a share, the rest being another letter's, or
-    /// none's where that is '?'.
+    /// Choices of a word whose letters have these probabilities. The rest is another letter's, or
+    /// no letter's for '?'.
     fn choices(letters: &[(char, f64, char)]) -> Vec<Choice> {
         let choices = letters.iter().map(|&(_, p, other)| match other {
             '?' => Choice { p, none: 1.0 - p, others: Vec::new() },

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use kurbo::Point;
+
 use super::color;
 use super::light::{Light, Rgb, luminance};
 use super::plane::{Grid, Placed};
@@ -14,14 +16,13 @@ pub(super) const CAP_PX: usize = 22;
 /// Rows of a strip.
 pub(super) const HEIGHT: usize = 40;
 
-/// Row of the capitals' upper ends; their feet are at row 30.
+/// Row of the capitals' upper ends. Their feet are at row 30.
 pub(super) const HEAD_ROW: usize = 8;
 
 /// Columns beside the first and the last letter, as in most strips that the net was trained on.
 pub(super) const MARGIN_PX: usize = 13;
 
-/// Columns beside the first and the last letter of a word where more letters are looked for: 1.5 H,
-/// so that one more of any width is seen.
+/// Columns beside a word in which more letters are looked for: 1.5 H, room for one of any width.
 pub(super) const SIDE_PX: usize = 33;
 
 /// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
@@ -31,22 +32,20 @@ const BESIDE_PX: f64 = 2.2;
 const NEIGHBORS: [(f64, f64, f32); 4] =
     [(1.1, -1.0, 0.7), (0.9, 1.0, 0.7), (1.05, 0.0, 0.45), (0.95, 0.0, 1.0)];
 
-/// Light of a pixel from which a column of a strip may show a part of a letter, and so many pixels
-/// of it: hot pixels are single ones.
+/// Light of a pixel of a letter, and fewest such pixels of a column: hot pixels are single ones.
 const LIT: (f32, usize) = (0.15, 2);
 
-/// Light from which a pixel shows a stroke, where the width of strokes is measured.
+/// Light from which a pixel counts for the width of strokes.
 const STROKE_LIT: f32 = 0.4;
 
-/// Share of the lit pixels that is narrower than a stroke: corners, blots and a wall are wider.
+/// Fraction of the lit pixels that is narrower than a stroke: corners, blots and a wall are wider.
 const STROKE_RANK: f64 = 0.2;
 
 /// Half of the square of the opening, in widths of a stroke, and at least this many pixels.
 const SOFT_REACH: (f64, usize) = (1.5, 3);
 
-/// Factor at which light wider than the strokes is taken off: the top of a soft light is less wide
-/// than its foot, and the foot was taken off with the sky.
-const TAKEN: f32 = 3.0;
+/// Factor at which wide light is subtracted: its wider foot was already subtracted with the sky.
+const SUBTRACTED: f32 = 3.0;
 
 /// A line of writing: light from 0 to 1.
 #[derive(Clone, Debug)]
@@ -81,7 +80,7 @@ impl Strip {
 
     /// A strip of light that was seen, without its soft part.
     pub(super) fn of_light(width: usize, mut bright: Vec<f32>, mut pure: Vec<f32>) -> Self {
-        take_off_soft_light(width, [&mut bright, &mut pure]);
+        subtract_soft_light(width, [&mut bright, &mut pure]);
         Self { width, bright, pure, read: 0..width }
     }
 
@@ -90,8 +89,7 @@ impl Strip {
         Self { width, bright: light.clone(), pure: light, read: 0..width }
     }
 
-    /// The same, read from the first to the last column with light alone, and the margin that the
-    /// net knows: it knows no wide darkness, and sees letters in it.
+    /// The same, read only where it has light, and a margin: the net sees letters in wide darkness.
     pub(super) fn where_lit(mut self) -> Self {
         let mut lit = (0..self.width).filter(|x| {
             let column = self.bright.iter().skip(*x).step_by(self.width);
@@ -105,12 +103,11 @@ impl Strip {
         self
     }
 
-    /// Takes away the light between the sides of a box in the plane of the word, and a little
-    /// beside them: punctuation is not read.
-    pub(super) fn darken(&mut self, own: &Grid, [left_m, _, right_m, _]: [f64; 4]) {
-        let beside_m = BESIDE_PX * own.pitch_m;
+    /// Removes the light of a box in the plane of the word, and a little beside it.
+    pub(super) fn darken(&mut self, grid: &Grid, [left_m, _, right_m, _]: [f64; 4]) {
+        let beside_m = BESIDE_PX * grid.pitch_m;
         let [first, end] = [left_m - beside_m, right_m + beside_m]
-            .map(|x_m| whole(((x_m - own.left_m) / own.pitch_m).max(0.0)).min(self.width));
+            .map(|x_m| whole(((x_m - grid.left_m) / grid.pitch_m).max(0.0)).min(self.width));
         for channel in [&mut self.bright, &mut self.pure] {
             for row in channel.chunks_exact_mut(self.width) {
                 row[first..end].fill(0.0);
@@ -118,21 +115,21 @@ impl Strip {
         }
     }
 
-    /// Adds to the light what a picture of a part of the same plane has more than another, or less;
-    /// returns the columns of that part.
+    /// Adds the difference of two pictures of a part of the plane, and returns its columns.
     pub(super) fn change(
         &mut self,
-        own: &Grid,
+        grid: &Grid,
         part: &Grid,
         before: &Raster,
         after: &Raster,
     ) -> Range<usize> {
-        let ratio = own.pitch_m / part.pitch_m;
-        let [left, top] =
-            [(own.left_m - part.left_m) / part.pitch_m, (part.top_m - own.top_m) / part.pitch_m];
+        // The strip's grid in pixels of the pictures.
+        let ratio = grid.pitch_m / part.pitch_m;
+        let Point { x: left, y: top } = part.page_from_plane(Point::new(grid.left_m, grid.top_m));
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
+        // Columns of the strip that the pictures reach.
         let [first, last] =
             [0.0, part.width as f64].map(|x| whole(((x - left) / ratio).max(0.0)).min(self.width));
         let columns = first..(last + 1).min(self.width);
@@ -148,15 +145,14 @@ impl Strip {
         columns
     }
 
-    /// Whether no pixel of some columns is lit.
+    /// True if no pixel of some columns is lit.
     pub(super) fn is_dark(&self, columns: Range<usize>) -> bool {
         let columns = columns.start..columns.end.min(self.width);
         let mut rows = self.bright.chunks_exact(self.width);
         rows.all(|row| row[columns.clone()].iter().all(|light| *light < LIT.0))
     }
 
-    /// What the strip would be a little larger or smaller, higher or lower, and exposed less: the
-    /// same light, for which one reading is expected.
+    /// The same light a little larger or smaller, higher or lower, and exposed less.
     pub(super) fn neighbors(&self) -> [Self; 4] {
         NEIGHBORS.map(|(height, down_px, exposure)| {
             let [bright, pure] = [&self.bright, &self.pure].map(|light| {
@@ -183,30 +179,27 @@ impl Strip {
     }
 }
 
-/// Light stretched about the middle of the capitals and moved down, between the middles of rows;
-/// outside is dark.
+/// Light stretched about the middle of the capitals and moved down. Outside is dark.
 fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32> {
     let middle = HEAD_ROW as f64 + 0.5 * CAP_PX as f64 - 0.5;
     let mut moved = vec![0.0; light.len()];
     for (y, row) in moved.chunks_exact_mut(width).enumerate() {
         let from = (y as f64 - middle - down_px) / height + middle;
         let below = narrow(from - from.floor());
-        for (near, share) in [(from.floor(), 1.0 - below), (from.floor() + 1.0, below)] {
+        for (near, weight) in [(from.floor(), 1.0 - below), (from.floor() + 1.0, below)] {
             if (0.0..HEIGHT as f64).contains(&near) {
                 let near = &light[whole(near) * width..][..width];
-                row.iter_mut().zip(near).for_each(|(to, from)| *to += share * from);
+                row.iter_mut().zip(near).for_each(|(to, from)| *to += weight * from);
             }
         }
     }
     moved
 }
 
-/// Takes soft light off the channels of a strip, whose first one is how bright the light looks: a
-/// lit wall or a glow, which is wider than the strokes.
-///
-/// An opening, the maximum over squares of the minimum in each, keeps what is wider than the square
-/// and loses the strokes: it is taken off the light.
-fn take_off_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
+/// Subtracts soft light, such as a lit wall or a glow. The first channel is luminance.
+fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
+    // Opening (Serra 1982), the maximum over squares of the minimum in each: it keeps the light
+    // that is wider than the square and loses the strokes.
     let reach = whole((SOFT_REACH.0 * stroke_px(channels[0], width)).ceil()).max(SOFT_REACH.1);
     for light in channels {
         let soft = noctograph_core::dispatch!(|| {
@@ -214,7 +207,7 @@ fn take_off_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
             over_squares(&least, width, reach, f32::max)
         });
         for (light, soft) in light.iter_mut().zip(soft) {
-            *light = (*light - TAKEN * soft).max(0.0);
+            *light = (*light - SUBTRACTED * soft).max(0.0);
         }
     }
 }
@@ -222,6 +215,7 @@ fn take_off_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
 /// Width of most strokes: the shorter of the lit runs along the row and the column of a pixel.
 fn stroke_px(light: &[f32], width: usize) -> f64 {
     let height = light.len() / width;
+    // Runs along all rows, then along all columns. A pixel keeps the shorter one.
     let mut run = vec![usize::MAX; light.len()];
     let rows = (0..height).map(|y| (y * width..(y + 1) * width).step_by(1));
     for line in rows.chain((0..width).map(|x| (x..light.len()).step_by(width))) {
@@ -255,6 +249,7 @@ fn over_squares(
     let take = |values: &mut [f32], near: &[f32]| {
         values.iter_mut().zip(near).for_each(|(value, near)| *value = pick(*value, *near));
     };
+    // A square is separable: along rows first, then along columns.
     let mut rows = light.to_vec();
     for (row, light) in rows.chunks_exact_mut(width).zip(light.chunks_exact(width)) {
         for away in 1..(reach + 1).min(width) {

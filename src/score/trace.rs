@@ -1,8 +1,11 @@
 //! Lines of light: a letter's light thinned to lines a pixel wide (Zhang and Suen 1984).
 
+use kurbo::Point;
+
 use super::PX_PER_H;
+use super::plane::xy;
 use super::raster::{Raster, whole};
-use noctograph_core::geometry::distance;
+use noctograph_core::geometry;
 
 /// Light that counts as a line, of full light.
 const LIT: f32 = 0.4;
@@ -32,51 +35,58 @@ impl LightLines {
         lit as f64 / thin.max(1) as f64
     }
 
-    /// Whether light is within reach.
-    pub(super) fn has_light_near(&self, [x, y]: [f64; 2], reach_px: f64) -> bool {
+    /// True if light is within reach.
+    pub(super) fn has_light_near(&self, point: Point, reach_px: f64) -> bool {
         let height = self.lit.len() / self.width;
         let reach = reach_px.ceil();
-        let [mut rows, columns] = [(y, height), (x, self.width)].map(|(middle, end)| {
-            whole((middle - reach).max(0.0))..end.min(whole(middle + reach + 1.0))
-        });
+        let [mut rows, columns] =
+            [(point.y, height), (point.x, self.width)].map(|(middle, end)| {
+                whole((middle - reach).max(0.0))..end.min(whole(middle + reach + 1.0))
+            });
         rows.any(|row| {
             columns.clone().any(|column| {
                 let index = row * self.width + column;
-                self.lit[index] && distance(self.middle(index), [x, y]) <= reach_px
+                self.lit[index] && distance(self.middle(index), point) <= reach_px
             })
         })
     }
 
-    /// Whether light is close to a point.
-    pub(super) fn is_drawn(&self, point: [f64; 2]) -> bool {
+    /// True if light is close to a point.
+    pub(super) fn is_drawn(&self, point: Point) -> bool {
         self.has_light_near(point, CLOSE_PX)
     }
 
     /// Number of lit pixels near some points.
-    pub(super) fn lit_near(&self, points: &[[f64; 2]]) -> usize {
+    pub(super) fn lit_near(&self, points: &[Point]) -> usize {
         let lit = (0..self.lit.len()).filter(|n| self.lit[*n]).map(|n| self.middle(n));
         lit.filter(|lit| points.iter().any(|point| distance(*point, *lit) < 6.0)).count()
     }
 
     /// The middle of a pixel.
-    pub(super) fn middle(&self, index: usize) -> [f64; 2] {
-        [(index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5]
+    pub(super) fn middle(&self, index: usize) -> Point {
+        Point::new((index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5)
     }
 
-    /// The lines alone, three pixels wide: the picture without glow and noise.
+    /// Only the lines, three pixels wide: the picture without glow and noise.
     pub(super) fn redrawn(&self, picture: &Raster) -> Raster {
         let mut clean = Raster::dark(picture.width, picture.height);
         for (index, _) in self.thin.iter().enumerate().filter(|(_, line)| **line) {
             clean.values[index] = 1.0;
+            // Pixels beside the line get less light, those across a corner the least.
             for beside in around(index, self.width, self.thin.len()) {
-                let across = beside % self.width == index % self.width;
-                let down = beside / self.width == index / self.width;
-                let share: f32 = if across || down { 0.6 } else { 0.3 };
-                clean.values[beside] = clean.values[beside].max(share);
+                let is_above_or_below = beside % self.width == index % self.width;
+                let is_left_or_right = beside / self.width == index / self.width;
+                let light: f32 = if is_above_or_below || is_left_or_right { 0.6 } else { 0.3 };
+                clean.values[beside] = clean.values[beside].max(light);
             }
         }
         clean
     }
+}
+
+/// Distance of two points.
+pub(super) fn distance(a: Point, b: Point) -> f64 {
+    geometry::distance(xy(a), xy(b))
 }
 
 /// Neighbors of a pixel on a page.
@@ -89,36 +99,19 @@ pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterat
     .filter(move |beside| *beside != index)
 }
 
-/// Thins areas to lines a pixel wide: Zhang and Suen, "A fast parallel algorithm for thinning
-/// digital patterns" (1984).
+/// Thins areas to lines a pixel wide (Zhang and Suen 1984).
 fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     let height = ink.len() / width;
     loop {
         let mut changed = false;
+        // The first pass of an iteration removes edges at the lower right, the second at the upper
+        // left. All pixels of a pass are judged before any of them goes, so that the lines stay in
+        // the middle.
         for pass in 0..2 {
-            let mut gone = Vec::new();
-            for y in 1..height - 1 {
-                for x in 1..width - 1 {
-                    let pixel = y * width + x;
-                    if !ink[pixel] {
-                        continue;
-                    }
-                    // Clockwise from above.
-                    let (up, down) = (pixel - width, pixel + width);
-                    let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
-                    let ring = ring.map(|beside| ink[beside]);
-                    let n_ink = ring.iter().filter(|ink| **ink).count();
-                    let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();
-                    let [up, _, right, _, down, _, left, _] = ring;
-                    let open = match pass {
-                        0 => !(right && down && (up || left)),
-                        _ => !(up && left && (right || down)),
-                    };
-                    if (2..=6).contains(&n_ink) && n_starts == 1 && open {
-                        gone.push(pixel);
-                    }
-                }
-            }
+            let inner = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x));
+            let gone: Vec<usize> = inner
+                .filter(|pixel| ink[*pixel] && is_removable(&ink, width, *pixel, pass))
+                .collect();
             changed |= !gone.is_empty();
             gone.into_iter().for_each(|pixel| ink[pixel] = false);
         }
@@ -128,11 +121,29 @@ fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     }
 }
 
+/// True if a pixel is at an edge that a pass removes, and lines stay connected without it.
+fn is_removable(ink: &[bool], width: usize, pixel: usize, pass: usize) -> bool {
+    // The eight neighbors, clockwise from the one above.
+    let (up, down) = (pixel - width, pixel + width);
+    let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
+    let ring = ring.map(|beside| ink[beside]);
+    let n_ink = ring.iter().filter(|ink| **ink).count();
+    // One step from dark to ink around the pixel: it connects nothing.
+    let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();
+    let [up, _, right, _, down, _, left, _] = ring;
+    let is_at_edge = match pass {
+        0 => !(right && down && (up || left)),
+        _ => !(up && left && (right || down)),
+    };
+    (2..=6).contains(&n_ink) && n_starts == 1 && is_at_edge
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use kurbo::Line;
 
-    /// A bar 5 pixels high from column 10 to 50, and a dot of stray light.
+    /// A bar 5 pixels high from column 10 to 50, and a dot beside it.
     fn bar() -> Raster {
         let mut page = Raster::dark(64, 32);
         for y in 8..13 {
@@ -155,16 +166,17 @@ mod tests {
     #[test]
     fn what_is_missing_and_what_is_too_much_have_their_lengths() {
         let trace = LightLines::new(&bar());
-        let run = vec![[[10.5, 10.5], [60.5, 10.5]]];
+        let run = vec![Line::new((10.5, 10.5), (60.5, 10.5))];
         let (gaps, recall) = trace.gaps(&trace.bend(std::slice::from_ref(&run)), |_| false);
         assert_eq!(gaps.len(), 1);
         let [from, to] = gaps[0].along_px;
         assert!((from - 40.0).abs() <= 1.0 && (to - 50.0).abs() <= 1.0, "{from} to {to}");
         assert!((recall - 0.85).abs() < 0.03, "{recall}");
-        let (strays, precision) = trace.strays(&run, &[]);
-        assert_eq!(strays.len(), 1);
-        assert!((8..=11).contains(&strays[0].points.len()), "{strays:?}");
+        let (extra, precision) = trace.extra_lines(&run, &[]);
+        assert_eq!(extra.len(), 1);
+        assert!((8..=11).contains(&extra[0].points.len()), "{extra:?}");
         assert!((precision - 0.8).abs() < 0.05, "{precision}");
-        assert!(trace.strays(&run, &[[[18.0, 23.5], [32.0, 23.5]]]).0.is_empty(), "a neighbor's");
+        let neighbor = Line::new((18.0, 23.5), (32.0, 23.5));
+        assert!(trace.extra_lines(&run, &[neighbor]).0.is_empty(), "a neighbor's");
     }
 }

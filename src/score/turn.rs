@@ -1,63 +1,69 @@
-//! The way up of a photo: writing that stands on its side, or upside down.
+//! The way up of a photo: writing that is turned on its side, upside down, or mirrored.
 
 use super::reading::{Reading, read};
 use noctograph_core::photo::{Photo, PhotoData};
 
-/// Mean share of the letters of writing that is the right way up. Upside down, NOOR reads as HOON
-/// of 0.87.
+/// Mean probability of letters that are the right way up. NOOR upside down is HOON of 0.87.
 const UPRIGHT: f64 = 0.92;
 
-/// Least lead in that share, over what is read as it is, by which a photo stands upside down: a
-/// poor MOON of 0.9 is NOOW of 0.98 there.
+/// Least lead of a photo upside down over the photo as it is: a poor MOON of 0.9 is NOOW of 0.98.
 const LEAD: f64 = 0.1;
 
 /// Level of white paper, in daylight.
 const BRIGHT: u8 = 190;
 
-/// Fewest letters that say which way up they are: turned, a heart or an arrow may be one or two.
+/// Fewest letters that tell the way up: turned, a heart or an arrow may be one or two.
 const LEAST_LETTERS: usize = 3;
 
-/// The reading of a photo, turned by quarters where its writing reads clearly only so, with the
-/// number of these turns, clockwise; the letters' boxes are those in the turned photo. Turned, it
-/// reads more clearly than as it is, and as `word` where that is not empty, or else what is written
-/// does not read clearly as it is.
+/// The reading of a photo, turned by quarters if its writing reads clearly only so, with the number
+/// of these turns, clockwise. The letters' boxes are those in the turned photo.
+///
+/// A turned photo reads more clearly than the photo as it is. It also reads as `word`, or the photo
+/// as it is does not read clearly. An empty `word` is any.
 pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     let upright = read(photo);
-    let is_clear = upright.letters.len() >= LEAST_LETTERS && upright.mean_share() >= UPRIGHT;
-    if upright.text.eq_ignore_ascii_case(word) || is_clear && word.is_empty() {
+    if is_right(&upright, word) {
         return (upright, 0);
     }
     let turned = (1..4).map(|quarters| (read(&quarter_turned(photo, quarters)), quarters));
-    let turned = turned.filter(|(reading, quarters)| {
-        let is_word = reading.text.eq_ignore_ascii_case(word);
-        let lead = if *quarters == 2 && !is_word { LEAD } else { 0.0 };
-        reading.letters.len() >= LEAST_LETTERS
-            && reading.mean_share() >= UPRIGHT.max(upright.mean_share() + lead)
-            && (is_word || !is_clear)
+    let clearer = turned.filter(|(reading, quarters)| {
+        let lead = if *quarters == 2 { LEAD } else { 0.0 };
+        is_clearer(reading, &upright, word, lead)
     });
-    let best = turned.reduce(|a, b| if b.0.mean_share() > a.0.mean_share() { b } else { a });
+    let best = clearer.reduce(|a, b| if b.0.mean_p() > a.0.mean_p() { b } else { a });
     best.unwrap_or((upright, 0))
 }
 
-/// The reading of a photo that is flipped from left to right, if its writing reads clearly only so,
-/// and not as it is, with the number of quarter turns after that: the writer faced the camera, or
-/// the camera flips its pictures. It reads more clearly than as it is, or as `word`.
+/// [`read_any_way_up`] of the photo flipped from left to right.
 pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
-    let is_clear = upright.letters.len() >= LEAST_LETTERS && upright.mean_share() >= UPRIGHT;
-    if upright.text.eq_ignore_ascii_case(word) || is_clear && word.is_empty() {
+    if is_right(upright, word) {
         return None;
     }
-    // From behind; or in water, below what it mirrors.
+    // From behind, or in water, below the mirrored thing.
     let [left, down] =
         [0, 2].map(|quarters| (read(&quarter_turned(&mirrored(photo), quarters)), quarters));
-    let is_down = down.0.mean_share() > left.0.mean_share() + LEAD;
-    let (reading, quarters) = if is_down { down } else { left };
+    let is_down = down.0.mean_p() > left.0.mean_p() + LEAD;
+    Some(if is_down { down } else { left })
+        .filter(|(reading, _)| is_clearer(reading, upright, word, LEAD))
+}
+
+/// True if the writing reads clearly.
+fn is_clear(reading: &Reading) -> bool {
+    reading.letters.len() >= LEAST_LETTERS && reading.mean_p() >= UPRIGHT
+}
+
+/// True if a photo as it is reads as the word, or reads clearly and any word will do.
+fn is_right(upright: &Reading, word: &str) -> bool {
+    upright.text.eq_ignore_ascii_case(word) || is_clear(upright) && word.is_empty()
+}
+
+/// True if a turned photo reads clearly, and more so than the photo as it is.
+fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
-    let lead = if is_word { 0.0 } else { LEAD };
-    let reads = reading.letters.len() >= LEAST_LETTERS
-        && reading.mean_share() >= UPRIGHT.max(upright.mean_share() + lead)
-        && (is_word || !is_clear);
-    reads.then_some((reading, quarters))
+    let lead = if is_word { 0.0 } else { lead };
+    is_clear(reading)
+        && reading.mean_p() >= upright.mean_p() + lead
+        && (is_word || !is_clear(upright))
 }
 
 /// A photo that is flipped from left to right.
@@ -69,15 +75,17 @@ pub fn mirrored(photo: &Photo) -> Photo {
     Photo::made(photo)
 }
 
-/// Whether a photo is bright all along its rim: it has a white border, or its writing is dark.
+/// True if a photo is bright all along its edge: it has a white border, or its writing is dark.
 pub fn has_bright_rim(photo: &Photo) -> bool {
     let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
-    let is_rim =
-        |i: &usize| [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width));
-    let is_bright = |i: usize| photo.rgb8[3 * i..3 * i + 3].iter().all(|value| *value > BRIGHT);
-    let (bright, dark): (Vec<_>, Vec<_>) =
-        (0..width * height).filter(is_rim).partition(|i| is_bright(*i));
-    bright.len() > 9 * dark.len()
+    let [mut n_bright, mut n_dark] = [0, 0];
+    for (i, pixel) in photo.rgb8.chunks_exact(3).enumerate() {
+        if [0, width - 1].contains(&(i % width)) || [0, height - 1].contains(&(i / width)) {
+            let is_bright = pixel.iter().all(|value| *value > BRIGHT);
+            *(if is_bright { &mut n_bright } else { &mut n_dark }) += 1;
+        }
+    }
+    n_bright > 9 * n_dark
 }
 
 /// A photo that is turned clockwise by quarters.

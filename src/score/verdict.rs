@@ -9,41 +9,39 @@ use super::plane::Placed;
 use super::{MAX_ROTATION_RAD, SCALES};
 use noctograph_core::strokes::Strokes;
 
-/// Whether the word in a photo is legible, and why not.
+/// Legibility of the word in a photo, with reasons.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verdict {
-    /// The word that should be there.
+    /// The expected word.
     pub word: String,
-    /// The likeliest letter in the place of each, `?` where there is none; punctuation as it should
-    /// be.
+    /// The likeliest letter in the place of each, `?` for none. Punctuation is copied.
     pub read: String,
-    /// Whether the word is read: the readability reaches
-    /// [`super::ScoreOptions::legible_probability`], and no other word is likelier.
+    /// True if the readability reaches [`super::ScoreOptions::legible_probability`], and no other
+    /// word is likelier.
     pub legible: bool,
     /// Probability that a viewer reads the word at first sight, 0 to 1.
     pub readability: f64,
-    /// The likeliest other word; `None` where nothing can be seen.
+    /// The likeliest other word, or `None` if nothing can be seen.
     pub rival: Option<RivalWord>,
-    /// Agreement of light and intended strokes: harmonic mean of the share of the strokes that has
-    /// light and the share of the light that has strokes, 0 to 1; `None` where it was not computed.
+    /// Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the
+    /// strokes that has light and the fraction of the light that has strokes. `None` if it was not
+    /// computed.
     pub faithfulness: Option<f64>,
     /// The regression that gave the readability.
     pub calibration: Calibration,
-    /// Placement of the word; `None` where there is no light.
+    /// Placement of the word, or `None` if there is no light.
     pub placement: Option<Placement>,
-    /// Height of a capital in the photo, pixels; `None` where the photo does not show the place.
+    /// Height of a capital in the photo, pixels, or `None` if the photo does not show the place.
     pub cap_height_px: Option<f64>,
     /// One for each letter of the word, in its order.
     pub letters: Vec<LetterVerdict>,
-    /// Why the word is not legible; `None` where it is.
+    /// Why the word is not legible, or `None` if it is.
     pub reason: Option<Reason>,
-    /// Blind recognition: the text that is read without knowledge of the word; `None` where nothing
-    /// can be seen.
+    /// The text that is read without knowledge of the word, or `None` if nothing can be seen.
     pub second_opinion: Option<String>,
-    /// Faults, the most costly first; empty where they were not looked for.
+    /// Faults, the most costly first, or empty if they were not looked for.
     pub causes: Vec<Cause>,
-    /// Changes to make, at most three, the most gainful first; empty where faults were not looked
-    /// for.
+    /// At most three changes, the most gainful first, or empty if faults were not looked for.
     pub advice: Vec<Advice>,
 }
 
@@ -52,7 +50,7 @@ pub struct Verdict {
 pub struct RivalWord {
     /// The word.
     pub word: String,
-    /// Its share in the choice between it and the expected word, 0 to 1.
+    /// Its probability in the choice between it and the expected word, 0 to 1.
     pub p: f64,
 }
 
@@ -68,33 +66,32 @@ pub struct Placement {
 }
 
 /// The verdict on one letter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LetterVerdict {
-    /// The letter that should be there.
+    /// The expected letter.
     pub expected: char,
-    /// The likeliest letter; `None` where it is likeliest that there is none.
+    /// The likeliest letter, or `None` if no letter is likelier than each letter.
     pub best: Option<char>,
-    /// Share of the expected letter in the choice among all, the other letters being right, 0 to 1;
-    /// `None` for punctuation, which is not judged.
+    /// Probability of the expected letter in the choice among all, the other letters being right, 0
+    /// to 1, or `None` for punctuation, which is not judged.
     pub p: Option<f64>,
-    /// Share of no letter at all, 0 to 1; `None` for punctuation.
+    /// Probability of no letter at all, 0 to 1, or `None` for punctuation.
     pub no_letter: Option<f64>,
     /// The three likeliest other letters, the likeliest first.
     #[serde(default)]
     pub rivals: Vec<Rival>,
-    /// Offset of the letter from its place in the word, to the right and up; this and the next four
-    /// are `None` where faults were not looked for.
+    /// Offset of the letter from its place in the word, to the right and up. This and the next four
+    /// are `None` if faults were not looked for.
     pub shift_m: Option<[f64; 2]>,
-    /// Share of the intended strokes that has light within 0.1 cap heights, once they are moved
-    /// onto it.
+    /// Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights.
     pub recall: Option<f64>,
-    /// Share of the light's lines that is within 0.1 cap heights of an intended stroke.
+    /// Fraction of the light's lines within 0.1 cap heights of an intended stroke.
     pub precision: Option<f64>,
     /// Length of the intended strokes without light.
     pub missing_mm: Option<f64>,
     /// Length of the light's lines away from the intended strokes.
     pub stray_mm: Option<f64>,
-    /// Shares of all letters in the choice, the likeliest first, down to a thousandth.
+    /// Probabilities of all letters in the choice, the likeliest first, down to a thousandth.
     #[serde(default)]
     pub confusion: Vec<Rival>,
 }
@@ -104,7 +101,7 @@ pub struct LetterVerdict {
 pub struct Rival {
     /// The letter.
     pub letter: char,
-    /// Its share in the choice among all, 0 to 1.
+    /// Its probability in the choice among all, 0 to 1.
     pub p: f64,
 }
 
@@ -130,20 +127,19 @@ pub enum Reason {
 }
 
 impl Verdict {
-    /// Probability that a viewer reads the word and no other at first sight, 0 to 1: the
-    /// readability, and where another word is likelier, no more than the word's own share against
-    /// it. What studies rank and tune by.
+    /// Probability that a viewer reads this word and no other, by which studies rank and tune: the
+    /// readability, and at most the word's own probability against a likelier rival.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
     }
 
-    /// Nobody can read the word, whatever the letters look like.
+    /// Makes the word illegible, whatever its letters look like.
     pub fn refuse(&mut self, reason: Reason) {
         (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
     }
 
-    /// Whether blind recognition reads another text than the word; equal shapes are equal.
+    /// True if blind recognition reads another text than the word. Equal shapes are equal.
     pub fn is_contradicted(&self) -> bool {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
@@ -154,11 +150,10 @@ impl Verdict {
         reason: Option<Reason>,
         cap_height_px: Option<f64>,
     ) -> Self {
-        let letters: Vec<_> =
-            strokes.glyphs.iter().map(|glyph| LetterVerdict::unseen(glyph.character)).collect();
+        let characters = strokes.glyphs.iter().map(|glyph| glyph.character);
         Self {
             word: strokes.word.clone(),
-            read: "?".repeat(letters.len()),
+            read: "?".repeat(strokes.glyphs.len()),
             legible: false,
             readability: 0.0,
             rival: None,
@@ -166,7 +161,7 @@ impl Verdict {
             calibration: CALIBRATION,
             placement: None,
             cap_height_px,
-            letters,
+            letters: characters.map(LetterVerdict::unseen).collect(),
             reason,
             second_opinion: None,
             causes: Vec::new(),
@@ -177,12 +172,12 @@ impl Verdict {
 
 impl From<&Placed> for Placement {
     fn from(&Placed { shift_m, scale, rotation_rad, .. }: &Placed) -> Self {
-        Self { shift_m, scale, rotation_rad }
+        Self { shift_m: [shift_m.x, shift_m.y], scale, rotation_rad }
     }
 }
 
 impl Placement {
-    /// Whether the word is within reach of its place, and nearly as large and upright as intended.
+    /// True if the word is within reach of its place, and nearly as large and upright as intended.
     pub(super) fn is_near(&self, reach_m: f64) -> bool {
         libm::hypot(self.shift_m[0], self.shift_m[1]) <= reach_m
             && (SCALES[0]..=SCALES[1]).contains(&self.scale)
@@ -193,24 +188,12 @@ impl Placement {
 impl LetterVerdict {
     /// Punctuation.
     pub(super) fn not_judged(expected: char) -> Self {
-        Self { best: Some(expected), p: None, no_letter: None, ..Self::unseen(expected) }
+        Self { expected, best: Some(expected), ..Self::default() }
     }
 
     /// A letter without light.
     pub(super) fn unseen(expected: char) -> Self {
-        Self {
-            expected,
-            best: None,
-            p: Some(0.0),
-            no_letter: Some(0.0),
-            rivals: Vec::new(),
-            shift_m: None,
-            recall: None,
-            precision: None,
-            missing_mm: None,
-            stray_mm: None,
-            confusion: Vec::new(),
-        }
+        Self { expected, p: Some(0.0), no_letter: Some(0.0), ..Self::default() }
     }
 }
 

@@ -1,5 +1,4 @@
-//! How a photo shows the plane of the word: through a known camera, or by four corners in the
-//! picture.
+//! View of the plane of the word: through a known camera, or by four corners in the picture.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
@@ -8,7 +7,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::distance;
 use noctograph_core::photo::{Photo, PhotoData};
 
-/// Where points of the word's plane (x and height, meters) fall in the picture.
+/// The projection of the word's plane (x and height, meters) onto the picture.
 #[derive(Clone, Debug)]
 pub enum View {
     /// Through a camera whose place and lens are known.
@@ -34,7 +33,7 @@ impl From<&Camera> for View {
 }
 
 impl View {
-    /// Pixels from the left and upper edge; `None` where the photo cannot show the point.
+    /// Pixels from the left and upper edge, or `None` if the photo cannot show the point.
     pub fn image_from_plane(&self, [x_m, height_m]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = match self {
             Self::Camera(camera) => {
@@ -52,8 +51,7 @@ impl View {
         (x.is_finite() && y.is_finite()).then_some([x, y])
     }
 
-    /// A photo of the plane seen square on: `bounds_m` (`[left, bottom, right, top]`) at a
-    /// resolution, each pixel the nearest one's.
+    /// A part of the plane (`[left, bottom, right, top]`) seen square on, by nearest pixels.
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
         #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
@@ -74,8 +72,8 @@ impl View {
         Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
-    /// A photo of a line of writing seen square on, from the four corners of its box in the
-    /// photo, clockwise from the upper left; with a margin for letters that leave the box.
+    /// A photo of a line of writing seen square on, with a margin for letters that leave its box.
+    /// The box is given by its four corners in the photo, clockwise from the upper left.
     ///
     /// # Errors
     ///
@@ -122,7 +120,7 @@ const CORNERS_MARGIN: f64 = 0.5;
 /// Longest side of a picture seen square on.
 const MAX_SQUARE_ON_PX: f64 = 4096.0;
 
-/// The pixel at a place; black outside.
+/// The pixel at a place. Outside is black.
 fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
     let inside =
         x >= 0.0 && y >= 0.0 && x < f64::from(photo.width_px) && y < f64::from(photo.height_px);
@@ -132,12 +130,12 @@ fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
 }
 
 impl Homography {
-    /// The view that shows a box of the plane (`[left, bottom, right, top]`) at four corners of
-    /// the picture: upper left, upper right, lower right, lower left.
+    /// The view that shows a box of the plane (`[left, bottom, right, top]`) at four corners of the
+    /// picture: upper left, upper right, lower right, lower left.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where the corners do not go round a convex figure clockwise.
+    /// [`Error::Input`] if the corners do not go round a convex figure clockwise.
     pub fn from_corners(
         [left, bottom, right, top]: [f64; 4],
         corners_px: [[f64; 2]; 4],
@@ -147,6 +145,8 @@ impl Homography {
             let [a, b, c] = [0, 1, 2].map(|step| corners_px[(first + step) % 4]);
             (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]) > 1.0
         });
+        // Direct linear transform (Hartley and Zisserman 2004) with h₃₃ = 1: two equations a
+        // corner, u (h₃₁ x + h₃₂ y + 1) = h₁₁ x + h₁₂ y + h₁₃ and the same of v.
         let plane = [[left, top], [right, top], [right, bottom], [left, bottom]];
         let mut rows = SMatrix::<f64, 8, 8>::zeros();
         let mut values = SVector::<f64, 8>::zeros();

@@ -8,8 +8,8 @@ const FULL_FRAME_CORNER_M: f64 = 0.021_63;
 settings! {
     /// Camera body.
     ///
-    /// Sensor sizes are the makers' (Sony ILCE-6400: 23.5 mm wide; Sony DSC-RX100M7, 1-inch type:
-    /// 13.2 mm; Canon EOS 2000D: 22.3 mm; a phone's 1/1.56-inch type: 8.2 mm; the Pixel 8 Pro's,
+    /// Sensor sizes are the makers' (Sony ILCE-6400: 23.5 mm wide, Sony DSC-RX100M7, 1-inch type:
+    /// 13.2 mm, Canon EOS 2000D: 22.3 mm, a phone's 1/1.56-inch type: 8.2 mm; the Pixel 8 Pro's,
     /// 9.8 mm, and the iPhone 15 Pro's, 4032 pixels of 2.44 µm). Full wells are 2500 electrons per
     /// µm² of pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
     /// assumptions of the right size, not measurements of one camera.
@@ -86,7 +86,7 @@ pub struct BodyFigures {
     pub sensor_width_m: f64,
     /// Pixels along its width, as its pictures have them by default.
     pub width_px: f64,
-    /// The lens that comes with it; `None` where it can be changed.
+    /// The lens that comes with it, or `None` if it can be changed.
     pub fixed_lens: Option<FixedLens>,
     /// Its model's names in EXIF.
     exif: &'static [&'static str],
@@ -101,8 +101,7 @@ pub struct LensFigures {
     pub min_f_number: f64,
     /// Distortion k1, k2, p1, p2 (see [`super::Camera::distortion`]).
     pub distortion: [f64; 4],
-    /// Stops by which the rims darken the corner of full frame wide open: see
-    /// [`LensModel::vignetting`].
+    /// Stops of the falloff at the corner of full frame wide open: see [`LensModel::vignetting`].
     wide_open_stops: f64,
 }
 
@@ -111,8 +110,7 @@ const NAMED_IN_EXIF: [BodyModel; 3] =
     [BodyModel::A6400, BodyModel::CanonEos2000D, BodyModel::OneInch];
 
 impl BodyModel {
-    /// The table of bodies. Focal lengths of fixed lenses are those that see the maker's angle over
-    /// the sensor's diagonal (4:3).
+    /// The table of bodies. Fixed lenses see the maker's angle over the sensor's diagonal (4:3).
     pub fn figures(&self) -> BodyFigures {
         fn body(sensor_width_m: f64, width_px: f64, exif: &'static [&'static str]) -> BodyFigures {
             BodyFigures { sensor_width_m, width_px, fixed_lens: None, exif }
@@ -137,19 +135,19 @@ impl BodyModel {
             }
             Self::OneInch => body(0.0132, 5472.0, &["DSC-RX100M7"]),
             // 24 mm equivalent, f/1.78, night mode up to 30 s on a tripod (ijunkie.com, "How to use
-            // Night mode on iPhone 11"). Its camera sets ISO itself; the range is an assumption.
+            // Night mode on iPhone 11"). Its camera sets ISO itself. The range is an assumption.
             Self::IPhone15Pro => phone(0.0098, 0.0068, 1.78, 30.0),
             // 82°, f/1.68 (dpreview.com, "Google Pixel 8 and Pixel 8 Pro: Camera deep-dive"), 16 s
-            // (androidauthority.com/google-pixel-pro-camera-controls-3374272); ISO as Samsung's, an
+            // (androidauthority.com/google-pixel-pro-camera-controls-3374272). ISO as Samsung's, an
             // assumption.
             Self::Pixel8Pro => phone(0.0098, 0.007_06, 1.68, 16.0),
-            // 85°, f/1.8 (androidauthority.com/samsung-galaxy-s24-cameras-3403863); ISO 50 to 3200
+            // 85°, f/1.8 (androidauthority.com/samsung-galaxy-s24-cameras-3403863). ISO 50 to 3200
             // and 30 s in Pro mode (r2.community.samsung.com, "Samsung's Pro Mode explained").
             Self::Phone | Self::GalaxyS24 => phone(0.0082, 0.0056, 1.8, 30.0),
         }
     }
 
-    /// The lens that comes with the body; `None` where it can be changed.
+    /// The lens that comes with the body, or `None` if it can be changed.
     pub fn fixed_lens(&self) -> Option<FixedLens> {
         self.figures().fixed_lens
     }
@@ -174,23 +172,22 @@ impl LensModel {
         LensFigures { focal_length_m, min_f_number, distortion, wide_open_stops }
     }
 
-    /// Share of light that the rims of the lens keep from a point of the sensor, on top of the
-    /// natural falloff by cos⁴; it grows with the square of the distance from the axis.
+    /// Fraction of light that the edges of the lens keep from a point of the sensor, on top of the
+    /// natural falloff by cos⁴. It grows with the square of the distance from the axis.
     ///
     /// The stops at the corner of full frame wide open are those that tests measured, less the
     /// natural ones: 2.7 in all for Canon's EF 50/1.8 II
     /// (`dpreview.com/lensreviews/canon_50_1p8_ii_c16/4`), 2.2 for their EF 35/2
-    /// (`photozone.de/canon_eos_ff/428-canon_35_2_5d`); 1 at the corner of APS-C for their EF
-    /// 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom such as `kit-16mm`
-    /// loses no more than cos⁴ alone (1.9 stops for Tokina's 16-50 at f/2.8,
-    /// `lenstip.com/248.8`). Stopped down, the stops beyond those at f/5.6 fall with the power 2.4
-    /// of the aperture number, within 0.45 stops for Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's
-    /// Otus 28 from their widest aperture on (`lenstip.com/216.8`, `lenstip.com/504.8`,
-    /// `optyczne.pl/398.8`).
+    /// (`photozone.de/canon_eos_ff/428-canon_35_2_5d`). 1 at the corner of APS-C for their EF
+    /// 28/2.8 IS (`photozone.de/canon-eos/777-canon28f28apsc`). A zoom such as `kit-16mm` loses no
+    /// more than cos⁴ (1.9 stops for Tokina's 16-50 at f/2.8, `lenstip.com/248.8`). Stopped down,
+    /// the stops beyond those at f/5.6 fall with the power 2.4 of the aperture number, within 0.45
+    /// stops for Canon's EF 50/1.4, Nikon's 28/1.4 and Zeiss's Otus 28 from their widest aperture
+    /// on (`lenstip.com/216.8`, `lenstip.com/504.8`, `optyczne.pl/398.8`).
     pub fn vignetting(&self, f_number: f64, off_axis_m: f64) -> f64 {
         let lens = self.figures();
         let stops = lens.wide_open_stops * libm::pow(lens.min_f_number / f_number, 2.4);
-        let share = off_axis_m / FULL_FRAME_CORNER_M;
-        ((1.0 - libm::exp2(-stops)) * share * share).min(1.0)
+        let part = off_axis_m / FULL_FRAME_CORNER_M;
+        ((1.0 - libm::exp2(-stops)) * part * part).min(1.0)
     }
 }

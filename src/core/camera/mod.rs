@@ -18,7 +18,7 @@ mod options;
 mod outside;
 mod white_balance;
 
-/// Distance in focus that stands for infinity: the greatest of a scene.
+/// Distance in focus that means infinity: the greatest of a scene.
 pub const INFINITY_M: f64 = 1e6;
 
 /// A camera at rest whose shutter opens once.
@@ -30,27 +30,27 @@ pub struct Camera {
     pub camera_from_world: Matrix3<f64>,
     /// Focal length of the lens.
     pub focal_length_m: f64,
-    /// Width of the sensor; pixels are square.
+    /// Width of the sensor, whose pixels are square.
     pub sensor_width_m: f64,
     /// Aperture number N.
     pub f_number: f64,
-    /// Share of the light that the lens transmits, 0 to 1.
+    /// Fraction of the light that the lens transmits, 0 to 1.
     pub transmission: f64,
     /// Standard deviation of the blur of the lens on the sensor (aberrations, without diffraction).
     pub blur_m: f64,
-    /// Distance in focus, along the optical axis; everything is sharp with `None`.
+    /// Distance in focus, along the optical axis, or `None` if everything is sharp.
     pub focus_m: Option<f64>,
     /// Distortion k1, k2 (radial) and p1, p2 (tangential), of Brown and Conrady as `OpenCV` has it:
     /// with x, y the tangents off the axis and r² = x² + y², the lens draws
     /// `x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²)` and
     /// `y (1 + k1 r² + k2 r⁴) + p1 (r² + 2 y²) + 2 p2 x y`.
     pub distortion: [f64; 4],
-    /// Share of the light lost by vignetting at the corner of the picture; it grows with the square
-    /// of the distance from the middle. The natural falloff by cos⁴ is separate.
+    /// Fraction of the light lost by vignetting at the corner of the picture. It grows with the
+    /// square of the distance from the middle. The natural falloff by cos⁴ is separate.
     pub vignetting: f64,
     /// White balance: gains of red, green and blue between the sensor and the tone curve.
     pub white_balance: [f64; 3],
-    /// Sensitivity; see [`Self::saturation_lx_s`].
+    /// Sensitivity. See [`Self::saturation_lx_s`].
     pub iso: f64,
     /// Sensitivity at and below which a full well is white.
     pub base_iso: f64,
@@ -93,8 +93,8 @@ impl Camera {
         self.focal_length_m / self.pixel_pitch_m()
     }
 
-    /// Image of a point of the world; `None` behind the entrance pupil, and beyond the radius where
-    /// the distortion folds back.
+    /// Image of a point of the world, or `None` behind the camera and where the distortion folds
+    /// back.
     pub fn image_from_world(&self, position_m: Vector3<f64>) -> Option<ImagePoint> {
         let p = self.camera_from_world * (position_m - self.position_m);
         if p.z <= 0.0 {
@@ -110,11 +110,12 @@ impl Camera {
     }
 
     /// Direction in the world, of length 1, of a point of the picture: the inverse of
-    /// [`Self::image_from_world`], by fixed-point iteration to 1e-12; `None` where a strong
+    /// [`Self::image_from_world`], by fixed-point iteration to 1e-12, or `None` if a strong
     /// distortion has no inverse.
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();
+        // tangents ← tangents + (wanted − distorted(tangents)) converges for weak distortion.
         let mut tangents = wanted;
         for _ in 0..200 {
             let error = wanted - Vector2::from(self.distorted(tangents.into())?);
@@ -126,17 +127,18 @@ impl Camera {
         None
     }
 
-    /// Tangents off the axis with distortion; `None` beyond the radius where the distortion folds
-    /// back.
+    /// Tangents off the axis with distortion, or `None` where it folds back.
     fn distorted(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let [k1, k2, p1, p2] = self.distortion;
         if self.distortion == [0.0; 4] {
             return Some([x, y]);
         }
+        // Beyond the radius r at which d(r (1 + k₁ r² + k₂ r⁴))/dr = 0, the image folds back.
         let r2 = x * x + y * y;
         if 1.0 + r2 * (3.0 * k1 + r2 * 5.0 * k2) <= 0.0 {
             return None;
         }
+        // Brown 1966, Conrady 1919: radial and tangential terms.
         let radial = 1.0 + r2 * (k1 + r2 * k2);
         Some([
             x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
@@ -145,20 +147,20 @@ impl Camera {
     }
 
     /// Box `[left, bottom, right, top]` of the plane of the word (y = 0) around the four corners of
-    /// the picture; `None` where a corner does not show the plane within 1 km.
+    /// the picture, or `None` if a corner does not show the plane within 1 km.
     pub fn plane_bounds_m(&self) -> Option<[f64; 4]> {
         let [right, bottom] = [self.width_px, self.height_px].map(f64::from);
         let corners = [[0.0, 0.0], [right, 0.0], [right, bottom], [0.0, bottom]];
-        let on_plane = |[x_px, y_px]: [f64; 2]| {
+        let on_plane = corners.into_iter().map(|[x_px, y_px]| {
             let ray = self.world_from_image(x_px, y_px)?;
             let distance_m = -self.position_m.y / ray.y;
             let point_m = self.position_m + ray * distance_m;
             (distance_m > 0.0 && distance_m < 1000.0).then_some([point_m.x, point_m.z])
-        };
-        Some(bounds(corners.map(on_plane).into_iter().collect::<Option<Vec<_>>>()?))
+        });
+        Some(bounds(on_plane.collect::<Option<Vec<_>>>()?))
     }
 
-    /// Share of the light that vignetting leaves at a point of the picture, 0 to 1.
+    /// Fraction of the light that vignetting leaves at a point of the picture, 0 to 1.
     pub fn unvignetted(&self, x_px: f64, y_px: f64) -> f64 {
         let (width, height) = (f64::from(self.width_px), f64::from(self.height_px));
         let (x, y) = (x_px - width / 2.0, y_px - height / 2.0);
@@ -174,8 +176,7 @@ impl Camera {
         })
     }
 
-    /// Luminous exposure in lx s, in the middle of the picture, of a surface of 1 cd/m²:
-    /// `π τ t / (4 N²)`.
+    /// Luminous exposure, lx s, in the middle of the picture by 1 cd/m²: `π τ t / (4 N²)`.
     pub fn lx_s_of_luminance(&self) -> f64 {
         let exposure_s = self.shutter_close_s - self.shutter_open_s;
         std::f64::consts::FRAC_PI_4 * self.transmission * exposure_s

@@ -21,37 +21,37 @@ settings! {
     /// The camera.
     ///
     /// By default a full-frame camera with a 35 mm lens at f/8 and ISO 100, the usual start for
-    /// light painting; blur is half the usual circle of confusion of 30 µm.
+    /// light painting. Blur is half the usual circle of confusion of 30 µm.
     pub struct CameraOptions {
-        /// Automatic exposure; off in a scene that sets `f_number` or `iso` but not this key.
+        /// Automatic exposure, off in a scene that sets `f_number` or `iso` but not this key.
         metering: Metering = Metering::default();
         /// Width of the picture in pixels.
         width_px: u32 = 1920, in 1.0..=16_384.0;
         /// Height of the picture in pixels.
         height_px: u32 = 1080, in 1.0..=16_384.0;
-        /// Print resolution in dots per inch, written into the picture's file; none if left out.
+        /// Print resolution in dots per inch, written into the picture's file, or none if left out.
         dots_per_inch: Option<f64> = None, in 1.0..=10_000.0;
         /// Aperture number, unless the meter sets it.
         f_number: f64 = 8.0, in 0.5..=256.0, unless "camera.metering" = "trail";
-        /// Sensitivity; a pixel saturates at 78 / ISO lx s, and at 78 / `base_iso` lx s below the
+        /// Sensitivity. A pixel saturates at 78 / ISO lx s, and at 78 / `base_iso` lx s below the
         /// base sensitivity.
         iso: f64 = 100.0, in 1.0..=1e7, unless "camera.metering" = "trail";
-        /// Sensitivity at which a full well is white; above it, the converter clips earlier.
+        /// Sensitivity at which a full well is white. Above it, the converter clips earlier.
         base_iso: f64 = 100.0, in 1.0..=1e5;
         /// Time of flight at which the shutter opens.
         shutter_open_s: f64 = 0.0, in 0.0..=1e6;
-        /// Time of flight at which the shutter closes; the end of the flight if left out.
+        /// Time of flight at which the shutter closes, or the end of the flight if left out.
         shutter_close_s: Option<f64> = None, in 0.0..=1e6;
         /// Distance in focus. If left out, a lens by name is focused at the middle of the word, and
         /// with a custom one everything is sharp.
         focus_m: Option<f64> = None, in 0.01..=1e6;
-        /// Standard deviation of the blur of the lens on the sensor, without diffraction; a
+        /// Standard deviation of the blur of the lens on the sensor, without diffraction. A
         /// telephone's lens scales it from full frame to its sensor.
         blur_m: f64 = 15e-6, in 0.0..=0.01;
         /// Share of light that the lens transmits.
         transmission: f64 = 0.9, in 0.001..=1.0;
         /// Share of light lost by vignetting at the corner of the picture, beside the natural
-        /// falloff by cos⁴; that of the lens at its aperture if left out.
+        /// falloff by cos⁴, or that of the lens at its aperture if left out.
         vignetting: Option<f64> = None, in 0.0..=1.0;
         /// White balance: gains of red, green and blue, or the color temperature in kelvin.
         white_balance: WhiteBalance = WhiteBalance::default();
@@ -80,9 +80,9 @@ settings! {
         /// colored lamp.
         ///
         /// At saturation the camera's tone turns orange by ΔE 10 (CIEDE2000, at equal lightness),
-        /// half a stop below by 7; two stops above, by 27.
+        /// half a stop below by 7, and two stops above by 27.
         color_stops: f64 = -0.5, in -10.0..=10.0;
-        /// Greatest exposure by the room's light, which accumulates while the shutter is open; in a
+        /// Greatest exposure by the room's light, which accumulates while the shutter is open. In a
         /// brighter room the trail is exposed less, down to `least_stops`.
         room_stops: f64 = -7.0, in -20.0..=0.0;
         /// Lowest exposure of the middle of the brightest trail.
@@ -102,8 +102,8 @@ settings! {
     pub struct WordFraming {
         /// Share of the width or height of the picture that the word fills, whichever comes first.
         fill_frac: f64 = 0.5, in 0.01..=1.0;
-        /// Height of the camera, aimed at the middle of the word; by default that of the middle.
-        /// The LED ring and the color LED deck look brighter from below; the drone hides them from
+        /// Height of the camera, aimed at the middle of the word, by default that of the middle.
+        /// The LED ring and the color LED deck look brighter from below. The drone hides them from
         /// above.
         height_m: Option<f64> = None, in 0.0..=1000.0;
     }
@@ -112,7 +112,7 @@ settings! {
     pub struct FixedPose {
         /// Entrance pupil, in the world.
         position_m: [f64; 3] = [0.15, -3.0, 0.75], in -1e4..=1e4;
-        /// Point of the world in the middle of the picture; the middle of the word if left out.
+        /// Point of the world in the middle of the picture, or the middle of the word if left out.
         target_m: Option<[f64; 3]> = None, in -1e4..=1e4;
         /// Attitude in the world, in place of the target: a unit quaternion w, x, y, z. As in a
         /// .skyc file, a camera that is not rotated looks along -z with x to its right.
@@ -127,6 +127,7 @@ impl CameraOptions {
     ///
     /// [`Error::Input`] with the key that is out of range.
     pub fn check(&self) -> Result<()> {
+        // Each setting by itself, then those that depend on each other.
         check_size(self.width_px, self.height_px)?;
         Described::check(self, "camera", None)?;
         let least = self.lens.figures().min_f_number;
@@ -147,7 +148,7 @@ impl CameraOptions {
         Ok(())
     }
 
-    /// Share of light lost by vignetting at the corner of the picture, at an aperture.
+    /// Fraction of light lost by vignetting at the corner of the picture, at an aperture.
     pub fn vignetting_at(&self, f_number: f64) -> f64 {
         let aspect = f64::from(self.height_px) / f64::from(self.width_px);
         let corner_m = 0.5 * self.body.figures().sensor_width_m * (1.0 + aspect * aspect).sqrt();
@@ -161,8 +162,21 @@ impl CameraOptions {
             .map_or(self.lens.figures().focal_length_m, |lens| lens.focal_length_m)
     }
 
-    /// The camera for a word within `bounds_m` (`[left, bottom, right, top]` in the plane of the
-    /// word) and a flight that ends at `end_s`.
+    /// Distance at which a word fills a fraction of the picture.
+    fn distance_m(&self, [left, bottom, right, top]: [f64; 4], fill_frac: f64) -> Result<f64> {
+        let aspect = f64::from(self.width_px) / f64::from(self.height_px);
+        let width_m = (right - left).max((top - bottom) * aspect) / fill_frac;
+        let distance_m = width_m * self.focal_length_m() / self.body.figures().sensor_width_m;
+        if distance_m.is_finite() && distance_m > 0.0 {
+            return Ok(distance_m);
+        }
+        let hint = "write something, or set camera.framing to fixed";
+        let wanted = "a word that the camera can be set up for";
+        Err(Error::input("camera.framing", "nothing written", wanted, hint))
+    }
+
+    /// The camera for a word within `[left, bottom, right, top]`, and a flight that ends at
+    /// `end_s`.
     ///
     /// # Errors
     ///
@@ -170,25 +184,19 @@ impl CameraOptions {
     pub fn camera(&self, bounds_m: [f64; 4], end_s: f64) -> Result<Camera> {
         self.check()?;
         let (body, lens) = (self.body.figures(), self.lens.figures());
-        let fixed = body.fixed_lens;
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
         let (position_m, camera_from_world) = match &self.framing {
             Framing::Word(framing) => {
-                let aspect = f64::from(self.width_px) / f64::from(self.height_px);
-                let width_m = (right - left).max((top - bottom) * aspect) / framing.fill_frac;
-                let distance_m = width_m * self.focal_length_m() / body.sensor_width_m;
-                if !distance_m.is_finite() || distance_m <= 0.0 {
-                    let hint = "write something, or set camera.framing to fixed";
-                    let wanted = "a word that the camera can be set up for";
-                    return Err(Error::input("camera.framing", "nothing written", wanted, hint));
-                }
+                let distance_m = self.distance_m(bounds_m, framing.fill_frac)?;
                 let mut position_m = middle - Vector3::y() * distance_m;
                 position_m.z = framing.height_m.unwrap_or(middle.z);
                 (position_m, camera_from_world(middle - position_m))
             }
             Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
         };
+        // The lens of a telephone is fixed, with its own aperture and without distortion.
+        let fixed = body.fixed_lens;
         let at_word_m = (camera_from_world * (middle - position_m)).z;
         let focuses = !matches!(self.lens, LensModel::Custom(_)) && at_word_m > 0.1;
         Ok(Camera {
@@ -214,8 +222,7 @@ impl CameraOptions {
 }
 
 impl FixedPose {
-    /// The rotation from the world to the camera frame, of a camera that looks at `middle` if
-    /// nothing else is given.
+    /// The rotation from the world to the camera frame. The camera looks at `middle` by default.
     fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
             let forward =
@@ -223,6 +230,7 @@ impl FixedPose {
             if forward.norm() > 1e-9 {
                 return Ok(camera_from_world(forward));
             }
+            // A camera at its own target looks nowhere.
             let position_m = self.position_m;
             return Err(input_error!(
                 "camera.framing.target_m",
@@ -231,6 +239,7 @@ impl FixedPose {
                 "place the camera some meters in front of its target",
             ));
         };
+        // Rounded quaternions are not quite of length 1.
         let length = orientation.iter().map(|value| value * value).sum::<f64>().sqrt();
         if (0.95..=1.05).contains(&length) {
             return Ok(camera_from_orientation(orientation));

@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
-use crate::settings::{Described, Shape};
+use crate::settings::Described;
 use crate::srgb::{rgb_from_xyz, xyz};
 
 /// White balance: in a scene file `[2.0, 1.0, 1.5]` or `3200.0`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum WhiteBalance {
-    /// Gains of red, green and blue; 1 each is the balance for daylight, D65.
+    /// Gains of red, green and blue. 1 each is the balance for daylight, D65.
     Gains([f64; 3]),
     /// Color temperature in kelvin of the light that becomes white.
     Kelvin(f64),
@@ -26,8 +26,6 @@ impl Default for WhiteBalance {
 const KELVIN: [f64; 2] = [1700.0, 25_000.0];
 
 impl Described for WhiteBalance {
-    const SHAPE: Shape = Shape::Plain;
-
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         match self {
             Self::Kelvin(kelvin) => kelvin.check(place, Some(KELVIN)),
@@ -37,8 +35,8 @@ impl Described for WhiteBalance {
 }
 
 impl WhiteBalance {
-    /// Gains of red, green and blue. Those of a color temperature are at least 1, so that saturated
-    /// pixels are white at every temperature.
+    /// Gains of red, green and blue. Those of a color temperature are at least 1: saturated pixels
+    /// stay white.
     pub fn gains(self) -> [f64; 3] {
         match self {
             Self::Gains(gains) => gains,
@@ -51,9 +49,9 @@ impl WhiteBalance {
     }
 }
 
-/// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (1667 to 25000 K; chromaticity to
-/// within 0.0003).
+/// Linear sRGB of a black body, by the cubics of Kang et al. 2002 (to within 0.0003 in x, y).
 fn planckian_rgb(kelvin: f64) -> [f64; 3] {
+    // Chromaticity x is a cubic of the mired, and y one of x, piece by piece.
     let cubic = |[a, b, c, d]: [f64; 4], t: f64| ((a * t + b) * t + c) * t + d;
     let t = 1000.0 / kelvin;
     let x = if kelvin <= 4000.0 {
@@ -82,7 +80,7 @@ mod tests {
         }
         // A black body of 6504 K is a little more purple than D65.
         near(WhiteBalance::Kelvin(6504.0).gains(), [1.0, 1.055, 1.016]);
-        // Illuminant A, 2856 K: x 0.4476, y 0.4074; linear sRGB 1.827, 0.810, 0.234... by hand.
+        // Illuminant A, 2856 K: x 0.4476, y 0.4074. Linear sRGB 1.827, 0.810, 0.234... by hand.
         let a = WhiteBalance::Kelvin(2856.0).gains();
         assert_eq!(a[0], 1.0, "red is brightest");
         assert!((2.2..2.3).contains(&a[1]) && (7.0..8.5).contains(&a[2]), "{a:?}");

@@ -7,9 +7,8 @@ use nalgebra::Matrix4;
 
 pub use release::{Feature, Release};
 
-/// Revision of `bitcraze/crazyflie-firmware` that the model stands for, one day after release
-/// 2026.08: its files are the sources named here and in other rooms, and its C gave the numbers
-/// under `recorded/` (tests/firmware).
+/// Revision of `bitcraze/crazyflie-firmware` that is modeled, one day after release 2026.08. Its
+/// files are the sources named here, and its C gave the numbers under `recorded/` (tests/firmware).
 pub const FIRMWARE_REVISION: &str = "2a18fc29";
 
 /// Rate of the clock on board, in true seconds a second, up to and with release 2026.08
@@ -21,9 +20,9 @@ pub const GRAVITY_M_S2: f64 = 9.81;
 
 /// Signs of each motor (columns m1…m4) in torque about body x, y, z and in thrust.
 ///
-/// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right,
-/// m3 back left, m4 front left (`power_distribution_quadrotor.c`). m1 and m3 turn
-/// counter-clockwise, m2 and m4 clockwise; each pushes the body the other way.
+/// Crazyflie X layout, seen from above with x forward and y left: m1 front right, m2 back right, m3
+/// back left, m4 front left (`power_distribution_quadrotor.c`). m1 and m3 turn counter-clockwise,
+/// m2 and m4 clockwise. Each pushes the body the other way.
 pub const MOTOR_SIGNS: Matrix4<f64> = Matrix4::new(
     -1.0, -1.0, 1.0, 1.0, //
     -1.0, 1.0, 1.0, -1.0, //
@@ -50,8 +49,8 @@ pub const RING_TIMING_ENTRIES: usize = 9;
 pub const TRAJECTORY_MEMORY_BYTES: usize = 4096;
 
 /// Silence of the host after which the firmware levels the drone out, and stops its motors for
-/// good, s (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`, `supervisor.c` of
-/// release 2026.08; what follows: `supervisorOverrideSetpoint`).
+/// good, s (`COMMANDER_WDT_TIMEOUT_STABILIZE`, `COMMANDER_WDT_TIMEOUT_SHUTDOWN`,
+/// `supervisorOverrideSetpoint` in `supervisor.c`, release 2026.08).
 pub const LEVEL_OUT_S: f64 = 0.5;
 /// See [`LEVEL_OUT_S`].
 pub const MOTORS_STOP_S: f64 = 2.0;

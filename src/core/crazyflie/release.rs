@@ -1,9 +1,7 @@
-//! Releases of the Crazyflie's firmware, and what differs between them: the one table that exports,
-//! scripts, simulator and log readers go by.
+//! Releases of the Crazyflie's firmware, and their differences, for exports, simulator and logs.
 //!
-//! The history of `bitcraze/crazyflie-firmware` was read from tag 2023.11 to 2026.08 and to
-//! [`super::FIRMWARE_REVISION`]. What differs and is not in [`Feature::ALL`] is listed in
-//! `docs/fly.md`.
+//! The history of the firmware was read from 2023.11 to [`super::FIRMWARE_REVISION`]. Differences
+//! that are not in [`Feature::ALL`] are listed in `docs/fly.md`.
 
 use super::SLOW_CLOCK;
 use crate::settings::settings;
@@ -34,18 +32,18 @@ settings! {
     }
 }
 
-/// What a release has, and those before do not.
+/// A feature of a release that earlier ones lack.
 #[derive(Debug)]
 pub struct Feature {
-    /// What it is.
+    /// Its name.
     pub what: &'static str,
     /// The first release that has it.
     pub since: Release,
-    /// What there is before.
+    /// Behavior of earlier releases.
     pub before: &'static str,
-    /// File of the firmware; commit or pull request.
+    /// File of the firmware. Commit or pull request.
     pub source: &'static str,
-    /// Who goes by it, and how.
+    /// Parts of this program that depend on it.
     pub here: &'static str,
 }
 
@@ -75,7 +73,7 @@ impl Feature {
         source: "`num.c`, `log.c`; #1647, 887ce819",
         here: "`import`: samples that are half of both neighbors are doubled, with a warning",
     };
-    /// Microsecond clock, which stamps logs on the card and paces trajectories on board.
+    /// Microsecond clock, which timestamps logs on the card and paces trajectories on board.
     pub const CLOCK: Self = Self {
         what: "the clock of trajectories and of µSD logs is right",
         since: Release::After2026_08,
@@ -108,7 +106,7 @@ impl Feature {
         here: "exports for it are refused",
     };
 
-    /// All that this program goes by, the newest first.
+    /// All features on which this program depends, the newest first.
     pub const ALL: [Self; 7] = [
         Self::CLOCK,
         Self::RESET,
@@ -140,12 +138,12 @@ impl Release {
     /// That of [`super::FIRMWARE_REVISION`].
     pub const MODELED: Self = Self::R2026_08;
 
-    /// The release that flies as a firmware of this name, such as `2025.12.1`; `None` for a build
-    /// between releases or of one's own.
+    /// The release that flies as a firmware such as `2025.12.1`, or `None` for a custom build.
     pub fn parse(firmware: &str) -> Option<Self> {
         let month = number(firmware)?;
-        let not_newer = |release: &&Self| number(release.name()).is_some_and(|it| it <= month);
-        Some(match Self::ALL.iter().rfind(not_newer) {
+        let mut releases = Self::ALL.iter();
+        let not_newer = releases.rfind(|r| number(r.name()).is_some_and(|known| known <= month));
+        Some(match not_newer {
             Some(Self::R2026_08) if month > (2026, 8) => Self::After2026_08,
             Some(release) => *release,
             None => Self::OLDEST,
@@ -157,18 +155,18 @@ impl Release {
         Self::parse(name).filter(|release| number(release.name()) == number(name))
     }
 
-    /// Whether it has what releases before have not.
+    /// True if it has a feature.
     pub fn has(self, feature: &Feature) -> bool {
         self as usize >= feature.since as usize
     }
 
-    /// Whether this program does the same by both.
+    /// True if both have the same features.
     pub fn is_like(self, other: Self) -> bool {
         Feature::ALL.iter().all(|feature| self.has(feature) == other.has(feature))
     }
 
-    /// Rate of the clock that stamps logs on the card and paces trajectories on board, in true
-    /// seconds a second.
+    /// Rate of the clock of logs on the card and of trajectories on board, in true seconds a
+    /// second.
     pub fn clock(self) -> f64 {
         if self.has(&Feature::CLOCK) { 1.0 } else { SLOW_CLOCK }
     }
@@ -176,15 +174,12 @@ impl Release {
 
 /// Year and month of a release, which may have the number of a patch.
 fn number(name: &str) -> Option<(u32, u32)> {
-    let digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
     let parts: Vec<&str> = name.splitn(3, '.').collect();
-    let is_number = parts.iter().all(|part| !part.is_empty() && digits(part));
-    match parts[..] {
-        [year, month] | [year, month, _] if is_number && (year.len(), month.len()) == (4, 2) => {
-            Some((year.parse().ok()?, month.parse().ok()?))
-        }
-        _ => None,
-    }
+    let (year, month) = (parts[0], parts.get(1)?);
+    let are_digits =
+        parts.iter().all(|part| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit()));
+    let is_month = are_digits && (year.len(), month.len()) == (4, 2);
+    is_month.then_some((year.parse().ok()?, month.parse().ok()?))
 }
 
 #[cfg(test)]

@@ -5,15 +5,13 @@ use std::cell::Cell;
 
 use crate::error::{Error, Result};
 
-/// Most work of an input in steps. A step is a nanosecond of a core of 2020: readers multiply their
-/// counts by the measured cost of one.
+/// Most work of an input in steps of a nanosecond of a core of 2020, as measured by each reader.
 const MAX_STEPS: u64 = 1_000_000_000;
 
 /// Most memory of an input in bytes, copies during reading included.
 const MAX_BYTES: u64 = 240 << 20;
 
-/// Work and memory that are left to an input: a file, a folder of files that belong together, or a
-/// typeface with all its characters.
+/// Work and memory that are left to an input, such as a file or a folder of files.
 ///
 /// Decoders spend before they work. Code that cannot return an error calls [`Budget::spend_steps`],
 /// which stays `false` once the budget is exceeded, and leaves the error to [`Budget::check`].
@@ -34,26 +32,25 @@ enum Beyond {
 }
 
 impl Budget {
-    /// The budget of an input; `place` is its name in messages, `hint` the advice where it is
-    /// spent.
+    /// The budget of an input. `place` is its name in messages, `hint` the advice once it is spent.
     pub fn new(place: impl Into<String>, hint: &'static str) -> Self {
         let place = place.into();
         let (steps_left, bytes_left) = (Cell::new(MAX_STEPS), Cell::new(MAX_BYTES));
         Self { place, hint, steps_left, bytes_left, beyond: Cell::new(None) }
     }
 
-    /// Takes steps off; whether there were as many, and the budget is not spent yet.
+    /// Subtracts steps. True if there were as many, and the budget is not spent yet.
     pub fn spend_steps(&self, steps: usize) -> bool {
         self.spend(&self.steps_left, steps, Beyond::Steps)
     }
 
-    /// Takes steps off.
+    /// Subtracts steps.
     pub fn steps(&self, steps: usize) -> Result<()> {
         self.spend_steps(steps);
         self.check()
     }
 
-    /// Takes bytes off: memory that the input will hold.
+    /// Subtracts bytes: memory that the input will hold.
     pub fn bytes(&self, bytes: usize) -> Result<()> {
         self.spend(&self.bytes_left, bytes, Beyond::Bytes);
         self.check()
@@ -75,6 +72,7 @@ impl Budget {
     ///
     /// [`Error::Input`] with the limit.
     pub fn check(&self) -> Result<()> {
+        // The first amount beyond the budget is the reason.
         let (what, most, unit) = match self.beyond.get() {
             None => return Ok(()),
             Some(Beyond::Steps) => {

@@ -1,8 +1,8 @@
 //! The one reader of tables: a text's head is found, and its rows become columns of numbers.
 //!
-//! Understood: commas, semicolons, tabs or blanks between cells; decimal commas, where no cell has
-//! a point; quotation marks; comments (`#`, `%`, `//`) and other lines before the head; a head that
-//! is a comment; a line of units below the head.
+//! Understood: commas, semicolons, tabs or blanks between cells, decimal commas if no cell has a
+//! point, quotation marks, comments (`#`, `%`, `//`) and other lines before the head, a head that
+//! is a comment, and a line of units below the head.
 
 use super::{Budget, Text, push};
 use crate::error::{Error, Result};
@@ -29,7 +29,7 @@ pub enum Separator {
 /// The head of a table.
 #[derive(Clone, Debug)]
 pub struct Head {
-    /// The titles, each with its unit in brackets; none where the file has no head.
+    /// The titles, each with its unit in brackets, or none if the file has no head.
     pub titles: Vec<String>,
     /// How many columns there are.
     pub n_columns: usize,
@@ -46,11 +46,11 @@ pub struct Head {
 pub struct RowRules<'a> {
     /// The table's name in messages.
     pub file: &'a str,
-    /// What it may become.
+    /// Limits of work and memory.
     pub budget: &'a Budget,
     /// Advice for a table that is broken.
     pub hint: &'a str,
-    /// Whether a last line without an end is left out: half a number may look like a number.
+    /// Leaves out a last line without an end: half a number may look like a number.
     pub needs_line_ends: bool,
 }
 
@@ -68,7 +68,7 @@ pub struct Sheet {
 /// A column. Cells without a number are not finite.
 #[derive(Debug, Default)]
 pub struct SheetColumn {
-    /// Its title; empty where it has none.
+    /// Its title, or empty if it has none.
     pub title: String,
     /// Its place in the file, from 1.
     pub number: usize,
@@ -85,25 +85,26 @@ pub struct SheetColumn {
 impl Separator {
     const ALL: [Self; 4] = [Self::Byte(b'\t'), Self::Byte(b';'), Self::Byte(b','), Self::Blanks];
 
-    /// The most frequent in a line; a comma where there is none.
+    /// The most frequent in a line, or a comma without any.
     pub fn most_in(line: &[u8]) -> Self {
         let count = |sign: &u8| line.iter().filter(|byte| *byte == sign).count();
         Self::Byte([b'\t', b';', b','].into_iter().max_by_key(count).unwrap_or(b','))
     }
 
-    /// The cells of a line, trimmed; quotation marks stay.
+    /// The cells of a line, trimmed, with their quotation marks.
     pub fn cells(self, line: &[u8]) -> impl Iterator<Item = &[u8]> {
+        // A separator within quotation marks is a part of its cell.
         let mut quoted = false;
         let line = if self == Self::Blanks { line.trim_ascii() } else { line };
-        let ends = move |byte: &u8| {
+        let cells = line.split(move |byte| {
             quoted ^= *byte == b'"';
-            !quoted
-                && match self {
-                    Self::Byte(separator) => *byte == separator,
-                    Self::Blanks => *byte == b' ' || *byte == b'\t',
-                }
-        };
-        let cells = line.split(ends).map(<[u8]>::trim_ascii);
+            let separates = match self {
+                Self::Byte(separator) => *byte == separator,
+                Self::Blanks => *byte == b' ' || *byte == b'\t',
+            };
+            separates && !quoted
+        });
+        let cells = cells.map(<[u8]>::trim_ascii);
         cells.filter(move |cell| self != Self::Blanks || !cell.is_empty())
     }
 
@@ -119,22 +120,21 @@ impl Separator {
         cells.map(|cell| String::from_utf8_lossy(unquoted(cell)).trim().to_owned()).collect()
     }
 
-    /// Whether a line is a row of a table: its first cell is a number or a date, and most others
-    /// are.
+    /// True if a line is a row: its first cell and most others are numbers or dates.
     fn is_row(self, line: &[u8]) -> bool {
+        // Empty cells do not count, but blanks leave none.
         let cells: Vec<&[u8]> = self.cells(line).take(MAX_COLUMNS + 1).collect();
         let least = if self == Self::Blanks { 3 } else { 2 };
-        let starts = |cell: &&[u8]| is_number(cell) || is_date(cell);
-        let filled: Vec<_> = cells.iter().filter(|cell| !cell.is_empty()).collect();
-        let numbers = filled.iter().filter(|cell| starts(cell)).count();
-        // A date without a separator of its own has a blank in it.
-        let whole = self != Self::Blanks || numbers == cells.len();
+        let filled = cells.iter().filter(|cell| !cell.is_empty());
+        let are_numbers: Vec<bool> = filled.map(|cell| is_number(cell) || is_date(cell)).collect();
+        let n_numbers = are_numbers.iter().filter(|is_number| **is_number).count();
         cells.len() >= least
-            && whole
-            && filled.first().is_some_and(|cell| starts(cell))
+            // A date has a blank in it, which is no separator.
+            && (self != Self::Blanks || n_numbers == cells.len())
+            && are_numbers.first() == Some(&true)
             // `; 2026-03-03` is a remark.
-            && (filled.len() > 1 || !cells[0].is_empty())
-            && 2 * numbers >= filled.len()
+            && (are_numbers.len() > 1 || !cells[0].is_empty())
+            && 2 * n_numbers >= are_numbers.len()
     }
 }
 
@@ -148,6 +148,7 @@ impl Head {
     pub fn find(text: &[u8]) -> Self {
         let lines: Vec<&[u8]> = lines(text).take(HEAD_LINES).collect();
         let rows = lines.iter().enumerate().filter(|(_, line)| !is_comment(line));
+        // The first line that is a row with any separator.
         let first = { rows }.find_map(|(index, line)| {
             Some((index, Separator::ALL.into_iter().find(|s| s.is_row(line))?))
         });
@@ -160,55 +161,63 @@ impl Head {
     /// The head above a row.
     fn above(lines: &[&[u8]], row: usize, separator: Separator) -> Self {
         let (n, n_cells) = (separator.count(lines[row]), separator.cells(lines[row]).count());
-        let before = || (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
-        let fits = |index: &usize| {
-            let n_titles = separator.count(uncommented(lines[*index]));
-            // A title may have blanks in it, and a row an empty cell at its end.
+        // Lines that are no comments, and lines that have as many titles as the row has cells. A
+        // title may have blanks in it, and a row an empty cell at its end.
+        let [mut bare, mut fitting, mut both] = [const { Vec::new() }; 3];
+        let filled = (0..row).filter(|index| !lines[*index].trim_ascii().is_empty());
+        let filled: Vec<usize> = filled.collect();
+        for &index in &filled {
+            let n_titles = separator.count(uncommented(lines[index]));
             let may_end_empty = separator != Separator::Blanks && n_titles > n;
-            n_titles == n || may_end_empty && n_titles == n_cells
-        };
-        let is_bare = |index: &usize| !is_comment(lines[*index]);
-        let bare: Vec<usize> = before().filter(fits).filter(is_bare).collect();
+            let fits = n_titles == n || may_end_empty && n_titles == n_cells;
+            let is_bare = !is_comment(lines[index]);
+            bare.extend(is_bare.then_some(index));
+            fitting.extend(fits.then_some(index));
+            both.extend((fits && is_bare).then_some(index));
+        }
         // Without a line that fits, the last one is the head, and its row is refused with its
         // place.
-        let named = bare.first().copied().or_else(|| before().rfind(fits));
-        let named = named.or_else(|| before().rfind(is_bare));
-        let are_short = |index: &usize| separator.cells(lines[*index]).all(|cell| cell.len() <= 8);
-        let units = bare.get(1).copied().filter(|index| bare.len() == 2 && are_short(index));
+        let named = both.first().or(fitting.last()).or(bare.last()).copied();
         let mut titles = named.map_or(Vec::new(), |index| separator.titles(lines[index]));
-        let units_line = units.map_or(&b""[..], |index| lines[index]);
-        // Names of groups, of pandas' columns of two levels, repeat where titles do not.
+        // Names of groups, of pandas' columns of two levels, repeat. Titles do not.
         let in_groups =
             titles.iter().enumerate().any(|(i, t)| !t.is_empty() && titles[..i].contains(t));
-        for (title, unit) in titles.iter_mut().zip(separator.titles(units_line)) {
-            match unit.trim_matches(['[', ']', '(', ')']) {
-                "" | "-" => {}
-                name if in_groups => *title = format!("{title}/{name}"),
-                unit => *title = format!("{title} [{unit}]"),
+        // A second line of short names has units, or names within groups.
+        let mut units = None;
+        if let [_, second] = both[..]
+            && separator.cells(lines[second]).all(|cell| cell.len() <= 8)
+        {
+            units = Some(second);
+            for (title, unit) in titles.iter_mut().zip(separator.titles(lines[second])) {
+                match unit.trim_matches(['[', ']', '(', ')']) {
+                    "" | "-" => {}
+                    name if in_groups => *title = format!("{title}/{name}"),
+                    unit => *title = format!("{title} [{unit}]"),
+                }
             }
         }
-        // Below them stands the name of the index alone.
-        for index in before().filter(|index| in_groups && separator.count(lines[*index]) == 1) {
-            titles[0] = separator.titles(lines[index]).swap_remove(0);
+        // Below groups, a line has only the name of the index.
+        for index in filled.iter().filter(|_| in_groups) {
+            if separator.count(lines[*index]) == 1 {
+                titles[0] = separator.titles(lines[*index]).swap_remove(0);
+            }
         }
-        let is_passed = |index: &usize| is_bare(index) && ![named, units].contains(&Some(*index));
-        let notes = before().filter(is_passed).map(|index| {
-            let shown: String =
-                String::from_utf8_lossy(lines[index]).trim().chars().take(40).collect();
+        bare.retain(|index| ![named, units].contains(&Some(*index)));
+        let notes = bare.into_iter().map(|index| {
+            let line = String::from_utf8_lossy(lines[index]);
+            let shown: String = line.trim().chars().take(40).collect();
             format!("line {} stands before the head and is not read: {shown}", index + 1)
         });
-        let notes = notes.collect();
         let n_columns = if titles.is_empty() { n_cells } else { titles.len() };
-        Self { titles, n_columns, separator, row, notes }
+        Self { titles, n_columns, separator, row, notes: notes.collect() }
     }
 
-    /// The head of a table without rows of numbers: titles in its first line, unless most cells are
-    /// numbers.
+    /// The head of a table without rows of numbers: its first line, unless most cells are numbers.
     fn alone(lines: &[&[u8]]) -> Self {
-        let filled = || (0..lines.len()).filter(|index| !lines[*index].trim_ascii().is_empty());
-        let first = filled().find(|index| !is_comment(lines[*index])).or(filled().next());
-        let first = first.unwrap_or(0);
-        let line = lines.get(first).copied().unwrap_or_default();
+        let filled = lines.iter().enumerate().filter(|(_, line)| !line.trim_ascii().is_empty());
+        let bare = filled.clone().find(|(_, line)| !is_comment(line));
+        let first = bare.or(filled.clone().next());
+        let (first, line) = first.map_or((0, &b""[..]), |(index, line)| (index, *line));
         let separator = Separator::most_in(line);
         let titles = separator.titles(line);
         let n_numbers = titles.iter().filter(|title| title.parse::<f64>().is_ok()).count();
@@ -224,7 +233,7 @@ impl Head {
         Self { n_columns: titles.len(), titles, separator, row, notes: Vec::new() }
     }
 
-    /// Whether there is a column of this title.
+    /// True if there is a column of this title.
     pub fn has(&self, title: &str) -> bool {
         self.titles.iter().any(|other| other == title)
     }
@@ -232,12 +241,11 @@ impl Head {
 
 impl Sheet {
     /// Reads the rows of a table. `number` parses a cell that is not a plain number, given the
-    /// index of its column; `None` for text.
+    /// index of its column, or returns `None` for text.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the line of a row that is short or long, and where the table is too
-    /// large.
+    /// [`Error::Input`] for a row that is short or long, and for a table that is too large.
     pub fn read(
         text: &Text<'_>,
         head: Head,
@@ -249,22 +257,12 @@ impl Sheet {
             return Err(input_error!(file, "{n} columns", "at most {MAX_COLUMNS}", "{hint}"));
         }
         budget.steps(STEPS[0] * text.bytes.len())?;
+        // The form of numbers is one for the whole table.
         let mut sheet = Self::begun(&head);
         sheet.notes = text.notes.iter().chain(&head.notes).cloned().collect();
-        let signs = sheet.signs(&text.bytes, &head);
-        let thousands = Thousands::in_rows(&text.bytes, &head, signs);
-        let thousands = thousands.map_err(|cell| {
-            let wanted = "numbers without thousands separators, or decimal commas that show";
-            let hint = "write them with a decimal point (in a spreadsheet: format the cells as \
-                        General, and export again)";
-            Error::input("numbers", format_args!("{cell:?}"), wanted, hint).in_file(file, None)
-        })?;
-        if let Some(sign) = thousands {
-            let sign = char::from(sign);
-            sheet.notes.push(format!("`{sign}` parts the thousands of its numbers"));
-        } else if signs == [true, false] {
-            sheet.notes.push("its numbers have decimal commas".into());
-        }
+        let marks =
+            Marks::in_rows(&text.bytes, &head).map_err(|error| error.in_file(file, None))?;
+        sheet.notes.extend(marks.note());
         let mut row = vec![0.0; n];
         let mut rows = lines(&text.bytes).enumerate().skip(head.row).peekable();
         while let Some((index, line)) = rows.next() {
@@ -279,43 +277,29 @@ impl Sheet {
             }
             budget.bytes(size_of::<f64>() * (n + 1))?;
             budget.steps(STEPS[1] * n)?;
-            if thousands.is_none() && plain_row(line, head.separator, &mut row).is_some() {
+            push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
+            // Most rows are of plain numbers. Other rows are read cell by cell.
+            if marks.thousands.is_none() && plain_row(line, head.separator, &mut row).is_some() {
                 let values = sheet.columns.iter_mut().map(|column| &mut column.values);
                 values.zip(&row).for_each(|(values, value)| push(values, *value));
-                push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
                 continue;
             }
             let mut cells = head.separator.cells(line);
             for (place, column) in sheet.columns.iter_mut().enumerate() {
                 let Some(cell) = cells.next() else { break };
-                let short = short_number(cell)
-                    .filter(|(_, length)| *length == cell.len() && thousands.is_none());
-                let value = short.map(|(value, _)| value).or_else(|| {
-                    let bare = unquoted(cell);
-                    if let Some(sign) = thousands {
-                        let whole = without(bare, sign);
-                        if let Ok(value) = std::str::from_utf8(&whole).ok()?.parse() {
-                            return Some(value);
-                        }
-                    }
-                    if signs == [true, false] && is_number(bare) {
-                        return std::str::from_utf8(&with_points(bare)).ok()?.parse().ok();
-                    }
-                    number(place, &String::from_utf8_lossy(bare))
-                });
+                let value = marks
+                    .number(cell)
+                    .or_else(|| number(place, &String::from_utf8_lossy(unquoted(cell))));
                 column.push(value, cell, index + 1);
             }
-            let is_short =
-                sheet.columns.last().is_some_and(|c| c.values.len() <= sheet.lines.len());
+            let is_short = sheet.columns.last().is_some_and(|c| c.values.len() < sheet.lines.len());
             // A separator at the end of each line makes one more cell, which is empty.
             if is_short || cells.any(|cell| !cell.is_empty()) {
                 let count = format!("{} of {n} cells", head.separator.cells(line).count());
                 let wanted = "as many cells as the head has titles";
-                return Err(
-                    Error::input("row", count, wanted, hint).in_file(file, index as u64 + 1)
-                );
+                let error = Error::input("row", count, wanted, hint);
+                return Err(error.in_file(file, index as u64 + 1));
             }
-            push(&mut sheet.lines, u32::try_from(index + 1).unwrap_or(u32::MAX));
         }
         Ok(sheet)
     }
@@ -326,21 +310,6 @@ impl Sheet {
         let column = |(number, title)| SheetColumn { title, number, ..SheetColumn::default() };
         let columns = (1..=head.n_columns).zip(titles).map(column).collect();
         Self { columns, notes: Vec::new(), lines: Vec::new() }
-    }
-
-    /// Whether numbers have commas, and whether they have points. Where both are, a comma may part
-    /// thousands: the cells are texts.
-    fn signs(&self, text: &[u8], head: &Head) -> [bool; 2] {
-        if head.separator == Separator::Byte(b',') && !text.contains(&b'"') {
-            return [false, true];
-        }
-        let rows = || lines(text).skip(head.row).filter(|line| !is_comment(line));
-        let has = |sign: u8| {
-            let cells = rows().flat_map(|line| head.separator.cells(line)).map(unquoted);
-            { cells }.any(|cell| cell.contains(&sign) && is_number(cell))
-        };
-        let has_commas = has(b',');
-        [has_commas, has_commas && has(b'.')]
     }
 
     /// Line of a row, from 1.
@@ -367,6 +336,7 @@ impl Sheet {
 impl SheetColumn {
     /// Adds a row's cell to the column, as a number or as text.
     fn push(&mut self, value: Option<f64>, cell: &[u8], line: usize) {
+        // Of texts, the first line and the first different ones are kept for messages.
         push(&mut self.values, value.unwrap_or(f64::NAN));
         if value.is_none() {
             self.text_line = if self.n_texts == 0 { line } else { self.text_line };
@@ -381,18 +351,18 @@ impl SheetColumn {
         }
     }
 
-    /// Whether all cells are text.
+    /// True if all cells are text.
     pub fn is_text(&self) -> bool {
         self.n_texts > 0 && self.n_texts == self.values.len()
     }
 }
 
-/// Whether a byte is empty space in a line of cells.
+/// True for the bytes of a line without content.
 fn is_empty(byte: &u8) -> bool {
     matches!(byte, b' ' | b'\t' | b',' | b';' | b'"' | b'\r')
 }
 
-/// Whether a line is a comment.
+/// True if a line is a comment.
 fn is_comment(line: &[u8]) -> bool {
     let line = line.trim_ascii_start();
     line.starts_with(b"#") || line.starts_with(b"%") || line.starts_with(b"//")
@@ -404,75 +374,121 @@ fn uncommented(line: &[u8]) -> &[u8] {
     if is_comment(line) { &line[begin..] } else { line }
 }
 
-/// Whether a cell is a number, with a point or a comma.
+/// True if a cell is a number, with a point or a comma.
 fn is_number(cell: &[u8]) -> bool {
     let text = with_points(unquoted(cell));
     let commas = cell.iter().filter(|byte| **byte == b',').count();
     commas <= 1 && std::str::from_utf8(&text).is_ok_and(|text| text.parse::<f64>().is_ok())
 }
 
-/// Separators of thousands, told from decimal ones by their places.
-struct Thousands;
+/// Signs in the numbers of a table beside digits and decimal points.
+struct Marks {
+    /// The sign between thousands.
+    thousands: Option<u8>,
+    has_decimal_commas: bool,
+}
 
-impl Thousands {
-    /// The sign that parts the thousands of a table, if one does; the error is a cell in which it
-    /// may be either. It parts thousands if each has three digits after it and none a zero before
-    /// it, and if a column has whole numbers below a thousand, too, or a number has two of them, or
-    /// a decimal point.
-    fn in_rows(
-        text: &[u8],
-        head: &Head,
-        [has_commas, _]: [bool; 2],
-    ) -> std::result::Result<Option<u8>, String> {
+impl Marks {
+    /// Finds the signs. The error is a cell whose comma may be between thousands or decimals.
+    fn in_rows(text: &[u8], head: &Head) -> Result<Self> {
         let is_free = head.separator != Separator::Byte(b',');
-        // A cell with commas and a point is no number until its commas are left out.
-        let has_commas =
-            has_commas || is_free && lines(text).skip(head.row).any(|line| line.contains(&b','));
-        let sign = match has_commas || head.separator == Separator::Byte(b',') {
-            true => b',',
-            false if is_free && head.separator != Separator::Blanks => b'.',
-            false => return Ok(None),
+        let has_quotes = text.contains(&b'"');
+        if !is_free && !has_quotes {
+            return Ok(Self { thousands: None, has_decimal_commas: false });
+        }
+        let rows = || lines(text).skip(head.row).filter(|line| !is_comment(line));
+        let has = |sign: u8| {
+            let mut cells = rows().flat_map(|line| head.separator.cells(line)).map(unquoted);
+            cells.any(|cell| cell.contains(&sign) && is_number(cell))
         };
-        if sign == b',' && !is_free && !text.contains(&b'"') {
-            return Ok(None);
-        }
-        // Whether a column has whole numbers of two or three digits, and cells with the sign.
-        let mut columns = vec![[false; 2]; head.n_columns];
-        let (mut first, mut is_clear) = (None, false);
-        for line in lines(text).skip(head.row).filter(|line| !is_comment(line)) {
-            for (cell, column) in head.separator.cells(line).zip(&mut columns) {
-                let bare = unquoted(cell);
-                let n = bare.iter().filter(|byte| **byte == sign).count();
-                if n == 0 {
-                    column[0] |=
-                        (2..=3).contains(&bare.len()) && bare.iter().all(u8::is_ascii_digit);
-                    continue;
-                }
-                if !is_grouped(bare, sign) {
-                    return Ok(None);
-                }
-                is_clear |= n > 1 || sign == b',' && bare.contains(&b'.');
-                column[1] = true;
-                first.get_or_insert_with(|| String::from_utf8_lossy(bare).into_owned());
+        let has_commas = has(b',');
+        // A cell with commas and a point is no number until its commas are left out.
+        let may_have_commas =
+            has_commas || is_free && lines(text).skip(head.row).any(|line| line.contains(&b','));
+        let sign = if may_have_commas || !is_free { b',' } else { b'.' };
+        let may_part = sign == b',' || head.separator != Separator::Blanks;
+        let thousands = if may_part { thousands(rows(), head, sign)? } else { None };
+        // Commas beside points may be between thousands, too: such cells are texts.
+        let has_decimal_commas = thousands.is_none() && has_commas && !has(b'.');
+        Ok(Self { thousands, has_decimal_commas })
+    }
+
+    /// What a reader of the table should know.
+    fn note(&self) -> Option<String> {
+        match self.thousands {
+            Some(sign) => {
+                Some(format!("`{}` parts the thousands of its numbers", char::from(sign)))
             }
+            None => self.has_decimal_commas.then(|| "its numbers have decimal commas".into()),
         }
-        match first {
-            Some(_) if is_clear || columns.contains(&[true; 2]) => Ok(Some(sign)),
-            // Three decimals, of which none is below one: a point is one, a comma may be either.
-            Some(cell) if sign == b',' => Err(cell),
-            _ => Ok(None),
-        }
+    }
+
+    /// The number in a cell, unless the cell is of another form.
+    fn number(&self, cell: &[u8]) -> Option<f64> {
+        let bare = unquoted(cell);
+        let text = match self.thousands {
+            None => match short_number(cell) {
+                Some((value, length)) if length == cell.len() => return Some(value),
+                _ if self.has_decimal_commas && is_number(bare) => with_points(bare),
+                _ => return None,
+            },
+            Some(sign) => bare.iter().copied().filter(|byte| *byte != sign).collect(),
+        };
+        std::str::from_utf8(&text).ok()?.parse().ok()
     }
 }
 
-/// Whether a cell has three digits after each sign of thousands, and begins with none of zero.
+/// The sign, if it is between thousands: three digits follow each, and no number begins with zero.
+/// It is certain if a column also has whole numbers below a thousand, or if a number has two signs,
+/// or a comma and a point. Else a point is a decimal one, and a comma is an error.
+fn thousands<'a>(
+    rows: impl Iterator<Item = &'a [u8]>,
+    head: &Head,
+    sign: u8,
+) -> Result<Option<u8>> {
+    // For each column: does it have whole numbers of two or three digits, and cells with the sign?
+    let mut columns = vec![[false; 2]; head.n_columns];
+    let (mut first, mut is_clear) = (None, false);
+    for line in rows {
+        for (cell, column) in head.separator.cells(line).zip(&mut columns) {
+            let bare = unquoted(cell);
+            let n = bare.iter().filter(|byte| **byte == sign).count();
+            if n == 0 {
+                column[0] |= (2..=3).contains(&bare.len()) && bare.iter().all(u8::is_ascii_digit);
+                continue;
+            }
+            if !is_grouped(bare, sign) {
+                return Ok(None);
+            }
+            is_clear |= n > 1 || sign == b',' && bare.contains(&b'.');
+            column[1] = true;
+            first.get_or_insert(bare);
+        }
+    }
+    let Some(first) = first else { return Ok(None) };
+    if is_clear || columns.contains(&[true; 2]) {
+        return Ok(Some(sign));
+    }
+    if sign == b'.' {
+        return Ok(None);
+    }
+    let actual = format!("{:?}", String::from_utf8_lossy(first));
+    let wanted = "numbers without thousands separators, or decimal commas that show";
+    let hint = "write them with a decimal point (in a spreadsheet: format the cells as General, and \
+                export again)";
+    Err(Error::input("numbers", actual, wanted, hint))
+}
+
+/// True if a cell has three digits after each sign, and does not begin with zero.
 fn is_grouped(cell: &[u8], sign: u8) -> bool {
     let cell = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
+    // Whole digits before the decimal point, which only a table with commas may have.
     let whole = match cell.iter().position(|byte| *byte == b'.').filter(|_| sign == b',') {
         Some(point) if cell[point + 1..].iter().all(u8::is_ascii_digit) => &cell[..point],
         Some(_) => return false,
         None => cell,
     };
+    // One to three digits, then groups of three.
     let mut groups = whole.split(|byte| *byte == sign);
     let first = groups.next().unwrap_or_default();
     let are_digits = |group: &[u8]| group.iter().all(u8::is_ascii_digit);
@@ -480,11 +496,6 @@ fn is_grouped(cell: &[u8], sign: u8) -> bool {
         && first[0] != b'0'
         && are_digits(first)
         && groups.all(|group| group.len() == 3 && are_digits(group))
-}
-
-/// A cell without a sign.
-fn without(cell: &[u8], sign: u8) -> Vec<u8> {
-    cell.iter().copied().filter(|byte| *byte != sign).collect()
 }
 
 /// A cell with points in place of its commas.
@@ -497,7 +508,7 @@ fn unquoted(cell: &[u8]) -> &[u8] {
     cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell)
 }
 
-/// Whether a cell begins as a date or a time of day does.
+/// True if a cell begins as a date or a time of day does.
 fn is_date(cell: &[u8]) -> bool {
     let cell = unquoted(cell);
     let digits = cell.first().is_some_and(u8::is_ascii_digit);
@@ -505,8 +516,7 @@ fn is_date(cell: &[u8]) -> bool {
     digits && (points == 2 || cell.iter().any(|byte| matches!(byte, b':' | b'-' | b'/')))
 }
 
-/// Reads a line that is a row of short numbers and separators alone, as programs write most tables;
-/// `None` of any other.
+/// Reads a line of only short numbers and separators, or `None` for any other.
 fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<()> {
     let Separator::Byte(separator) = separator else { return None };
     for (place, value) in row.iter_mut().enumerate() {
@@ -522,11 +532,11 @@ fn plain_row(mut line: &[u8], separator: Separator, row: &mut [f64]) -> Option<(
 const TENS: [f64; 16] =
     [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15];
 
-/// A number of up to 15 digits without an exponent at the beginning of a text, and its length. It
-/// is rounded as [`str::parse`] does: numerator and denominator are exact, and rounded once
-/// (Clinger 1990).
+/// A number of up to 15 digits without an exponent at the beginning of a text, and its length.
+/// Numerator and denominator are exact, and their quotient is rounded once (Clinger 1990).
 fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     let is_negative = text.first() == Some(&b'-');
+    // The digits as an integer, and the place of the point.
     let (mut numerator, mut point) = (0_u64, None);
     let mut length = usize::from(is_negative);
     let begin = length;
@@ -538,6 +548,7 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
         }
         length += 1;
     }
+    // Both are exact in an f64, so that one division gives the nearest number.
     let n_digits = length - begin - usize::from(point.is_some());
     let size = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
     let value = if is_negative { -size } else { size };

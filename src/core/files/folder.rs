@@ -13,15 +13,14 @@ use crate::error::{Error, Result};
 
 /// A folder whose files are staged inside it until all are written.
 ///
-/// Two programs may write into one folder: it is locked during the renames, so that it holds the
-/// files of one of them, never a mixture.
+/// The folder is locked during the renames, so that it never holds a mixture of two programs.
 #[derive(Debug)]
 pub struct OutputFolder {
     path: PathBuf,
     staging: TempDir,
     /// Shows other programs that the staging folder is in use.
     lock: Option<File>,
-    /// Whether the folder is new, and removed again unless the files are kept.
+    /// True if the folder is new. It is removed again unless the files are kept.
     made: bool,
     /// Files that were written, in their order.
     names: Vec<String>,
@@ -36,7 +35,7 @@ impl OutputFolder {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; [`Error::Input`] for standard output, which is one file.
+    /// [`Error::Io`]. [`Error::Input`] for standard output, which is one file.
     pub fn create(path: &Path) -> Result<Self> {
         if path == Path::new(STANDARD_OUTPUT) {
             let hint = "name a folder (./- where it is called so)";
@@ -82,13 +81,13 @@ impl OutputFolder {
         self.write(name, content).map(drop)
     }
 
-    /// Writes a file that will be called `name` onto the disk, piece by piece, and gives its
-    /// digest.
+    /// Writes a file that will be called `name`, piece by piece, and gives its digest.
     pub fn write_with(
         &mut self,
         name: &str,
         write: impl FnOnce(&mut BufWriter<Digested<File>>) -> std::io::Result<()>,
     ) -> Result<String> {
+        // The file is on the disk before it gets its name.
         let file = File::create(self.staging.path().join(name));
         let written = file.and_then(|file| {
             let mut out = BufWriter::with_capacity(1 << 18, Digested::new(file));
@@ -111,12 +110,14 @@ impl OutputFolder {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]. A name that may not be written is found before any file has its name.
+    /// [`Error::Io`]. A name that cannot be written is refused before any file has its name.
     pub fn keep(mut self) -> Result<Vec<PathBuf>> {
         self.made = false;
         let _lock = locked(&self.path);
-        let ready = self.names.iter().map(|name| self.ready(name)).collect::<Result<Vec<_>>>()?;
-        let mut ready: Vec<_> = ready.into_iter().map(Some).collect();
+        // Everything that can fail comes before the first name: a file at a link or on another disk
+        // is copied now.
+        let ready = self.names.iter().map(|name| self.ready(name).map(Some));
+        let mut ready = ready.collect::<Result<Vec<_>>>()?;
         let mut former = Former::default();
         for index in std::iter::once(self.first).chain(0..self.names.len()) {
             if let Some(file) = ready.get_mut(index).and_then(Option::take) {
@@ -124,6 +125,7 @@ impl OutputFolder {
             }
         }
         former.forget();
+        // All files have their names. Those of an earlier set are no longer needed.
         for path in &self.former {
             std::fs::remove_file(path).map_err(|source| Error::write(path, source))?;
         }
@@ -226,7 +228,7 @@ mod tests {
         assert!(!path.exists(), "the folder that was made for it went with it");
     }
 
-    /// Two writers of two hundred files each; the folder holds the set of one.
+    /// Two writers of two hundred files each. The folder holds the set of one.
     #[test]
     fn two_writers_of_one_folder_never_mix() {
         let parent = tempfile::tempdir().unwrap();

@@ -65,7 +65,7 @@ impl Limit {
     ///
     /// # Errors
     ///
-    /// As [`Self::read`]; [`Error::Input`] with the byte where it is not Unicode.
+    /// As [`Self::read`]. [`Error::Input`] with the byte where it is not Unicode.
     pub fn read_text(self, path: &Path) -> Result<String> {
         let bytes = self.read(path)?;
         let text = Text::of_unicode(&bytes).into_owned();
@@ -104,7 +104,7 @@ impl Limit {
     }
 }
 
-/// Bytes of a file, or of the files in a folder; none where they cannot be told, as of a pipe.
+/// Bytes of a file, or of the files in a folder, or none if they cannot be told, as of a pipe.
 fn bytes_at(path: &Path) -> u64 {
     fn of_file(path: &Path) -> u64 {
         let metadata = std::fs::metadata(path).ok();
@@ -157,7 +157,7 @@ struct Bounded {
 }
 
 impl Read for Bounded {
-    /// Reads up to the limit; more bytes are an error.
+    /// Reads up to the limit. More bytes are an error.
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let n = self.file.read(buffer)?;
         if self.file.limit() == 0 && n > 0 {

@@ -1,5 +1,4 @@
-//! The frame of a JPEG file, read before decoding: the decoder's memory and its passes over the
-//! picture (ITU-T T.81, annex B).
+//! The frame of a JPEG file, read before decoding: memory and passes of the decoder (ITU-T T.81).
 //!
 //! The size of a progressive picture says too little: all its coefficients, two bytes each, are
 //! held until the last scan, and a scan may take a dozen bytes of the file.
@@ -13,14 +12,14 @@ pub struct JpegFrame {
     pub samples: u64,
     /// Scans over them.
     pub scans: u64,
-    /// Whether all coefficients are held until the last scan.
+    /// True if all coefficients are held until the last scan.
     pub progressive: bool,
-    /// Whether the file has an end: what is missing is gray.
+    /// True if the file has an end: what is missing is gray.
     pub has_end: bool,
 }
 
 impl JpegFrame {
-    /// The first frame of a file; `None` where it has none.
+    /// The first frame of a file, or `None` if it has none.
     pub fn parse(bytes: &[u8]) -> Option<Self> {
         let mut rest = bytes.strip_prefix(b"\xff\xd8")?;
         loop {
@@ -40,7 +39,9 @@ impl JpegFrame {
         let [_, h1, h0, w1, w0, n, ref components @ ..] = *header else { return None };
         let size_px = [[w1, w0], [h1, h0]].map(|side| u64::from(u16::from_be_bytes(side)));
         let components = components.get(..3 * usize::from(n))?;
-        let factors = components.chunks(3).map(|it| [it[1] >> 4, it[1] & 15].map(u64::from));
+        // Sampling factors, as two numbers of four bits. A unit of the picture is 8 times the
+        // greatest.
+        let factors = components.chunks(3).map(|c| [c[1] >> 4, c[1] & 15].map(u64::from));
         let most = factors.clone().fold([1, 1], |a, b| [a[0].max(b[0]), a[1].max(b[1])]);
         let units = |side: usize| size_px[side].div_ceil(8 * most[side]);
         let samples = factors.map(|[h, v]| 64 * h * v * units(0) * units(1)).sum();

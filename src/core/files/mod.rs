@@ -1,7 +1,7 @@
-//! Files: read up to a limit and no further; written whole or not at all.
+//! Files: read up to a limit and no further. Written whole or not at all.
 //!
 //! Every reader of the crate states a [`Limit`] and opens its file once, so that a pipe, a device
-//! or an endless stream costs no more than a file of that size; decoded data is taken off a
+//! or an endless stream costs no more than a file of that size. Decoded data is taken off a
 //! [`Budget`]. Every writer stages its file beside its place, see [`Output`] and [`OutputFolder`].
 
 #[cfg(target_family = "wasm")]

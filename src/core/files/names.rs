@@ -9,18 +9,17 @@ const ENDINGS: [&str; 27] = [
     "webp", "yaml", "zip",
 ];
 
-/// The ending of a file's name, in lower case and without its point; empty where it has none. Old
-/// systems and cameras write names in capitals.
+/// The ending of a file's name, in lower case and without its point, or empty if it has none.
 pub fn ending(path: impl AsRef<Path>) -> String {
     path.as_ref().extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// Whether a text ends as the name of a file does.
+/// True if a text ends as the name of a file does.
 pub fn is_file_name(text: &str) -> bool {
     ENDINGS.contains(&&*ending(text))
 }
 
-/// The name of a file without its folders; bytes that are not Unicode are replaced.
+/// The name of a file without its folders. Bytes that are not Unicode are replaced.
 pub fn file_name(path: impl AsRef<Path>) -> String {
     path.as_ref().file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
@@ -35,8 +34,7 @@ pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// The name by which a file of a folder refers to one below it, separated by `/` on every system;
-/// `None` of a file elsewhere.
+/// The name of a file from a folder above it, separated by `/`, or `None` for a file elsewhere.
 pub fn name_from(folder: &Path, path: &Path) -> Option<String> {
     let folder = folder_of(&folder.join("file"))?;
     let path = folder_of(path)?.join(path.file_name()?);

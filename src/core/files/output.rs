@@ -14,8 +14,7 @@ use crate::input_error;
 /// Name of standard output as a file.
 pub const STANDARD_OUTPUT: &str = "-";
 
-/// Names of standard output in the file system. Opened anew, a redirected one would be written from
-/// its beginning again.
+/// Names of standard output. Opened anew, a redirected one would be overwritten.
 const STANDARD_OUTPUTS: [&str; 4] =
     [STANDARD_OUTPUT, "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"];
 
@@ -25,7 +24,7 @@ const MAX_LINKS: usize = 40;
 /// A file under construction.
 ///
 /// A regular file is staged under a temporary name beside its place until [`Output::keep`] gives it
-/// its name; a link is followed. Devices and pipes are written through. `-` is standard output.
+/// its name. A link is followed. Devices and pipes are written through. `-` is standard output.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
@@ -44,7 +43,7 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] with the folder that does not exist; [`Error::Io`] for a folder in the
+    /// [`Error::Input`] with the folder that does not exist. [`Error::Io`] for a folder in the
     /// place of a file, and without write permission.
     pub fn create(path: &Path) -> Result<Self> {
         let sink = Sink::open(path).map_err(|source| {
@@ -53,7 +52,7 @@ impl Output {
         Ok(Self { path: path.to_owned(), sink })
     }
 
-    /// Whether it is a file, and no device, pipe or standard output.
+    /// True if it is a file, and no device, pipe or standard output.
     pub fn is_staged(&self) -> bool {
         matches!(self.sink, Sink::Staged { .. })
     }
@@ -62,7 +61,7 @@ impl Output {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; then a regular file is as it was before.
+    /// [`Error::Io`]. Then a regular file is as it was before.
     pub fn keep(self, content: impl AsRef<[u8]>) -> Result<PathBuf> {
         self.keep_with(|out| out.write_all(content.as_ref()))
     }
@@ -77,22 +76,23 @@ impl Output {
         self.write_with(|out| out.write_all(content.as_ref()))?.keep()
     }
 
-    /// Writes the content onto the disk, piece by piece; the file has no name yet.
+    /// Writes the content onto the disk, piece by piece. The file has no name yet.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; then a regular file is as it was before.
+    /// [`Error::Io`]. Then a regular file is as it was before.
     pub fn write_with(self, write: impl FnOnce(&mut Buffer<'_>) -> Written) -> Result<WholeFile> {
         self.finish(write, true)
     }
 
-    /// Writes the content; `is_bound`: onto the disk and with its digest, as one of several files
-    /// that belong together.
+    /// Writes the content, onto the disk and with its digest if `is_bound` to other files.
     fn finish(
         self,
         write: impl FnOnce(&mut Buffer<'_>) -> Written,
         is_bound: bool,
     ) -> Result<WholeFile> {
+        // Standard output and devices are written at once. A staged file gets its permissions, and
+        // is named later.
         let Self { mut path, sink } = self;
         let mut staged = None;
         let written = match sink {
@@ -156,7 +156,7 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; then the file of that name is as it was before.
+    /// [`Error::Io`]. Then the file of that name is as it was before.
     pub fn keep(self) -> Result<PathBuf> {
         let Self { path, staged, .. } = self;
         let named = staged.map_or(Ok(()), |(file, place)| file.persist(place).map(drop));
@@ -175,7 +175,7 @@ impl WholeFile {
     ///
     /// # Errors
     ///
-    /// As [`Self::keep`]; then all files are as they were before.
+    /// As [`Self::keep`]. Then all files are as they were before.
     pub fn keep_all(files: Vec<Self>) -> Result<Vec<PathBuf>> {
         let _lock = files.iter().find_map(Self::place).and_then(|place| locked_soon(folder(place)));
         let mut former = Former::default();
@@ -197,6 +197,7 @@ impl Sink {
         if path.file_name().is_none() {
             return Err(std::io::ErrorKind::IsADirectory.into());
         }
+        // A link is followed, so that the file is staged beside its target.
         let permissions = match Place::for_path(path)? {
             Place::Through(file) => return Ok(Self::Through(file)),
             Place::Regular(permissions) => permissions,
@@ -209,6 +210,7 @@ impl Sink {
 
 /// The error of a file whose folder does not exist.
 fn missing_folder(path: &Path, source: &std::io::Error) -> Option<Error> {
+    // The folder of a link's target counts.
     let place = followed(path).ok()?;
     let folder = place.parent().filter(|folder| !folder.as_os_str().is_empty())?;
     let is_missing = source.kind() == std::io::ErrorKind::NotFound && !folder.exists();
@@ -235,8 +237,7 @@ fn followed(path: &Path) -> std::io::Result<PathBuf> {
     Err(std::io::Error::other("symbolic links in a circle"))
 }
 
-/// Writes a file, and gives the digest of its content if it is asked for: of a photograph it would
-/// cost a twelfth of all the work.
+/// Writes a file, and gives its digest if wanted: for a photograph it is a twelfth of all work.
 fn buffered(
     file: &mut dyn Write,
     write: impl FnOnce(&mut Buffer<'_>) -> Written,

@@ -1,5 +1,4 @@
-//! Staged files: under a temporary name until they are whole, and removed if their program was
-//! killed.
+//! Staged files have a temporary name until they are whole, and go if their program was killed.
 //!
 //! A temporary file is locked while its program lives, so that the next program can tell one that
 //! was left behind. Where a file system has no locks, files that are left behind stay.
@@ -14,7 +13,7 @@ use tempfile::{Builder, NamedTempFile, TempDir, TempPath};
 const PREFIX: &str = ".noctograph-";
 const SUFFIX: &str = ".tmp";
 
-/// The file that stands for its folder.
+/// The lock file of a folder.
 #[cfg(windows)]
 const LOCK: &str = ".noctograph-lock";
 #[cfg(windows)]
@@ -48,8 +47,8 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     }
 }
 
-/// Makes a temporary folder in a folder, and removes those there that killed programs left; it is
-/// locked as long as the file returned is open.
+/// Makes a temporary folder, which is locked as long as the file returned is open, and removes
+/// those of killed programs.
 ///
 /// # Errors
 ///
@@ -65,15 +64,14 @@ pub fn folder_in(folder: &Path) -> Result<(TempDir, Option<File>)> {
     }
 }
 
-/// Locks a folder until the file is closed, waiting for another program; `None` where the system
-/// has no such locks.
+/// Locks a folder until the file is closed, or returns `None` if the system has no such locks.
 #[cfg(not(windows))]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     File::open(folder).ok().filter(|folder| folder.lock().is_ok())
 }
 
-/// Windows opens no folder as a file: a file in it stands for it, which one program has at a time
-/// and the system removes when that program closes it or is killed.
+/// Windows opens no folder as a file. A file in it is the lock: one program has it at a time, and
+/// the system removes it when that program closes it or is killed.
 #[cfg(windows)]
 pub(super) fn locked(folder: &Path) -> Option<File> {
     // Renames take milliseconds. A folder that cannot be written is no reason to wait for ever.
@@ -90,8 +88,8 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 #[cfg(windows)]
 pub(super) use locked as locked_soon;
 
-/// A lock as [`locked`] gives it, for a moment at most: whoever runs the program under a lock of
-/// the folder would wait forever.
+/// [`locked`] with a time limit: who runs the program under a lock of the folder would wait
+/// forever.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok()?;
@@ -125,6 +123,7 @@ fn remove_left_behind(path: &Path, is_folder: bool) -> Result<()> {
             _ => return std::fs::remove_dir_all(path),
         }
     }
+    // A living program has locked it.
     let file = File::open(path)?;
     file.try_lock()?;
     match is_folder {
@@ -162,6 +161,7 @@ impl Place {
     ///
     /// [`Error::Io`] for a folder, and without write permission.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
+        // Opening tells now if the file may be written later.
         let there = std::fs::metadata(path);
         if there.as_ref().is_err_and(|error| error.kind() == ErrorKind::NotFound) {
             return Ok(Self::Regular(None));
@@ -184,18 +184,19 @@ pub(super) fn folder(path: &Path) -> &Path {
     parent.unwrap_or(Path::new("."))
 }
 
-/// What stands in the places of files that belong together, until all of these have their names: it
-/// is put back unless they do. A file system without hard links keeps nothing of it.
+/// The former files in the places of files that belong together. They are put back unless all of
+/// these get their names. A file system without hard links keeps none.
 #[derive(Debug, Default)]
 pub(super) struct Former(Vec<(PathBuf, Option<TempPath>)>);
 
 impl Former {
-    /// Puts a file in its place, and remembers what stood there.
+    /// Puts a file in its place, and remembers the former one.
     pub(super) fn replaced<T, E>(
         &mut self,
         place: Option<PathBuf>,
         replace: impl FnOnce() -> std::result::Result<T, E>,
     ) -> std::result::Result<T, E> {
+        // A hard link keeps the former file under another name.
         let linked = place.map(|place| {
             let link = |to: &Path| std::fs::hard_link(&place, to);
             let link = Builder::new().prefix(PREFIX).suffix(SUFFIX).make_in(folder(&place), link);

@@ -7,13 +7,13 @@ use std::borrow::Cow;
 /// A text, with notes on its decoding.
 #[derive(Clone, Debug)]
 pub struct Text<'a> {
-    /// UTF-8; bytes that no encoding explains stay.
+    /// UTF-8. Bytes that no encoding explains stay.
     pub bytes: Cow<'a, [u8]>,
     /// What was assumed.
     pub notes: Vec<String>,
 }
 
-/// Windows-1252 from 0x80 on; bytes from 0xA0 on are their own code points.
+/// Windows-1252 from 0x80 on. Bytes from 0xA0 on are their own code points.
 const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
 
 impl<'a> Text<'a> {
@@ -27,7 +27,7 @@ impl<'a> Text<'a> {
         Self { bytes: Cow::Owned(from_windows_1252(&bytes).into_bytes()), notes }
     }
 
-    /// The text of a file in UTF-8 or UTF-16; of another encoding its bytes.
+    /// The text of a file in UTF-8 or UTF-16. Of another encoding its bytes.
     pub fn of_unicode(bytes: &'a [u8]) -> Cow<'a, [u8]> {
         with_line_feeds(match bytes {
             [0xef, 0xbb, 0xbf, rest @ ..] => Cow::Borrowed(rest),
@@ -46,7 +46,7 @@ fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     text.collect::<String>().into_bytes()
 }
 
-/// Whether bytes are text, but no UTF-8.
+/// True if bytes are text, but no UTF-8.
 fn is_windows_1252(bytes: &[u8]) -> bool {
     std::str::from_utf8(bytes).is_err_and(|error| error.error_len().is_some())
         && !bytes.iter().any(|byte| *byte < 0x20 && !byte.is_ascii_whitespace())
@@ -60,13 +60,14 @@ fn from_windows_1252(bytes: &[u8]) -> String {
     characters.collect()
 }
 
-/// Text whose lines end in LF, where any ends in CR alone.
+/// Text whose lines end in LF, if any ends in a single CR.
 fn with_line_feeds(text: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     let is_alone =
         |(index, byte): (usize, &u8)| *byte == b'\r' && text.get(index + 1) != Some(&b'\n');
     if !text.contains(&b'\r') || !text.iter().enumerate().any(is_alone) {
         return text;
     }
+    // Each CR is a line end, or the first half of one.
     let mut lines = Vec::with_capacity(text.len());
     for (index, byte) in text.iter().enumerate() {
         match byte {

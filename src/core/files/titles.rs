@@ -16,15 +16,16 @@ const UNITS: [(&str, f64); 9] = [
     ("km", 1e3),
 ];
 
-/// Units of times alone: `x_min` is no time.
+/// Units only of times: `x_min` is not a time.
 const UNITS_OF_TIME: [(&str, f64); 3] =
     [("min mins minute minutes", 60.0), ("h hr hrs hour hours", 3600.0), ("d day days", 86_400.0)];
 
 /// The size of a unit, of a time or of another quantity.
 pub fn unit(name: &str, is_time: bool) -> Option<f64> {
     let of_time = if is_time { &UNITS_OF_TIME[..] } else { &[] };
-    let is_named = |(names, _): &&(&str, f64)| names.split(' ').any(|known| known == name);
-    UNITS.iter().chain(of_time).find(is_named).map(|(_, size)| *size)
+    let mut units = UNITS.iter().chain(of_time);
+    let unit = units.find(|(names, _)| names.split(' ').any(|known| known == name));
+    unit.map(|(_, size)| *size)
 }
 
 /// A title without the unit in brackets at its end, and that unit.

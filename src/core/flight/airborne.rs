@@ -9,37 +9,34 @@ use super::{Flight, FlightSample, Quantity};
 /// higher one cuts fast descents.
 const FLYING_MOTOR_COMMAND: f64 = 20_000.0;
 
-/// A setpoint or a position higher than this above the floor means flight where motor commands
-/// are not logged.
+/// Without motor commands, a setpoint or a position higher than this above the floor means flight.
 const FLYING_HEIGHT_M: f64 = 0.05;
 
-/// Shorter breaks do not end a flight: a saturated mixer stops one motor for some periods of its
-/// loop.
+/// Shorter breaks do not end a flight: a saturated mixer stops a motor for some periods.
 const LONGEST_BREAK_S: f64 = 0.5;
 
-/// The samples between take-off and landing; `None` where the drone never leaves the floor.
+/// The samples between take-off and landing, or `None` if the drone never leaves the floor.
 ///
-/// A sample is flown where every motor command is above 20,000 of 65535. Where motors are not
-/// logged, the setpoint's height decides; without setpoints, the height above the lowest sample;
-/// 0.05 m is the limit for both. Half a second of other samples ends a stretch (a gap in the log
-/// does not), and the longest stretch is the flight: samples of the drone being carried or dragged
-/// along the floor afterwards are left out.
+/// A sample is flown if every motor command is above 20,000 of 65535. Without motors in the log,
+/// the setpoint's height decides, and without setpoints, the height above the lowest sample. 0.05 m
+/// is the limit for both. Half a second of other samples ends a stretch, a gap in the log does not.
+/// The longest stretch is the flight, without the drone being carried afterwards.
 pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
     let heights_m = flight.samples.iter().map(|sample| sample.position_m.z);
     let floor_m = heights_m.fold(f64::INFINITY, f64::min);
-    let flown = |sample: &FlightSample| {
-        if flight.has(Quantity::Motors) {
+    // The longest stretch so far, and the one that goes on.
+    let (mut longest, mut longest_s) = (0..0, 0.0);
+    let (mut stretch, mut landed_s) = (0..0, None);
+    for (index, sample) in flight.samples.iter().enumerate() {
+        let is_flown = if flight.has(Quantity::Motors) {
             sample.motors.iter().all(|command| *command > FLYING_MOTOR_COMMAND)
         } else if flight.has(Quantity::Design) {
             sample.design_m.z > FLYING_HEIGHT_M
         } else {
             sample.position_m.z - floor_m > FLYING_HEIGHT_M
-        }
-    };
-    let (mut longest, mut longest_s) = (0..0, 0.0);
-    let (mut stretch, mut landed_s) = (0..0, None);
-    for (index, sample) in flight.samples.iter().enumerate() {
-        if !flown(sample) {
+        };
+        if !is_flown {
+            // A long break ends the stretch.
             let since_s = *landed_s.get_or_insert(sample.time_s);
             if sample.time_s - since_s >= LONGEST_BREAK_S {
                 stretch = 0..0;
@@ -58,7 +55,7 @@ pub fn airborne(flight: &Flight) -> Option<Range<usize>> {
 }
 
 impl FlightSample {
-    /// Whether a motor is at an end of its range while any turns.
+    /// True if a motor is at an end of its range while any turns.
     pub fn is_saturated(&self, motor_max: f64) -> bool {
         let turns = self.motors.iter().any(|motor| *motor > 0.0);
         turns && self.motors.iter().any(|motor| *motor <= 0.0 || *motor >= motor_max)
@@ -80,12 +77,13 @@ pub fn rests_on_floor(samples: &[FlightSample], floor_m: f64) -> bool {
     high_m - low_m < FLYING_HEIGHT_M && (high_m - floor_m).abs() < 2.0 * FLYING_HEIGHT_M
 }
 
-/// Why a flight counts as one on the floor, with the number that decides; `None` where it flies, or
+/// Why a flight counts as one on the floor, with the number that decides, or `None` if it flies, or
 /// neither motors, setpoints nor heights are logged.
 pub fn on_floor(flight: &Flight) -> Option<String> {
     if airborne(flight).is_some() {
         return None;
     }
+    // The same evidence as in `airborne`, in the same order.
     let most = |value: fn(&FlightSample) -> f64| {
         flight.samples.iter().map(value).fold(f64::NEG_INFINITY, f64::max)
     };

@@ -2,9 +2,9 @@
 //!
 //! Position, estimate and design are in the world frame, velocity and rate in the body frame. The
 //! columns of a quantity that a real log lacks are left out together. One column `light.<channel>`
-//! a light channel; `light` by itself is that of the headlights. `gap_before` is 1 in the first
-//! row after a gap, and is there only in files with gaps. Columns of other names are kept as
-//! [`FlightData::extra`]; the simulator's are `saturated_s` and, for a drone with a battery,
+//! a light channel. `light` by itself is that of the headlights. `gap_before` is 1 in the first row
+//! after a gap, and is there only in files with gaps. Columns of other names are kept as
+//! [`FlightData::extra`]. The simulator's are `saturated_s` and, for a drone with a battery,
 //! `battery_v` and `energy_j`.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,7 +41,7 @@ impl Quantity {
     }
 }
 
-/// Whether a column has a meaning of its own, so that no extra column may take its name.
+/// True if a column has a meaning of its own, so that no extra column may take its name.
 pub fn is_standard_column(name: &str) -> bool {
     [TIME, LETTER, GAP].contains(&name)
         || Quantity::TABLE.iter().any(|(.., columns)| columns.contains(&name))
@@ -56,6 +56,7 @@ impl Flight {
     ///
     /// Those of the writer.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
+        // Time, the quantities of the log, letter, lights, gaps, further columns: names, then rows.
         let logged = || Quantity::TABLE.iter().filter(|(q, ..)| !self.unlogged.contains(q));
         let places = logged().flat_map(|(quantity, ..)| quantity.places());
         let places: Vec<usize> = [0].into_iter().chain(places).chain([N_NUMBERS - 1]).collect();
@@ -76,9 +77,9 @@ impl Flight {
         write_table(out, &header, rows)
     }
 
-    /// SHA-256 of the contents of a flight file, in hexadecimal: equal flights have equal digests,
-    /// on every machine and in every build.
+    /// SHA-256 of the contents of a flight file, in hexadecimal.
     pub fn sha256(&self) -> String {
+        // Everything that the file has, in its order.
         let mut digest = Digest::default();
         for quantity in &self.unlogged {
             digest.add(quantity.name());
@@ -108,8 +109,7 @@ impl Flight {
 
     /// Reads a flight from a CSV file as [`Self::write_csv`] makes it.
     ///
-    /// A quantity may be missing with all its columns: the flight then says so in `unlogged` and
-    /// in a warning.
+    /// A quantity may be missing with all its columns, with a warning.
     ///
     /// # Errors
     ///
@@ -118,7 +118,7 @@ impl Flight {
         Self::from_table(&Table::read(path)?)
     }
 
-    /// Reads a flight from the text of such a file; `file` is its name in messages.
+    /// Reads a flight from the text of such a file. `file` is its name in messages.
     ///
     /// # Errors
     ///
@@ -133,6 +133,7 @@ impl Flight {
     ///
     /// [`Error::Input`] with line and column.
     pub fn from_table(table: &Table) -> Result<Self> {
+        // Columns of a sample's numbers. A quantity is there with all its columns or with none.
         let time_s = table.times_s(TIME)?;
         let odd = odd_titles(table)?;
         let mut cells: [Option<&[f64]>; N_NUMBERS] = [None; N_NUMBERS];
@@ -150,9 +151,11 @@ impl Flight {
         cells[N_NUMBERS - 1] = table.has(LETTER).then(|| table.quantity(LETTER)).transpose()?;
         whole(table, LETTER, MAX_QUANTITY, "0 outside letters, or the number of a letter")?;
         whole(table, GAP, 1.0, "1 in the first row after a gap, else 0")?;
-        let number = |row: usize| cells.map(|cell| cell.map_or(0.0, |column| column[row]));
-        let samples: Vec<FlightSample> =
-            (0..table.n_rows()).map(|row| FlightSample::from_numbers(number(row))).collect();
+        let samples = (0..table.n_rows()).map(|row| {
+            FlightSample::from_numbers(cells.map(|cell| cell.map_or(0.0, |column| column[row])))
+        });
+        let samples: Vec<FlightSample> = samples.collect();
+        // Lights and further columns. A file of nothing else is no flight.
         let lights = light_columns(table)?;
         let further = table.columns_after("").filter(|(name, _)| !is_standard_column(name));
         let extra: BTreeMap<_, _> =
@@ -163,20 +166,19 @@ impl Flight {
         let flags = table.find(GAP).unwrap_or_default();
         let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
         let gaps = pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect();
-        let missing = warning::unlogged(&unlogged);
-        let said = table.notes().iter().cloned().chain(odd);
-        let said = said.map(|text| Diagnostic::warning("log", text));
-        let warnings = missing.into_iter().chain(said).collect();
+        let notes = table.notes().iter().cloned().chain(odd);
+        let notes = notes.map(|text| Diagnostic::warning("log", text));
+        let warnings = warning::unlogged(&unlogged).into_iter().chain(notes).collect();
         Self::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })
     }
 }
 
-/// Names further columns that are nearly ours, and refuses two columns of one name where one would
-/// be dropped.
+/// Names further columns that are nearly ours, and refuses two columns of one name.
 fn odd_titles(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()
     }
+    // Names are compared by their letters and digits.
     let ours = Quantity::TABLE.iter().flat_map(|(.., names)| *names).chain(&[LETTER, GAP, TIME]);
     let ours: Vec<(&str, String)> = ours.map(|name| (*name, bare(name))).collect();
     let (mut seen, mut odd) = (BTreeSet::new(), Vec::new());
@@ -216,6 +218,7 @@ impl FlightSample {
             self.estimate_m,
             self.design_m,
         ];
+        // Time, vectors, four motors, letter.
         let mut numbers = [0.0; N_NUMBERS];
         numbers[0] = self.time_s;
         for (cells, vector) in numbers[1..].chunks_exact_mut(3).zip(vectors) {
@@ -249,22 +252,20 @@ impl FlightSample {
 ///
 /// [`Error::Input`] with the channel of a level outside, or for headlights in two columns.
 pub fn light_columns(table: &Table) -> Result<BTreeMap<String, Vec<f64>>> {
-    fn light((channel, levels): (&str, &[f64])) -> Result<(String, Vec<f64>)> {
-        let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) else {
-            return Ok((channel.to_owned(), levels.to_vec()));
-        };
-        let place = format!("column light.{channel}");
-        Err(Error::input(place, level, "a level from 0 (off) to 1", "mend the file"))
-    }
+    // A column `light` and one of the headlights would be the same channel.
+    let mut lights = BTreeMap::new();
     let bare = table.find(LIGHT).map(|levels| (HEADLIGHTS, levels));
-    let mut lights = table.columns_after("light.").chain(bare).map(light);
-    lights.try_fold(BTreeMap::new(), |mut lights, light| {
-        let (channel, levels) = light?;
-        match lights.insert(channel, levels) {
-            None => Ok(lights),
-            Some(_) => Err(table.wrong(LIGHT, 1, "two columns of headlights", "one", REWRITE_HINT)),
+    for (channel, levels) in table.columns_after("light.").chain(bare) {
+        if let Some(level) = levels.iter().find(|level| !(0.0..=1.0).contains(*level)) {
+            let place = format!("column light.{channel}");
+            let wanted = "a level from 0 (off) to 1";
+            return Err(Error::input(place, level, wanted, "mend the file"));
         }
-    })
+        if lights.insert(channel.to_owned(), levels.to_vec()).is_some() {
+            return Err(table.wrong(LIGHT, 1, "two columns of headlights", "one", REWRITE_HINT));
+        }
+    }
+    Ok(lights)
 }
 
 /// The file's letter number (0 outside letters) for an index.

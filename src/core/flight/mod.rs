@@ -1,7 +1,6 @@
-//! Flight: position, attitude, estimate, setpoints, motor commands and lights of one drone over
-//! time.
+//! Flight: motion, estimate, setpoints, motor commands and lights of one drone over time.
 //!
-//! The simulator and the readers of real logs both make it; later stages do not depend on which.
+//! The simulator and the readers of real logs both make it. Later stages do not depend on which.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,8 +23,7 @@ pub use crate::place::DroneIndex;
 pub use airborne::airborne;
 pub use airborne::{on_floor, rests_on_floor, saturated_s};
 
-/// Column of a simulated flight: time so far, s, with a motor at a limit of its range or of the
-/// battery.
+/// Column of a simulated flight: time so far, s, with a motor at its limit or the battery's.
 pub const SATURATED_S: &str = "saturated_s";
 /// Column of a simulated flight: voltage of the battery under load, V.
 pub const BATTERY_V: &str = "battery_v";
@@ -34,8 +32,8 @@ pub const ENERGY_J: &str = "energy_j";
 /// Column of a simulated flight with the estimator `cooperative`: standard deviation of the
 /// estimated position over all three axes, m, as the estimator has it.
 pub const ESTIMATE_SIGMA_M: &str = "estimate_sigma_m";
-/// Column beside it: normalized squared error of the estimated position over its three axes; 1 on
-/// average where the estimator's covariance is true.
+/// Column beside it: normalized squared error of the estimated position over its three axes. It is
+/// 1 on average if the estimator's covariance is true.
 pub const ESTIMATE_NEES: &str = "estimate_nees";
 
 /// A flight of one drone, sampled over time.
@@ -63,12 +61,12 @@ pub struct FlightData {
 }
 
 impl FlightData {
-    /// Whether the flight's log has a quantity.
+    /// True if the flight's log has a quantity.
     pub fn has(&self, quantity: Quantity) -> bool {
         !self.unlogged.contains(&quantity)
     }
 
-    /// Last value of a further column; `None` where the flight lacks it.
+    /// Last value of a further column, or `None` if the flight lacks it.
     pub fn at_end(&self, column: &str) -> Option<f64> {
         self.extra.get(column)?.last().copied()
     }
@@ -144,7 +142,7 @@ impl Quantity {
 /// One instant of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightSample {
-    /// Since the first setpoint; in a real log, since its first sample.
+    /// Since the first setpoint, or since the first sample of a real log.
     pub time_s: f64,
     /// Body origin in the world.
     pub position_m: Vector3<f64>,
@@ -156,11 +154,11 @@ pub struct FlightSample {
     pub rate_body_rad_s: Vector3<f64>,
     /// Position according to the estimator.
     pub estimate_m: Vector3<f64>,
-    /// Position of the design at this instant (continuous, not held; in a real log the setpoint in
-    /// force, held).
+    /// Position of the design at this instant. It is continuous, and the held setpoint in a real
+    /// log.
     pub design_m: Vector3<f64>,
     /// Motor commands m1…m4, 0…65535.
     pub motors: [f64; 4],
-    /// Index of the letter that is being written; `None` during take-off and landing.
+    /// Index of the letter that is being written, or `None` during take-off and landing.
     pub letter: Option<usize>,
 }

@@ -1,4 +1,4 @@
-//! Unit of stamps without a name for it, by their steps.
+//! Unit of timestamps without a name for it, by their steps.
 
 use crate::statistics::median;
 
@@ -9,7 +9,7 @@ pub const SLOWEST_PERIOD_S: f64 = 2.55;
 const FASTEST_PERIOD_S: f64 = 0.9e-4;
 const USUAL_PERIOD_S: f64 = 9.5e-3;
 
-/// Shorter than any flight whose log is worth reading; stamps at 1 Hz are fewer than that in ms.
+/// Shorter than any flight whose log is worth reading. In ms, timestamps at 1 Hz last less.
 const SHORTEST_FLIGHT_S: f64 = 0.5;
 
 /// Numbers of today's days, as spreadsheets, MATLAB and Julian days count them.
@@ -22,19 +22,20 @@ pub struct FoundUnit {
     pub unit_s: f64,
     /// The usual step, in that unit.
     pub step: f64,
-    /// Whether another unit would do, too.
+    /// True if another unit would do, too.
     pub in_doubt: bool,
 }
 
-/// Length of a unit of stamps in seconds, from the step between stamps. A Crazyflie logs every 0.1
-/// ms to 2.55 s: a larger step is in ms, from a thousand on in µs, from a million on in ns; a
-/// smaller one in the first of minutes, hours and days that gives a usual step, or in days where
-/// the stamps are today's dates. Steps of 1 in whole numbers are ms, except with several rows a
-/// stamp, or where the whole would be shorter than a flight. Any other step stays in seconds.
+/// Length of a unit of timestamps in seconds, from the step between them. A Crazyflie logs every
+/// 0.1 ms to 2.55 s. A larger step is in ms, from a thousand on in µs, from a million on in ns. A
+/// smaller one is in the first of minutes, hours and days that gives a usual step, or in days if
+/// the timestamps are today's dates. Steps of 1 in whole numbers are ms, except with several rows a
+/// timestamp, or if the log would be shorter than a flight. Any other step stays in seconds.
 pub fn unit_of(stamps: &[f64]) -> FoundUnit {
+    // The usual step decides, with what is known of flights.
     let steps = stamps.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
     let step = median(steps).unwrap_or(0.0);
-    let whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
+    let are_whole = stamps.iter().filter(|t| t.is_finite()).all(|t| t.fract() == 0.0);
     let is_rising = stamps.windows(2).all(|pair| pair[1] > pair[0]);
     let is_long = stamps.last().is_some_and(|last| last - stamps[0] > 1e3 * SHORTEST_FLIGHT_S);
     let unit_s = match step {
@@ -43,19 +44,18 @@ pub fn unit_of(stamps: &[f64]) -> FoundUnit {
         step if step >= 1e3 => 1e-6,
         step if step > SLOWEST_PERIOD_S => 1e-3,
         step if step > 0.0 && step < FASTEST_PERIOD_S => {
-            let usual =
-                |unit_s: &f64| (USUAL_PERIOD_S..=SLOWEST_PERIOD_S).contains(&(step * unit_s));
             let is_day = DAY_NUMBERS.iter().any(|days| days.contains(&stamps[0]));
-            let units = [60.0, 3600.0, 86_400.0].into_iter().skip(if is_day { 2 } else { 0 });
-            { units }.find(usual).unwrap_or(1.0)
+            let mut units = [60.0, 3600.0, 86_400.0].into_iter().skip(if is_day { 2 } else { 0 });
+            let usual = USUAL_PERIOD_S..=SLOWEST_PERIOD_S;
+            units.find(|unit_s| usual.contains(&(step * unit_s))).unwrap_or(1.0)
         }
-        step if whole && step > 0.0 && (step > 1.0 || is_rising && is_long) => 1e-3,
+        step if are_whole && step > 0.0 && (step > 1.0 || is_rising && is_long) => 1e-3,
         _ => 1.0,
     };
-    // As it is shown.
+    // Rounded as it is printed.
     let per_unit = if step < 1e-3 { 1e10 } else { 1e6 };
     let step = (step * per_unit).round() / per_unit;
-    let in_doubt = unit_s == 1.0 && step > 0.5 && (!whole || is_rising && !is_long);
+    let in_doubt = unit_s == 1.0 && step > 0.5 && (!are_whole || is_rising && !is_long);
     FoundUnit { unit_s, step, in_doubt }
 }
 

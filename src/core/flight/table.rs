@@ -1,6 +1,6 @@
 //! Tables of numbers as CSV: the file form of plans and flights.
 //!
-//! One header line, then rows of finite numbers; unknown columns are allowed. Written numbers are
+//! One header line, then rows of finite numbers. Unknown columns are allowed. Written numbers are
 //! rounded to a grid of 1e-6 (micrometers, microseconds, microradians) by [`on_grid`], so that a
 //! product reads back from its file bit for bit.
 
@@ -21,14 +21,14 @@ pub const FLIGHT_LONG: &str = "flight-long";
 /// Largest number of a table: below it squares and sums stay finite.
 pub const MAX_NUMBER: f64 = 1e30;
 
-/// Latest or earliest time, before and after which a microsecond is lost in rounding: stamps of
-/// this century are within.
+/// Latest and earliest time: farther from 0, a microsecond is lost in rounding. Timestamps of this
+/// century are within.
 const MAX_TIME_S: f64 = 4e9;
 
 /// Largest file: an hour of 36 columns at 100 Hz in numbers of nine digits.
 const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a table", hint: SMALLER_HINT };
 
-/// Rounds to the grid of the files, 1e-6; negative zero becomes zero.
+/// Rounds to the grid of the files, 1e-6. Negative zero becomes zero.
 ///
 /// Numbers beyond 2^52 · 1e-6 are returned as they are: they have no finer digits.
 #[inline(always)]
@@ -37,7 +37,7 @@ pub fn on_grid(value: f64) -> f64 {
     const WHOLE: f64 = 4_503_599_627_370_496.0;
     let size = (value * 1e6).abs();
     let near = (size + WHOLE) - WHOLE;
-    // Half away from zero, as `round`, which is a function call on many processors; without a
+    // Half away from zero, as `round`, which is a function call on many processors. Without a
     // branch, so that a row of numbers is vectorized.
     let below = near - if near > size { 1.0 } else { 0.0 };
     let above = if size - below >= 0.5 { 1.0 } else { 0.0 };
@@ -45,8 +45,7 @@ pub fn on_grid(value: f64) -> f64 {
     if size < 4.5e15 { rounded } else { value }
 }
 
-/// A table read from a file: named columns of equal length, all of finite numbers
-/// where they are needed.
+/// A table read from a file: named columns of equal length, of finite numbers where needed.
 #[derive(Debug)]
 pub struct Table {
     file: String,
@@ -64,7 +63,7 @@ impl Table {
         Self::parse(&LIMIT.read(path)?, &path.display().to_string())
     }
 
-    /// Reads the bytes of such a file; `file` is its name in messages.
+    /// Reads the bytes of such a file. `file` is its name in messages.
     ///
     /// # Errors
     ///
@@ -75,12 +74,13 @@ impl Table {
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a head; a column that nobody `needs` may hold texts.
+    /// Reads the rows below a head. A column that nobody `needs` may hold texts.
     ///
     /// # Errors
     ///
     /// [`Error::Input`], as [`Self::read`].
     pub fn below(head: Head, text: &Text<'_>, file: &str, needs: fn(&str) -> bool) -> Result<Self> {
+        // Numbers and names of columns first, then texts in columns that need numbers.
         let budget = Budget::new(file, SMALLER_HINT);
         let number = |_, cell: &str| cell.parse().ok().filter(|v: &f64| v.abs() <= MAX_NUMBER);
         let (budget, hint, needs_line_ends) = (&budget, REWRITE_HINT, false);
@@ -126,7 +126,7 @@ impl Table {
         })
     }
 
-    /// A column by name; `None` where there is none.
+    /// A column by name, or `None` if there is none.
     pub fn find(&self, name: &str) -> Option<&[f64]> {
         Some(self.columns_after("").find(|(title, _)| *title == name)?.1)
     }
@@ -159,7 +159,7 @@ impl Table {
         Error::input(format!("column {name}"), found, wanted, hint).in_file(&self.file, line as u64)
     }
 
-    /// Whether there is a column of this name.
+    /// True if there is a column of this name.
     pub fn has(&self, name: &str) -> bool {
         self.find(name).is_some()
     }
@@ -186,6 +186,7 @@ impl Table {
 
     /// The same, of a column in another unit than seconds.
     pub fn times_in(&self, name: &str, unit_s: f64) -> Result<&[f64]> {
+        // Some rows, in order, within an hour.
         let time_s = self.column(name)?;
         if time_s.is_empty() {
             return Err(Error::input("", "no row", "at least one row", REWRITE_HINT)
@@ -193,20 +194,14 @@ impl Table {
         }
         if let Some(row) = time_s.windows(2).position(|pair| pair[1] < pair[0]) {
             let wanted = format!("at least {}, the time before it", time_s[row]);
-            let actual = time_s[row + 1];
-            return Err(self.wrong(
-                name,
-                self.line(row + 1),
-                actual,
-                wanted,
-                "sort the rows by time",
-            ));
+            let (line, hint) = (self.line(row + 1), "sort the rows by time");
+            return Err(self.wrong(name, line, time_s[row + 1], wanted, hint));
         }
-        let beyond = |time_s: f64, first_s: f64| {
-            let [time_s, first_s] = [time_s, first_s].map(|time| time * unit_s);
-            time_s.abs() > MAX_TIME_S || time_s - first_s > MAX_DURATION_S
-        };
-        if let Some(row) = time_s.iter().position(|at_s| beyond(*at_s, time_s[0])) {
+        let first_s = time_s[0] * unit_s;
+        let mut times_s = time_s.iter().map(|time| time * unit_s);
+        if let Some(row) =
+            times_s.position(|t_s| t_s.abs() > MAX_TIME_S || t_s - first_s > MAX_DURATION_S)
+        {
             let wanted = format!("seconds, at most {MAX_DURATION_S} after the first");
             return Err(self.wrong(name, self.line(row), time_s[row], wanted, MILLISECONDS_HINT));
         }
@@ -233,6 +228,7 @@ pub fn write_table(
     rows: impl Iterator<Item = impl IntoIterator<Item = f64>>,
 ) -> std::io::Result<()> {
     writeln!(out, "{}", header.join(","))?;
+    // One buffer for all lines: each number ends with a comma, of which the last becomes the end.
     let mut line = Vec::new();
     for row in rows {
         line.clear();
@@ -260,6 +256,7 @@ fn push_number(line: &mut Vec<u8>, value: f64) {
     if value < 0.0 && rest > 0 {
         line.push(b'-');
     }
+    // Micrometers, microseconds and the like, as an integer.
     let (mut whole, mut part) = (rest / 1_000_000, (rest % 1_000_000) as u32);
     // From the last digit to the first, six after the point: divided by constants, which the
     // compiler turns into multiplications.

@@ -7,7 +7,7 @@ use crate::diagnostic::Diagnostic;
 
 /// Code of quantities that a log lacks.
 pub const UNLOGGED: &str = "unlogged";
-/// Code of a time without two base stations in sight; its figure is `lasts_s`.
+/// Code of a time without two base stations in sight. Its figure is `lasts_s`.
 pub const UNSEEN: &str = "unseen";
 /// Codes of a battery that cannot give the thrust, or is empty.
 pub const BATTERY: [&str; 2] = ["battery-weak", "battery-empty"];
@@ -52,7 +52,7 @@ pub fn grounded(motors: f64) -> Diagnostic {
     Diagnostic::warning("grounded", message).with("motors", motors)
 }
 
-/// Quantities that a log lacks, which are zeros in the samples; `None` if it lacks none.
+/// Quantities that a log lacks, which are zeros in the samples, or `None` if it lacks none.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
     let message = format!("not in the log: {}", names.join(", "));

@@ -1,6 +1,6 @@
 //! Poses, frames, polylines and solids: the only place where one frame is turned into another.
 //!
-//! World: z up, x to the viewer's right in the written word, y into the scene; the word stands in
+//! World: z up, x to the viewer's right in the written word, y into the scene. The word stands in
 //! the x-z plane. Body: x forward, y left, z up. Attitude: yaw ψ, pitch θ, roll φ with
 //! `world_from_body = Rz(ψ) Ry(θ) Rx(φ)`, the convention of the reference flight.
 
@@ -14,13 +14,13 @@ pub use polyline::{Chords, arc_lengths, bounds, distance};
 pub use polyline::{polyline_length_m, segment_distance, simplify};
 pub use solid::Solid;
 
-/// Attitude of a body as yaw, pitch and roll; in JSON an array of the three.
+/// Attitude of a body as yaw, pitch and roll. In JSON an array of the three.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(into = "[f64; 3]")]
 pub struct Attitude {
     /// ψ, about world z.
     pub yaw_rad: f64,
-    /// θ, about the yawed y axis; positive tips the nose down.
+    /// θ, about the yawed y axis, positive nose down.
     pub pitch_rad: f64,
     /// φ, about body x.
     pub roll_rad: f64,
@@ -35,6 +35,7 @@ impl From<Attitude> for [f64; 3] {
 impl Attitude {
     /// The rotation that turns body vectors into world vectors: `Rz(ψ) Ry(θ) Rx(φ)`.
     pub fn world_from_body(&self) -> Matrix3<f64> {
+        // The product of the three rotations, written out.
         let (sy, cy) = libm::sincos(self.yaw_rad);
         let (sp, cp) = libm::sincos(self.pitch_rad);
         let (sr, cr) = libm::sincos(self.roll_rad);
@@ -55,7 +56,7 @@ impl Attitude {
 /// The rotation that turns world vectors into camera vectors (x right, y down, z forward) for a
 /// camera that looks along `forward` and holds its horizon level.
 ///
-/// Looking straight up or down leaves the horizon open; world x is then taken as right.
+/// Looking straight up or down leaves the horizon open. World x is then taken as right.
 ///
 /// # Panics
 ///
@@ -63,6 +64,7 @@ impl Attitude {
 pub fn camera_from_world(forward: Vector3<f64>) -> Matrix3<f64> {
     assert!(forward.norm() > 0.0, "a camera must look somewhere");
     let forward = forward.normalize();
+    // Rows are the axes of the camera in the world.
     let side = forward.cross(&Vector3::z());
     let right = if side.norm() > 1e-9 { side.normalize() } else { Vector3::x() };
     let down = forward.cross(&right);
@@ -84,7 +86,7 @@ pub fn camera_from_orientation([w, x, y, z]: [f64; 4]) -> Matrix3<f64> {
     camera_from_viewer * world_from_viewer.to_rotation_matrix().matrix().transpose()
 }
 
-/// A vector rotated about the vertical axis, from x toward y; by zero, bit for bit the same.
+/// A vector rotated about the vertical axis, from x toward y. Zero leaves every bit.
 #[inline]
 pub fn turned(vector: &Vector3<f64>, angle_rad: f64) -> Vector3<f64> {
     if angle_rad == 0.0 {

@@ -1,7 +1,6 @@
-//! Polylines in a plane, in any unit of length, and which samples of a path a straight line may
-//! skip.
+//! Polylines in a plane, in any unit of length.
 
-/// The box around points: left, bottom, right, top; inverted and infinite where there are none.
+/// The box around points: left, bottom, right, top. Inverted and infinite without any.
 pub fn bounds(points: impl IntoIterator<Item = [f64; 2]>) -> [f64; 4] {
     let none = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
     points.into_iter().fold(none, |[left, bottom, right, top], [x, y]| {
@@ -18,16 +17,17 @@ pub fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
 pub fn segment_distance([x, y]: [f64; 2], [[ax, ay], [bx, by]]: [[f64; 2]; 2]) -> f64 {
     let (dx, dy) = (bx - ax, by - ay);
     let square = dx * dx + dy * dy;
-    let share = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
-    let share = share.clamp(0.0, 1.0);
-    libm::hypot(x - ax - share * dx, y - ay - share * dy)
+    // The foot of the perpendicular, a part t of the way, or the nearer end.
+    let t = if square > 0.0 { ((x - ax) * dx + (y - ay) * dy) / square } else { 0.0 };
+    let t = t.clamp(0.0, 1.0);
+    libm::hypot(x - ax - t * dx, y - ay - t * dy)
 }
 
-/// Distance of each point from the first one along the line; empty for an empty line.
+/// Distance of each point from the first one along the line, or empty for an empty line.
 pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
     let mut along = 0.0;
-    let later = line.windows(2).map(|leg| {
-        along += distance(leg[0], leg[1]);
+    let later = line.windows(2).map(|ends| {
+        along += distance(ends[0], ends[1]);
         along
     });
     line.first().map(|_| 0.0).into_iter().chain(later).collect()
@@ -35,15 +35,16 @@ pub fn arc_lengths(line: &[[f64; 2]]) -> Vec<f64> {
 
 /// Length of a polyline.
 pub fn polyline_length_m(points_m: &[[f64; 2]]) -> f64 {
-    points_m.windows(2).map(|leg| distance(leg[0], leg[1])).sum()
+    points_m.windows(2).map(|ends| distance(ends[0], ends[1])).sum()
 }
 
-/// Indices of the points that stay when those nearer than `error` to the line through the others
-/// are left out (Ramer, Douglas and Peucker).
+/// Indices of the points that a simplified line within `error` keeps (Ramer, Douglas and Peucker).
 pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     if line.len() < 3 {
         return (0..line.len()).collect();
     }
+    // The ends stay. Of each span between kept points, the farthest point stays if it is off by
+    // more than the error, and parts the span in two.
     let mut keep = vec![false; line.len()];
     (keep[0], keep[line.len() - 1]) = (true, true);
     let mut spans = vec![(0, line.len() - 1)];
@@ -59,9 +60,8 @@ pub fn simplify(line: &[[f64; 2]], error: f64) -> Vec<usize> {
     (0..line.len()).filter(|index| keep[*index]).collect()
 }
 
-/// Slopes of the chords from a first sample that pass close to every skipped sample, for each of N
-/// coordinates. Narrowing them costs the same for every sample, so that a greedy simplification is
-/// linear in time.
+/// Gradients of the chords from a first sample that pass close to every skipped sample, for each of
+/// N coordinates, as in swinging-door thinning (Bristol 1990).
 #[derive(Clone, Copy, Debug)]
 pub struct Chords<const N: usize> {
     least: [f64; N],
@@ -80,7 +80,7 @@ impl<const N: usize> Chords<N> {
         }
     }
 
-    /// Whether the chord to a sample at `offset` after `elapsed_s` is one of them.
+    /// True if the chord to a sample at `offset` after `elapsed_s` is one of them.
     pub fn contain(&self, offset: [f64; N], elapsed_s: f64) -> bool {
         (0..N).all(|i| (self.least[i]..=self.greatest[i]).contains(&(offset[i] / elapsed_s)))
     }

@@ -1,12 +1,11 @@
-//! Solids, and how near a way comes to them.
+//! Solids, and the distance of a path from them.
 
 use nalgebra::Vector3;
 
-/// A convex solid, so that its distance has one minimum along a straight way.
+/// A convex solid: its distance has one minimum along a straight path.
 #[derive(Clone, Debug)]
 pub enum Solid {
-    /// All places within a radius of a box: the least and greatest x, y and z, which may be equal
-    /// or infinite.
+    /// All places within a radius of a box, whose ends may be equal or infinite.
     Block {
         /// Ends along x, y and z.
         ends_m: [[f64; 2]; 3],
@@ -24,7 +23,7 @@ impl Solid {
         Self::Block { ends_m, radius_m }
     }
 
-    /// Distance from a place; 0 within.
+    /// Distance from a place, or 0 within.
     pub fn distance_m(&self, place_m: &Vector3<f64>) -> f64 {
         let beyond_m = |[low, high]: [f64; 2], m: f64| (low - m).max(m - high).max(0.0);
         let distance_m = match self {
@@ -37,13 +36,15 @@ impl Solid {
         distance_m.max(0.0)
     }
 
-    /// Least distance along a straight way, by ternary search to 1e-6 of it; `None` where it is not
-    /// below `most_m`.
+    /// Least distance along a straight path, by ternary search, or `None` if it is not below
+    /// `most_m`.
     pub fn nearer_m(&self, [from_m, to_m]: [Vector3<f64>; 2], most_m: f64) -> Option<f64> {
-        let along_m = |share: f64| self.distance_m(&from_m.lerp(&to_m, share));
+        let along_m = |part: f64| self.distance_m(&from_m.lerp(&to_m, part));
+        // A distance changes by no more than the path is long.
         if along_m(0.0) - (to_m - from_m).norm() >= most_m {
             return None;
         }
+        // The distance from a convex solid is convex along the path: it has one minimum.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..36 {
             let [a, b] = [low + (high - low) / 3.0, high - (high - low) / 3.0];

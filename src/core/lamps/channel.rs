@@ -1,21 +1,19 @@
-//! Light channels: the names by which a plan switches and dims lamps, and their firmware
-//! parameters.
+//! Light channels: their names in a plan, and their firmware parameters.
 
 use super::{COLOR_LED_COLORS, RING_COLORS};
 
-/// A light channel that a deck of Bitcraze's listens to. A lamp of one's own names its parameter in
-/// its row of the emitter table ([`super::Fixture::parameter`]).
+/// A light channel that a deck of Bitcraze's listens to. A custom lamp names its parameter in its
+/// row of the emitter table ([`super::Fixture::parameter`]).
 #[derive(Debug, PartialEq)]
 pub struct Channel {
     /// Its name, and that of its column in a plan.
     pub name: &'static str,
     /// The firmware parameter that it sets.
     pub parameter: &'static str,
-    /// Channels of a plan for its color, as bytes of the parameter from the last one on; empty: a
-    /// pin, which is on or off.
+    /// Channels of a plan for its color, as bytes of the parameter from the last one on, or a pin's
+    /// none.
     pub colors: &'static [&'static str],
-    /// The channel's deck, and the parameters `deck.*`, one of which is set if the deck is
-    /// attached.
+    /// The channel's deck, and parameters `deck.*`, one of which is set if it is attached.
     pub deck: (&'static str, &'static [&'static str]),
     /// Parameters that make it ready and dark before a flight that it lights.
     pub ready: &'static [(&'static str, u32)],
@@ -26,8 +24,8 @@ pub struct Channel {
 const RING_DECK: (&str, &[&str]) = ("the ring", &["bcLedRing"]);
 
 /// The light channels of Bitcraze's decks (firmware `ledring12.c`, `color_led_deck.c`): the
-/// headlights are a pin; the ring shows `ring.fadeColor` under effect 14, one write for three
-/// colors; the color LED deck has four dies.
+/// headlights are a pin. The ring shows `ring.fadeColor` under effect 14, one write for three
+/// colors. The color LED deck has four dies.
 pub const CHANNELS: [Channel; 3] = [
     Channel {
         name: "headlights",
@@ -63,7 +61,7 @@ pub const COLOR_LED: &Channel = &CHANNELS[2];
 pub const HEADLIGHTS: &str = CHANNELS[0].name;
 
 impl Channel {
-    /// The channel of a deck with a name; `None`: a lamp of one's own.
+    /// The channel of a deck with a name. `None` is a custom lamp.
     pub fn named(name: &str) -> Option<&'static Self> {
         CHANNELS.iter().find(|channel| channel.name == name)
     }

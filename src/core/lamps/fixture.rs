@@ -1,10 +1,10 @@
-//! Fixtures: the rows of the emitter table, with the position, beam and drive of each lamp.
+//! Fixtures: rows of the emitter table, with position, beam and drive of each lamp.
 
 use serde::{Deserialize, Serialize};
 
 use super::{COLOR_LED, Channel, RING};
 use crate::error::{Error, Result, within};
-use crate::settings::{Described, Shape, joined, settings};
+use crate::settings::{Described, joined, settings};
 
 settings! {
     /// A lamp on the drone: one row of the emitter table.
@@ -19,7 +19,7 @@ settings! {
         axis_body: [f64; 3] = [1.0, 0.0, 0.0], in -1e3..=1e3;
         /// Light-emitting dies: one, or several of different colors with drives of their own.
         dies: Vec<Die> = vec![Die::default()];
-        /// Exponent m of the beam shape: intensity falls as cosᵐ of the angle off axis; 1 is a
+        /// Exponent m of the beam shape: intensity falls as cosᵐ of the angle off axis. 1 is a
         /// Lambertian lamp.
         beam_exponent: f64 = 1.0, in 0.0..=1000.0;
         /// Share of the intensity on the axis that the package spills evenly in all directions.
@@ -30,17 +30,17 @@ settings! {
         /// Diameter of the luminous disc.
         diameter_m: f64 = 0.003, in 0.0..=1.0;
         /// Depth along its axis of a luminous cylinder of that diameter, such as a diffuser, which
-        /// is as wide and as high as it looks from the camera; a disc that faces the camera if left
-        /// out.
+        /// is as wide and as high as it looks from the camera, or a disc that faces the camera if
+        /// left out.
         depth_m: Option<f64> = None, in 0.0..=1.0;
         /// Bit in the parameter led.bitmask of the firmware, if it has one.
         ///
         /// `led.c`.
         bitmask_bit: Option<u8> = None, in 0.0..=6.0;
-        /// Firmware parameter of its light channel, such as `deckled.level`; lamps of Bitcraze's
+        /// Firmware parameter of its light channel, such as `deckled.level`. Lamps of Bitcraze's
         /// decks have their own.
         parameter: Option<String> = None;
-        /// Value of that parameter at full level; 1: a switch.
+        /// Value of that parameter at full level, or 1 for a switch.
         parameter_max: u32 = 1, in 1.0..=4_294_967_295.0;
     }
 
@@ -57,7 +57,7 @@ settings! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Drive {
-    /// A light channel of the plan; changes wait for the radio and the lamp timer of the firmware.
+    /// A light channel of the plan. Changes wait for the radio and the lamp timer of the firmware.
     Command(String),
     /// Power: always on.
     Always,
@@ -70,8 +70,7 @@ pub enum Drive {
         /// Start of the first flash.
         phase_s: f64,
     },
-    /// Flashes at random, too short to tell apart: the mean level of every 0.1 s follows their
-    /// number.
+    /// Random flashes too short to tell apart: the mean level of every 0.1 s is their number.
     Flicker {
         /// Mean number of flashes per second.
         flashes_hz: f64,
@@ -85,22 +84,22 @@ pub enum Drive {
 }
 
 impl Described for Drive {
-    const SHAPE: Shape = Shape::Plain;
-
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
-        let range = |field: &str, value, min, max| within(&joined(place, field), value, min, max);
-        match self {
-            Self::Blink { on_s, period_s, phase_s } => {
-                range("blink.period_s", *period_s, 0.001, 1e6)?;
-                range("blink.on_s", *on_s, 0.0, *period_s)?;
-                range("blink.phase_s", *phase_s, -1e6, 1e6)
-            }
-            Self::Flicker { flashes_hz, flash_s } => {
-                range("flicker.flashes_hz", *flashes_hz, 0.0, 1e4)?;
-                range("flicker.flash_s", *flash_s, 0.0, 1.0)
-            }
-            Self::Ring(_) | Self::ColorLed | Self::Command(_) | Self::Always => Ok(()),
-        }
+        // Key, value and range of each number.
+        let ranges = match *self {
+            Self::Blink { on_s, period_s, phase_s } => vec![
+                ("blink.period_s", period_s, 0.001, 1e6),
+                ("blink.on_s", on_s, 0.0, period_s),
+                ("blink.phase_s", phase_s, -1e6, 1e6),
+            ],
+            Self::Flicker { flashes_hz, flash_s } => vec![
+                ("flicker.flashes_hz", flashes_hz, 0.0, 1e4),
+                ("flicker.flash_s", flash_s, 0.0, 1.0),
+            ],
+            Self::Ring(_) | Self::ColorLed | Self::Command(_) | Self::Always => Vec::new(),
+        };
+        let mut ranges = ranges.into_iter();
+        ranges.try_for_each(|(key, value, min, max)| within(&joined(place, key), value, min, max))
     }
 }
 
@@ -120,8 +119,9 @@ impl Drive {
 pub const RING_LEDS: usize = 12;
 
 impl Fixture {
-    /// Checks that axis, dies and drive fit together; `key` names the table.
+    /// Checks that axis, dies and drive fit together. `key` names the table.
     pub(super) fn check_drive(&self, key: &str) -> Result<()> {
+        // Ranges beyond those of single settings, then the parameter, then what the drive needs.
         let place = |field: &str| format!("{key} `{}`: {field}", self.name);
         let squares: f64 = self.axis_body.iter().map(|value| value * value).sum();
         within(&place("axis_body (length squared)"), squares, 1e-6, 1e6)?;
@@ -130,19 +130,13 @@ impl Fixture {
             within(&place("chromaticity x + y"), x + y, 0.0, 1.0)?;
         }
         self.check_parameter(key)?;
-        let (actual, wanted) = match (&self.drive, self.dies.len()) {
-            (Drive::Ring(led), _) if *led >= RING_LEDS => (led.to_string(), "an LED from 0 to 11"),
-            (Drive::Ring(_), n) if n != 3 => (n.to_string(), "3 dies: red, green, blue"),
-            (Drive::ColorLed, n) if n != 4 => (n.to_string(), "4 dies: white, red, green, blue"),
-            (
-                Drive::Ring(_)
-                | Drive::ColorLed
-                | Drive::Command(_)
-                | Drive::Always
-                | Drive::Blink { .. }
-                | Drive::Flicker { .. },
-                _,
-            ) => return Ok(()),
+        let n_dies = self.dies.len();
+        let (actual, wanted) = match self.drive {
+            Drive::Ring(led) if led >= RING_LEDS => (led, "an LED from 0 to 11"),
+            Drive::Ring(_) if n_dies != 3 => (n_dies, "3 dies: red, green, blue"),
+            Drive::ColorLed if n_dies != 4 => (n_dies, "4 dies: white, red, green, blue"),
+            Drive::Ring(_) | Drive::ColorLed | Drive::Command(_) | Drive::Always => return Ok(()),
+            Drive::Blink { .. } | Drive::Flicker { .. } => return Ok(()),
         };
         let hint = "the printed scene has the rows of every known deck";
         Err(Error::input(place("drive and dies"), actual, wanted, hint))
@@ -150,6 +144,7 @@ impl Fixture {
 
     /// Refuses a parameter that no export would set.
     fn check_parameter(&self, key: &str) -> Result<()> {
+        // A lamp with a channel of its own may have one, named group.name.
         let Some(parameter) = &self.parameter else { return Ok(()) };
         fn is_name(part: &str) -> bool {
             !part.is_empty() && part.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')

@@ -12,7 +12,7 @@ settings! {
     pub struct LightOptions {
         /// Delay from sending a light command to its arrival in the firmware.
         ///
-        /// One parameter write takes about 20 ms one way (crazyswarm issue 245); too little hides
+        /// One parameter write takes about 20 ms one way (crazyswarm issue 245). Too little hides
         /// streaks at the ends of strokes.
         radio_delay_s: f64 = 0.02, in 0.0..=10.0;
         /// Period of the lamp timer of the firmware, 0 or at least 0.001. Changes wait for its next
@@ -30,13 +30,13 @@ settings! {
         /// `colorLedBot.wrgb8888`.
         color_led_wrgb: [u8; 4] = [255, 0, 0, 0];
         /// White, red, green, blue of the letters in turn, of the color LED deck or, without white,
-        /// of the ring; empty: all alike.
+        /// of the ring, or empty if all are alike.
         letters_wrgb: Vec<[u8; 4]> = Vec::new();
         /// Brightness correction of the color LED deck.
         ///
         /// `colorLedBot.brightCorr`. The colors of a drawing are written without it.
         color_led_levels: ColorLedLevels = ColorLedLevels::Corrected;
-        /// Deck below the body; its lamps and the board's are the lamps, unless fixtures lists
+        /// Deck below the body. Its lamps and the board's are the lamps, unless fixtures lists
         /// them.
         deck: Deck = Deck::LedRing, unless "light.fixtures";
         /// The lamps, in place of those of deck and board, one table each. Intensity off axis:
@@ -47,12 +47,12 @@ settings! {
         fixed {
             /// Jitter of that delay, added with even distribution.
             ///
-            /// An assumption; repeated packets cause it.
+            /// An assumption: repeated packets cause it.
             radio_jitter_s: f64 = 0.01;
         }
     }
 
-    /// Effect of the LED ring. The firmware has more; these are the ones in use.
+    /// Effect of the LED ring. The firmware has more than these.
     pub enum RingEffect tagged {
         /// 6, the default of the firmware: a white and a blue light that run against each other, a
         /// turn in 0.6 s.
@@ -108,8 +108,7 @@ impl LightOptions {
         }
     }
 
-    /// Color of the ring on a letter, counted from 0. Its LEDs have no white: letters in white
-    /// alone have the ring's own color.
+    /// Color of the ring on a letter, counted from 0. White letters have the ring's own color.
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {
             ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],

@@ -2,13 +2,13 @@
 //!
 //! A scene file lists its rows, so that it makes the same photo when these tables change.
 //!
-//! Sources: Bitcraze's data sheets of the LED-ring deck (headlights "> 1800 mcd", twelve WS2812B
-//! on a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
-//! `color_led_deck.h`); WS2812B data sheets (390–420, 660–720, 180–200 mcd at 620, 522, 466 nm,
+//! Sources: Bitcraze's data sheets of the LED-ring deck (headlights "> 1800 mcd", twelve WS2812B on
+//! a circle of 13.7 mm) and their firmware (`led.h`, `ledseq.c`, `ledring12.c`,
+//! `color_led_deck.h`). WS2812B data sheets (390–420, 660–720, 180–200 mcd at 620, 522, 466 nm,
 //! 120° wide, pulse width at 400 Hz or more). Chromaticities are those of gaussian spectra 20, 35
 //! and 25 nm wide at these wavelengths.
 
-use super::{COLOR_LED, Die, Drive, Fixture, HEADLIGHTS};
+use super::{COLOR_LED, Die, Drive, Fixture, HEADLIGHTS, RING_LEDS};
 use crate::settings::settings;
 
 settings! {
@@ -50,8 +50,7 @@ const RED: [f64; 2] = [0.694, 0.306];
 const GREEN: [f64; 2] = [0.151, 0.758];
 /// Blue of the ring, 466 nm.
 const BLUE: [f64; 2] = [0.132, 0.049];
-/// Blue of the board, 475 nm: in the team's photograph green has 0.14 of its light where it does
-/// not clip.
+/// Blue of the board, 475 nm: in the team's photograph unclipped green has 0.14 of its light.
 const BOARD_BLUE: [f64; 2] = [0.121, 0.098];
 /// White, as D65.
 const WHITE: [f64; 2] = [0.3127, 0.329];
@@ -60,45 +59,47 @@ const HEADLIGHT: [f64; 2] = [0.31, 0.335];
 
 /// The LEDs on the board of a Crazyflie 2.x, which plans do not control but pictures show.
 ///
-/// Blue power LEDs at the rear (M2, M3), always lit; red status LED at the front right (M1), 50 ms
+/// Blue power LEDs at the rear (M2, M3), always lit. Red status LED at the front right (M1), 50 ms
 /// of every 0.5 s once the sensors are calibrated (`seq_calibrated_def`, lines 65 to 69 of
-/// `ledseq.c` at 016e1e7); link LED at the front left (M4), red for every packet sent
+/// `ledseq.c` at 016e1e7). Link LED at the front left (M4), red for every packet sent
 /// (`radiolinkSyslinkDispatch`, `radiolink.c`), for a tick of 1 ms that its timer cuts short
 /// (`seq_linkup_def` and `runLedseq`, `ledseq.c`), so half of it in the mean. The reference
 /// flight's log of 38 variables in seven blocks, at 10 ms where the radio keeps up, holds 279
 /// packets a second. At 0.2 m/s they lie 0.7 mm apart: a faint thin line, as in the team's
 /// photograph, which shows no green for the packets received.
 ///
-/// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class; the light that a small
+/// Assumptions: 40 mcd of blue and 30 of red in every direction (0603 class: the light that a small
 /// package and the white solder mask around it send sideways), at the motor mounts 30 mm out on
-/// both axes; the board hides them from below. They are fitted to the team's photograph, in which a
+/// both axes. The board hides them from below. They are fitted to the team's photograph, in which a
 /// pixel is 3.1 mm. In 536 profiles across an upright blue strand, the green channel exceeds the
 /// levels 240, 200 and 150 over widths of 2.9, 4.0 and 5.3 px (render: 3.4, 4.5, 5.5). A level
 /// strand is about half as wide, as that of a flat disc of light around the LED.
 pub fn crazyflie() -> Vec<Fixture> {
-    let on_board = |name: &str, drive, [x, y]: [f64; 2], light: Die, bit| Fixture {
-        name: name.into(),
-        drive,
-        position_body_m: [x, y, 0.0],
-        axis_body: [0.0, 0.0, 1.0],
-        dies: vec![light],
-        spill: 1.0,
-        visible_cos: -0.5,
-        diameter_m: 0.0075,
-        depth_m: Some(0.001),
-        bitmask_bit: Some(bit),
-        ..Fixture::default()
-    };
     let (blue, red) = (die(0.04, BOARD_BLUE), die(0.03, RED));
     let packets = Drive::Flicker { flashes_hz: 280.0, flash_s: 0.0005 };
     let status = Drive::Blink { on_s: 0.05, period_s: 0.5, phase_s: 0.0 };
-    let mut rows = vec![
-        on_board("power M2", Drive::Always, [-0.03, -0.03], blue.clone(), 5),
-        on_board("power M3", Drive::Always, [-0.03, 0.03], blue, 0),
-        on_board("status M1", status, [0.03, -0.03], red.clone(), 4),
-        on_board("link M4", packets, [0.03, 0.03], red, 2),
-    ];
-    // That of the link is too faint to see.
+    let mut rows = Vec::new();
+    for (name, drive, [x, y], light, bit) in [
+        ("power M2", Drive::Always, [-0.03, -0.03], blue.clone(), 5),
+        ("power M3", Drive::Always, [-0.03, 0.03], blue, 0),
+        ("status M1", status, [0.03, -0.03], red.clone(), 4),
+        ("link M4", packets, [0.03, 0.03], red, 2),
+    ] {
+        rows.push(Fixture {
+            name: name.into(),
+            drive,
+            position_body_m: [x, y, 0.0],
+            axis_body: [0.0, 0.0, 1.0],
+            dies: vec![light],
+            spill: 1.0,
+            visible_cos: -0.5,
+            diameter_m: 0.0075,
+            depth_m: Some(0.001),
+            bitmask_bit: Some(bit),
+            ..Fixture::default()
+        });
+    }
+    // Light of the link off the drone is too faint to see.
     for led in 0..3 {
         let [x, y, _] = rows[led].position_body_m;
         let propeller_m = [0.044 * x.signum(), 0.044 * y.signum(), 0.01];
@@ -108,66 +109,55 @@ pub fn crazyflie() -> Vec<Fixture> {
     rows
 }
 
-/// A part of the drone that an LED of the board lights, with a share of its light.
+/// A part of the drone that an LED of the board lights, with a fraction of its light.
 ///
 /// In the team's photograph a fainter strand runs beside each blue one, and a fainter dot beside
-/// each red one, 13 to 15 mm farther from the middle of the drone; blue is unclipped there, at 0.7
+/// each red one, 13 to 15 mm farther from the middle of the drone. Blue is unclipped there, at 0.7
 /// of saturation, where the main strand clips green, too. The propeller, a centimeter higher up, is
 /// assumed to reflect it. The body is the motor, its mount and the arm around the LED.
 fn lit_by(
     led: &Fixture,
     part: &str,
     position_body_m: [f64; 3],
-    share: f64,
+    fraction: f64,
     diameter_m: f64,
 ) -> Fixture {
     let name = format!("{} off the {part}", led.name);
-    let dies = led.dies.iter().map(|led| die(led.intensity_cd * share, led.chromaticity)).collect();
+    let dies = led.dies.iter();
+    let dies = dies.map(|led| die(led.intensity_cd * fraction, led.chromaticity)).collect();
     Fixture { name, position_body_m, dies, diameter_m, depth_m: None, ..led.clone() }
 }
 
 /// The LED-ring deck below the body: two headlights forward, twelve RGB LEDs down.
 ///
-/// LED 0 points forward and the numbers run to the right, as the deck's drawing numbers its parts;
-/// the firmware's order is documented nowhere.
+/// LED 0 points forward and the numbers run to the right, as in the deck's drawing.
 ///
 /// Most of a headlight's light that is seen from the side comes off the body. In the team's
 /// photograph a stroke is a band of 11 to 14 px of 3.1 mm, as wide as the front of the drone, at
 /// 0.6 to 0.8 of saturation, with strands that saturate: the headlights', and another 15 mm ahead
-/// of them in the first N and the O's, where the drone is seen from its side; to the right of the
+/// of them in the first N and the O's, where the drone is seen from its side. To the right of the
 /// camera, in the R, there are two, 11 and 20 mm ahead in its stem and 17 and 25 mm in its bowl:
 /// things as far to the left and to the right as the motors are. Its edges are sharp: beyond the
 /// last pixel above level 200, green falls to 0.26, 0.016 and 0.005 of saturation (ours 0.34, 0.023
-/// and 0.005), so that the front of the drone is a block and not a Gaussian lamp. Fitted to it:
-/// 1.2 % of a headlight's light goes to its side, arms, mounts and propellers throw back 0.13 cd of
+/// and 0.005), so that the front of the drone is a block and not a Gaussian lamp. Fitted to it: 1.2
+/// % of a headlight's light goes to its side, arms, mounts and propellers throw back 0.13 cd of
 /// both, and a motor 0.03 cd of each.
 ///
-/// Assumptions: beyond 120° off its beam the deck and the battery hide a headlight and what it
-/// lights.
+/// Assumption: the deck and the battery hide a headlight and its light beyond 120° off its beam.
 ///
 /// From the side the white packages of the ring's LEDs glow. In a public photograph of a flower
-/// (docs/photograph.md) strokes are ribbons with brighter rims, as wide as the ring where the drone
-/// climbs. They have 5 to 30 times the light of a power LED of the board beside them (a JPEG of
-/// 510 px does not say it better): a spill of 0.15 makes it 5. From above the deck hides them: the
-/// team's camera, 16° and more above the letters, saw only the glow on the floor of a ring that
+/// (docs/photograph.md) strokes are ribbons with brighter edges, as wide as the ring when the drone
+/// climbs. They have 5 to 30 times the light of a power LED of the board beside them (a JPEG of 510
+/// px is no more exact): an isotropic fraction of 0.15 makes it 5. From above the deck hides them:
+/// the team's camera, 16° and more above the letters, saw only the glow on the floor of a ring that
 /// swings by 4°.
 pub fn led_ring() -> Vec<Fixture> {
-    let headlight = |name: &str, left_m| Fixture {
-        name: name.into(),
-        drive: Drive::Command(HEADLIGHTS.into()),
-        position_body_m: [0.016, left_m, -0.01],
-        axis_body: [1.0, 0.0, 0.0],
-        dies: vec![die(1.8, HEADLIGHT)],
-        spill: 0.012,
-        visible_cos: -0.5,
-        diameter_m: 0.003,
-        ..Fixture::default()
-    };
+    // Both headlights, the LEDs of the ring, and the parts of the body that the headlights light.
     let mut rows = vec![headlight("headlight left", 0.01), headlight("headlight right", -0.01)];
-    rows.extend(PLACES.into_iter().enumerate().map(|(led, [forward_m, right_m])| Fixture {
+    rows.extend((0..RING_LEDS).map(|led| Fixture {
         name: format!("ring {led}"),
         drive: Drive::Ring(led),
-        position_body_m: [forward_m, -right_m, -0.012],
+        position_body_m: ring_position_body_m(led),
         axis_body: [0.0, 0.0, -1.0],
         dies: vec![die(0.4, RED), die(0.69, GREEN), die(0.19, BLUE)],
         spill: 0.15,
@@ -190,24 +180,29 @@ pub fn led_ring() -> Vec<Fixture> {
 /// Distance of a motor from the middle on both axes: an arm of 46 mm at 45° (`vehicle.arm_m`).
 const MOTOR_M: f64 = 0.0325;
 
-/// Forward and to the right of the middle, in m: every 30° on a circle of 13.7 mm, to 0.01 mm.
-const PLACES: [[f64; 2]; 12] = [
-    [0.0137, 0.0],
-    [0.01186, 0.00685],
-    [0.00685, 0.01186],
-    [0.0, 0.0137],
-    [-0.00685, 0.01186],
-    [-0.01186, 0.00685],
-    [-0.0137, 0.0],
-    [-0.01186, -0.00685],
-    [-0.00685, -0.01186],
-    [0.0, -0.0137],
-    [0.00685, -0.01186],
-    [0.01186, -0.00685],
-];
+/// Place of an LED of the ring: every 30° to the right on a circle of 13.7 mm, to 0.01 mm.
+fn ring_position_body_m(led: usize) -> [f64; 3] {
+    let (sin, cos) = libm::sincos(led as f64 * core::f64::consts::FRAC_PI_6);
+    // Without negative zeros.
+    let [forward_m, right_m] = [cos, sin].map(|part| (1370.0 * part).round() / 1e5 + 0.0);
+    [forward_m, -right_m, -0.012]
+}
 
-/// The color LED deck of 2025 below the body: one lamp of four dies, white, red, green, blue, under
-/// a diffuser.
+fn headlight(name: &str, left_m: f64) -> Fixture {
+    Fixture {
+        name: name.into(),
+        drive: Drive::Command(HEADLIGHTS.into()),
+        position_body_m: [0.016, left_m, -0.01],
+        axis_body: [1.0, 0.0, 0.0],
+        dies: vec![die(1.8, HEADLIGHT)],
+        spill: 0.012,
+        visible_cos: -0.5,
+        diameter_m: 0.003,
+        ..Fixture::default()
+    }
+}
+
+/// The color LED deck of 2025 below the body: four dies under a diffuser.
 ///
 /// The diffuser is a bowl of 34.7 mm, 9.2 mm deep (Bitcraze's mechanical drawing of the LED
 /// diffuser, which comes with the deck). In their film of the deck it is evenly bright from the
@@ -215,8 +210,8 @@ const PLACES: [[f64; 2]; 12] = [
 /// 0.31 times as bright to the side as below, the ratio of its faces, and has 4.7 sr: the dies have
 /// 250, 139, 210 and 50 lm in the firmware.
 ///
-/// Assumptions: the diffuser lets 0.7 of their light through; the board hides the bowl from above;
-/// pulse width at 1 kHz. The throttling when hot is not modeled.
+/// Assumptions: the diffuser lets 0.7 of their light through. The board hides the bowl from above.
+/// Pulse width at 1 kHz. The throttling when hot is not modeled.
 pub fn color_led() -> Vec<Fixture> {
     let [white, red, green, blue] = [250.0, 139.0, 210.0, 50.0].map(|lm| lm * DIFFUSED);
     vec![Fixture {

@@ -12,7 +12,7 @@ use crate::flight::table::{Table, write_table};
 
 /// Columns of a plan file, before one `light.<channel>` for each light channel.
 ///
-/// World frame; `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
+/// World frame. `letter` is 1 for the first letter of the word and 0 outside letters. Feedforward
 /// adds `x_sent_m`, `y_sent_m` and `z_sent_m`, a trajectory on board `jx_m_s3` to `jz_m_s3`, timed
 /// light commands add `lit` before the light channels, a heading other than 0 adds `yaw_rad`, which
 /// stays the same.
@@ -21,11 +21,11 @@ pub const COLUMNS: [&str; 11] = [
     "letter",
 ];
 
-/// Columns of the positions that are sent, where they differ from the design.
+/// Columns of the positions that are sent, if they differ from the design.
 const SENT_COLUMNS: [&str; 3] = ["x_sent_m", "y_sent_m", "z_sent_m"];
 /// Columns of the jerk of a trajectory on board.
 const JERK_COLUMNS: [&str; 3] = ["jx_m_s3", "jy_m_s3", "jz_m_s3"];
-/// Column of the design's light level, where light commands are sent ahead of it.
+/// Column of the design's light level, if light commands are sent ahead of it.
 const LIT_COLUMN: &str = "lit";
 /// Column of the heading.
 const YAW_COLUMN: &str = "yaw_rad";
@@ -37,6 +37,7 @@ impl Plan {
     ///
     /// Errors of the writer.
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
+        // Names of columns, then rows in the same order.
         let lights = self.lights.keys().map(|channel| format!("light.{channel}"));
         let sent = SENT_COLUMNS.iter().filter(|_| !self.sent_m.is_empty());
         let jerk = JERK_COLUMNS.iter().filter(|_| !self.jerk_m_s3.is_empty());
@@ -64,17 +65,16 @@ impl Plan {
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Io`], or [`crate::error::Error::Input`] with line
-    /// and column.
+    /// [`Error::Io`], or [`Error::Input`] with line and column.
     pub fn read_csv(path: &Path) -> Result<Self> {
         Self::from_table(&Table::read(path)?)
     }
 
-    /// Reads a plan from the text of such a file; `file` is its name in messages.
+    /// Reads a plan from the text of such a file. `file` is its name in messages.
     ///
     /// # Errors
     ///
-    /// [`crate::error::Error::Input`] with line and column.
+    /// [`Error::Input`] with line and column.
     pub fn parse_csv(csv: &[u8], file: &str) -> Result<Self> {
         Self::from_table(&Table::parse(csv, file)?)
     }
@@ -84,37 +84,27 @@ impl Plan {
             let (wanted, hint) = ("a plan as the program writes it", "let the program write it");
             return Err(Error::input("text", note, wanted, hint));
         }
+        // Times may be of this century, other quantities stay within a drone's world.
         table.times_s(COLUMNS[0])?;
         let columns = COLUMNS.map(|name| match name {
             "time_s" => table.column(name),
             name => table.quantity(name),
         });
         let columns = columns.into_iter().collect::<Result<Vec<_>>>()?;
-        let vector = |row: usize, first: usize| {
-            Vector3::new(columns[first][row], columns[first + 1][row], columns[first + 2][row])
-        };
-        let setpoints = (0..table.n_rows()).map(|row| Setpoint {
-            time_s: columns[0][row],
-            position_m: vector(row, 1),
-            velocity_m_s: vector(row, 4),
-            acceleration_m_s2: vector(row, 7),
-            letter: letter_from_number(columns[10][row]),
+        let setpoints = (0..table.n_rows()).map(|row| {
+            let [time_s, x, y, z, vx, vy, vz, ax, ay, az, letter] =
+                std::array::from_fn(|column| columns[column][row]);
+            Setpoint {
+                time_s,
+                position_m: Vector3::new(x, y, z),
+                velocity_m_s: Vector3::new(vx, vy, vz),
+                acceleration_m_s2: Vector3::new(ax, ay, az),
+                letter: letter_from_number(letter),
+            }
         });
         let setpoints = setpoints.collect();
-        let vectors = |names: [&'static str; 3]| -> Result<Vec<Vector3<f64>>> {
-            if !table.has(names[0]) {
-                return Ok(Vec::new());
-            }
-            let [x, y, z] = names.map(|name| table.quantity(name));
-            let (x, y, z) = (x?, y?, z?);
-            Ok((0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect())
-        };
-        let (sent_m, jerk_m_s3) = (vectors(SENT_COLUMNS)?, vectors(JERK_COLUMNS)?);
-        let or_none = |name| match table.has(name) {
-            true => table.quantity(name).map(<[f64]>::to_vec),
-            false => Ok(Vec::new()),
-        };
-        let (lit, yaws) = (or_none(LIT_COLUMN)?, or_none(YAW_COLUMN)?);
+        // Optional columns, of which a heading is the same in all rows.
+        let yaws = optional(table, YAW_COLUMN)?;
         let yaw_rad = yaws.first().copied().unwrap_or_default();
         if let Some(other) = yaws.iter().find(|other| **other != yaw_rad) {
             let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
@@ -124,12 +114,27 @@ impl Plan {
         Self::new(PlanData {
             setpoints,
             lights: light_columns(table)?,
-            lit,
-            sent_m,
-            jerk_m_s3,
+            lit: optional(table, LIT_COLUMN)?,
+            sent_m: optional_vectors(table, SENT_COLUMNS)?,
+            jerk_m_s3: optional_vectors(table, JERK_COLUMNS)?,
             yaw_rad,
         })
     }
+}
+
+/// A column, or nothing if the table lacks it.
+fn optional(table: &Table, name: &str) -> Result<Vec<f64>> {
+    if table.has(name) { table.quantity(name).map(<[f64]>::to_vec) } else { Ok(Vec::new()) }
+}
+
+/// Three columns as vectors, or nothing if the table lacks the first.
+fn optional_vectors(table: &Table, names: [&str; 3]) -> Result<Vec<Vector3<f64>>> {
+    if !table.has(names[0]) {
+        return Ok(Vec::new());
+    }
+    let [x, y, z] = names.map(|name| table.quantity(name));
+    let (x, y, z) = (x?, y?, z?);
+    Ok((0..table.n_rows()).map(|row| Vector3::new(x[row], y[row], z[row])).collect())
 }
 
 #[cfg(test)]

@@ -18,21 +18,18 @@ pub type Plan = Valid<PlanData>;
 /// The data of a [`Plan`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlanData {
-    /// Setpoints; each is held until the next. A setpoint at or below the floor (z ≤ 0) asks for
-    /// motors off.
+    /// Setpoints, each held until the next. One at or below the floor (z ≤ 0) asks for motors off.
     pub setpoints: Vec<Setpoint>,
-    /// Light commands sent with each setpoint: one column per channel, 0 (off) to 1, each as long
-    /// as `setpoints`.
+    /// Light commands sent with each setpoint: one column per channel, 0 (off) to 1.
     pub lights: BTreeMap<String, Vec<f64>>,
-    /// Light level of the design at each setpoint, where commands are sent ahead of it
-    /// (light timing); as long as `setpoints`, or empty where it equals `lights`. See
-    /// [`PlanData::lit()`].
+    /// Light level of the design at each setpoint, if commands are sent ahead of it (light timing),
+    /// or empty if it equals `lights`. See [`PlanData::lit()`].
     pub lit: Vec<f64>,
-    /// Positions that are sent in place of the setpoints' own (feedforward); as long as
-    /// `setpoints`, or empty. See [`PlanData::sent_m()`].
+    /// Positions that are sent in place of the setpoints' own (feedforward), or empty. See
+    /// [`PlanData::sent_m()`].
     pub sent_m: Vec<Vector3<f64>>,
-    /// Jerk of a trajectory on board at each setpoint, m/s³; as long as `setpoints`, or empty:
-    /// setpoints that are sent carry none. See [`PlanData::jerk_m_s3()`].
+    /// Jerk of a trajectory on board at each setpoint, m/s³, or empty: setpoints that are sent
+    /// carry none. See [`PlanData::jerk_m_s3()`].
     pub jerk_m_s3: Vec<Vector3<f64>>,
     /// Heading of the nose over the whole flight, from world x toward y.
     pub yaw_rad: f64,
@@ -53,7 +50,7 @@ pub struct Setpoint {
     pub velocity_m_s: Vector3<f64>,
     /// World frame.
     pub acceleration_m_s2: Vector3<f64>,
-    /// Index of the letter that is being written; `None` during take-off and landing.
+    /// Index of the letter that is being written, or `None` during take-off and landing.
     pub letter: Option<usize>,
 }
 
@@ -87,18 +84,17 @@ impl PlanData {
         self.jerk_m_s3.get(row).copied().unwrap_or_default()
     }
 
-    /// Row of the setpoint in force at a time; before the first one, its row.
+    /// Row of the setpoint in force at a time, or the first one.
     pub fn row_at(&self, time_s: f64) -> usize {
         self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s).saturating_sub(1)
     }
 
-    /// The setpoint in force at a time; before the first one, that one.
+    /// The setpoint in force at a time, or the first one.
     pub fn setpoint_at(&self, time_s: f64) -> Option<&Setpoint> {
         self.setpoints.get(self.row_at(time_s))
     }
 
-    /// Position of the design at a time; before the first setpoint, at it. The origin for a plan
-    /// without any.
+    /// Position of the design at a time, or the origin for an empty plan.
     pub fn design_m(&self, time_s: f64) -> Vector3<f64> {
         match self.setpoint_at(time_s) {
             Some(setpoint) => setpoint.design_m(time_s.max(setpoint.time_s)),
@@ -106,25 +102,27 @@ impl PlanData {
         }
     }
 
-    /// Channels that switch lamps. `ring.red` is no lamp but the color of one where there is a
-    /// channel `ring`.
+    /// Channels that switch lamps. `ring.red` is the color of a lamp if there is a channel `ring`.
     pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
-        let is_color = |channel: &str| {
+        self.lights.iter().filter(|(channel, _)| {
             let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);
-            lamp.is_some_and(|lamp| self.lights.contains_key(lamp))
-        };
-        self.lights.iter().filter(move |(channel, _)| !is_color(channel))
+            !lamp.is_some_and(|lamp| self.lights.contains_key(lamp))
+        })
     }
 
     /// Level that is commanded from each setpoint on: the highest of all lamps.
     pub fn commanded(&self) -> Vec<f64> {
-        let lamps: Vec<&Vec<f64>> = self.lamps().map(|(_, levels)| levels).collect();
-        let highest = |row: usize| lamps.iter().map(|levels| levels[row]).fold(0.0, f64::max);
-        (0..self.setpoints.len()).map(highest).collect()
+        let mut highest = vec![0.0; self.setpoints.len()];
+        for (_, levels) in self.lamps() {
+            highest
+                .iter_mut()
+                .zip(levels)
+                .for_each(|(most, level)| *most = f64::max(*most, *level));
+        }
+        highest
     }
 
-    /// Light level of the design from each setpoint on: that of the commands where these are not
-    /// sent ahead of it.
+    /// Light level of the design from each setpoint on.
     pub fn lit(&self) -> Vec<f64> {
         if self.lit.is_empty() { self.commanded() } else { self.lit.clone() }
     }
@@ -151,6 +149,7 @@ impl PlanData {
 
 impl Rules for PlanData {
     fn check(&self) -> Result<()> {
+        // Setpoints by row, then columns beside them.
         let n = self.setpoints.len();
         check_times(self.setpoints.iter().map(|setpoint| setpoint.time_s))?;
         for (row, setpoint) in self.setpoints.iter().enumerate() {
@@ -192,7 +191,7 @@ impl Setpoint {
         self.position_m + self.velocity_m_s * dt + self.acceleration_m_s2 * (0.5 * dt * dt)
     }
 
-    /// Whether it asks for motors off.
+    /// True if it asks for motors off.
     pub fn on_floor(&self) -> bool {
         self.position_m.z <= 0.0
     }

@@ -2,7 +2,7 @@
 //!
 //! They give the same bits as `libm` (after FreeBSD's msun), except for [`cos`]. No product is
 //! fused with a sum, so that every machine rounds alike. Each is valid for the arguments that occur
-//! here; [`is_hard`] finds those that `libm` itself must compute.
+//! here. [`is_hard`] finds those that `libm` itself must compute.
 
 use std::f64::consts::FRAC_2_PI;
 
@@ -24,12 +24,13 @@ pub(super) fn ln(x: f64) -> f64 {
         1.531_383_769_920_937_3e-1,
         1.479_819_860_511_658_6e-1,
     ];
-    // x = 2^k (1 + f) with 1 + f about 1; a whole number below 2^52 added to 2^52 is its last bits.
+    // x = 2^k (1 + f) with 1 + f about 1. A whole number below 2^52 added to 2^52 is its last bits.
     let bits = x.to_bits();
     let word = (bits >> 32) + (0x3ff0_0000 - 0x3fe6_a09e);
     let k = f64::from_bits(0x4330_0000_0000_0000 | word >> 20) - 4_503_599_627_370_496.0 - 1023.0;
     let word = (word & 0x000f_ffff) + 0x3fe6_a09e;
     let f = f64::from_bits(word << 32 | bits & 0xffff_ffff) - 1.0;
+    // ln(1 + f) = f − f²/2 + s (f²/2 + R(s²)) with s = f / (2 + f), and ln x = k ln 2 + ln(1 + f).
     let half_sq = 0.5 * f * f;
     let s = f / (2.0 + f);
     let z = s * s;
@@ -64,17 +65,18 @@ const C: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// Sine and cosine of an angle from 0 to 2π that is not hard (msun `s_sincos.c`, `e_rem_pio2.c`,
-/// `k_sin.c`, `k_cos.c`).
+/// Sine and cosine of an angle from 0 to 2π that is not hard (msun `s_sincos.c`, `e_rem_pio2.c`).
 #[inline(always)]
 pub(super) fn sincos(x: f64) -> (f64, f64) {
     const QUARTER: [f64; 2] = [1.570_796_326_734_125_6, 6.077_100_506_506_192e-11];
+    // The nearest multiple of a quarter turn, subtracted in two parts: a, and its rounding error b.
     let from = |word: u64| if x >= high(word + 1) { 1.0 } else { 0.0 };
     let quarters = from(0x3fe9_21fb) + from(0x4002_d97c) + from(0x400f_6a7a) + from(0x4015_fdbc);
     let z = x - quarters * QUARTER[0];
     let a = z - quarters * QUARTER[1];
     let b = (z - a) - quarters * QUARTER[1];
 
+    // Polynomials of sine and cosine of a + b.
     let z = a * a;
     let w = z * z;
     let r = S[1] + z * (S[2] + z * S[3]) + z * w * (S[4] + z * S[5]);
@@ -87,6 +89,7 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     let w = 1.0 - half;
     let cos = w + (((1.0 - w) - half) + (z * r - a * b));
 
+    // An odd number of quarter turns swaps them, and each half turn changes a sign.
     let odd = (quarters == 1.0) | (quarters == 3.0);
     let (sine, cosine) = if odd { (cos, sin) } else { (sin, cos) };
     let sign = |minus: bool| if minus { -1.0 } else { 1.0 };
@@ -95,9 +98,8 @@ pub(super) fn sincos(x: f64) -> (f64, f64) {
     (sine, cosine)
 }
 
-/// The cosine of an angle within ±10⁶, off by no more than 3·10⁻¹⁶ and the rounding of the angle
-/// itself: for arguments beyond a turn, which [`sincos`] is not for. Reduced in three parts (Cody,
-/// Waite, 1980), then msun's polynomials.
+/// The cosine of an angle within ±10⁶, off by no more than 3·10⁻¹⁶ and the rounding of the angle,
+/// reduced in three parts (Cody, Waite, 1980).
 #[inline(always)]
 pub(super) fn cos(x: f64) -> f64 {
     const QUARTER: [f64; 3] =

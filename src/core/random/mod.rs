@@ -1,5 +1,4 @@
-//! Random numbers as independent functions of a key; named streams of noise, and a smooth random
-//! field.
+//! Random numbers by key, named streams of noise, and a smooth random field.
 
 mod elementary;
 mod noise;
@@ -21,13 +20,14 @@ pub fn split_mix(state: u64) -> u64 {
 
 /// Poisson number of a mean up to 500 for a uniform number from 0 to 1, by inversion.
 pub fn poisson(mean: f64, uniform: f64) -> u32 {
-    let mut share = libm::exp(-mean);
-    let (mut number, mut sum) = (0, share);
-    // The bound ends the loop where rounding keeps the sum of the shares below 1.
+    // P(0) = exp(−mean), and P(n) = P(n − 1) · mean / n.
+    let mut p = libm::exp(-mean);
+    let (mut number, mut sum) = (0, p);
+    // The bound ends the loop if rounding keeps the sum of the probabilities below 1.
     while sum <= uniform && number < 1000 {
         number += 1;
-        share *= mean / f64::from(number);
-        sum += share;
+        p *= mean / f64::from(number);
+        sum += p;
     }
     number
 }

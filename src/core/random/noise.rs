@@ -1,8 +1,7 @@
 //! Random numbers of a flight: named streams of one seed, and a smooth random field.
 //!
-//! Every sensor draws a fixed count of numbers at each of its measurements, whether or not it needs
-//! them all. Each number thus depends on the seed, the drone, the sensor and the count of its
-//! measurements alone; no other sensor can shift it.
+//! Every sensor draws a fixed count of numbers for each measurement. Each number thus only depends
+//! on the seed, the drone, the sensor and the count of its measurements.
 
 use std::f64::consts::TAU;
 
@@ -14,11 +13,10 @@ use rand::{RngExt, SeedableRng};
 use super::elementary::cos;
 use crate::digest::{fnv_1a, hmac_sha256};
 
-/// Plane waves per axis of a [`Field`]. Enough that no direction is preferred; more cost time.
+/// Plane waves per axis of a [`Field`]. Enough that no direction is preferred. More cost time.
 const WAVES: usize = 8;
 
-/// Seeds below this are public: anybody tries them one by one. Their streams share a key of `rand`,
-/// as in every release.
+/// Seeds below this are public: anybody tries them one by one. Their streams have one key.
 pub const PUBLIC_SEEDS: u64 = 1 << 32;
 
 /// The random stream of a name under a seed. Each stream of a seed that is not public has a key of
@@ -32,8 +30,8 @@ pub fn stream(seed: u64, name: impl IntoIterator<Item = u8>) -> ChaCha8Rng {
     rng
 }
 
-/// Noise of one sensor on one drone. Its numbers depend on the seed, the drone and the name alone:
-/// a further sensor or drone leaves it as it is.
+/// Noise of one sensor on one drone. Its numbers only depend on the seed, the drone and the name:
+/// another sensor or drone does not change them.
 #[derive(Debug)]
 pub struct Noise {
     pub(super) rng: ChaCha8Rng,
@@ -53,6 +51,7 @@ impl Noise {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
+        // A pair of uniform numbers gives two normals. The second one is kept.
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         let (sin, cos) = libm::sincos(TAU * self.uniform());
         self.spare = Some(radius * sin);
@@ -70,9 +69,8 @@ impl Noise {
     }
 }
 
-/// A vector of `N` components that varies smoothly over space: per component a sum of random plane
-/// waves, which tends to a Gaussian field with correlation `exp(−d²/2l²)` (random Fourier features:
-/// Rahimi, Recht 2007).
+/// A smooth field of `N` components, each a sum of random plane waves: nearly a Gaussian field with
+/// correlation `exp(−d²/2l²)` (random Fourier features: Rahimi, Recht 2007).
 #[derive(Debug)]
 pub struct Field<const N: usize> {
     waves: [[Wave; WAVES]; N],
@@ -88,11 +86,13 @@ struct Wave {
 impl<const N: usize> Field<N> {
     /// A field with standard deviation `sigma` of each component and length `length_m`.
     pub fn new(noise: &mut Noise, sigma: f64, length_m: f64) -> Self {
-        let mut wave = || Wave {
-            wavevector_rad_m: noise.normals() / length_m,
-            phase_rad: TAU * noise.uniform(),
-        };
-        let waves = std::array::from_fn(|_| std::array::from_fn(|_| wave()));
+        let waves = [(); N].map(|()| {
+            [(); WAVES].map(|()| Wave {
+                wavevector_rad_m: noise.normals() / length_m,
+                phase_rad: TAU * noise.uniform(),
+            })
+        });
+        // A cosine has variance ½.
         let amplitude = sigma * (2.0 / WAVES as f64).sqrt();
         Self { waves, amplitude }
     }
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn numbers_stay_what_they_are_in_every_release() {
-        // Recorded; changes only if rand changes its ChaCha8 or its uniform numbers.
+        // Recorded. Changes only if rand changes its ChaCha8 or its uniform numbers.
         let recorded =
             [-0.05580547212376694, 0.04353956031888157, 0.3569199963005024, -1.4828057980230476];
         assert_eq!(first(42, 0, "gyro"), recorded);

@@ -111,7 +111,7 @@ fn a_word_is_found_by_its_ink_where_no_camera_is_known() {
     for text in ["NOOR", "JAZZ", "BOX"] {
         let strokes = word(text);
         let photo = Shot::new(&strokes).photo();
-        let view = find_word(&photo, &read(&photo), &strokes).unwrap().unwrap();
+        let view = find_word(&photo, &read(&photo), &strokes).unwrap();
         let verdict = Reader::new(&strokes, &ScoreOptions::default()).unwrap();
         let verdict = verdict.score(&photo, &view).unwrap();
         assert!(verdict.readability > 0.5 && verdict.read == text, "{verdict:?}");

@@ -30,7 +30,7 @@ interface Advice {
   kind: CauseKind;
   /** A sentence for people. */
   text: string;
-  /** Gain in readability, 0 to 1: the photo was read again with all faults of the kind taken out. null where they cannot be taken out. */
+  /** Gain in readability, 0 to 1, when the photo is read without any fault of the kind. null if these cannot be taken out. */
   gain: number | null;
 }
 
@@ -64,7 +64,7 @@ interface Calibration {
   mean_log_odds: number;
   /** Weight of the log-odds of the word against the likeliest other one, within ±9. */
   rival: number;
-  /** Weight of the spelling: the mean of ln p over the word's letters, each after the four before it, −4 at least and above −2.2, as far as the letters are unclear. */
+  /** Weight of the spelling, `s` above. */
   spelling: number;
 }
 
@@ -72,7 +72,7 @@ interface Calibration {
 interface Cause {
   /** Its kind. */
   kind: CauseKind;
-  /** Index of the letter, from 0; null where it concerns the whole word. */
+  /** Index of the letter, from 0, or null if it concerns the whole word. */
   letter: number | null;
   /** Length, distance or width in the plane of the word. */
   length_mm: number | null;
@@ -80,13 +80,13 @@ interface Cause {
   at_m: [number, number] | null;
   /** The part of a stroke that is missing. */
   missing: MissingRun | null;
-  /** Delay of the lamp, where light leads from stroke to stroke and the speed is known. */
+  /** Delay of the lamp, if light leads from stroke to stroke and the speed is known. */
   lamp_delay_s: number | null;
   /** First and last moment of the gap in the log that a part of a stroke is missing for. */
   log_gap_s: [number, number] | null;
-  /** The letter that it looks like, of a fault of design. */
+  /** The letter that it looks like, for a fault of design. */
   reads_as: string | null;
-  /** Gain in the letter's share without the fault, −1 to 1: the photo was read again with the fault taken out. null where it cannot be taken out. */
+  /** Gain in the letter's probability, −1 to 1, when the photo is read without the fault. null if the fault cannot be taken out. */
   gain: number | null;
 }
 
@@ -97,7 +97,7 @@ type CauseKind = "missing_run" | "log_gap" | "lit_transit" | "streak" | "dwell_b
 interface Change {
   /** Dotted key. */
   key: string;
-  /** The value, as a scene takes it; null: the sentence about it says which way it goes. */
+  /** The value in the syntax of a scene, or null if the sentence gives a direction. */
   value: string | null;
 }
 
@@ -190,27 +190,27 @@ interface LargeFacts extends PhotoFacts, Partial<Verdict> {
 
 /** The verdict on one letter. */
 interface LetterVerdict {
-  /** The letter that should be there. */
+  /** The expected letter. */
   expected: string;
-  /** The likeliest letter; null where it is likeliest that there is none. */
+  /** The likeliest letter, or null if no letter is likelier than each letter. */
   best: string | null;
-  /** Share of the expected letter in the choice among all, the other letters being right, 0 to 1; null for punctuation, which is not judged. */
+  /** Probability of the expected letter in the choice among all, the other letters being right, 0 to 1, or null for punctuation, which is not judged. */
   p: number | null;
-  /** Share of no letter at all, 0 to 1; null for punctuation. */
+  /** Probability of no letter at all, 0 to 1, or null for punctuation. */
   no_letter: number | null;
   /** The three likeliest other letters, the likeliest first. */
   rivals: Rival[];
-  /** Offset of the letter from its place in the word, to the right and up; this and the next four are null where faults were not looked for. */
+  /** Offset of the letter from its place in the word, to the right and up. This and the next four are null if faults were not looked for. */
   shift_m: [number, number] | null;
-  /** Share of the intended strokes that has light within 0.1 cap heights, once they are moved onto it. */
+  /** Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights. */
   recall: number | null;
-  /** Share of the light's lines that is within 0.1 cap heights of an intended stroke. */
+  /** Fraction of the light's lines within 0.1 cap heights of an intended stroke. */
   precision: number | null;
   /** Length of the intended strokes without light. */
   missing_mm: number | null;
   /** Length of the light's lines away from the intended strokes. */
   stray_mm: number | null;
-  /** Shares of all letters in the choice, the likeliest first, down to a thousandth. */
+  /** Probabilities of all letters in the choice, the likeliest first, down to a thousandth. */
   confusion: Rival[];
 }
 
@@ -327,7 +327,7 @@ type Reason = "not_in_photo" | "no_light" | "too_small" | "out_of_range" | "othe
 interface Rival {
   /** The letter. */
   letter: string;
-  /** Its share in the choice among all, 0 to 1. */
+  /** Its probability in the choice among all, 0 to 1. */
   p: number;
 }
 
@@ -335,7 +335,7 @@ interface Rival {
 interface RivalWord {
   /** The word. */
   word: string;
-  /** Its share in the choice between it and the expected word, 0 to 1. */
+  /** Its probability in the choice between it and the expected word, 0 to 1. */
   p: number;
 }
 
@@ -354,35 +354,35 @@ interface Suggestion {
   set: Change[];
 }
 
-/** Whether the word in a photo is legible, and why not. */
+/** Legibility of the word in a photo, with reasons. */
 interface Verdict {
-  /** The word that should be there. */
+  /** The expected word. */
   word: string;
-  /** The likeliest letter in the place of each, `?` where there is none; punctuation as it should be. */
+  /** The likeliest letter in the place of each, `?` for none. Punctuation is copied. */
   read: string;
-  /** Whether the word is read: the readability reaches `legible_probability`, and no other word is likelier. */
+  /** True if the readability reaches `legible_probability`, and no other word is likelier. */
   legible: boolean;
   /** Probability that a viewer reads the word at first sight, 0 to 1. */
   readability: number;
-  /** The likeliest other word; null where nothing can be seen. */
+  /** The likeliest other word, or null if nothing can be seen. */
   rival: RivalWord | null;
-  /** Agreement of light and intended strokes: harmonic mean of the share of the strokes that has light and the share of the light that has strokes, 0 to 1; null where it was not computed. */
+  /** Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the strokes that has light and the fraction of the light that has strokes. null if it was not computed. */
   faithfulness: number | null;
   /** The regression that gave the readability. */
   calibration: Calibration;
-  /** Placement of the word; null where there is no light. */
+  /** Placement of the word, or null if there is no light. */
   placement: Placement | null;
-  /** Height of a capital in the photo, pixels; null where the photo does not show the place. */
+  /** Height of a capital in the photo, pixels, or null if the photo does not show the place. */
   cap_height_px: number | null;
   /** One for each letter of the word, in its order. */
   letters: LetterVerdict[];
-  /** Why the word is not legible; null where it is. */
+  /** Why the word is not legible, or null if it is. */
   reason: Reason | null;
-  /** Blind recognition: the text that is read without knowledge of the word; null where nothing can be seen. */
+  /** The text that is read without knowledge of the word, or null if nothing can be seen. */
   second_opinion: string | null;
-  /** Faults, the most costly first; empty where they were not looked for. */
+  /** Faults, the most costly first, or empty if they were not looked for. */
   causes: Cause[];
-  /** Changes to make, at most three, the most gainful first; empty where faults were not looked for. */
+  /** At most three changes, the most gainful first, or empty if faults were not looked for. */
   advice: Advice[];
 }
 

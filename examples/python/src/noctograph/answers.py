@@ -13,7 +13,7 @@ class Advice(TypedDict):
     text: str
     """A sentence for people."""
     gain: float | None
-    """Gain in readability, 0 to 1: the photo was read again with all faults of the kind taken out. `None` where they cannot be taken out."""
+    """Gain in readability, 0 to 1, when the photo is read without any fault of the kind. `None` if these cannot be taken out."""
 
 
 class Calibration(TypedDict):
@@ -28,7 +28,7 @@ class Calibration(TypedDict):
     rival: float
     """Weight of the log-odds of the word against the likeliest other one, within ±9."""
     spelling: float
-    """Weight of the spelling: the mean of ln p over the word's letters, each after the four before it, −4 at least and above −2.2, as far as the letters are unclear."""
+    """Weight of the spelling, `s` above."""
 
 
 class Candidate(TypedDict):
@@ -60,7 +60,7 @@ class Cause(TypedDict):
     kind: CauseKind
     """Its kind."""
     letter: int | None
-    """Index of the letter, from 0; `None` where it concerns the whole word."""
+    """Index of the letter, from 0, or `None` if it concerns the whole word."""
     length_mm: float | None
     """Length, distance or width in the plane of the word."""
     at_m: list[float] | None
@@ -68,13 +68,13 @@ class Cause(TypedDict):
     missing: MissingRun | None
     """The part of a stroke that is missing."""
     lamp_delay_s: float | None
-    """Delay of the lamp, where light leads from stroke to stroke and the speed is known."""
+    """Delay of the lamp, if light leads from stroke to stroke and the speed is known."""
     log_gap_s: list[float] | None
     """First and last moment of the gap in the log that a part of a stroke is missing for."""
     reads_as: str | None
-    """The letter that it looks like, of a fault of design."""
+    """The letter that it looks like, for a fault of design."""
     gain: float | None
-    """Gain in the letter's share without the fault, −1 to 1: the photo was read again with the fault taken out. `None` where it cannot be taken out."""
+    """Gain in the letter's probability, −1 to 1, when the photo is read without the fault. `None` if the fault cannot be taken out."""
 
 
 CauseKind = Literal[
@@ -135,27 +135,27 @@ class LetterVerdict(TypedDict):
     """The verdict on one letter."""
 
     expected: str
-    """The letter that should be there."""
+    """The expected letter."""
     best: str | None
-    """The likeliest letter; `None` where it is likeliest that there is none."""
+    """The likeliest letter, or `None` if no letter is likelier than each letter."""
     p: float | None
-    """Share of the expected letter in the choice among all, the other letters being right, 0 to 1; `None` for punctuation, which is not judged."""
+    """Probability of the expected letter in the choice among all, the other letters being right, 0 to 1, or `None` for punctuation, which is not judged."""
     no_letter: float | None
-    """Share of no letter at all, 0 to 1; `None` for punctuation."""
+    """Probability of no letter at all, 0 to 1, or `None` for punctuation."""
     rivals: list[Rival]
     """The three likeliest other letters, the likeliest first."""
     shift_m: list[float] | None
-    """Offset of the letter from its place in the word, to the right and up; this and the next four are `None` where faults were not looked for."""
+    """Offset of the letter from its place in the word, to the right and up. This and the next four are `None` if faults were not looked for."""
     recall: float | None
-    """Share of the intended strokes that has light within 0.1 cap heights, once they are moved onto it."""
+    """Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights."""
     precision: float | None
-    """Share of the light's lines that is within 0.1 cap heights of an intended stroke."""
+    """Fraction of the light's lines within 0.1 cap heights of an intended stroke."""
     missing_mm: float | None
     """Length of the intended strokes without light."""
     stray_mm: float | None
     """Length of the light's lines away from the intended strokes."""
     confusion: list[Rival]
-    """Shares of all letters in the choice, the likeliest first, down to a thousandth."""
+    """Probabilities of all letters in the choice, the likeliest first, down to a thousandth."""
 
 
 class MissingRun(TypedDict):
@@ -217,7 +217,7 @@ class Rival(TypedDict):
     letter: str
     """The letter."""
     p: float
-    """Its share in the choice among all, 0 to 1."""
+    """Its probability in the choice among all, 0 to 1."""
 
 
 class RivalWord(TypedDict):
@@ -226,37 +226,37 @@ class RivalWord(TypedDict):
     word: str
     """The word."""
     p: float
-    """Its share in the choice between it and the expected word, 0 to 1."""
+    """Its probability in the choice between it and the expected word, 0 to 1."""
 
 
 class Verdict(TypedDict):
-    """Whether the word in a photo is legible, and why not."""
+    """Legibility of the word in a photo, with reasons."""
 
     word: str
-    """The word that should be there."""
+    """The expected word."""
     read: str
-    """The likeliest letter in the place of each, `?` where there is none; punctuation as it should be."""
+    """The likeliest letter in the place of each, `?` for none. Punctuation is copied."""
     legible: bool
-    """Whether the word is read: the readability reaches `legible_probability`, and no other word is likelier."""
+    """True if the readability reaches `legible_probability`, and no other word is likelier."""
     readability: float
     """Probability that a viewer reads the word at first sight, 0 to 1."""
     rival: RivalWord | None
-    """The likeliest other word; `None` where nothing can be seen."""
+    """The likeliest other word, or `None` if nothing can be seen."""
     faithfulness: float | None
-    """Agreement of light and intended strokes: harmonic mean of the share of the strokes that has light and the share of the light that has strokes, 0 to 1; `None` where it was not computed."""
+    """Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the strokes that has light and the fraction of the light that has strokes. `None` if it was not computed."""
     calibration: Calibration
     """The regression that gave the readability."""
     placement: Placement | None
-    """Placement of the word; `None` where there is no light."""
+    """Placement of the word, or `None` if there is no light."""
     cap_height_px: float | None
-    """Height of a capital in the photo, pixels; `None` where the photo does not show the place."""
+    """Height of a capital in the photo, pixels, or `None` if the photo does not show the place."""
     letters: list[LetterVerdict]
     """One for each letter of the word, in its order."""
     reason: Reason | None
-    """Why the word is not legible; `None` where it is."""
+    """Why the word is not legible, or `None` if it is."""
     second_opinion: str | None
-    """Blind recognition: the text that is read without knowledge of the word; `None` where nothing can be seen."""
+    """The text that is read without knowledge of the word, or `None` if nothing can be seen."""
     causes: list[Cause]
-    """Faults, the most costly first; empty where they were not looked for."""
+    """Faults, the most costly first, or empty if they were not looked for."""
     advice: list[Advice]
-    """Changes to make, at most three, the most gainful first; empty where faults were not looked for."""
+    """At most three changes, the most gainful first, or empty if faults were not looked for."""
