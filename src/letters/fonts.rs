@@ -1,6 +1,6 @@
-//! Fonts: one, and those that stand in for it where it lacks a letter.
+//! Fonts: the font of a text, and its substitutes for letters that it lacks.
 //!
-//! A line is cut into runs of one font. Where fonts change, runs stand in visual order (Unicode
+//! A line is cut into parts of one font. Where fonts change, parts stand in visual order (Unicode
 //! Standard Annex 9, unicode-bidi), so that a name in Hebrew within a line of Latin letters runs
 //! from right to left in its place.
 
@@ -57,7 +57,7 @@ impl Fonts {
                 {
                     part.end = end;
                 }
-                // A space before the first letter.
+                // Spaces at the beginning go with the first letter.
                 Some((font, part)) if line[part.clone()].trim().is_empty() => {
                     (*font, part.end) = (first, end);
                 }
@@ -67,7 +67,7 @@ impl Fonts {
         parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()
     }
 
-    /// The same from left to right, and whether each is read from right to left.
+    /// The parts from left to right, each with true if it is read from right to left.
     pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
         let parts = self.parts(line);
         let mut ordered = Vec::new();

@@ -1,8 +1,8 @@
 //! Glyphs of a TrueType or OpenType face as Bézier paths, within a budget.
 //!
-//! read-fonts ends a composite glyph and a charstring that have no end. Of a CFF or CFF2 face the
-//! code is counted here besides, subroutines as often as they are called: a kilobyte of them can
-//! stand for much work without a point. Variations are not read.
+//! read-fonts stops endless composite glyphs and charstrings. The code of a CFF or CFF2 face is
+//! counted here besides, subroutines as often as they are called: a kilobyte of them can be much
+//! work without a point. Variations are not read.
 
 use std::cell::Cell;
 
@@ -23,13 +23,13 @@ use noctograph_core::files::Budget;
 const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
 
-/// Most bytes of a glyph's charstring with its subroutines. A Chinese one takes some thousand.
+/// Most bytes of a glyph's charstring with its subroutines. A Chinese glyph needs a few thousand.
 const MAX_CODE: usize = 100_000;
 
 /// Steps of reading an outline, and of each point or byte of code of it.
 const STEPS: [usize; 2] = [20_000, 100];
 
-/// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without
+/// The outline of a glyph in font units, y up, every contour closed. `None` for a glyph without
 /// one, of too many points, or beyond the budget. Letters composed by the obsolete `endchar` of
 /// four numbers have none.
 pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<BezPath> {
@@ -41,6 +41,7 @@ pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<Be
             budget.spend_steps(STEPS[1] * code.unwrap_or(MAX_CODE)).then_some(())?;
             code?;
         }
+        // The points of a composite glyph are known before they are drawn.
         OutlineGlyph::Glyf(glyf) if glyf.plan().num_points as usize <= MAX_POINTS => {
             budget.spend_steps(STEPS[1] * glyf.plan().num_points as usize).then_some(())?;
             let options = DrawOptions::new().with_contour_start(PathContourStart::ScanForward);
@@ -53,7 +54,7 @@ pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<Be
     ((1..=MAX_POINTS).contains(&n) && path.is_finite()).then_some(path)
 }
 
-/// Draws a charstring; the bytes of its code.
+/// Draws a charstring and counts the bytes of its code.
 fn draw_charstring(glyph: &CffGlyph<'_>, pen: &mut Pen) -> Option<usize> {
     let (face, part) = (glyph.cff_font(), glyph.subfont());
     let local = match part.subrs_offset() as usize {
@@ -78,9 +79,9 @@ struct Subroutines<'a> {
 
 impl<'a> Subroutines<'a> {
     fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
-        let place = number.checked_add(index.subr_bias());
-        let place = place.and_then(|place| usize::try_from(place).ok());
-        let code = place.and_then(|place| index.get(place)).ok_or(Error::Malformed)?;
+        let biased = number.checked_add(index.subr_bias());
+        let biased = biased.and_then(|number| usize::try_from(number).ok());
+        let code = biased.and_then(|number| index.get(number)).ok_or(Error::Malformed)?;
         self.code.set(self.code.get() + code.len());
         if self.code.get() > MAX_CODE { Err(Error::LimitExceeded) } else { Ok(code) }
     }

@@ -11,8 +11,8 @@ use harfrust::{Buffer, Direction, Font, GlyphId, ShapeOptions, ShaperFont, shape
 use unicode_bidi::BidiInfo;
 use unicode_normalization::char::is_combining_mark;
 
-/// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
-/// grows with their square.
+/// Most points of a character's outline. A larger one counts as missing, since tracing takes a time
+/// that grows with the square.
 pub(super) const MAX_POINTS: usize = 8_000;
 
 /// Blocks of the scripts that are shaped, of characters without width, and of the marks of emoji.
@@ -28,12 +28,12 @@ const SHAPED: [std::ops::RangeInclusive<char>; 8] = [
 ];
 const SKIN: std::ops::RangeInclusive<char> = '\u{1F3FB}'..='\u{1F3FF}';
 
-/// Whether a composed text has characters that cannot be set side by side.
+/// True if a composed text has characters that cannot be set side by side.
 pub(super) fn is_shaped(text: &str) -> bool {
     text.chars().any(|c| is_mark(c) || SHAPED.iter().any(|block| block.contains(&c)))
 }
 
-/// Whether a character belongs to the one before it.
+/// True if a character belongs to the one before it.
 pub(super) fn is_mark(character: char) -> bool {
     is_combining_mark(character) || SKIN.contains(&character)
 }
@@ -43,7 +43,7 @@ pub(super) fn is_mark(character: char) -> bool {
 pub(super) struct Placed {
     pub(super) glyph: GlyphId,
     pub(super) units: [i32; 2],
-    /// The first character that it stands for, by its byte in the line.
+    /// The first character of the glyph, by its byte in the line.
     pub(super) byte: usize,
 }
 
@@ -54,7 +54,8 @@ pub(super) enum Unset {
     Missing(usize),
     /// The rules of the face make more of the word from there on than the shaper's limits allow.
     Unshaped(usize),
-    /// So many glyphs from there on touch each other, and are too many points as one outline.
+    /// The number of glyphs from there on that touch each other: as one outline they are too many
+    /// points.
     TooLarge(usize, usize),
 }
 
@@ -68,6 +69,7 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
+        // Words from left to right, each with its first byte.
         let mut end = run.start;
         let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
             end += word.len() + 1;
@@ -91,6 +93,7 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
             if shaped.is_err() || !buffer.allocation_successful() {
                 return Err(Unset::Unshaped(start));
             }
+            // The shaper lists the glyphs from left to right, too.
             for (info, step) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
                 let (glyph, byte) = (GlyphId::new(info.glyph_id), start + info.cluster as usize);
                 if glyph == GlyphId::NOTDEF {
@@ -105,7 +108,7 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
     Ok(placed)
 }
 
-/// The runs of a line from left to right, and whether each is read from right to left.
+/// The runs of a line from left to right, each with true if it is read from right to left.
 pub(super) fn visual_runs(line: &str) -> Vec<(Range<usize>, bool)> {
     let info = BidiInfo::new(line, None);
     Vec::from_iter(info.paragraphs.iter().flat_map(|paragraph| {

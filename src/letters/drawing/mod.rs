@@ -10,6 +10,7 @@ use super::center_line::dot;
 use super::options::{Align, LetterOptions, Pace};
 use super::shape::{Run, pen_moves};
 use super::smooth::smooth;
+use super::vector::{coordinates, point};
 use super::{Cell, Glyph, LeftOut, Move, StrokeOrder, Strokes};
 use bitmap::Traced;
 use detail::reduced;
@@ -266,11 +267,12 @@ fn write(
             glyphs.push(Vec::new());
             colors.extend(color);
         }
-        let line = placing.run(&trace.points).points;
+        let line: Vec<_> = placing.run(&trace.points).points.into_iter().map(coordinates).collect();
         let (points, when) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
         let moved = points.windows(2).map(|leg| leg[0] != leg[1]);
         let legs_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
         lasts_s.extend(legs_s.filter_map(|(leg_s, moved)| moved.then_some(leg_s)));
+        let points = points.into_iter().map(point).collect();
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
     let mut strokes = StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
@@ -398,7 +400,7 @@ impl Placing {
     }
 
     fn run(&self, line: &[[f64; 2]]) -> Run {
-        let mut points: Vec<[f64; 2]> = line.iter().map(|point| self.place(*point)).collect();
+        let mut points: Vec<_> = line.iter().map(|place| point(self.place(*place))).collect();
         if points.len() == 1 {
             points.push(points[0]);
         }
