@@ -10,7 +10,7 @@ use noctograph_core::statistics::median;
 
 /// Gap between setpoints, in median steps, that means lost setpoints.
 const LOST_STEPS: f64 = 1.5;
-/// Speed between two setpoints by the median speed: beyond it there was a jump or a wait, not a
+/// Speed between two setpoints by the median speed. Beyond it there was a jump or a wait, not a
 /// loss.
 const LOST_SPEED: std::ops::Range<f64> = 0.7..1.3;
 
@@ -19,21 +19,21 @@ const LOST_SPEED: std::ops::Range<f64> = 0.7..1.3;
 pub struct Replay {
     /// The setpoints.
     pub plan: Plan,
-    /// Setpoints of the plan that the log had lost; see [`replay`].
+    /// Setpoints of the plan that the log had lost, see [`replay`].
     pub n_restored: usize,
 }
 
 /// The plan that a flight followed: a setpoint wherever its design, its letter or its lights
 /// change, at rest and held until the next, and a last one where the flight ends.
 ///
-/// The first setpoint is the flight's first sample, at time 0; a design at or below the floor asks
-/// for motors off, as in any plan. A log has positions only, so that the velocity is zero. The
-/// design of a simulated flight changes with every sample; there the plan's own file is closer to
-/// what was sent.
+/// The first setpoint is the flight's first sample, at time 0. A design at or below the floor asks
+/// for motors off, as in any plan. A log has only positions, so that the velocity is zero. The
+/// design of a simulated flight changes with every sample: the file of its plan is closer to what
+/// was sent.
 ///
 /// A log loses packets that the drone received: between two setpoints more than one and a half
 /// median steps apart, reached at the median speed, the missing ones are restored evenly. In the
-/// reference flight that is one setpoint in fifteen; holding the last one across the longest gap
+/// reference flight that is one setpoint in fifteen. Holding the last one across the longest gap
 /// instead (0.78 s, 0.16 m) raises the replay's error in z from 0.012 to 0.014 m.
 ///
 /// # Errors
@@ -50,19 +50,20 @@ pub fn replay(flight: &Flight) -> Result<Replay> {
     let channels: Vec<String> = flight.lights.keys().cloned().collect();
     let (mut plan, mut n_restored) = (PlanData::with_channels(&channels), 0);
     for (index, (setpoint, row)) in logged.iter().enumerate() {
+        // Lost setpoints come first, at even steps from the one before, with its letter and lights.
         if let Some((before, row_before)) = index.checked_sub(1).map(|before| &logged[before]) {
             let n = median.lost_between(before, setpoint);
             for k in 1..=n {
-                let done = f64::from(k) / f64::from(n + 1);
-                let way_m = setpoint.position_m - before.position_m;
+                let fraction = f64::from(k) / f64::from(n + 1);
+                let path_m = setpoint.position_m - before.position_m;
                 let restored = Setpoint {
-                    time_s: on_grid(before.time_s + done * (setpoint.time_s - before.time_s)),
-                    position_m: (before.position_m + way_m * done).map(on_grid),
+                    time_s: on_grid(before.time_s + fraction * (setpoint.time_s - before.time_s)),
+                    position_m: (before.position_m + path_m * fraction).map(on_grid),
                     ..*before
                 };
                 push(&mut plan, restored, flight, *row_before);
-                n_restored += 1;
             }
+            n_restored += n as usize;
         }
         push(&mut plan, *setpoint, flight, *row);
     }
@@ -99,7 +100,7 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
 }
 
-/// Median distance and speed between setpoints that move; zero where none does.
+/// Median distance and speed between setpoints that move. Zero if none does.
 struct MedianStep {
     length_m: f64,
     speed_m_s: f64,
@@ -167,7 +168,7 @@ mod tests {
 
     #[test]
     fn lost_setpoints_are_restored_and_waits_and_jumps_are_not() {
-        // Steps of 0.02 m every 0.1 s; those at 0.3 and 0.4 s are lost. Then a wait, and a jump.
+        // Steps of 0.02 m every 0.1 s. Those at 0.3 and 0.4 s are lost. Then a wait, and a jump.
         let sent = [
             (0.0, 0.0, 0.0),
             (0.1, 0.02, 0.0),
