@@ -1,8 +1,7 @@
 //! Arcs: the curve behind the sampled points of a stroke font.
 //!
-//! A font of straight moves shows its corners where it is written large. Between corners, a vertex
-//! has the tangent of the circle through it and its neighbors, and two vertices are joined by a
-//! cubic with these tangents (Hermite), cut into short moves.
+//! Between corners, a vertex has the tangent of the circle through it and its neighbors, and two
+//! vertices are joined by a cubic with these tangents (Hermite), cut into short moves.
 
 use kurbo::{Point, Vec2};
 
@@ -48,8 +47,7 @@ pub(super) fn rounded(points: &[Point]) -> Vec<Point> {
     let tangents = Vec::from_iter((0..n).map(|index| tangent(index, &chords, &is_stem)));
     let mut curve = vec![points[0]];
     for (index, chord) in chords.iter().enumerate() {
-        // An end without a tangent gets that of the other end, mirrored at the chord: an arc of a
-        // circle begins as it ends.
+        // A corner gets the tangent of the other end, mirrored at the chord: a circular arc.
         let begin = chord.neighbors[0].and_then(|before| tangents[before]);
         let end = tangents[index];
         let mirrored = [begin, end]
@@ -80,8 +78,7 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     }
 }
 
-/// Adds the points within the cubic from the end of a curve along a chord, with the tangents at its
-/// begin and end.
+/// Adds the points within the cubic along a chord, given the tangents at its ends.
 fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
     let from = curve[curve.len() - 1];
     let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));

@@ -42,9 +42,8 @@ pub(super) fn polylines(
     (n_points <= max_points).then_some(lines)
 }
 
-/// Polylines of a path with their points on a grid of a thousandth of the tolerance, except those
-/// of the path itself. Kurbo divides a curve by powers of the platform, whose last bits differ. On
-/// the grid a drawing has the same strokes in a browser.
+/// Polylines of a path with their points on a grid, except those of the path itself. Kurbo divides
+/// a curve by the platform's powers, whose last bits differ: a browser would have other strokes.
 pub(super) fn on_grid(
     mut lines: Vec<Vec<Point>>,
     path: &BezPath,

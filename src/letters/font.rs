@@ -72,10 +72,8 @@ impl Font {
         self.face.characters().collect()
     }
 
-    /// Draws a character into a cell. `None` if the font lacks it.
-    ///
-    /// The letters of a box font (the team's) fill the cell. Those of any other font have its
-    /// height, keep their proportions and are centered in it.
+    /// Draws a character, if the font has it, into a cell. Letters of a box font (the team's) fill
+    /// it. Those of other fonts have its height, keep their proportions and are centered in it.
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
         Some(self.face.shape(character)?.glyph(character, cell, self.face.fit()))
     }
@@ -89,8 +87,7 @@ impl Font {
         }
     }
 
-    /// Checks that the characters so far were drawn within the budget of a face. Those beyond are
-    /// missing.
+    /// Checks that the characters so far were drawn within the budget of a face.
     ///
     /// # Errors
     ///

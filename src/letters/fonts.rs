@@ -1,8 +1,7 @@
 //! Fonts: the font of a text, and its substitutes for letters that it lacks.
 //!
-//! A line is cut into parts of one font. Where fonts change, parts stand in visual order (Unicode
-//! Standard Annex 9, unicode-bidi), so that a name in Hebrew within a line of Latin letters runs
-//! from right to left in its place.
+//! A line is cut into parts of one font, which are put in visual order (Unicode Standard Annex 9): a
+//! name in Hebrew within a line of Latin letters runs from right to left in its place.
 
 use std::ops::Range;
 
@@ -107,7 +106,7 @@ mod tests {
         let cases = [
             ("noor", "NOOR"),
             ("NO Я", "NOЯ"),
-            // From right to left, in the place of the name; a space parts them from Latin letters.
+            // From right to left, in the place of the name. A space parts them from Latin letters.
             ("NO \u{5d0}\u{5e8} I", "NO\u{5e8}\u{5d0}I"),
             ("\u{5d0}\u{5e8} NO", "NO\u{5e8}\u{5d0}"),
             ("\u{5d0}\u{5e8}", "\u{5e8}\u{5d0}"),

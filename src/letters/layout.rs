@@ -28,9 +28,6 @@ const SPACE: f64 = 16.0 / 21.0;
 /// Lays out a text: lines from top to bottom, separated by `\n`, characters from left to right. A
 /// space leaves a gap. A letter that the font lacks in lower case is drawn in upper case.
 ///
-/// By default letters are placed as in the reference flight: boxes with equal gaps, the first one
-/// beginning at x = −n·width/2 for n letters.
-///
 /// # Errors
 ///
 /// [`Error::Input`] for an empty or overlong text, an unknown or broken font, or a character that
@@ -49,7 +46,7 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
             "word",
             "{n_characters} characters",
             "at most {MAX_LETTERS}",
-            "split the text into several words; one flight cannot write so many",
+            "split the text into several words",
         ));
     }
     // Composed characters (NFC) are those that fonts have.
@@ -210,7 +207,7 @@ fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
     }
 }
 
-/// The error of a letter that a font lacks.
+/// The error of a letter that a font lacks. Its hint depends on what would have the letter.
 fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     let single = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
     let hint = if is_shaped(part) {
@@ -282,7 +279,7 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     let (mut cells, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        // The spaces of a part from right to left are on its other sides.
+        // Spaces at the ends of a part. From right to left its beginning is on the right.
         let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
             .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {

@@ -3,8 +3,6 @@
 //! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves
 //! of the pen, lit or dark. The plane of the word has x to the viewer's right and y up from the
 //! floor, in meters.
-//!
-//! Letters know no drone, and of speed only the pace in which handwriting was written.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -1,8 +1,8 @@
 //! Shaping: the glyphs of letters that join, change with their neighbors, bear marks or run from
 //! right to left.
 //!
-//! A line is put in visual order (Unicode Standard Annex 9, unicode-bidi), and each word of it is
-//! shaped by the typeface's own rules (GSUB and GPOS, harfrust) in the script of its first letter.
+//! A line is put in visual order (Unicode Standard Annex 9), and each word of it is shaped by the
+//! rules of the typeface (GSUB and GPOS) in the script of its first letter.
 
 use std::ops::Range;
 
@@ -11,8 +11,7 @@ use harfrust::{Buffer, Direction, Font, GlyphId, ShapeOptions, ShaperFont, shape
 use unicode_bidi::BidiInfo;
 use unicode_normalization::char::is_combining_mark;
 
-/// Most points of a character's outline. A larger one counts as missing, since tracing takes a time
-/// that grows with the square.
+/// Most points of a character's outline: the time of tracing grows with the square.
 pub(super) const MAX_POINTS: usize = 8_000;
 
 /// Blocks of the scripts that are shaped, of characters without width, and of the marks of emoji.
@@ -60,10 +59,6 @@ pub(super) enum Unset {
 }
 
 /// The glyphs of a line from left to right.
-///
-/// # Errors
-///
-/// [`Unset`], but for glyphs that touch.
 #[cfg(not(target_family = "wasm"))]
 pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);
@@ -82,17 +77,7 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
             if index > 0 {
                 pen = pen.saturating_add(space);
             }
-            let mut buffer = Buffer::new();
-            buffer.push_str(word);
-            buffer.set_direction(match leftward {
-                true => Direction::RightToLeft,
-                false => Direction::LeftToRight,
-            });
-            buffer.guess_segment_properties();
-            let shaped = shape(&face, &mut buffer, ShapeOptions::new());
-            if shaped.is_err() || !buffer.allocation_successful() {
-                return Err(Unset::Unshaped(start));
-            }
+            let buffer = shaped_word(&face, word, leftward).ok_or(Unset::Unshaped(start))?;
             // The shaper lists the glyphs from left to right, too.
             for (info, step) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
                 let (glyph, byte) = (GlyphId::new(info.glyph_id), start + info.cluster as usize);
@@ -106,6 +91,20 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
         }
     }
     Ok(placed)
+}
+
+/// The glyphs of a word. `None` beyond the limits of the shaper.
+#[cfg(not(target_family = "wasm"))]
+fn shaped_word(face: &ShaperFont<'_, '_>, word: &str, leftward: bool) -> Option<Buffer> {
+    let mut buffer = Buffer::new();
+    buffer.push_str(word);
+    buffer.set_direction(match leftward {
+        true => Direction::RightToLeft,
+        false => Direction::LeftToRight,
+    });
+    buffer.guess_segment_properties();
+    let shaped = shape(face, &mut buffer, ShapeOptions::new());
+    (shaped.is_ok() && buffer.allocation_successful()).then_some(buffer)
 }
 
 /// The runs of a line from left to right, each with true if it is read from right to left.

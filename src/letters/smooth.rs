@@ -1,9 +1,7 @@
 //! Smoothing: a wobbling line made smooth by penalized least squares.
 //!
-//! Points p are spaced evenly along the line. Of all lines z through both ends, one minimizes
-//! Σ |z − p|² + λ Σ |z″|² (Whittaker 1923, Eilers 2003). The largest λ of a ladder is taken that
-//! moves no point farther than the error allows. Bending is penalized, so straight lines stay
-//! straight.
+//! The line z through evenly spaced points p minimizes Σ |z − p|² + λ Σ |z″|² (Whittaker 1923,
+//! Eilers 2003). λ is the largest of a ladder that moves no point farther than the error allows.
 
 use super::vector::{ahead, between, counts};
 use noctograph_core::geometry::{arc_lengths, distance, simplify};

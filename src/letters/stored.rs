@@ -1,8 +1,7 @@
 //! Stored strokes: faces for plotters and engravers, whose contours are strokes, not outlines.
 //!
-//! TrueType knows only closed contours. A single stroke is stored as an open line, which the format
-//! closes by a straight edge back to its beginning, or as a line there and back again. Filled, it
-//! would have no area, or a wrong one. It is drawn once, without the closing edge.
+//! TrueType has only closed contours. A single stroke is stored as an open line, which the format
+//! closes by a straight edge, or as a line there and back again. It is drawn once, without the edge.
 
 use kurbo::{BezPath, PathEl, Point, Shape as _};
 

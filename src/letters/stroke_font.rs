@@ -50,7 +50,7 @@ pub(super) struct StrokeFont {
 }
 
 impl StrokeFont {
-    /// Reads a font. `file` is its name in messages.
+    /// Reads a font.
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
         let lines = (1..).zip(text.lines().map(str::trim_end));
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };

@@ -4,11 +4,9 @@
 //! between the center lines of a horizontal stroke at the top and one at the bottom: these are a
 //! cap height apart, the lower one on the baseline.
 //!
-//! Text of joined letters, with marks or from right to left is shaped ([`super::shaping`]). Glyphs
-//! that touch are traced together, so that joined letters are one line. A face for plotters and
-//! engravers, whose contours are strokes ([`super::stored`]), is drawn as it is stored. A glyph
-//! that is an area, such as a heart, is its outline. Not read: variations, and in text that is not
-//! shaped ligatures and kerning outside the table `kern`.
+//! Glyphs that touch are traced together, so that joined letters are one line. A glyph that is an
+//! area, such as a heart, is its outline. Not read: variations, and in text that is not shaped
+//! ligatures and kerning outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -61,7 +59,7 @@ const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
 /// Characters whose strokes are as wide as those of the others.
 const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
 
-/// A face, and the characters traced so far.
+/// A face with a cache of its traced characters.
 pub(super) struct Typeface {
     face: Font,
     trace: Trace,
@@ -86,7 +84,7 @@ struct Traced {
 type Part = (GlyphId, [i32; 2]);
 
 impl Typeface {
-    /// Reads a face, the first one of a collection. `file` is its name in messages.
+    /// Reads a face, the first one of a collection.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let budget = Budget::new(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
@@ -248,8 +246,7 @@ impl Typeface {
         Some((lines, lost))
     }
 
-    /// True if a glyph is an area, not a stroke: thicker than the face's letters, and short for its
-    /// thickness.
+    /// True for an area: thicker than the face's letters, and short for its thickness.
     fn is_area(&self, center: &CenterLines) -> bool {
         let is_thick = !self.has_stems || center.thickest > THICK * self.half_width;
         is_thick && center.length() < 2.0 * LONG * center.thickest
@@ -342,6 +339,7 @@ fn in_reading_order(mut lines: Vec<Vec<Point>>) -> Vec<Vec<Point>> {
             line.reverse();
         }
     }
+    // Greedily the nearest one, from the upper left of a capital on.
     let mut ordered: Vec<Vec<Point>> = Vec::new();
     let mut pen = Point::new(0.0, 1.0);
     while !lines.is_empty() {

@@ -3,7 +3,7 @@
 use kurbo::{Point, Vec2};
 use noctograph_core::geometry::distance;
 
-/// Length of a vector by libm, so that strokes have the same bits as [`distance`] gives.
+/// Length of a vector by libm, as that of [`distance`]: kurbo rounds differently.
 pub(super) fn length(vector: Vec2) -> f64 {
     libm::hypot(vector.x, vector.y)
 }

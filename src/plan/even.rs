@@ -1,9 +1,8 @@
 //! Style `even`: strokes in the shortest order at one speed, time-optimal transits between them.
 //!
-//! The drone takes off below the first stroke, hovers at its beginning while the height settles,
-//! draws, and lands below the last, in the dark. Every stroke begins and ends on a tick of 50 ms,
-//! the lamps' timer, so that light commands can meet its ends. All setpoints lie on one grid in
-//! time, so that a controller that holds positions is a linear filter of them.
+//! Every stroke begins and ends on a tick of 50 ms, the lamps' timer, so that light commands can
+//! meet its ends. All setpoints lie on one grid in time, so that a controller that holds positions
+//! is a linear filter of them.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -20,7 +19,7 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 const LEVEL_STEPS: f64 = 50.0;
 /// Least level, so that a slow corner does not go dark.
 const LEAST_LEVEL: f64 = 0.04;
-/// Height above its home at which one of several drones begins and ends its way to the strokes.
+/// Height above its home up to which one of several drones climbs first.
 const OVER_HOME_M: f64 = 0.3;
 /// Take-off acceleration as a fraction of that of other transits. A climb that saturates the motors winds up
 /// the integrators of a PID controller, and the first letter is written too high.
@@ -90,6 +89,7 @@ pub(super) fn plan(
         end_s: 0.0,
         state: State::default(),
     };
+    // Each part begins in the state that the one before has left.
     course.begin(drawn)?;
     for stroke in drawn {
         course.draw(stroke)?;
@@ -137,7 +137,7 @@ impl Course<'_> {
 
     /// Flies to a stroke in the dark and along it with light.
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
-        // The way to the first stroke is no letter's.
+        // The path to the first stroke belongs to no letter.
         let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
         if let Some(dot_m) = stroke.dot_m() {
             self.go(letter, &rest(dot_m.x, dot_m.y))?;

@@ -1,10 +1,9 @@
 //! Fleet: several drones write one word together, and keep apart in space and time.
 //!
-//! Each drone writes a stretch of the word, from left to right, with about the same length of
-//! light. Four routes of each stretch are tried: the shortest, the same backward, and those from
-//! one side to the other, which keep simultaneous drones apart. The drones are assigned in turn:
-//! each gets the route that ends first without conflict with the earlier ones, after a wait on the
-//! floor. The drone that ends last is assigned first in the next round, until each was first once.
+//! Each drone writes a part of the word, from left to right, with about the same length of light.
+//! Four routes of each part are tried: the shortest, the same backward, and those from one side to
+//! the other, which keep simultaneous drones apart. The drones are assigned in turn: each gets the
+//! route that ends first without conflict with the earlier ones, after a wait on the floor.
 
 use std::collections::HashMap;
 
@@ -48,8 +47,7 @@ impl Approach {
     }
 }
 
-/// Plans of the drones that write a word together, `options.drones` of them, or fewer if there are
-/// not as many strokes.
+/// Plans of the drones that write a word together, at most one for each stroke.
 ///
 /// # Errors
 ///
@@ -65,6 +63,7 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
+    // Cut anywhere or only between letters, the assignment counts that ends first.
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
@@ -105,6 +104,7 @@ impl Assignment {
                 "draw fewer strokes, lower letters.detail, or fly one drone",
             ));
         }
+        // All routes are planned before the drones are assigned, to be compared step by step.
         let homes_m = homes_x_m(&parts);
         let mut routes: Vec<Vec<Route>> = Vec::new();
         for (part, home_m) in parts.into_iter().zip(&homes_m) {
@@ -124,6 +124,7 @@ impl Assignment {
 
     fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
         let drones = self.routes.iter().zip(&self.starts).zip(&self.homes_m);
+        // The delay of the start becomes a longer wait on the floor.
         let plans = drones.map(|((routes, start), home_m)| {
             let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
             let later = PlanOptions { floor_wait_s, ..options.clone() };
@@ -229,7 +230,7 @@ impl Meetings<'_> {
 
 /// A drone's positions at every step.
 struct Track {
-    /// Each with true if it stands on the floor with its motors off.
+    /// Each with true if it is on the floor with its motors off.
     places: Vec<(Vector3<f64>, bool)>,
     /// Longest horizontal distance from one step to the next.
     step_m: f64,
@@ -248,14 +249,13 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step of a plan that starts after a delay. Before and after it the drone is on
-    /// the floor.
+    /// The place at a step after a delayed start. Before and after the plan it is on the floor.
     fn place(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
         self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
     }
 
     /// Horizontal distance and difference in height to another drone at a step. `None` if one is
-    /// far enough above the other.
+    /// far enough above the other: [`MIN_VERTICAL_M`], or less above a parked drone.
     fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
         let ((a, a_parked), (b, b_parked)) = (self.place(step, delay), other.place(step, later));
         let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
@@ -352,9 +352,8 @@ pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
     closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
 }
 
-/// The moment of least horizontal distance of two plans while their heights differ by less than
-/// [`MIN_VERTICAL_M`], or by less than [`MIN_HORIZONTAL_M`] if one is on the floor with its motors
-/// off. `None` if they are always far enough above each other.
+/// The moment of least horizontal distance of two plans while neither is far enough above the
+/// other, if there is one.
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::new(a), Track::new(b));
     let place = |step: usize| {
@@ -365,8 +364,8 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
 }
 
 /// The moment of least difference in height of two plans while both fly, one within
-/// [`MIN_HORIZONTAL_M`] of the axis of the other's downwash. `None` if they keep out of it. The
-/// drone of the first plan is then `vertical_m` above the other one's.
+/// [`MIN_HORIZONTAL_M`] of the axis of the other's downwash, if there is one. The drone of the
+/// first plan is `vertical_m` above the other one's.
 pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().min(b.duration_s());
     let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));

@@ -1,8 +1,7 @@
 //! Letters and headlight schedule of a flight whose log has neither.
 //!
-//! The team's logs hold the setpoints, and its letters know along which moves the headlights were
-//! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move at or
-//! after the current one that contains it, and never backward.
+//! Setpoints are matched to the moves of the letters in order: a setpoint belongs to the first move
+//! at or after the current one that contains it, and never backward.
 
 use nalgebra::Vector2;
 
@@ -19,19 +18,20 @@ const ON_MOVE_M: f64 = 0.01;
 /// Fraction of the word's strokes that the setpoints must run along: words have strokes in common.
 const LEAST_FLOWN: f64 = 0.6;
 
+const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \
+                    log without lights must write them stroke by stroke, as style team does";
+
 /// Gives a flight its letters and the column `light.headlights`.
 ///
 /// # Errors
 ///
 /// [`Error::Input`] if the flight has no setpoints, or hardly any on the strokes.
 pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
-    let hint = "name the word that was flown, and the size of its letters under [letters]; a log \
-                without lights must write them stroke by stroke, as style team does";
     if !flight.has(Quantity::Design) {
         let wanted = "setpoints, from which letters and lights are inferred";
-        return Err(Error::input("flight", "no setpoints", wanted, hint));
+        return Err(Error::input("flight", "no setpoints", wanted, HINT));
     }
-    let (word, glyphs) = (&strokes.word, strokes.glyphs.iter().enumerate());
+    let glyphs = strokes.glyphs.iter().enumerate();
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
@@ -47,29 +47,7 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
             (*from_m, *to_m) = (from_m.min(progress.along_m), to_m.max(progress.along_m));
         }
     }
-    // Refused if the setpoints do not run along most of the strokes in their order.
-    let (mut ordered_m, mut strokes_m) = (0.0, 0.0);
-    for ((_, step), [began_m, ended_m]) in moves.iter().zip(&flown_m).filter(|m| m.0.1.lit) {
-        ordered_m += (ended_m - began_m).max(0.0);
-        strokes_m += distance(step.from_m, step.to_m);
-    }
-    if ordered_m < LEAST_FLOWN * strokes_m {
-        let near_m = near_m(&moves, flight);
-        let (actual, wanted) = match near_m < LEAST_FLOWN * strokes_m {
-            true => (
-                format!("{ordered_m:.2} of {strokes_m:.2} m of its strokes in the setpoints"),
-                "a flight that writes this word",
-            ),
-            false => (
-                format!(
-                    "setpoints on {near_m:.2} of {strokes_m:.2} m of its strokes, and on \
-                     {ordered_m:.2} m in their order"
-                ),
-                "the strokes in the order of style team, or a log with lights",
-            ),
-        };
-        return Err(Error::input(format!("word {word}"), actual, wanted, hint));
-    }
+    check_flown(flight, &strokes.word, &moves, &flown_m)?;
     flight.edit(|flight| {
         for (sample, letter) in flight.samples.iter_mut().zip(letters) {
             sample.letter = letter;
@@ -77,6 +55,39 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
         flight.lights.insert(HEADLIGHTS.to_owned(), levels);
     });
     Ok(())
+}
+
+/// Refuses setpoints that do not run along most of the strokes in their order.
+fn check_flown(
+    flight: &Flight,
+    word: &str,
+    moves: &[(usize, Move)],
+    flown_m: &[[f64; 2]],
+) -> Result<()> {
+    let (mut ordered_m, mut strokes_m) = (0.0, 0.0);
+    for ((_, step), [began_m, ended_m]) in moves.iter().zip(flown_m).filter(|m| m.0.1.lit) {
+        ordered_m += (ended_m - began_m).max(0.0);
+        strokes_m += distance(step.from_m, step.to_m);
+    }
+    if ordered_m >= LEAST_FLOWN * strokes_m {
+        return Ok(());
+    }
+    // Another word, or this one in another order.
+    let near_m = near_m(moves, flight);
+    let (actual, wanted) = match near_m < LEAST_FLOWN * strokes_m {
+        true => (
+            format!("{ordered_m:.2} of {strokes_m:.2} m of its strokes in the setpoints"),
+            "a flight that writes this word",
+        ),
+        false => (
+            format!(
+                "setpoints on {near_m:.2} of {strokes_m:.2} m of its strokes, and on \
+                 {ordered_m:.2} m in their order"
+            ),
+            "the strokes in the order of style team, or a log with lights",
+        ),
+    };
+    Err(Error::input(format!("word {word}"), actual, wanted, HINT))
 }
 
 /// Length of the lit moves that setpoints run along, in any order.

@@ -8,9 +8,8 @@
 //! loop ([`feedforward`]), and light commands are timed on a rehearsed flight ([`time_lights`]).
 //!
 //! There are two styles of flying. `team`: letter by letter with waits, as in the reference flight
-//! of 2022. `even`: strokes in the order with the least dark time (Held–Karp, 2-opt), corners
-//! rounded within a stated error, constant speed if the limits permit, light dimmed with the speed
-//! if they do not, and time-optimal jerk-limited transits in the dark (Ruckig).
+//! of 2022. `even`: strokes in the order with the least dark time, their corners rounded within a
+//! stated error, at constant speed if the limits permit, with time-optimal transits in the dark.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -23,9 +23,6 @@ pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
 
 /// For each lit setpoint of `sent`, the rows of `design` from the beginning of the lit stretch up
 /// to the drawn one. Both are plans of the same strokes with a light level for each setpoint.
-///
-/// The lit stretches correspond in their order. Within a stretch a row is drawn as long after its
-/// beginning as in the design.
 pub(super) fn drawn(
     (sent, commanded): (&Plan, &[f64]),
     (design, lit): (&Plan, &[f64]),
@@ -33,9 +30,10 @@ pub(super) fn drawn(
     let mut rows = vec![None; commanded.len()];
     let (commanded, mut strokes) = (stretches(commanded), stretches(lit));
     if strokes.len() != commanded.len() {
-        // Plans of different strokes: the drawn row is the setpoint's own.
+        // Plans of different strokes: the drawn row is that of the same time.
         strokes = vec![0..design.setpoints.len(); commanded.len()];
     }
+    // Stretches correspond in their order. Within one a row is drawn as late as in the design.
     for (sent_rows, stroke) in commanded.into_iter().zip(strokes) {
         let is_all = stroke.len() == design.setpoints.len();
         let (begun, drawn) = (&sent.setpoints[sent_rows.start], &design.setpoints[stroke.start]);
@@ -50,15 +48,10 @@ pub(super) fn drawn(
 }
 
 /// Ranges of consecutive lit rows.
-fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
-    let mut stretches: Vec<Range<usize>> = Vec::new();
-    for row in (0..levels.len()).filter(|row| levels[*row] > 0.0) {
-        match stretches.last_mut().filter(|last| last.end == row) {
-            Some(last) => last.end += 1,
-            None => stretches.push(row..row + 1),
-        }
-    }
-    stretches
+pub(super) fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
+    let lit: Vec<usize> = (0..levels.len()).filter(|row| levels[*row] > 0.0).collect();
+    let runs = lit.chunk_by(|row, next| row + 1 == *next);
+    runs.map(|run| run[0]..run[run.len() - 1] + 1).collect()
 }
 
 #[cfg(test)]

@@ -1,11 +1,10 @@
 //! Light timing: light commands sent early enough for the light to change at the strokes' ends.
 //!
 //! Product in: a [`Plan`], a flight of it (rehearsed or real), and the delays of the lamp. Products
-//! out: the plan with its commands moved, and the errors left at each stroke's end. A command waits
-//! for the radio, then for the lamps' timer (50 ms), then for the ramp, while the drone lags behind
-//! the design. For each edge of the design's light, the flight gives the time when the drone passed
-//! its position. The light changes at the nearest tick, and the command arrives in the middle
-//! between two ticks.
+//! out: the plan with its commands moved, and the errors left at each stroke's end. For each edge
+//! of the design's light, the flight gives the time when the drone passed its position. The light
+//! changes at the nearest tick of the lamps' timer, and the command arrives in the middle between
+//! two ticks.
 
 use super::lamp::LampTiming;
 use super::light_letters::drawn;
@@ -115,20 +114,24 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
             sent_m = moved_m.map(on_grid);
         }
     }
-    // Colors go with the stroke, lamps with the command.
-    let mut out = Plan::made(out);
-    let drawn = drawn((&out, &levels), (plan, &plan.commanded()));
-    let lights = plan.lights.iter().map(|(channel, before)| {
-        let levels = match plan.lamps().any(|(lamp, _)| lamp == channel) {
-            true => levels.clone(),
+    with_levels(Plan::made(out), plan, &levels)
+}
+
+/// A plan with the levels of its lamps. Colors go with the strokes of the design.
+fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
+    let drawn = drawn((&plan, levels), (design, &design.commanded()));
+    let lights = design.lights.iter().map(|(channel, colors)| {
+        let levels = match design.lamps().any(|(lamp, _)| lamp == channel) {
+            true => levels.to_vec(),
             false => Vec::from_iter(
-                drawn.iter().map(|rows| rows.as_ref().map_or(0.0, |rows| before[rows.end - 1])),
+                drawn.iter().map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
             ),
         };
         (channel.clone(), levels)
     });
-    out.edit(|out| out.lights = lights.collect());
-    out
+    let lights = lights.collect();
+    plan.edit(|plan| plan.lights = lights);
+    plan
 }
 
 /// The setpoint of the same design from a later time on.

@@ -1,10 +1,8 @@
-//! The motion along a lit stroke: as fast as the limits allow, its corners rounded within a stated
-//! error.
+//! The motion along a lit stroke: as fast as the limits allow, its corners rounded.
 //!
 //! The pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). The
-//! motion is the pen under two moving averages ([`super::smoothing`]). These averages are
-//! differences of the pen's integrals, so that position, velocity and acceleration are exact at any
-//! time.
+//! motion is the pen under two moving averages ([`super::smoothing`]). These are differences of the
+//! pen's integrals, so that position, velocity and acceleration are exact at any time.
 
 use nalgebra::Vector2;
 

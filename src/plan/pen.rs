@@ -15,8 +15,8 @@ pub(super) const DOT_M: f64 = 0.005;
 const SMOOTH_COS: f64 = 0.5;
 /// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle
 /// of a spot of width σ, one that passes at `v` leaves `I / (√(2π) σ v)`: both are alike after
-/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm; four times that
-/// make up for the hovering drone's own motion, and for serifs that dots do not have.
+/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm. Four times that
+/// compensate for the motion of the hovering drone, and for serifs that dots do not have.
 const DOT_LIGHT_M: f64 = 0.04;
 
 /// Duration of a dot's light for a stroke speed.
@@ -134,8 +134,7 @@ impl PenStroke {
         Self { letter, points_m, paces }
     }
 
-    /// All ways to draw it, entered and left at the speed of strokes, a dot at rest. Way `2 k + 1`
-    /// is way `2 k` backward. Way 0 is as drawn.
+    /// All ways to draw it. Way 0 is as drawn, and way `2 k + 1` is way `2 k` backward.
     pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
         let n_starts = if self.closed() { self.n_starts() } else { 1 };
         (0..2 * n_starts).map(|way| self.along(way).way(speed_m_s)).collect()
@@ -159,9 +158,12 @@ impl PenStroke {
         self.lengths_m().sum()
     }
 
-    /// Time along it, corners not counted.
-    pub(super) fn duration_s(&self, speed_m_s: f64) -> f64 {
-        self.lengths_m().zip(&self.paces).map(|(m, pace)| m / (pace * speed_m_s)).sum()
+    /// Time for which it is lit, corners not counted.
+    pub(super) fn lit_s(&self, speed_m_s: f64) -> f64 {
+        match self.dot_m() {
+            Some(_) => dot_s(speed_m_s),
+            None => self.lengths_m().zip(&self.paces).map(|(m, pace)| m / (pace * speed_m_s)).sum(),
+        }
     }
 
     fn lengths_m(&self) -> impl Iterator<Item = f64> {

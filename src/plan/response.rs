@@ -48,11 +48,9 @@ impl StepResponse {
     /// Makes the inverse ready for inputs at some times, each held until the next.
     ///
     /// `ridge` weighs the square of `input − wanted` against that of the error of the output
-    /// (Tikhonov's regularization): motions that the loop cannot follow are left out. 0.01 asks for
-    /// corners sharply, 1 hardly at all.
+    /// (Tikhonov regularization). 0.01 asks for corners sharply, 1 hardly at all.
     ///
     /// Method: normal equations, banded since the response settles, by a Cholesky decomposition.
-    /// Time and memory grow with the number of inputs times those within the response.
     ///
     /// # Panics
     ///
@@ -64,8 +62,10 @@ impl StepResponse {
         let width = times_s.iter().enumerate().map(|(k, time_s)| {
             k - times_s.partition_point(|other| other + settled_s < *time_s) + 2
         });
-        let factors = Banded::new(times_s.len(), width.max().unwrap_or(1));
-        let mut inverse = Inverse { response: self, settled_s, times_s, ridge, factors };
+        let (n, width) = (times_s.len(), width.max().unwrap_or(1));
+        let (upper, pivots) = (vec![0.0; n * width], Vec::with_capacity(n));
+        let mut inverse =
+            Inverse { response: self, settled_s, times_s, ridge, width, upper, pivots };
         noctograph_core::dispatch!(|| inverse.factor());
         inverse
     }
@@ -78,7 +78,11 @@ pub struct Inverse<'a> {
     settled_s: f64,
     times_s: Vec<f64>,
     ridge: f64,
-    factors: Banded,
+    /// Entries of a row of the band, from the diagonal on.
+    width: usize,
+    /// Rows of the upper triangular Cholesky factor, and the divisor of each row.
+    upper: Vec<f64>,
+    pivots: Vec<f64>,
 }
 
 impl Inverse<'_> {
@@ -98,7 +102,7 @@ impl Inverse<'_> {
             let right = &mut right[from..];
             right.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight * target);
         }
-        self.factors.solve(&mut right);
+        self.solve(&mut right);
         right.into_iter().map(|input| input + rest).collect()
     }
 
@@ -134,8 +138,8 @@ impl Inverse<'_> {
     /// product is fused with a sum, so that the bits are the same.
     #[inline(always)]
     fn factor(&mut self) {
-        let width = self.factors.width;
-        let mut normal = std::mem::take(&mut self.factors.upper);
+        let width = self.width;
+        let mut normal = std::mem::take(&mut self.upper);
         // W'W + ridge I, with a row of W for each output. Only the band from the diagonal on.
         normal.iter_mut().step_by(width).for_each(|diagonal| *diagonal += self.ridge);
         let mut weights = Vec::new();
@@ -150,7 +154,7 @@ impl Inverse<'_> {
         for i in 0..self.times_s.len() {
             let (rows, below) = normal[i * width..].split_at_mut(width);
             let pivot = rows[0].max(f64::MIN_POSITIVE).sqrt();
-            self.factors.pivots.push(pivot);
+            self.pivots.push(pivot);
             rows.iter_mut().for_each(|entry| *entry /= pivot);
             for (k, row) in (1..width).zip(below.chunks_exact_mut(width)) {
                 let factor = rows[k];
@@ -159,23 +163,7 @@ impl Inverse<'_> {
                 }
             }
         }
-        self.factors.upper = normal;
-    }
-}
-
-/// Cholesky factors of a symmetric positive definite system with entries near the diagonal.
-#[derive(Debug)]
-struct Banded {
-    width: usize,
-    /// Rows of the upper triangle, each from the diagonal on.
-    upper: Vec<f64>,
-    /// Divisor of each row.
-    pivots: Vec<f64>,
-}
-
-impl Banded {
-    fn new(n: usize, width: usize) -> Self {
-        Self { width, upper: vec![0.0; n * width], pivots: Vec::with_capacity(n) }
+        self.upper = normal;
     }
 
     /// Solves the factored banded system in place.

@@ -1,9 +1,8 @@
 //! Speed of the pen along a polyline: the stroke speed times the pace of each segment, and less
 //! before and in corners that turn too far for it.
 //!
-//! Method: if the velocity would turn by more than the smoothing allows within its time, all
-//! corners of that window are slowed by 5 %, repeatedly. A forward and a backward pass along the
-//! path then respect the acceleration limit.
+//! Corners that turn the velocity by more than the smoothing allows within its time are slowed, and
+//! two passes along the path respect the acceleration limit.
 
 use nalgebra::Vector2;
 
@@ -28,8 +27,7 @@ const NEAR: f64 = 1.05;
 const SLOWER: f64 = 0.95;
 const MAX_SLOWER: usize = 90;
 
-/// The stroke with its speeds: as fast as its pace and the acceleration allow, and slow enough at
-/// corners that the smoothing of setpoints in time rounds them little.
+/// The stroke with its speeds.
 pub(super) fn profile(
     stroke: &PenStroke,
     smoothing: &Smoothing,
@@ -39,6 +37,7 @@ pub(super) fn profile(
     let corners = Corners::new(points_m);
     let caps_m_s = corners.caps_m_s(stroke_speed_m_s, smoothing);
     let node = |position_m, pace: f64| Node { position_m, speed_m_s: pace * stroke_speed_m_s };
+    // Most strokes have one speed, and need no nodes between their corners.
     if caps_m_s.iter().all(|cap| *cap >= stroke_speed_m_s) && paces.iter().all(|p| *p == 1.0) {
         return points_m.iter().map(|point| node(*point, 1.0)).collect();
     }

@@ -1,12 +1,12 @@
 //! Stroke ends: errors of the light at the beginnings and ends of strokes, in a flight.
 //!
-//! The flight is first aligned with its design: its lag and its mean error are removed, so that only
-//! the error between light and drone is left.
+//! Lag and mean error of the flight are removed first: the error between light and drone is left.
 
 use nalgebra::Vector3;
 
 use super::Plan;
 use super::lamp::LampTiming;
+use super::light_letters::stretches;
 use crate::tracking::{Part, designed};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample};
@@ -31,7 +31,7 @@ const LAG_COST_M_S: f64 = 0.03;
 /// Most samples of a flight that are used for its lag.
 const MAX_SAMPLES: usize = 2000;
 
-/// Errors of a plan's light commands at the ends of its strokes, in a flight of it.
+/// Errors of a plan's light commands at the ends of its strokes, in a flight.
 ///
 /// # Errors
 ///
@@ -40,13 +40,10 @@ pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Ve
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }
 
-/// The rows where the light switches on or off.
+/// The rows at which the light switches on (true) or off.
 fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
-    (0..levels.len()).filter_map(|row| {
-        let was = row > 0 && levels[row - 1] > 0.0;
-        let is = levels[row] > 0.0;
-        (was != is).then_some((row, is))
-    })
+    let rows = stretches(levels).into_iter().flat_map(|lit| [(lit.start, true), (lit.end, false)]);
+    rows.filter(|(row, _)| *row < levels.len())
 }
 
 /// State of the design at an end of a stroke.
@@ -109,6 +106,7 @@ impl<'a> Aligned<'a> {
         lag_s: f64,
     ) -> (Vector3<f64>, f64) {
         let (mut n, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
+        // The samples around each time are found by going on from those around the last one.
         let mut next = 0;
         for sample in samples {
             let time_s = sample.time_s + lag_s;
@@ -144,6 +142,7 @@ impl<'a> Aligned<'a> {
             let away_m = LAG_COST_M_S * (lag_s - self.lag_s);
             error + away_m * away_m
         };
+        // A grid search: the cost may have several minima, as at the crossing of two strokes.
         let around_s = 0.5 * (about_s + self.lag_s);
         let steps = (-75..=75).map(|step| around_s + f64::from(step) / 75.0 * SEARCH_S);
         steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(about_s)
@@ -153,6 +152,7 @@ impl<'a> Aligned<'a> {
     pub(super) fn stroke_ends(&self, plan: &Plan, lamp: &LampTiming) -> Vec<StrokeEnd> {
         let (wanted, commanded) = (plan.lit(), plan.commanded());
         let pairs = switches(&wanted).zip(switches(&commanded));
+        // How far the drone is beyond the design's end, along the stroke, when the light changes.
         let ends = pairs.map(|((row, on), (sent, _))| {
             let time_s = lamp.light_s(plan.setpoints[sent].time_s);
             let edge = Edge::new(plan, row, on);

@@ -1,9 +1,8 @@
 //! Style `team`: up, letter by letter at constant speed, down.
 //!
-//! Every segment sends a setpoint at its start and then at a fixed interval. Positions advance
-//! evenly along it. Steps between letters are sent as one setpoint. Source: the flight script of
-//! the reference team, whose setpoints are in the log of their flight (2022, at 0.2 m/s, 0.1 s, 2 s
-//! of waiting after a letter).
+//! Every segment sends a setpoint at its start and then at a fixed interval. Steps between letters
+//! are sent as one setpoint. Source: the flight script of the reference team, whose setpoints are
+//! in the log of their flight (2022).
 
 use nalgebra::Vector3;
 

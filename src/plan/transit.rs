@@ -2,8 +2,7 @@
 //!
 //! Time-optimal per axis and synchronized, by Ruckig (Berscheid and Kröger, RSS 2021). The axes lie
 //! along the path and across it. An angle each divides the limits of speed and of acceleration
-//! between them, and the fastest of a few angles is taken. The drone does not stop at the ends of
-//! strokes.
+//! between them, and the fastest of a few angles is taken.
 
 use nalgebra::{Rotation2, Vector2};
 use rsruckig::prelude::{
@@ -30,10 +29,9 @@ pub(super) struct Transit {
 impl Transit {
     /// The fastest path between two states, lasting a multiple of `tick_s`. `None` if none was
     /// found, which has not happened for states within the limits.
-    ///
-    /// An axis is allowed the acceleration of either end, so that both together may exceed the
-    /// limit. Then gentler limits are tried.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
+        // An axis is allowed the acceleration of either end, so that both together may exceed the
+        // limit. Then gentler limits are tried.
         let mut gentlest: Option<(f64, Self)> = None;
         for fraction in GENTLER {
             let acceleration_m_s2 = fraction * style.acceleration_m_s2;
@@ -127,6 +125,7 @@ fn input(
     input
 }
 
+/// A trajectory that lasts whole ticks.
 fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>> {
     let mut ruckig = Ruckig::<2, IgnoreErrorHandler>::new(None, 0.01);
     for _ in 0..8 {
@@ -137,9 +136,10 @@ fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>
             return None;
         };
         let ticks = trajectory.get_duration() / tick_s;
-        if ticks - ticks.round() < 1e-6 && ticks.round() - ticks < 1e-6 {
+        if (ticks - ticks.round()).abs() < 1e-6 {
             return Some(trajectory);
         }
+        // A longer duration may be infeasible, and the next feasible one off the tick again.
         input.minimum_duration = Some((ticks - 1e-6).ceil() * tick_s);
     }
     None

@@ -2,10 +2,8 @@
 //!
 //! In a small word the duration of a transit is that of its plan. Otherwise it is estimated as the
 //! slower axis of a double integrator, from the velocity at one stroke's end to that at the next
-//! one's start, with take-off below the first stroke and landing below the last. The estimate is
-//! the same backward, so that a reversed run of strokes costs the same inside.
-//!
-//! For reading, the cost of a step to another letter makes the letters follow each other.
+//! one's start. The estimate is the same backward, so that a reversed run of strokes costs the same
+//! inside.
 //!
 //! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held and Karp 1962, Bellman
 //! 1962). Beyond: the nearest stroke next, then local search ([`search`]), then the best directions
@@ -15,7 +13,7 @@ use nalgebra::Vector2;
 use rayon::prelude::*;
 
 use super::motion::State;
-use super::pen::{PenStroke, Way, dot_s, pen_strokes};
+use super::pen::{PenStroke, Way, pen_strokes};
 use super::transit::Transit;
 use super::{EvenStyle, Order};
 use noctograph_core::crazyflie::RING_TICK_S;
@@ -32,8 +30,8 @@ const MEASURED_WAYS: usize = 24;
 /// Most strokes of a drawing: its order is sought among all pairs.
 const MAX_STROKES: usize = 10_000;
 
-/// Cost of a step to another letter in reading order, s: more than any way within a word, so that
-/// an order from one end to the other, with one step a letter, is the cheapest.
+/// Cost of a step to another letter in reading order, s: more than any transit within a word, so
+/// that an order from one end to the other, with one step a letter, is the cheapest.
 const LETTER_S: f64 = 1000.0;
 /// How much longer the order of reading may take, as a fraction of the shortest flight.
 const LONGER: f64 = 0.1;
@@ -72,6 +70,7 @@ fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Res
     if n < 2 * MEASURED_TRANSITS {
         return Ok(());
     }
+    // The time of all transits, from an even sample of them.
     let stride = n.div_ceil(MEASURED_TRANSITS);
     let ways = ways_of(flown, speed_m_s);
     let tour = Tour { ways: &ways, style, measured: true, letters: &[] };
@@ -92,15 +91,7 @@ fn ways_of(strokes: &[PenStroke], speed_m_s: f64) -> Vec<Vec<Way>> {
 }
 
 fn all_lit_s(strokes: &[PenStroke], speed_m_s: f64) -> f64 {
-    strokes.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum()
-}
-
-/// Time for which a stroke is lit. A dot is lit for a time, too.
-fn lit_s(stroke: &PenStroke, speed_m_s: f64) -> f64 {
-    match stroke.dot_m() {
-        Some(_) => dot_s(speed_m_s),
-        None => stroke.duration_s(speed_m_s),
-    }
+    strokes.iter().map(|stroke| stroke.lit_s(speed_m_s)).sum()
 }
 
 /// True if strokes keep their order and direction.
@@ -115,6 +106,7 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
+    // Both limits are checked before an order is sought, whose time grows with the square.
     let (n, lit_s) = (drawn.len(), all_lit_s(&drawn, speed_m_s));
     let (problem, hint) = if n > MAX_STROKES {
         (
@@ -259,11 +251,12 @@ impl Tour<'_> {
                 }
             }
         }
-        // The last visit with landing, then back along the visits before.
+        // The best last visit, landing included.
         let total_s =
             |last: usize| best[full * n + last].0 + self.between_s(Some(visits[last]), None);
         let last = (0..n).min_by(|a, b| total_s(*a).total_cmp(&total_s(*b)));
         let (mut set, mut index) = (full, last.unwrap_or(usize::MAX));
+        // Back along the visits before.
         let mut order = Vec::new();
         while index != usize::MAX {
             order.push(visits[index]);
@@ -297,8 +290,8 @@ impl Tour<'_> {
         // Back from the best way of the last stroke, landing included.
         let (last, layer) = (visits[visits.len() - 1].0, &layers[visits.len() - 1]);
         let total_s = |way: usize| layer[way].0 + self.between_s(Some((last, way)), None);
-        let ends = (0..layer.len()).min_by(|a, b| total_s(*a).total_cmp(&total_s(*b)));
-        let mut way = ends.expect("every stroke has two ways");
+        let best = (0..layer.len()).min_by(|a, b| total_s(*a).total_cmp(&total_s(*b)));
+        let mut way = best.expect("every stroke has two ways");
         let mut chosen = Vec::with_capacity(visits.len());
         for ((stroke, _), layer) in visits.iter().zip(&layers).rev() {
             chosen.push((*stroke, way));
@@ -376,7 +369,7 @@ mod tests {
                 let ways: Vec<_> = flown.iter().map(|stroke| stroke.ways(0.2)).collect();
                 let tour = Tour { ways: &ways, style: &style, measured: true, letters: &[] };
                 let visits: Vec<Visit> = (0..ways.len()).map(|stroke| (stroke, 0)).collect();
-                let lit_s: f64 = flown.iter().map(|stroke| lit_s(stroke, 0.2)).sum();
+                let lit_s = all_lit_s(&flown, 0.2);
                 let letters: Vec<usize> = flown.iter().map(|stroke| stroke.letter).collect();
                 (letters, lit_s + tour.total_s(&visits))
             };
@@ -477,7 +470,7 @@ mod tests {
         check_duration(&row(3000, 0.01), 0.2, &style).unwrap();
         let error = check_duration(&row(3000, 1.0), 0.2, &style).unwrap_err().to_string();
         assert!(error.contains("3000 strokes take some"), "{error}");
-        assert!((lit_s(&row(1, 0.0)[0], 0.2) - 0.2).abs() < 1e-12, "a dot's light");
+        assert!((all_lit_s(&row(1, 0.0), 0.2) - 0.2).abs() < 1e-12, "a dot's light");
     }
 
     #[test]

@@ -50,6 +50,7 @@ impl Tour<'_> {
     fn neighbors(&self) -> Vec<Vec<usize>> {
         let ends: Vec<[Vector2<f64>; 2]> =
             self.ways.iter().map(|ways| [ways[0].start_m, ways[0].end_m]).collect();
+        // The least of four squared distances: strokes may be drawn backward.
         let apart = |a: usize, b: usize| {
             let pairs =
                 ends[a].iter().flat_map(|p| ends[b].iter().map(move |q| (p - q).norm_squared()));

@@ -13,16 +13,13 @@ const RESOLUTION_S: f64 = 1e-6;
 /// Most samples of the first search, spread over the flight. The refinement takes all.
 const COARSE_SAMPLES: usize = 2000;
 
-/// Weight of the mean error, squared, against the variance about it. With 1, a drone that flies
-/// beside a design which ends elsewhere than it began has a wrong lag: 0.4 s for 0.2 s of an L that
-/// is 6 cm off. With this weight it is 0.2005 s. With 0, a straight stroke at an even speed has
-/// none, since its lag is an offset along it.
+/// Weight of the mean error, squared, against the variance about it. With 1, an L that is flown
+/// 6 cm beside its design with a lag of 0.2 s has one of 0.4 s, with this weight 0.2005 s. With 0,
+/// a straight stroke at an even speed has none, since its lag is an offset along it.
 const OFFSET_WEIGHT: f64 = 1e-3;
 
 /// The shift of the design within `range_s` that brings it closest to the flown positions, but for
 /// a constant offset: the shifted design at time t is the design at t − shift.
-///
-/// Of several that are as good, as with a design that does not move, the one nearest to zero.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,

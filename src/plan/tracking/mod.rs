@@ -4,15 +4,13 @@
 //!
 //! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of
 //! the design in time that brings it closest to the flight in the word's plane (x-z), but for a
-//! constant offset. The error after that shift, and the distance to the path, are visible in a
-//! photograph. This contour error is measured to the part of the path within half a
-//! second of the shifted time: a crossing stroke does not reduce it, and a flight ahead of its
-//! design is judged as one behind it.
+//! constant offset. The error after that shift, and the distance to the path (the contour error),
+//! are visible in a photograph.
 //!
 //! All samples have equal weight: a log whose rate varies is resampled when it is imported.
 //!
-//! Sources: RMSE as in Table 1 of the reference flight; lag, RMSE after lag and cross-track error
-//! as measured on it and on `NanoBench` (arXiv 2603.09908).
+//! Sources: Table 1 of the reference flight (RMSE), `NanoBench` (arXiv 2603.09908: lag, RMSE after
+//! lag and cross-track error).
 
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
@@ -40,7 +38,7 @@ pub const MAX_LAG_S: f64 = 1.5;
 
 /// The contour error is measured to the design from this long before to this long after the
 /// lag-shifted time. A shorter window counts lag at a corner as distance, a longer one finds a
-/// neighboring stroke: at 0.2 m/s it is 0.1 m of path either way, the gap between two letters.
+/// neighboring stroke: at 0.2 m/s it is 0.1 m of path to either side, the gap between two letters.
 const CONTOUR_WINDOW_S: f64 = 0.5;
 
 /// Largest error of the height, root mean square, of letters that read, in their cap heights: at 3
@@ -198,12 +196,13 @@ fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> Contour
         walk.distance_m(sample.position_m, around_s)
     }));
     distances_m.sort_unstable_by(f64::total_cmp);
+    // Means of the distances and of their squares.
     let n = distances_m.len();
-    let both: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
-    let both = both / n as f64;
+    let sums: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
+    let means = sums / n as f64;
     ContourError {
-        mean_m: both.x,
-        rms_m: both.y.sqrt(),
+        mean_m: means.x,
+        rms_m: means.y.sqrt(),
         p95_m: distances_m[(n * 95).div_ceil(100) - 1],
         max_m: distances_m[n - 1],
     }

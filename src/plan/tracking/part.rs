@@ -35,6 +35,7 @@ impl Part {
             let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
+        // The samples, with the problem and its remedy if there are none.
         let samples = &flight.samples;
         let (samples, actual, hint) = match self {
             Self::All => (samples.clone(), "no sample", "name a file that holds a flight"),
