@@ -20,7 +20,7 @@ const STEM: f64 = 1.8;
 /// height.
 const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 
-/// A straight move between two points of the font.
+/// A move between two points of the font.
 struct Chord {
     direction: Vec2,
     length: f64,

@@ -4,19 +4,15 @@ use std::collections::BTreeSet;
 
 use kurbo::{BezPath, PathEl, Point};
 
-use super::vector::{coordinates, pairs};
+use super::vector::{Lines, coordinates, pairs};
 
-/// Polylines along each subpath, no farther from the curve than `tolerance`. A closed one repeats
-/// its first point. `None` for more than `max_points`, or a point that is not finite.
-pub(super) fn polylines(
-    path: &BezPath,
-    tolerance: f64,
-    max_points: usize,
-) -> Option<Vec<Vec<Point>>> {
+/// Polylines along each subpath. A closed one repeats its first point. `None` for more than
+/// `max_points`, or a point that is not finite.
+pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     if !path.is_finite() {
         return None;
     }
-    let mut lines: Vec<Vec<Point>> = Vec::new();
+    let mut lines = Lines::new();
     let mut n_points = 0;
     kurbo::flatten(path, tolerance, |element| {
         n_points += 1;
@@ -44,11 +40,7 @@ pub(super) fn polylines(
 
 /// Polylines of a path with their points on a grid, except those of the path itself. Kurbo divides
 /// a curve by the platform's powers, whose last bits differ: a browser would have other strokes.
-pub(super) fn on_grid(
-    mut lines: Vec<Vec<Point>>,
-    path: &BezPath,
-    tolerance: f64,
-) -> Vec<Vec<[f64; 2]>> {
+pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<Vec<[f64; 2]>> {
     let ends = path.elements().iter().filter_map(PathEl::end_point);
     let exact: BTreeSet<[u64; 2]> = ends.map(bits).collect();
     let step = tolerance / 1024.0;

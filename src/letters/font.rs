@@ -23,7 +23,6 @@ const FONTS: [(&str, &str); 3] = [
 /// Largest stroke font that is read from a file.
 const STROKES: Limit = Limit { bytes: 4 << 20, what: "a stroke font", hint: SMALLER };
 
-/// Largest typeface that is read.
 #[cfg(not(target_family = "wasm"))]
 const TYPEFACE: Limit = Limit { bytes: 64 << 20, what: "a typeface", hint: SMALLER };
 

@@ -10,7 +10,6 @@ use super::options::LetterOptions;
 use super::shaping::{is_mark, visual_runs};
 use noctograph_core::error::Result;
 
-/// A font and its substitutes.
 pub(super) struct Fonts(Vec<Font>);
 
 /// A part of a line in one font, by its bytes.
@@ -22,7 +21,6 @@ impl Fonts {
         Ok(Self(names.map(|name| Font::open(name, options.trace)).collect::<Result<_>>()?))
     }
 
-    /// The font of the text.
     pub(super) fn main(&self) -> &Font {
         &self.0[0]
     }

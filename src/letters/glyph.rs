@@ -47,7 +47,7 @@ pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<Be
         }
         _ => return None,
     }
-    let path = BezPath::from_iter(elements.into_iter().map(of_kurbo));
+    let path = BezPath::from_iter(elements.into_iter().map(to_kurbo));
     let n = path.elements().len();
     ((1..=MAX_POINTS).contains(&n) && path.is_finite()).then_some(path)
 }
@@ -104,7 +104,7 @@ impl CharstringContext for Subroutines<'_> {
     }
 }
 
-fn of_kurbo(element: PathElement) -> PathEl {
+fn to_kurbo(element: PathElement) -> PathEl {
     match element {
         PathElement::MoveTo { x, y } => PathEl::MoveTo((x, y).into()),
         PathElement::LineTo { x, y } => PathEl::LineTo((x, y).into()),

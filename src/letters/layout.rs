@@ -16,8 +16,7 @@ use unicode_normalization::char::is_combining_mark;
 /// Longest text, in characters: an hour of flight at 14 s a letter.
 const MAX_LETTERS: usize = 256;
 
-/// Most characters of a font that a message lists.
-const LISTED: usize = 40;
+const MOST_LISTED: usize = 40;
 
 /// The font that writes most scripts in single lines.
 const SINGLE_LINE: &str = "simplex";
@@ -54,36 +53,31 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     // An exhausted budget makes characters missing: name the budget, not the character.
     fonts.check_work()?;
     let word = drawn?;
-    let fitted = options.canvas_m.and_then(|canvas_m| fitted(&word, &fonts, options, canvas_m));
-    Ok(fitted.unwrap_or_else(|| lay_out(&word, &fonts, options)))
+    Ok(match options.canvas_m {
+        Some(canvas_m) => fitted(&word, &fonts, options, canvas_m),
+        None => lay_out(&word, &fonts, options),
+    })
 }
 
-/// A text scaled to its canvas, with more lines if that keeps its letters larger. `None` if it
-/// keeps its size.
-fn fitted(
-    word: &str,
-    fonts: &Fonts,
-    options: &LetterOptions,
-    canvas_m: [f64; 2],
-) -> Option<Strokes> {
+/// A text scaled to its canvas, with more lines if that keeps its letters larger.
+fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]) -> Strokes {
     let most = match options.fit {
         Fitting::Shrink => 1.0,
         Fitting::Fill => f64::INFINITY,
     };
-    let scale = canvas_scale(&lay_out(word, fonts, options), canvas_m);
-    if scale >= most {
-        return None;
-    }
+    let (mut best, mut best_scale) = (String::new(), 0.0);
     // From few line breaks to many: more of them have to leave the letters larger.
-    let (mut best, mut best_scale) = (word.to_owned(), scale);
-    for breaks in 1..=word.matches(' ').count() {
+    for breaks in 0..=word.matches(' ').count() {
         let text = broken(word, breaks);
         let scale = canvas_scale(&lay_out(&text, fonts, options), canvas_m).min(most);
         if scale > best_scale {
             (best, best_scale) = (text, scale);
         }
+        if scale >= most {
+            break;
+        }
     }
-    Some(lay_out(&best, fonts, &options.scaled(best_scale)))
+    lay_out(&best, fonts, &options.scaled(best_scale))
 }
 
 /// A text with spaces as its only white space besides line ends.
@@ -108,8 +102,7 @@ pub fn plain(text: &str) -> String {
     plain
 }
 
-/// True for the format characters of Unicode 16 that change no letter's shape: the soft hyphen,
-/// spaces without width, marks and overrides of direction, the byte order mark, tags.
+/// True for the format characters of Unicode 16 that change no letter's shape.
 fn is_format(character: char) -> bool {
     matches!(character,
         '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}' | '\u{200e}' | '\u{200f}'
@@ -219,7 +212,7 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     };
     let characters = font.characters();
     let wanted = match characters.chars().count() {
-        ..=LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),
+        ..=MOST_LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),
         _ => format!("a letter of the font {}", font.name()),
     };
     Error::Letter { position, letter, wanted, hint }
@@ -241,7 +234,6 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
     Strokes::made(StrokesData { word, font, lost, glyphs, order, ..StrokesData::default() })
 }
 
-/// Lays out one line of a text by the alignment of the options.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
@@ -298,6 +290,7 @@ fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
     if is_shaped(line)
         && let Some(letters) = font.face.line(line, SPACE)
     {
+        // The line ends with its rightmost letter: marks may come after it.
         let (letters, size_m) = (letters.expect("the text is drawable"), options.cap_height_m);
         let ends = letters.iter().map(|(_, pen, shape)| pen + shape.ink()[2]);
         let end = ends.fold(0.0, f64::max);
@@ -328,7 +321,6 @@ fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
     Placed { character, shape: Some(shape), at_m, width_m, fit: Fit::Proportional }
 }
 
-/// Characters in boxes.
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let (width_m, step_m) = (options.box_width_m(), options.box_width_m() + options.box_gap_m());
     let cells = Vec::from_iter(line.chars().enumerate().map(|(index, character)| {

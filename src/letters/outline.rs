@@ -15,8 +15,7 @@ const STEPS: usize = 2;
 /// Most samples of an outline. A longer one is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. Edges are sorted into bins by height, so that a query tests few of them. Each
-/// test is a step of the budget.
+/// The filled area. Edges are sorted into bins by height, so that a query tests few of them.
 #[derive(Debug)]
 pub(super) struct Filled<'a> {
     budget: &'a Budget,

@@ -56,7 +56,6 @@ impl Shape {
         (0.5 * (left + right - width), width)
     }
 
-    /// Draws it into a cell.
     pub(super) fn glyph(&self, character: char, cell: Cell, fit: Fit) -> Glyph {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = cell;
         let y_m = |p: Point| baseline_m + p.y * cap_height_m;

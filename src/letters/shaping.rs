@@ -53,8 +53,7 @@ pub(super) enum Unset {
     Missing(usize),
     /// The rules of the face make more of the word from there on than the shaper's limits allow.
     Unshaped(usize),
-    /// The number of glyphs from there on that touch each other: as one outline they are too many
-    /// points.
+    /// The number of glyphs from there on that touch and are too many points as one outline.
     TooLarge(usize, usize),
 }
 

@@ -9,7 +9,6 @@ use noctograph_core::geometry::{arc_lengths, distance, simplify};
 /// Ladder of λ, from stiff to loose.
 const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 
-/// Most points of a line.
 pub(super) const MAX_POINTS: usize = 4000;
 
 /// A line smoothed: its ends stay, and no point moves by more than `error`. Points of the result

@@ -6,7 +6,7 @@
 use kurbo::{BezPath, PathEl, Point, Shape as _};
 
 use super::curves::{polylines, subpaths};
-use super::vector::{length, unit};
+use super::vector::{Lines, length, unit};
 
 /// Characters of straight strokes: of a face of outlines, none of them has a contour without area.
 /// In a script face the letters may be curves.
@@ -34,12 +34,8 @@ fn is_thin(contour: &BezPath) -> bool {
 }
 
 /// The strokes of a path, one for each contour. `None` for more than `max_points`.
-pub(super) fn strokes(
-    path: &BezPath,
-    tolerance: f64,
-    max_points: usize,
-) -> Option<Vec<Vec<Point>>> {
-    let mut strokes = Vec::new();
+pub(super) fn strokes(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
+    let mut strokes = Lines::new();
     let mut left = max_points;
     for contour in contours(path) {
         for mut line in polylines(&contour, tolerance, left)? {

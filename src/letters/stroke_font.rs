@@ -10,8 +10,7 @@
 //!   lit runs the pen moves in the dark. Points that turn by less than 60° are samples of a curve
 //!   ([`super::arcs`]), and a run too short to be seen, such as `5,1.005 5,0.995`, is a dot.
 //!   `Á = A ´` composes a character: the mark is centered over the base, a mark above it is raised
-//!   by the base's height over a small letter, and `dx,dy` moves it. Other letters with marks are
-//!   composed when they are written.
+//!   by the base's height over a small letter, and `dx,dy` moves it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -34,13 +33,16 @@ const MAX_POINTS: usize = 20_000;
 /// Most points of a font.
 const MAX_FONT_POINTS: usize = 1_000_000;
 
-/// Height of a small letter by that of a capital: marks are drawn for it.
+/// Height of a small letter, for which marks are drawn, by that of a capital.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
 /// Combining marks, and the signs of their shapes. A font has others by their code.
 const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{30a}\u{30b}\
     \u{30c}\u{327}\u{328}";
 const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
+
+/// The words of a line.
+type Words<'a> = std::iter::Peekable<std::str::SplitAsciiWhitespace<'a>>;
 
 #[derive(Debug)]
 pub(super) struct StrokeFont {
@@ -96,11 +98,7 @@ impl StrokeFont {
     }
 
     /// Reads a base, a mark, and how far the mark is moved.
-    fn parse_composed<'a>(
-        &self,
-        mut words: impl Iterator<Item = &'a str>,
-        units: f64,
-    ) -> Option<Shape> {
+    fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let base = self.letters.get(&parse_name(words.next()?)?)?;
         let mark = self.letters.get(&parse_name(words.next()?)?)?;
         let moved = words.next().map_or(Some(Point::ZERO), |word| parse_point(word, units))?;
@@ -110,16 +108,13 @@ impl StrokeFont {
     }
 
     /// Reads an advance, in a font that has them, and the runs.
-    fn parse_runs<'a>(
-        &self,
-        mut words: impl Iterator<Item = &'a str>,
-        units: f64,
-    ) -> Option<Shape> {
+    fn parse_runs(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
         let advance = match self.fit {
             Fit::Box => 1.0,
             Fit::Proportional => parse_number(words.next()?, units)?,
         };
         let mut runs: Vec<Run> = Vec::new();
+        // A sign begins a run, which has two points at least.
         for word in words {
             match word {
                 "+" | "-" => runs.push(Run { lit: word == "+", points: Vec::new() }),

@@ -25,7 +25,7 @@ use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{MAX_POINTS, Placed, Unset, shaped};
 use super::stored;
-use super::vector::{length, pairs, point};
+use super::vector::{Lines, length, pairs, point};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
 
@@ -108,7 +108,7 @@ impl Typeface {
         Ok(typeface)
     }
 
-    /// The outline of a capital, or the first one of a face without capitals, such as one of emoji.
+    /// The outline of a capital, or of any character in a face without letters, such as emoji.
     fn known_outline(&self) -> Option<BezPath> {
         let mut known = CAPITALS.chars().chain(self.characters().take(SEARCHED));
         known.find_map(|character| self.outline(character))
@@ -161,6 +161,7 @@ impl Typeface {
             let bounds = outline(&self.face, placed.glyph, &self.traced().budget)?.control_box();
             Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
         }));
+        // Boxes from left to right, so that only the last group can touch the next one.
         boxes.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
         let mut groups: Vec<Vec<Placed>> = Vec::new();
         let mut end = f64::NEG_INFINITY;
@@ -225,7 +226,7 @@ impl Typeface {
     }
 
     /// The lines along glyphs, and the length of a stroke that they lost.
-    fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Vec<Vec<Point>>, f64)> {
+    fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Lines, f64)> {
         let contours = self.contours(parts, budget)?;
         let center = match self.trace {
             Trace::CenterLine => Some(center_lines(&contours, budget)),
@@ -332,7 +333,7 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
 
 /// Lines in the order of handwriting: from the upper left, each next the nearest, from its upper
 /// left end.
-fn in_reading_order(mut lines: Vec<Vec<Point>>) -> Vec<Vec<Point>> {
+fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
         let [first, last] = [line[0], line[line.len() - 1]].map(|p| p.x - 2.0 * p.y);
         if last < first {
@@ -340,7 +341,7 @@ fn in_reading_order(mut lines: Vec<Vec<Point>>) -> Vec<Vec<Point>> {
         }
     }
     // Greedily the nearest one, from the upper left of a capital on.
-    let mut ordered: Vec<Vec<Point>> = Vec::new();
+    let mut ordered = Lines::new();
     let mut pen = Point::new(0.0, 1.0);
     while !lines.is_empty() {
         let next = (0..lines.len()).min_by(|a, b| {

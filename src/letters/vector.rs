@@ -3,6 +3,9 @@
 use kurbo::{Point, Vec2};
 use noctograph_core::geometry::distance;
 
+/// Polylines.
+pub(super) type Lines = Vec<Vec<Point>>;
+
 /// Length of a vector by libm, as that of [`distance`]: kurbo rounds differently.
 pub(super) fn length(vector: Vec2) -> f64 {
     libm::hypot(vector.x, vector.y)
@@ -23,7 +26,7 @@ pub(super) fn coordinates(point: Point) -> [f64; 2] {
 }
 
 /// The coordinates of lines.
-pub(super) fn pairs(lines: Vec<Vec<Point>>) -> Vec<Vec<[f64; 2]>> {
+pub(super) fn pairs(lines: Lines) -> Vec<Vec<[f64; 2]>> {
     lines.into_iter().map(|line| line.into_iter().map(coordinates).collect()).collect()
 }
 

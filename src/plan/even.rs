@@ -98,7 +98,6 @@ pub(super) fn plan(
     Ok(course.sampled())
 }
 
-/// A flight under construction.
 struct Course<'a> {
     options: &'a PlanOptions,
     style: &'a EvenStyle,
@@ -181,7 +180,6 @@ impl Course<'_> {
         if stroke.is_loop() && stroke.length_m() > 3.0 * lead_m { lead_m } else { 0.0 }
     }
 
-    /// A transit to a state.
     fn go(&mut self, letter: Option<usize>, to: &State) -> Result<()> {
         self.go_by(self.style, letter, to)
     }
@@ -202,7 +200,6 @@ impl Course<'_> {
         self.push(letter, Path::Dark(transit), duration_s)
     }
 
-    /// Adds a segment to the course.
     fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) -> Result<()> {
         let lasts_s = (lasts_s / RING_TICK_S - 1e-6).ceil() * RING_TICK_S;
         self.state = path.state_at(lasts_s);
@@ -231,8 +228,8 @@ impl Course<'_> {
         times_s.dedup_by(|later, earlier| *later - *earlier < 1e-4);
         let mut plan = PlanData::with_channels(&self.options.lights);
         // The last setpoint ends the flight: it is dark, and of no letter.
-        let untils_s = times_s.iter().skip(1).copied().map(Some).chain([None]);
-        for (time_s, until_s) in times_s.iter().copied().zip(untils_s) {
+        let later_s = times_s.iter().skip(1).copied().map(Some).chain([None]);
+        for (time_s, next_s) in times_s.iter().copied().zip(later_s) {
             let begun = self.segments.partition_point(|begun| begun.start_s <= time_s + 1e-6);
             let segment = &self.segments[begun.max(1) - 1];
             let State { position_m, velocity_m_s, acceleration_m_s2 } =
@@ -242,16 +239,16 @@ impl Course<'_> {
                 position_m: world(position_m),
                 velocity_m_s: world(velocity_m_s),
                 acceleration_m_s2: world(acceleration_m_s2),
-                letter: segment.letter.filter(|_| until_s.is_some()),
+                letter: segment.letter.filter(|_| next_s.is_some()),
             };
-            let level = until_s.map_or(0.0, |until_s| self.level(segment, time_s, until_s));
+            let level = next_s.map_or(0.0, |next_s| self.level(segment, time_s, next_s));
             plan.push(setpoint, level);
         }
         Plan::made(plan)
     }
 
     /// Light level from a setpoint to the next: the mean speed over the nominal one.
-    fn level(&self, segment: &Segment, from_s: f64, until_s: f64) -> f64 {
+    fn level(&self, segment: &Segment, from_s: f64, next_s: f64) -> f64 {
         let motion = match &segment.path {
             Path::Lit(motion) => motion,
             Path::Dot(_) => return 1.0,
@@ -262,7 +259,7 @@ impl Course<'_> {
         }
         // Midpoint rule with four points.
         let speeds = [1.0, 3.0, 5.0, 7.0].map(|eighth| {
-            let time_s = from_s + (until_s - from_s) * eighth / 8.0 - segment.start_s;
+            let time_s = from_s + (next_s - from_s) * eighth / 8.0 - segment.start_s;
             motion.state_at(time_s).velocity_m_s.norm()
         });
         let level = speeds.iter().sum::<f64>() / 4.0 / self.options.stroke_speed_m_s;

@@ -81,7 +81,6 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
 
 /// The parts of all drones, with their possible and their assigned routes.
 struct Assignment {
-    homes_m: Vec<f64>,
     routes: Vec<Vec<Route>>,
     starts: Vec<Start>,
     /// Step at which the last drone ends.
@@ -107,29 +106,28 @@ impl Assignment {
         // All routes are planned before the drones are assigned, to be compared step by step.
         let homes_m = homes_x_m(&parts);
         let mut routes: Vec<Vec<Route>> = Vec::new();
-        for (part, home_m) in parts.into_iter().zip(&homes_m) {
+        for (part, home_m) in parts.into_iter().zip(homes_m) {
             let orders = match is_kept(strokes, style) {
                 true => vec![part],
                 false => orders(&part, options, style),
             };
             let planned = orders.into_iter().map(|strokes| {
-                let track = Track::new(&even::plan(&strokes, options, style, Some(*home_m))?);
-                Ok(Route { strokes, track })
+                let track = Track::new(&even::plan(&strokes, options, style, Some(home_m))?);
+                Ok(Route { strokes, home_m, track })
             });
             routes.push(planned.collect::<Result<_>>()?);
         }
         let starts = starts(&routes);
-        Ok(starts.map(|(end, starts)| Self { homes_m, routes, starts, end }))
+        Ok(starts.map(|(end, starts)| Self { routes, starts, end }))
     }
 
     fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
-        let drones = self.routes.iter().zip(&self.starts).zip(&self.homes_m);
-        // The delay of the start becomes a longer wait on the floor.
-        let plans = drones.map(|((routes, start), home_m)| {
+        let plans = self.routes.iter().zip(&self.starts).map(|(routes, start)| {
+            // The delay of the start becomes a longer wait on the floor.
             let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
             let later = PlanOptions { floor_wait_s, ..options.clone() };
-            let plan = even::plan(&routes[start.route].strokes, &later, style, Some(*home_m))?;
-            Ok(adjusted(plan, options))
+            let Route { strokes, home_m, .. } = &routes[start.route];
+            Ok(adjusted(even::plan(strokes, &later, style, Some(*home_m))?, options))
         });
         plans.collect()
     }
@@ -138,6 +136,7 @@ impl Assignment {
 /// An order of a drone's strokes, as it is flown.
 struct Route {
     strokes: Vec<PenStroke>,
+    home_m: f64,
     track: Track,
 }
 

@@ -100,7 +100,6 @@ impl Motion {
         Self { from_s: self.from_s + time_s, ..self }
     }
 
-    /// The state `time_s` after its beginning.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
         // The middle of the averages, in the time of the pen.

@@ -24,7 +24,6 @@ pub(super) fn dot_s(speed_m_s: f64) -> f64 {
     DOT_LIGHT_M / speed_m_s
 }
 
-/// One run of light.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PenStroke {
     /// Index of its letter.

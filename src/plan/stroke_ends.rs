@@ -68,7 +68,6 @@ impl Edge {
     }
 }
 
-/// A flight aligned with its design.
 pub(super) struct Aligned<'a> {
     samples: &'a [FlightSample],
     pub(super) lag_s: f64,

@@ -13,7 +13,6 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 use noctograph_core::geometry::distance;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Plans the flight that writes `strokes`.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
     // Refused before any of it is planned.
     let duration_s = longest_duration_s(strokes, options, style);
@@ -53,7 +52,6 @@ fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyl
     (strokes_m + paths_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
 }
 
-/// A plan under construction.
 struct Script<'a> {
     options: &'a PlanOptions,
     style: &'a TeamStyle,
@@ -118,11 +116,11 @@ impl Script<'_> {
     /// Setpoints from now until `duration_s` is over.
     fn segment(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
         let start_s = self.time_s;
-        let sinces_s = (0..).map(|n| f64::from(n) * self.options.setpoint_interval_s);
+        let offsets_s = (0..).map(|n| f64::from(n) * self.options.setpoint_interval_s);
         // A setpoint just before the end would only repeat the first one of the next segment.
-        for since_s in sinces_s.take_while(|since_s| *since_s < duration_s - 1e-6) {
-            self.time_s = start_s + since_s;
-            self.send(from + velocity * since_s, velocity, lit);
+        for offset_s in offsets_s.take_while(|offset_s| *offset_s < duration_s - 1e-6) {
+            self.time_s = start_s + offset_s;
+            self.send(from + velocity * offset_s, velocity, lit);
         }
         self.time_s = start_s + duration_s;
     }

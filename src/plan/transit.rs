@@ -78,7 +78,6 @@ impl Transit {
         self.trajectory.get_duration()
     }
 
-    /// The state `time_s` after the beginning.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());

@@ -149,7 +149,6 @@ impl Walk<'_> {
 }
 
 impl DesignPath {
-    /// Where a segment ends.
     fn end_m(&self, index: usize) -> Vector3<f64> {
         let end_s = self.corners.get(index + 1).map_or(f64::INFINITY, |end| end.time_s);
         self.on_segment(index, end_s)
