@@ -1,7 +1,7 @@
 //! Fonts: the font of a text, and its substitutes for letters that it lacks.
 //!
-//! A line is cut into parts of one font, which are put in visual order (Unicode Standard Annex 9): a
-//! name in Hebrew within a line of Latin letters runs from right to left in its place.
+//! A line is cut into parts of one font, which are put in visual order (Unicode Standard Annex 9):
+//! a name in Hebrew within a line of Latin letters runs from right to left in its place.
 
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! Stored strokes: faces for plotters and engravers, whose contours are strokes, not outlines.
 //!
 //! TrueType has only closed contours. A single stroke is stored as an open line, which the format
-//! closes by a straight edge, or as a line there and back again. It is drawn once, without the edge.
+//! closes by a straight edge, or as a line there and back again. It is drawn once.
 
 use kurbo::{BezPath, PathEl, Point, Shape as _};
 

@@ -114,7 +114,7 @@ impl Typeface {
         known.find_map(|character| self.outline(character))
     }
 
-    /// Half the width of the strokes in cap heights, after true if it is that of known letters.
+    /// Half the width of the strokes in cap heights, and true if it is that of known letters.
     fn stem_half_width(&self) -> Result<Option<(bool, f64)>> {
         let budget = &self.traced().budget;
         let stems = STEMS.chars().map(|c| (true, c));

@@ -21,8 +21,8 @@ const LEVEL_STEPS: f64 = 50.0;
 const LEAST_LEVEL: f64 = 0.04;
 /// Height above its home up to which one of several drones climbs first.
 const OVER_HOME_M: f64 = 0.3;
-/// Take-off acceleration as a fraction of that of other transits. A climb that saturates the motors winds up
-/// the integrators of a PID controller, and the first letter is written too high.
+/// Take-off acceleration as a fraction of that of other transits. A climb that saturates the motors
+/// winds up the integrators of a PID controller, and the first letter is written too high.
 const TAKE_OFF_FRACTION: f64 = 0.5;
 /// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
 const RUN_IN_S: f64 = 0.3;

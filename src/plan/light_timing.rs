@@ -3,8 +3,7 @@
 //! Product in: a [`Plan`], a flight of it (rehearsed or real), and the delays of the lamp. Products
 //! out: the plan with its commands moved, and the errors left at each stroke's end. For each edge
 //! of the design's light, the flight gives the time when the drone passed its position. The light
-//! changes at the nearest tick of the lamps' timer, and the command arrives in the middle between
-//! two ticks.
+//! changes at the nearest tick of the lamps' timer.
 
 use super::lamp::LampTiming;
 use super::light_letters::drawn;

@@ -54,8 +54,8 @@ pub(super) struct Edge {
 }
 
 impl Edge {
-    /// A stroke begins with its first setpoint. It ends with the setpoint before the first dark one,
-    /// which may go elsewhere or be elsewhere already.
+    /// A stroke begins with its first setpoint. It ends with the setpoint before the first dark
+    /// one, which may go elsewhere or be elsewhere already.
     pub(super) fn new(plan: &Plan, row: usize, on: bool) -> Self {
         let time_s = plan.setpoints[row].time_s;
         let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];

@@ -1,4 +1,4 @@
-//! Transits: the fastest dark path between two states within limits of speed, acceleration and jerk.
+//! Transits: the fastest paths in the dark within limits of speed, acceleration and jerk.
 //!
 //! Time-optimal per axis and synchronized, by Ruckig (Berscheid and Kröger, RSS 2021). The axes lie
 //! along the path and across it. An angle each divides the limits of speed and of acceleration

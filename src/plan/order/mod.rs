@@ -230,7 +230,7 @@ impl Tour<'_> {
         };
         let between: Vec<Vec<f64>> =
             visits.par_iter().map(|a| visits.iter().map(|b| between_s(a, b)).collect()).collect();
-        // Of each set of strokes (a bit each) and last visit: the least time, and the visit before.
+        // For each set of strokes (a bit each) and last visit: the least time, the visit before.
         let mut best = vec![(f64::INFINITY, usize::MAX); (full + 1) * n];
         for (last, visit) in visits.iter().enumerate() {
             best[(1 << visit.0) * n + last] = (self.between_s(None, Some(*visit)), usize::MAX);
@@ -270,7 +270,7 @@ impl Tour<'_> {
 
     /// The best directions for an order: a shortest path through layers of ways (Viterbi 1967).
     fn best_ways(&self, visits: &[Visit]) -> Vec<Visit> {
-        // Of each stroke and way: the least time so far, and the way of the stroke before.
+        // For each stroke and way: the least time so far, and the way of the stroke before.
         let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(visits.len());
         for (index, (stroke, _)) in visits.iter().enumerate() {
             let ways = 0..self.ways[*stroke].len();

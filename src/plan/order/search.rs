@@ -98,7 +98,7 @@ impl Tour<'_> {
     /// 2-opt: reverses the run that brings the strokes at `i` and `j` side by side.
     fn reverse_between(&self, visits: &mut [Visit], i: usize, j: usize) -> Option<Range<usize>> {
         let (low, high) = (i.min(j), i.max(j));
-        // Candidate runs: from after `low` to `high`, from `low` to before `high`, or both included.
+        // Candidate runs: after `low` to `high`, `low` to before `high`, or both included.
         let runs = [(low + 1, high), (low, high - 1), (low, high)];
         runs.into_iter().find_map(|(first, last)| {
             if first > last {

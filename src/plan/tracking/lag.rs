@@ -61,8 +61,8 @@ pub fn minimize(
     let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.abs().total_cmp(&b.1.abs())));
     let (_, best) = best.expect("a grid has a point");
 
-    // Between its neighbors, two inner points a and b. The part beyond the worse one is dropped, and
-    // the better one is an inner point of the rest.
+    // Between its neighbors, two inner points a and b. The part beyond the worse one is dropped,
+    // and the better one is an inner point of the rest.
     let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
     let golden = 0.5 * (f64::sqrt(5.0) - 1.0);
     let reach = golden * (right - left);
