@@ -1,11 +1,11 @@
 //! Arcs: the curve behind the sampled points of a stroke font.
 //!
-//! A font of straight moves shows its corners where it is written large. Between corners, a vertex
-//! has the tangent of the circle through it and its neighbors, and two vertices are joined by a
-//! cubic with these tangents (Hermite), cut into short moves.
+//! Between corners, a vertex has the tangent of the circle through it and its neighbors, and two
+//! vertices are joined by a cubic with these tangents (Hermite), cut into short moves.
 
-use super::vector::{ahead, counts, direction, dot, legs};
-use noctograph_core::geometry::distance;
+use kurbo::{Point, Vec2};
+
+use super::vector::{counts, length, unit};
 
 /// Cosine of the turn from which a vertex is a corner. The curves of the Hershey fonts turn by up
 /// to 53° at a vertex (s), their corners by 63° (?) and more.
@@ -20,63 +20,79 @@ const STEM: f64 = 1.8;
 /// height.
 const STEP_RAD: f64 = 7.5 * std::f64::consts::PI / 180.0;
 
-/// A run of points with its curves; a closed one stays closed, and all its points stay on it.
-pub(super) fn rounded(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+/// A move between two points of the font.
+struct Chord {
+    direction: Vec2,
+    length: f64,
+    /// The moves before and after it.
+    neighbors: [Option<usize>; 2],
+}
+
+/// A run of points with its curves through all of them. A closed run stays closed.
+pub(super) fn rounded(points: &[Point]) -> Vec<Point> {
     let (n, closed) = (points.len() - 1, points[0] == points[points.len() - 1]);
-    let along: Vec<[f64; 2]> = legs(points).map(|[from, to]| direction(from, to)).collect();
-    let lengths: Vec<f64> = legs(points).map(|[from, to]| distance(from, to)).collect();
-    if n < 2 || lengths.contains(&0.0) {
+    let chords = Vec::from_iter((0..n).map(|index| {
+        let along = points[index + 1] - points[index];
+        let before = (index > 0 || closed).then_some((index + n - 1) % n);
+        let after = (index + 1 < n || closed).then_some((index + 1) % n);
+        Chord { direction: unit(along), length: length(along), neighbors: [before, after] }
+    }));
+    if n < 2 || chords.iter().any(|chord| chord.length == 0.0) {
         return points.to_vec();
     }
-    let neighbors = Vec::from_iter((0..n).map(|leg| {
-        let before = (leg > 0 || closed).then_some((leg + n - 1) % n);
-        [before, (leg + 1 < n || closed).then_some((leg + 1) % n)]
+    let is_stem = Vec::from_iter(chords.iter().map(|chord| {
+        let beside = chord.neighbors.into_iter().flatten().map(|index| chords[index].length);
+        chord.length >= LONG && chord.length >= STEM * beside.fold(f64::INFINITY, f64::min)
     }));
-    let stems = Vec::from_iter((0..n).map(|leg| {
-        let beside = neighbors[leg].into_iter().flatten().map(|leg| lengths[leg]);
-        lengths[leg] >= LONG && lengths[leg] >= STEM * beside.fold(f64::INFINITY, f64::min)
-    }));
-    // The tangent at the end of a leg; `None` at a corner, or where the run ends.
-    let tangents = Vec::from_iter((0..n).map(|leg| {
-        let next = neighbors[leg][1]?;
-        let corner = dot(along[leg], along[next]) <= CORNER_COS
-            || (lengths[leg] >= LONG && lengths[next] >= LONG);
-        match (stems[leg], stems[next]) {
-            _ if corner => None,
-            (true, true) => None,
-            (true, false) => Some(along[leg]),
-            (false, true) => Some(along[next]),
-            (false, false) => {
-                let sum = ahead([0.0; 2], along[leg], lengths[next]);
-                Some(direction([0.0; 2], ahead(sum, along[next], lengths[leg])))
-            }
-        }
-    }));
+    let tangents = Vec::from_iter((0..n).map(|index| tangent(index, &chords, &is_stem)));
     let mut curve = vec![points[0]];
-    for leg in 0..n {
-        let (from, to, chord) = (points[leg], points[leg + 1], along[leg]);
-        // An arc of a circle begins as it ends, mirrored at its chord.
-        let (begin, end) = (neighbors[leg][0].and_then(|leg| tangents[leg]), tangents[leg]);
-        let [mirrored_begin, mirrored_end] = [begin, end]
-            .map(|tangent| tangent.map(|t| ahead(t.map(|x| -x), chord, 2.0 * dot(t, chord))));
-        let ends = begin.or(mirrored_end).zip(end.or(mirrored_begin));
-        if let Some((begin, end)) = ends.filter(|_| !stems[leg]) {
-            let halves = [begin, end].map(|t| libm::acos(dot(t, chord).clamp(-1.0, 1.0)));
-            let turn = halves[0] + halves[1];
-            let pieces = (turn / STEP_RAD - 1e-6).ceil();
-            // With tangents of this length its middle is that of an arc.
-            let reach = lengths[leg] / libm::pow(libm::cos(0.25 * turn), 2.0);
-            for t in counts(pieces).skip(1).map(|k| k / pieces) {
-                let (rise, from_rise, to_rise) =
-                    (t * t * (3.0 - 2.0 * t), t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0));
-                let point = ahead(from, chord, rise * lengths[leg]);
-                let point = ahead(point, begin, from_rise * reach);
-                curve.push(ahead(point, end, to_rise * reach));
-            }
+    for (index, chord) in chords.iter().enumerate() {
+        // A corner gets the tangent of the other end, mirrored at the chord: a circular arc.
+        let begin = chord.neighbors[0].and_then(|before| tangents[before]);
+        let end = tangents[index];
+        let mirrored = [begin, end]
+            .map(|tangent| tangent.map(|t| -t + chord.direction * (2.0 * t.dot(chord.direction))));
+        let ends = begin.or(mirrored[1]).zip(end.or(mirrored[0]));
+        if let Some(ends) = ends.filter(|_| !is_stem[index]) {
+            add_arc(&mut curve, chord, ends);
         }
-        curve.push(to);
+        curve.push(points[index + 1]);
     }
     curve
+}
+
+/// The tangent at the end of a chord. `None` at a corner and at the end of the run.
+fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
+    let (chord, after) = (&chords[index], chords[index].neighbors[1]?);
+    let next = &chords[after];
+    let is_corner = chord.direction.dot(next.direction) <= CORNER_COS
+        || (chord.length >= LONG && next.length >= LONG);
+    match (is_stem[index], is_stem[after]) {
+        _ if is_corner => None,
+        (true, true) => None,
+        // A curve begins and ends along a stem.
+        (true, false) => Some(chord.direction),
+        (false, true) => Some(next.direction),
+        // The circle through three points: each direction weighs as the length of the other chord.
+        (false, false) => Some(unit(chord.direction * next.length + next.direction * chord.length)),
+    }
+}
+
+/// Adds the points within the cubic along a chord, given the tangents at its ends.
+fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
+    let from = curve[curve.len() - 1];
+    let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));
+    let turn = turns[0] + turns[1];
+    let n_pieces = (turn / STEP_RAD - 1e-6).ceil();
+    // Tangents of this length give the cubic the middle of an arc.
+    let reach = chord.length / libm::pow(libm::cos(0.25 * turn), 2.0);
+    for t in counts(n_pieces).skip(1).map(|k| k / n_pieces) {
+        // The Hermite basis: h01 of the end, h10 and h11 of the tangents.
+        let (h01, h10, h11) =
+            (t * t * (3.0 - 2.0 * t), t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0));
+        let on_chord = from + chord.direction * (h01 * chord.length);
+        curve.push(on_chord + begin * (h10 * reach) + end * (h11 * reach));
+    }
 }
 
 #[cfg(test)]
@@ -87,11 +103,11 @@ mod tests {
     fn points_on_a_circle_become_the_circle() {
         let run = Vec::from_iter((0..=12).map(|k: i32| {
             let (sin, cos) = libm::sincos(f64::from(k % 12) * std::f64::consts::TAU / 12.0);
-            [0.4 * cos, 0.4 * sin]
+            Point::new(0.4 * cos, 0.4 * sin)
         }));
         let curve = rounded(&run);
         assert_eq!((curve[0], curve.len()), (curve[curve.len() - 1], 12 * 4 + 1), "closed");
-        let radial_error = |p: &[f64; 2]| (libm::hypot(p[0], p[1]) - 0.4).abs();
+        let radial_error = |p: &Point| (length(p.to_vec2()) - 0.4).abs();
         assert!(curve.iter().map(radial_error).fold(0.0, f64::max) < 1e-5, "0.01 mm a meter");
         // Four of its points are an arc: an open end goes on as the curve does.
         assert!(rounded(&run[..4]).iter().map(radial_error).fold(0.0, f64::max) < 1e-5);
@@ -99,17 +115,18 @@ mod tests {
 
     #[test]
     fn corners_stems_and_dots_stay() {
-        let seven = [[0.7, 1.0], [0.2, 0.0], [0.9, 0.0]];
+        let seven = [(0.7, 1.0), (0.2, 0.0), (0.9, 0.0)].map(Point::from);
         assert_eq!(rounded(&seven), seven, "a corner");
-        let y = [[0.0, 1.0], [0.38, 0.52], [0.38, 0.0]];
+        let y = [(0.0, 1.0), (0.38, 0.52), (0.38, 0.0)].map(Point::from);
         assert_eq!(rounded(&y), y, "a bend of two long strokes");
-        let dot = [[0.1, 0.01], [0.1, 0.0]];
+        let dot = [(0.1, 0.01), (0.1, 0.0)].map(Point::from);
         assert_eq!(rounded(&dot), dot);
         // J: a straight stem, then a hook.
-        let j = [[0.57, 1.0], [0.57, 0.24], [0.52, 0.1], [0.48, 0.05], [0.38, 0.0]];
+        let j =
+            [(0.57, 1.0), (0.57, 0.24), (0.52, 0.1), (0.48, 0.05), (0.38, 0.0)].map(Point::from);
         let curve = rounded(&j);
         assert_eq!(curve[..2], j[..2], "the stem");
-        assert!(curve.len() > j.len() + 3 && curve[2][0] > 0.565, "tangent to it: {curve:?}");
+        assert!(curve.len() > j.len() + 3 && curve[2].x > 0.565, "tangent to it: {curve:?}");
         assert!(j.iter().all(|point| curve.contains(point)), "through all points");
     }
 }

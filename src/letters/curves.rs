@@ -4,17 +4,15 @@ use std::collections::BTreeSet;
 
 use kurbo::{BezPath, PathEl, Point};
 
-/// Polylines along each subpath, no farther from the curve than `tolerance`; a closed one repeats
-/// its first point. `None` for more than `max_points`, or a point that is not finite.
-pub(super) fn polylines(
-    path: &BezPath,
-    tolerance: f64,
-    max_points: usize,
-) -> Option<Vec<Vec<[f64; 2]>>> {
+use super::vector::{Lines, coordinates, pairs};
+
+/// Polylines along each subpath. A closed one repeats its first point. `None` for more than
+/// `max_points`, or a point that is not finite.
+pub(super) fn polylines(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     if !path.is_finite() {
         return None;
     }
-    let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
+    let mut lines = Lines::new();
     let mut n_points = 0;
     kurbo::flatten(path, tolerance, |element| {
         n_points += 1;
@@ -22,16 +20,16 @@ pub(super) fn polylines(
             return;
         }
         match element {
-            PathEl::MoveTo(p) => lines.push(vec![[p.x, p.y]]),
-            PathEl::LineTo(p) => lines.last_mut().expect("a path moves first").push([p.x, p.y]),
+            PathEl::MoveTo(point) => lines.push(vec![point]),
+            PathEl::LineTo(point) => lines.last_mut().expect("a path moves first").push(point),
             PathEl::ClosePath => {
                 let line = lines.last_mut().expect("a path moves first");
-                if line[line.len() - 1] != line[0] {
-                    line.push(line[0]);
+                let first = line[0];
+                if line[line.len() - 1] != first {
+                    line.push(first);
                 }
                 // Without a move the next subpath begins where the closed one began.
-                let again = vec![line[0]];
-                lines.push(again);
+                lines.push(vec![first]);
             }
             PathEl::QuadTo(..) | PathEl::CurveTo(..) => unreachable!("flattened"),
         }
@@ -40,31 +38,30 @@ pub(super) fn polylines(
     (n_points <= max_points).then_some(lines)
 }
 
-/// Polylines of a path with their points on a grid of a thousandth of the tolerance, but for those
-/// of the path itself. Kurbo divides a curve by powers of the platform, whose last bits differ: a
-/// drawing has the same strokes in a browser.
-pub(super) fn on_grid(
-    mut lines: Vec<Vec<[f64; 2]>>,
-    path: &BezPath,
-    tolerance: f64,
-) -> Vec<Vec<[f64; 2]>> {
-    let bits = |point: [f64; 2]| point.map(f64::to_bits);
+/// Polylines of a path with their points on a grid, except those of the path itself. Kurbo divides
+/// a curve by the platform's powers, whose last bits differ: a browser would have other strokes.
+pub(super) fn on_grid(mut lines: Lines, path: &BezPath, tolerance: f64) -> Vec<Vec<[f64; 2]>> {
     let ends = path.elements().iter().filter_map(PathEl::end_point);
-    let own: BTreeSet<[u64; 2]> = ends.map(|end| bits([end.x, end.y])).collect();
+    let exact: BTreeSet<[u64; 2]> = ends.map(bits).collect();
     let step = tolerance / 1024.0;
-    for point in lines.iter_mut().flatten().filter(|point| !own.contains(&bits(**point))) {
-        *point = point.map(|value| (value / step).round() * step);
+    for point in lines.iter_mut().flatten().filter(|point| !exact.contains(&bits(**point))) {
+        let [x, y] = coordinates(*point).map(|value| (value / step).round() * step);
+        *point = Point::new(x, y);
     }
-    lines
+    pairs(lines)
 }
 
-/// The subpaths of a path: where each begins, and its other elements. After one that is closed the
-/// next begins at the same place.
+fn bits(point: Point) -> [u64; 2] {
+    coordinates(point).map(f64::to_bits)
+}
+
+/// The subpaths of a path: the point where each begins, and its other elements. After a closed one
+/// the next begins at the same point.
 pub(super) fn subpaths(path: &BezPath) -> Vec<(Point, Vec<PathEl>)> {
     let mut subpaths: Vec<(Point, Vec<PathEl>)> = Vec::new();
     for element in path.elements() {
         match (*element, subpaths.last_mut()) {
-            (PathEl::MoveTo(p), _) => subpaths.push((p, Vec::new())),
+            (PathEl::MoveTo(point), _) => subpaths.push((point, Vec::new())),
             (element, Some((first, elements))) if elements.last() == Some(&PathEl::ClosePath) => {
                 let first = *first;
                 subpaths.push((first, vec![element]));
@@ -87,8 +84,7 @@ mod tests {
         let lines = polylines(&circle, 1e-3, 1000).unwrap();
         assert_eq!((lines.len(), lines[0][0]), (1, lines[0][lines[0].len() - 1]));
         for leg in lines[0].windows(2) {
-            let middle = [0, 1].map(|i| 0.5 * (leg[0][i] + leg[1][i]));
-            let error = 3.0 - libm::hypot(middle[0] - 1.0, middle[1] - 2.0);
+            let error = 3.0 - leg[0].midpoint(leg[1]).distance((1.0, 2.0).into());
             assert!(error.abs() <= 1.1e-3, "{error}");
         }
         assert!(polylines(&circle, 1e-3, 10).is_none(), "too many points");
@@ -100,12 +96,11 @@ mod tests {
         let lines = polylines(&path, 1e-3, 1000).unwrap();
         // The last bit of a point on the curve, as another platform has it.
         let mut other = lines.clone();
-        other[0][5][0] = f64::from_bits(other[0][5][0].to_bits() + 1);
+        other[0][5].x = other[0][5].x.next_up();
         assert_ne!(lines, other);
         let [here, there] = [lines.clone(), other].map(|lines| on_grid(lines, &path, 1e-3));
         assert_eq!(here, there);
-        let moved =
-            lines[0].iter().zip(&here[0]).map(|(a, b)| libm::hypot(a[0] - b[0], a[1] - b[1]));
+        let moved = lines[0].iter().zip(&here[0]).map(|(a, b)| a.distance(Point::new(b[0], b[1])));
         assert!(moved.fold(0.0, f64::max) <= 1e-6, "a thousandth of the tolerance");
         assert_eq!([here[0][0], here[0][1]], [[0.1, 0.0], [0.3, 0.7]]);
         assert_eq!(here[0][here[0].len() - 1], [5.5, 0.9]);
@@ -116,7 +111,7 @@ mod tests {
         let path = BezPath::from_svg("M0,0 L1,0 L1,1 Z L0,5").unwrap();
         let lines = polylines(&path, 0.1, 100).unwrap();
         assert_eq!(
-            lines,
+            pairs(lines),
             [vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0]], vec![[0.0, 0.0], [0.0, 5.0]]]
         );
     }

@@ -18,7 +18,7 @@ pub(super) trait Face {
     /// Its characters, in the order of their codes.
     fn characters(&self) -> Box<dyn Iterator<Item = char> + '_>;
 
-    /// A character's strokes; `None` where it is missing.
+    /// A character's strokes, if the font has it.
     fn shape(&self, character: char) -> Option<Arc<Shape>>;
 
     fn has(&self, character: char) -> bool {
@@ -29,13 +29,13 @@ pub(super) trait Face {
         Fit::Proportional
     }
 
-    /// A letter with one more combining mark; `None` for a font that has no such mark, or shapes
-    /// them itself.
+    /// A letter with one more combining mark. `None` for a font without this mark, or one that
+    /// shapes marks itself.
     fn marked(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
         None
     }
 
-    /// A line of letters that are shaped, from left to right; `None` for a font that shapes none.
+    /// A line of letters that are shaped, from left to right. `None` for a font that shapes none.
     fn line(&self, _line: &str, _space: f64) -> Option<Line> {
         None
     }

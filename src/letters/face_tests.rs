@@ -22,7 +22,7 @@ pub(super) fn face_of(tables: &[(&[u8; 4], Vec<u8>)]) -> Vec<u8> {
     file
 }
 
-/// A face of 1000 units of these glyphs, from 1 on, each of a character or none; with their advance
+/// A face of 1000 units of these glyphs, from 1 on, each of a character or none, with their advance
 /// and tables of rules.
 pub(super) fn face(
     glyphs: &[(Option<char>, Contours<'_>)],

@@ -23,13 +23,12 @@ const FONTS: [(&str, &str); 3] = [
 /// Largest stroke font that is read from a file.
 const STROKES: Limit = Limit { bytes: 4 << 20, what: "a stroke font", hint: SMALLER };
 
-/// Largest typeface that is read.
 #[cfg(not(target_family = "wasm"))]
 const TYPEFACE: Limit = Limit { bytes: 64 << 20, what: "a typeface", hint: SMALLER };
 
 const SMALLER: &str = "name a smaller font file";
 
-/// A font, ready to draw. Clones share it and the characters traced so far.
+/// A font, ready to draw. Its clones draw from one cache of traced characters.
 #[derive(Clone)]
 pub struct Font {
     name: String,
@@ -37,18 +36,18 @@ pub struct Font {
 }
 
 impl Font {
-    /// Opens a font: `ae483`, `ae483-fixed`, `simplex`, or a file: `*.strokes`, or a typeface
-    /// `*.ttf`, `*.otf`, `*.ttc`, drawn as `trace` says.
+    /// Opens a font: `ae483`, `ae483-fixed`, `simplex`, a file `*.strokes`, or a typeface `*.ttf`,
+    /// `*.otf`, `*.ttc`, whose lines `trace` selects.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a name that is neither, or a file of another kind; [`Error::Io`] where
-    /// it cannot be read.
+    /// [`Error::Input`] for an unknown name, or a file of another kind. [`Error::Io`] if it cannot
+    /// be read.
     #[cfg_attr(target_family = "wasm", expect(unused_variables, reason = "no typeface, no trace"))]
     pub fn open(name: &str, trace: Trace) -> Result<Self> {
         let path = Path::new(name);
         let face: Arc<dyn Face + Send + Sync> = match check_name("letters.font", name)? {
-            Kind::Ours(text) => Arc::new(StrokeFont::parse(text, name)?),
+            Kind::Shipped(text) => Arc::new(StrokeFont::parse(text, name)?),
             Kind::Strokes => Arc::new(StrokeFont::parse(&STROKES.read_text(path)?, name)?),
             // Shaping would be a third of a page's module, and no typeface comes into a page.
             #[cfg(target_family = "wasm")]
@@ -72,16 +71,14 @@ impl Font {
         self.face.characters().collect()
     }
 
-    /// Draws a character into a cell; `None` where the font lacks it.
-    ///
-    /// The letters of a box font (the team's) fill the cell. Those of any other font have its
-    /// height, keep their proportions and are centered in it.
+    /// Draws a character, if the font has it, into a cell. Letters of a box font (the team's) fill
+    /// it. Those of other fonts have its height, keep their proportions and are centered in it.
     pub fn glyph(&self, character: char, cell: Cell) -> Option<Glyph> {
         Some(self.face.shape(character)?.glyph(character, cell, self.face.fit()))
     }
 
-    /// Width of the cell that [`super::write()`] gives a character, by its cap height; `None` where
-    /// the font lacks it, and for a box font, whose cells may have any width.
+    /// Width of the cell of a character in [`super::write()`], by its cap height. `None` if the
+    /// font lacks it, and for a box font, whose cells may have any width.
     pub fn aspect(&self, character: char) -> Option<f64> {
         match self.face.fit() {
             Fit::Box => None,
@@ -89,8 +86,7 @@ impl Font {
         }
     }
 
-    /// Checks that the characters so far were drawn in no more work than a face may take; those
-    /// beyond are missing.
+    /// Checks that the characters so far were drawn within the budget of a face.
     ///
     /// # Errors
     ///
@@ -99,7 +95,7 @@ impl Font {
         self.face.check_work()
     }
 
-    /// Whether it has a character, or its capital.
+    /// True if it has a character, or its capital.
     pub(super) fn draws(&self, character: char) -> bool {
         [Some(character), capital(character)].into_iter().flatten().any(|c| self.face.has(c))
     }
@@ -111,7 +107,7 @@ impl fmt::Debug for Font {
     }
 }
 
-/// The capital of a letter, where it is one character.
+/// The capital of a letter, if it is one character.
 pub(super) fn capital(letter: char) -> Option<char> {
     let mut upper = letter.to_uppercase();
     upper.next().filter(|_| upper.len() == 0)
@@ -119,28 +115,28 @@ pub(super) fn capital(letter: char) -> Option<char> {
 
 /// Source of a font.
 pub(super) enum Kind {
-    Ours(&'static str),
+    Shipped(&'static str),
     Strokes,
     Outlines,
 }
 
-/// Whether a font comes with the program.
+/// True if a font comes with the program.
 pub(super) fn is_shipped(name: &str) -> bool {
     FONTS.iter().any(|(shipped, _)| *shipped == name)
 }
 
-/// The kind of font that the name of a key refers to; opens no file.
+/// The kind of font that the name of a key refers to. Opens no file.
 pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
-    if let Some((_, text)) = FONTS.iter().find(|(n, _)| *n == name) {
-        return Ok(Kind::Ours(text));
+    if let Some((_, text)) = FONTS.iter().find(|(shipped, _)| *shipped == name) {
+        return Ok(Kind::Shipped(text));
     }
     match &*ending(name) {
         "strokes" => Ok(Kind::Strokes),
         "ttf" | "otf" | "ttc" | "otc" => Ok(Kind::Outlines),
         _ => {
-            let names: Vec<&str> = FONTS.iter().map(|(name, _)| *name).collect();
-            let wanted = format!("{}, or a file *.strokes, *.ttf or *.otf", names.join(", "));
-            let hint = "choose a font we have, or name a font file";
+            let names = FONTS.map(|(name, _)| name).join(", ");
+            let wanted = format!("{names}, or a file *.strokes, *.ttf or *.otf");
+            let hint = "choose a font of the program, or name a font file";
             Err(Error::input(key, format!("{name:?}"), wanted, hint))
         }
     }

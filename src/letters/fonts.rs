@@ -1,8 +1,7 @@
-//! Fonts: one, and those that stand in for it where it lacks a letter.
+//! Fonts: the font of a text, and its substitutes for letters that it lacks.
 //!
-//! A line is cut into runs of one font. Where fonts change, runs stand in visual order (Unicode
-//! Standard Annex 9, unicode-bidi), so that a name in Hebrew within a line of Latin letters runs
-//! from right to left in its place.
+//! A line is cut into parts of one font, which are put in visual order (Unicode Standard Annex 9):
+//! a name in Hebrew within a line of Latin letters runs from right to left in its place.
 
 use std::ops::Range;
 
@@ -11,7 +10,6 @@ use super::options::LetterOptions;
 use super::shaping::{is_mark, visual_runs};
 use noctograph_core::error::Result;
 
-/// A font and its substitutes.
 pub(super) struct Fonts(Vec<Font>);
 
 /// A part of a line in one font, by its bytes.
@@ -23,7 +21,6 @@ impl Fonts {
         Ok(Self(names.map(|name| Font::open(name, options.trace)).collect::<Result<_>>()?))
     }
 
-    /// The font of the text.
     pub(super) fn main(&self) -> &Font {
         &self.0[0]
     }
@@ -57,7 +54,7 @@ impl Fonts {
                 {
                     part.end = end;
                 }
-                // A space before the first letter.
+                // Spaces at the beginning go with the first letter.
                 Some((font, part)) if line[part.clone()].trim().is_empty() => {
                     (*font, part.end) = (first, end);
                 }
@@ -67,7 +64,7 @@ impl Fonts {
         parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()
     }
 
-    /// The same from left to right, and whether each is read from right to left.
+    /// The parts from left to right, each with true if it is read from right to left.
     pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
         let parts = self.parts(line);
         let mut ordered = Vec::new();
@@ -107,7 +104,7 @@ mod tests {
         let cases = [
             ("noor", "NOOR"),
             ("NO Я", "NOЯ"),
-            // From right to left, in the place of the name; a space parts them from Latin letters.
+            // From right to left, in the place of the name. A space parts them from Latin letters.
             ("NO \u{5d0}\u{5e8} I", "NO\u{5e8}\u{5d0}I"),
             ("\u{5d0}\u{5e8} NO", "NO\u{5e8}\u{5d0}"),
             ("\u{5d0}\u{5e8}", "\u{5e8}\u{5d0}"),

@@ -1,16 +1,15 @@
 //! Glyphs of a TrueType or OpenType face as Bézier paths, within a budget.
 //!
-//! read-fonts ends a composite glyph and a charstring that have no end. Of a CFF or CFF2 face the
-//! code is counted here besides, subroutines as often as they are called: a kilobyte of them can
-//! stand for much work without a point. Variations are not read.
+//! read-fonts stops endless composite glyphs and charstrings. The code of a CFF or CFF2 face is
+//! counted here besides: a kilobyte of subroutines can be much work without a point.
 
 use std::cell::Cell;
 
 use harfrust::{Font, GlyphId};
-use kurbo::BezPath;
+use kurbo::{BezPath, PathEl};
 use read_fonts::model::Error;
 use read_fonts::model::glyph::outline::{
-    DrawMemory, DrawOptions, OutlineGlyph, PathContourStart, PathSink, cff::CffGlyph,
+    DrawMemory, DrawOptions, OutlineGlyph, PathContourStart, PathElement, cff::CffGlyph,
 };
 use read_fonts::model::glyph::{GlyphSource, GlyphSourceOrder};
 use read_fonts::ps::cff::{blend::BlendState, index::Index};
@@ -23,38 +22,38 @@ use noctograph_core::files::Budget;
 const SOURCES: GlyphSourceOrder =
     GlyphSourceOrder::new(&[GlyphSource::Glyf, GlyphSource::Cff, GlyphSource::Cff2]);
 
-/// Most bytes of a glyph's charstring with its subroutines. A Chinese one takes some thousand.
+/// Most bytes of a glyph's charstring with its subroutines. A Chinese glyph needs a few thousand.
 const MAX_CODE: usize = 100_000;
 
 /// Steps of reading an outline, and of each point or byte of code of it.
 const STEPS: [usize; 2] = [20_000, 100];
 
-/// The outline of a glyph in font units, y up, every contour closed; `None` for a glyph without
-/// one, of too many points, or beyond the budget. Letters composed by the obsolete `endchar` of
-/// four numbers have none.
+/// The outline of a glyph in font units, y up, every contour closed. `None` for a glyph without
+/// one, of too many points, or beyond the budget.
 pub(super) fn outline(face: &Font, glyph: GlyphId, budget: &Budget) -> Option<BezPath> {
     budget.spend_steps(STEPS[0]).then_some(())?;
-    let mut pen = Pen(BezPath::new());
+    let mut elements: Vec<PathElement> = Vec::new();
     match face.outline_glyphs_with(SOURCES).get(glyph)? {
         OutlineGlyph::Cff(cff) => {
-            let code = draw_charstring(&cff, &mut pen);
+            let code = draw_charstring(&cff, &mut elements);
             budget.spend_steps(STEPS[1] * code.unwrap_or(MAX_CODE)).then_some(())?;
             code?;
         }
+        // The points of a composite glyph are known before they are drawn.
         OutlineGlyph::Glyf(glyf) if glyf.plan().num_points as usize <= MAX_POINTS => {
             budget.spend_steps(STEPS[1] * glyf.plan().num_points as usize).then_some(())?;
             let options = DrawOptions::new().with_contour_start(PathContourStart::ScanForward);
-            OutlineGlyph::Glyf(glyf).draw(&options, DrawMemory::Scratch, &mut pen).ok()?;
+            OutlineGlyph::Glyf(glyf).draw(&options, DrawMemory::Scratch, &mut elements).ok()?;
         }
         _ => return None,
     }
-    let path = pen.0;
+    let path = BezPath::from_iter(elements.into_iter().map(to_kurbo));
     let n = path.elements().len();
     ((1..=MAX_POINTS).contains(&n) && path.is_finite()).then_some(path)
 }
 
-/// Draws a charstring; the bytes of its code.
-fn draw_charstring(glyph: &CffGlyph<'_>, pen: &mut Pen) -> Option<usize> {
+/// Draws a charstring and counts the bytes of its code.
+fn draw_charstring(glyph: &CffGlyph<'_>, elements: &mut Vec<PathElement>) -> Option<usize> {
     let (face, part) = (glyph.cff_font(), glyph.subfont());
     let local = match part.subrs_offset() as usize {
         0 => Index::Empty,
@@ -64,7 +63,7 @@ fn draw_charstring(glyph: &CffGlyph<'_>, pen: &mut Pen) -> Option<usize> {
     let called = Subroutines { global: face.global_subrs(), local, code: Cell::new(code.len()) };
     let store = face.var_store().cloned();
     let blend = store.and_then(|store| BlendState::new(store, &[], part.vs_index()).ok());
-    let mut sink = TransformSink::new(pen, face.transform(part, None));
+    let mut sink = TransformSink::new(elements, face.transform(part, None));
     evaluate(&called, blend, code, &mut sink).ok()?;
     Some(called.code.get())
 }
@@ -78,9 +77,9 @@ struct Subroutines<'a> {
 
 impl<'a> Subroutines<'a> {
     fn call(&self, index: &Index<'a>, number: i32) -> Result<&[u8], Error> {
-        let place = number.checked_add(index.subr_bias());
-        let place = place.and_then(|place| usize::try_from(place).ok());
-        let code = place.and_then(|place| index.get(place)).ok_or(Error::Malformed)?;
+        let biased = number.checked_add(index.subr_bias());
+        let biased = biased.and_then(|number| usize::try_from(number).ok());
+        let code = biased.and_then(|number| index.get(number)).ok_or(Error::Malformed)?;
         self.code.set(self.code.get() + code.len());
         if self.code.get() > MAX_CODE { Err(Error::LimitExceeded) } else { Ok(code) }
     }
@@ -91,6 +90,7 @@ impl CharstringContext for Subroutines<'_> {
         CharstringKind::Type2
     }
 
+    /// Letters composed by the obsolete `endchar` of four numbers have no outline.
     fn seac_components(&self, _base: i32, _accent: i32) -> Result<[&[u8]; 2], Error> {
         Err(Error::InvalidOperation)
     }
@@ -104,27 +104,15 @@ impl CharstringContext for Subroutines<'_> {
     }
 }
 
-struct Pen(BezPath);
-
-impl PathSink for Pen {
-    fn move_to(&mut self, x: f32, y: f32) {
-        self.0.move_to((x, y));
-    }
-
-    fn line_to(&mut self, x: f32, y: f32) {
-        self.0.line_to((x, y));
-    }
-
-    fn quad_to(&mut self, cx: f32, cy: f32, x: f32, y: f32) {
-        self.0.quad_to((cx, cy), (x, y));
-    }
-
-    fn curve_to(&mut self, cx: f32, cy: f32, dx: f32, dy: f32, x: f32, y: f32) {
-        self.0.curve_to((cx, cy), (dx, dy), (x, y));
-    }
-
-    fn close(&mut self) {
-        self.0.close_path();
+fn to_kurbo(element: PathElement) -> PathEl {
+    match element {
+        PathElement::MoveTo { x, y } => PathEl::MoveTo((x, y).into()),
+        PathElement::LineTo { x, y } => PathEl::LineTo((x, y).into()),
+        PathElement::QuadTo { cx0, cy0, x, y } => PathEl::QuadTo((cx0, cy0).into(), (x, y).into()),
+        PathElement::CurveTo { cx0, cy0, cx1, cy1, x, y } => {
+            PathEl::CurveTo((cx0, cy0).into(), (cx1, cy1).into(), (x, y).into())
+        }
+        PathElement::Close => PathEl::ClosePath,
     }
 }
 

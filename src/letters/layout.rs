@@ -16,22 +16,21 @@ use unicode_normalization::char::is_combining_mark;
 /// Longest text, in characters: an hour of flight at 14 s a letter.
 const MAX_LETTERS: usize = 256;
 
-/// Most characters of a font that a message lists.
-const LISTED: usize = 40;
+const MOST_LISTED: usize = 40;
 
 /// The font that writes most scripts in single lines.
 const SINGLE_LINE: &str = "simplex";
 
+/// Advance of a space in cap heights for a font without one: Hershey's.
+const SPACE: f64 = 16.0 / 21.0;
+
 /// Lays out a text: lines from top to bottom, separated by `\n`, characters from left to right. A
 /// space leaves a gap. A letter that the font lacks in lower case is drawn in upper case.
 ///
-/// The default is as the reference team did it: boxes with equal gaps, the first one beginning at
-/// x = −n·width/2 for n letters.
-///
 /// # Errors
 ///
-/// [`Error::Input`] for an empty or overlong text, a font that is unknown or broken, or a character
-/// that it lacks, with its position; [`Error::Io`] for a font that cannot be read.
+/// [`Error::Input`] for an empty or overlong text, an unknown or broken font, or a character that
+/// it lacks, with its position. [`Error::Io`] for a font that cannot be read.
 pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
     options.check()?;
     let fonts = Fonts::open(options)?;
@@ -46,65 +45,73 @@ pub fn write(word: &str, options: &LetterOptions) -> Result<Strokes> {
             "word",
             "{n_characters} characters",
             "at most {MAX_LETTERS}",
-            "split the text into several words; one flight cannot write so many",
+            "split the text into several words",
         ));
     }
-    let word = word.nfc().collect::<String>();
-    let drawn = drawable(&word, &fonts);
+    // Composed characters (NFC) are those that fonts have.
+    let drawn = drawable(&word.nfc().collect::<String>(), &fonts);
+    // An exhausted budget makes characters missing: name the budget, not the character.
     fonts.check_work()?;
     let word = drawn?;
-    let strokes = lay_out(&word, &fonts, options);
-    let Some(canvas_m) = options.canvas_m else { return Ok(strokes) };
-    let scale = fitting(&strokes, canvas_m);
+    Ok(match options.canvas_m {
+        Some(canvas_m) => fitted(&word, &fonts, options, canvas_m),
+        None => lay_out(&word, &fonts, options),
+    })
+}
+
+/// A text scaled to its canvas, with more lines if that keeps its letters larger.
+fn fitted(word: &str, fonts: &Fonts, options: &LetterOptions, canvas_m: [f64; 2]) -> Strokes {
     let most = match options.fit {
         Fitting::Shrink => 1.0,
         Fitting::Fill => f64::INFINITY,
     };
-    if scale >= most {
-        return Ok(strokes);
-    }
-    // Fewer lines first: more of them have to leave the letters larger.
-    let (mut best, mut best_scale) = (word.clone(), scale);
-    for broken in (1..=word.matches(' ').count()).map(|breaks| broken(&word, breaks)) {
-        let scale = fitting(&lay_out(&broken, &fonts, options), canvas_m).min(most);
+    let (mut best, mut best_scale) = (String::new(), 0.0);
+    // From few line breaks to many: more of them have to leave the letters larger.
+    for breaks in 0..=word.matches(' ').count() {
+        let text = broken(word, breaks);
+        let scale = canvas_scale(&lay_out(&text, fonts, options), canvas_m).min(most);
         if scale > best_scale {
-            (best, best_scale) = (broken, scale);
+            (best, best_scale) = (text, scale);
+        }
+        if scale >= most {
+            break;
         }
     }
-    Ok(lay_out(&best, &fonts, &options.scaled(best_scale)))
+    lay_out(&best, fonts, &options.scaled(best_scale))
 }
 
-/// A text whose white space is spaces, but for the ends of lines.
+/// A text with spaces as its only white space besides line ends.
 fn spaced(text: &str) -> String {
     text.chars().map(|c| if c.is_whitespace() && c != '\n' { ' ' } else { c }).collect()
 }
 
-/// A text that somebody pasted, as it is seen: any white space is a space, but a line's end, and
-/// what only directs how a text runs is left out.
+/// A pasted text as it is seen: white space other than line ends becomes spaces, and format
+/// characters are dropped.
 pub fn plain(text: &str) -> String {
-    let plain = |c: char| match c {
-        // Format characters of Unicode 16 that no letter's shape depends on: the soft hyphen,
-        // spaces without width, marks and overrides of direction, the byte order mark, tags.
-        '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}' | '\u{200e}' | '\u{200f}' => None,
-        '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}' => None,
-        '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}' => None,
-        c => Some(c),
-    };
     let mut before = ' ';
-    spaced(text)
-        .chars()
-        .filter_map(plain)
-        .filter(|c| {
-            // Joiners shape the letters of scripts that join: Arabic to those of India.
-            let joins = matches!(before, '\u{600}'..='\u{1cff}');
-            before = *c;
-            joins || !matches!(c, '\u{200c}' | '\u{200d}')
-        })
-        .collect()
+    let mut plain = spaced(text);
+    plain.retain(|c| {
+        if is_format(c) {
+            return false;
+        }
+        // Joiners shape the letters of scripts that join, from Arabic to those of India.
+        let joins = matches!(before, '\u{600}'..='\u{1cff}');
+        before = c;
+        joins || !matches!(c, '\u{200c}' | '\u{200d}')
+    });
+    plain
+}
+
+/// True for the format characters of Unicode 16 that change no letter's shape.
+fn is_format(character: char) -> bool {
+    matches!(character,
+        '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}' | '\u{200e}' | '\u{200f}'
+        | '\u{202a}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}'
+        | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
 }
 
 /// Scale at which strokes fill a canvas.
-fn fitting(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
+fn canvas_scale(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
     let [left, bottom, right, top] = strokes.bounds_m();
     // The slack for rounding keeps a text that fits exactly at its size.
     (width_m / (right - left)).min(height_m / (top - bottom)) * (1.0 + 1e-12)
@@ -115,6 +122,7 @@ fn fitting(strokes: &Strokes, [width_m, height_m]: [f64; 2]) -> f64 {
 fn broken(text: &str, breaks: usize) -> String {
     let mut lines: Vec<String> = text.split('\n').map(str::to_owned).collect();
     for _ in 0..breaks {
+        // Of equally long lines the first one.
         let breakable = (0..lines.len()).filter(|index| lines[*index].trim().contains(' '));
         let longest =
             breakable.max_by_key(|index| (lines[*index].chars().count(), lines.len() - index));
@@ -137,45 +145,28 @@ fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     for (index, line) in word.split('\n').enumerate() {
         drawn += if index > 0 { "\n" } else { "" };
         for (font, part) in fonts.parts(line) {
-            let before = drawn.chars().count();
-            drawn += &drawable_in(&line[part], font, before)?;
+            let n_before = drawn.chars().count();
+            drawn += &drawable_in(&line[part], font, n_before)?;
         }
     }
     Ok(drawn)
 }
 
-/// A part of a line in characters that its font has, with so many characters before it.
-fn drawable_in(part: &str, font: &Font, before: usize) -> Result<String> {
+/// A part of a line in characters that its font has. The text has `n_before` characters before it.
+fn drawable_in(part: &str, font: &Font, n_before: usize) -> Result<String> {
+    // A typeface shapes the part as a whole: no character is replaced by its capital.
     if is_shaped(part)
         && let Some(line) = font.face.line(part, SPACE)
     {
-        let Err(unset) = line else { return Ok(part.to_owned()) };
-        let (Unset::Missing(byte) | Unset::Unshaped(byte) | Unset::TooLarge(byte, _)) = unset;
-        let position = before + part[..byte].chars().count() + 1;
-        let (place, name) = (format!("word, position {position}"), font.name());
-        return Err(match unset {
-            Unset::Missing(_) => {
-                missing(part, font, position, part[byte..].chars().next().unwrap_or(' '))
-            }
-            Unset::Unshaped(_) => input_error!(
-                place,
-                "a word that the rules of {name} make endless",
-                "letters that end",
-                "write it with another font, or fewer of its letters in a row",
-            ),
-            // Letters that touch are traced as one outline.
-            Unset::TooLarge(_, n) => input_error!(
-                place,
-                "{n} letters in a row that touch each other",
-                "fewer: they are one outline, of at most {MAX_POINTS} points",
-                "put a space or a line end among them",
-            ),
-        });
+        return match line {
+            Ok(_) => Ok(part.to_owned()),
+            Err(unset) => Err(refused(part, font, n_before, unset)),
+        };
     }
     let drawn = part.chars().enumerate().map(|(index, typed)| {
         let mut forms = [Some(typed), capital(typed)].into_iter().flatten();
         let drawn = forms.find(|character| is_drawn(font, *character));
-        drawn.ok_or_else(|| missing(part, font, before + index + 1, typed))
+        drawn.ok_or_else(|| missing(part, font, n_before + index + 1, typed))
     });
     drawn.collect()
 }
@@ -184,7 +175,32 @@ fn is_drawn(font: &Font, character: char) -> bool {
     character == ' ' || font.face.shape(character).is_some_and(|shape| !shape.runs.is_empty())
 }
 
-/// The error of a letter that a font lacks.
+/// The error of a part that its typeface cannot shape.
+fn refused(part: &str, font: &Font, n_before: usize, unset: Unset) -> Error {
+    let (Unset::Missing(byte) | Unset::Unshaped(byte) | Unset::TooLarge(byte, _)) = unset;
+    let position = n_before + part[..byte].chars().count() + 1;
+    let (place, name) = (format!("word, position {position}"), font.name());
+    match unset {
+        Unset::Missing(_) => {
+            missing(part, font, position, part[byte..].chars().next().unwrap_or(' '))
+        }
+        Unset::Unshaped(_) => input_error!(
+            place,
+            "a word that the rules of {name} make endless",
+            "letters that end",
+            "write it with another font, or fewer of its letters in a row",
+        ),
+        // Letters that touch are traced as one outline.
+        Unset::TooLarge(_, n) => input_error!(
+            place,
+            "{n} letters in a row that touch each other",
+            "fewer: they are one outline, of at most {MAX_POINTS} points",
+            "put a space or a line end among them",
+        ),
+    }
+}
+
+/// The error of a letter that a font lacks. Its hint depends on what would have the letter.
 fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     let single = Font::open(SINGLE_LINE, Trace::CenterLine).ok();
     let hint = if is_shaped(part) {
@@ -196,7 +212,7 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     };
     let characters = font.characters();
     let wanted = match characters.chars().count() {
-        ..=LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),
+        ..=MOST_LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),
         _ => format!("a letter of the font {}", font.name()),
     };
     Error::Letter { position, letter, wanted, hint }
@@ -212,13 +228,12 @@ fn lay_out(word: &str, fonts: &Fonts, options: &LetterOptions) -> Strokes {
         glyphs.extend(lay_line(line, fonts, options, options.baseline_m + up_m));
     }
     let word = word.to_owned();
-    let lost = glyphs.iter().map(|glyph| glyph.character);
-    let lost = lost.filter_map(|character| Some((character, fonts.lost(character)?))).collect();
+    let characters = glyphs.iter().map(|glyph| glyph.character);
+    let lost = characters.filter_map(|c| Some((c, fonts.lost(c)?))).collect();
     let (font, order) = (Some(file_name(fonts.main().name())), StrokeOrder::Free);
     Strokes::made(StrokesData { word, font, lost, glyphs, order, ..StrokesData::default() })
 }
 
-/// Lays out one line of a text by the alignment of the options.
 fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64) -> Vec<Glyph> {
     let is_box = fonts.main().face.fit() == Fit::Box;
     // A space at an end leaves no room, but for an empty box.
@@ -243,51 +258,54 @@ fn lay_line(line: &str, fonts: &Fonts, options: &LetterOptions, baseline_m: f64)
 
 /// The characters of a line from left to right.
 fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
-    // A font sets its own line.
-    if let [] | [_] = fonts.parts(line)[..] {
-        let font = fonts.parts(line).first().map_or(fonts.main(), |(font, _)| font);
+    let parts = fonts.parts(line);
+    // One font sets the whole line, spaces included.
+    if parts.len() < 2 {
+        let font = parts.first().map_or(fonts.main(), |(font, _)| font);
         return cells_in(line, font, options).0;
     }
-    let (mut all, mut pen_m) = (Vec::new(), 0.0);
+    let space_m = match fonts.main().face.fit() {
+        Fit::Box => options.box_width_m() + options.box_gap_m(),
+        Fit::Proportional => SPACE * options.cap_height_m + options.spacing_m,
+    };
+    let (mut cells, mut pen_m) = (Vec::new(), 0.0);
     for ((font, part), leftward) in fonts.in_visual_order(line) {
         let part = &line[part];
-        let space_m = match fonts.main().face.fit() {
-            Fit::Box => options.box_width_m() + options.box_gap_m(),
-            Fit::Proportional => SPACE * options.cap_height_m + options.spacing_m,
-        };
+        // Spaces at the ends of a part. From right to left its beginning is on the right.
         let mut spaces_m = [part.trim_start_matches(' '), part.trim_end_matches(' ')]
             .map(|trimmed| space_m * (part.len() - trimmed.len()) as f64);
         if leftward {
             spaces_m.reverse();
         }
         pen_m += spaces_m[0];
-        let (cells, end_m) = cells_in(part.trim_matches(' '), font, options);
-        all.extend(cells.into_iter().map(|cell| Placed { at_m: cell.at_m + pen_m, ..cell }));
+        let (inner, end_m) = cells_in(part.trim_matches(' '), font, options);
+        cells.extend(inner.into_iter().map(|cell| Placed { at_m: cell.at_m + pen_m, ..cell }));
         pen_m += end_m + spaces_m[1];
     }
-    all
+    cells
 }
 
-/// The same in one font, and the pen's place behind them.
+/// The characters of a part in one font, and the end of the last one.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
-    let shaped = is_shaped(line).then(|| font.face.line(line, SPACE)).flatten();
-    match (font.face.fit(), shaped) {
-        (_, Some(letters)) => {
-            let (letters, size_m) =
-                (letters.expect("the text was made drawable"), options.cap_height_m);
-            let ends = letters.iter().map(|(_, pen, shape)| pen + shape.ink()[2]);
-            let end = ends.fold(0.0, f64::max);
-            let cells = letters.into_iter().map(|(byte, pen, shape)| {
-                placed(line[byte..].chars().next().unwrap_or(' '), pen, shape, size_m)
-            });
-            (cells.collect(), end * size_m)
-        }
-        (Fit::Box, None) => boxes(line, font, options),
-        (Fit::Proportional, None) => advances(line, font, options),
+    if is_shaped(line)
+        && let Some(letters) = font.face.line(line, SPACE)
+    {
+        // The line ends with its rightmost letter: marks may come after it.
+        let (letters, size_m) = (letters.expect("the text is drawable"), options.cap_height_m);
+        let ends = letters.iter().map(|(_, pen, shape)| pen + shape.ink()[2]);
+        let end = ends.fold(0.0, f64::max);
+        let cells = letters.into_iter().map(|(byte, pen, shape)| {
+            placed(line[byte..].chars().next().unwrap_or(' '), pen, shape, size_m)
+        });
+        return (cells.collect(), end * size_m);
+    }
+    match font.face.fit() {
+        Fit::Box => boxes(line, font, options),
+        Fit::Proportional => advances(line, font, options),
     }
 }
 
-/// A character, where its box begins and how wide it is; a space has no shape.
+/// A character, where its box begins and how wide it is. A space has no shape.
 struct Placed {
     character: char,
     shape: Option<Arc<Shape>>,
@@ -303,23 +321,21 @@ fn placed(character: char, pen: f64, shape: Arc<Shape>, size_m: f64) -> Placed {
     Placed { character, shape: Some(shape), at_m, width_m, fit: Fit::Proportional }
 }
 
-/// Characters in boxes.
 fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
-    let (width_m, gap_m) = (options.box_width_m(), options.box_gap_m());
+    let (width_m, step_m) = (options.box_width_m(), options.box_width_m() + options.box_gap_m());
     let cells = Vec::from_iter(line.chars().enumerate().map(|(index, character)| {
         let shape = font.face.shape(character).filter(|_| character != ' ');
-        let at_m = (width_m + gap_m) * index as f64;
-        Placed { character, shape, at_m, width_m, fit: Fit::Box }
+        Placed { character, shape, at_m: step_m * index as f64, width_m, fit: Fit::Box }
     }));
-    let end_m = (width_m + gap_m) * cells.len() as f64;
+    let end_m = step_m * cells.len() as f64;
     (cells, end_m)
 }
 
-/// The same for characters that keep their proportions.
+/// Characters that keep their proportions, each at the advance of the one before it.
 fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
-    let (size_m, mut pen, mut before) = (options.cap_height_m, 0.0, None);
+    let size_m = options.cap_height_m;
+    let (mut pen, mut last_pen, mut before) = (0.0, 0.0, None);
     let mut cells: Vec<Placed> = Vec::new();
-    let mut last_pen = 0.0;
     for character in line.chars() {
         // A mark without a composed letter in Unicode goes on the letter before it.
         let last = cells.last_mut().filter(|_| is_combining_mark(character));
@@ -331,20 +347,17 @@ fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f
             continue;
         }
         pen += before.map_or(0.0, |before| font.face.kern([before, character]));
+        last_pen = pen;
         let shape = font.face.shape(character);
         let advance = shape.as_ref().map_or(SPACE, |shape| shape.advance);
-        last_pen = pen;
-        cells.extend(
-            shape.filter(|_| character != ' ').map(|shape| placed(character, pen, shape, size_m)),
-        );
+        // A space only moves the pen.
+        let inked = shape.filter(|_| character != ' ');
+        cells.extend(inked.map(|shape| placed(character, pen, shape, size_m)));
         pen += advance + options.spacing_m / size_m;
         before = Some(character);
     }
     (cells, pen * size_m)
 }
-
-/// Advance of a space, in cap heights, where a font has none: Hershey's.
-const SPACE: f64 = 16.0 / 21.0;
 
 #[cfg(test)]
 mod tests {

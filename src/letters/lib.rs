@@ -1,10 +1,8 @@
 //! Letters: a word or a drawing becomes [`Strokes`] in the plane of the word.
 //!
 //! Product in: a word, or a file with a drawing. Product out: placed glyphs, each a list of moves
-//! of the pen, lit or dark. The plane of the word has x to the viewer's right and y up, in meters;
-//! y = 0 is the floor.
-//!
-//! Letters know no drone, and of speed only the pace in which handwriting was written.
+//! of the pen, lit or dark. The plane of the word has x to the viewer's right and y up from the
+//! floor, in meters.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -19,30 +19,30 @@ settings! {
         /// Lines drawn from a typeface or a picture.
         trace: Trace = Trace::CenterLine;
         /// File of a drawing in place of a word: `*.svg`, a picture `*.png`, `*.jpg`, `*.webp`,
-        /// `*.gif` or `*.bmp`, or handwriting `*.json`; empty: none.
+        /// `*.gif` or `*.bmp`, or handwriting `*.json`. Empty: none.
         drawing: String = String::new();
-        /// SHA-256 that the drawing's file must have; empty: not checked. Commands write it into
+        /// SHA-256 that the drawing's file must have. Empty: not checked. Commands write it into
         /// their scene.
         drawing_sha256: String = String::new(), for "letters.drawing";
         /// Corners of the sheet of paper in a picture, to crop and rectify it: x and y of the upper
         /// left, upper right, lower right and lower left one, in the picture's pixels. By default
         /// the whole picture is drawn.
         corners_px: Option<[f64; 8]> = None, in -1e5..=1e5, for "letters.drawing";
-        /// Detail of an SVG drawing or a picture: 1 draws every stroke; below 1, strokes that
-        /// continue each other are joined, short ones dropped and all smoothed; 0 sketches the
+        /// Detail of an SVG drawing or a picture. 1 draws every stroke. Below 1, strokes that
+        /// continue each other are joined, short ones dropped and all smoothed. 0 sketches the
         /// longest.
         detail: f64 = 1.0, in 0.0..=1.0, for "letters.drawing";
         /// Strokes to draw, as large as the canvas allows: colors or numbers, as the plan's drawing
-        /// shows them, such as `red` or `2,5-7`; empty: all.
+        /// shows them, such as `red` or `2,5-7`. Empty: all.
         ink: String = String::new(), for "letters.drawing";
-        /// Strokes to leave out: colors or numbers; empty: none.
+        /// Strokes to leave out: colors or numbers. Empty: none.
         without: String = String::new(), for "letters.drawing";
         /// Speed along the strokes of handwriting whose points have times.
         pace: Pace = Pace::Even, for "plan.style" = "even";
         /// Height of a capital.
         cap_height_m: f64 = 0.5, in 0.01..=100.0;
         /// Width of a letter's box in fonts with boxes (`ae483`, `ae483-fixed`), by default 0.6 cap
-        /// heights; letters of other fonts keep their proportions.
+        /// heights. Letters of other fonts keep their proportions.
         width_m: Option<f64> = None, in 0.01..=100.0,
             for "letters.font" = "ae483" | "ae483-fixed";
         /// Gap between two letters' boxes, by default 0.2 cap heights.
@@ -67,7 +67,7 @@ settings! {
         fixed {
             /// Largest distance of straight strokes from a drawing's curves.
             tolerance_m: f64 = 0.001;
-            /// Largest distance by which smoothing moves handwriting; 0: no smoothing.
+            /// Largest distance by which smoothing moves handwriting. 0: no smoothing.
             smoothing_m: f64 = 0.005;
         }
     }
@@ -82,7 +82,7 @@ settings! {
 
     /// Lines drawn from a typeface or a picture.
     pub enum Trace {
-        /// Center lines of the strokes, as a pen writes them; a picture's patches that are too
+        /// Center lines of the strokes, as a pen writes them. A picture's patches that are too
         /// thick for a pen are outlined.
         "center-line" => CenterLine,
         /// The outlines themselves.
@@ -93,7 +93,7 @@ settings! {
     pub enum Pace {
         /// One speed, the plan's stroke speed.
         "even" => Even,
-        /// The writer's: where the pen was slower than its mean speed, the drone slows in
+        /// The writer's: when the pen was slower than its mean speed, the drone slows in
         /// proportion, to a quarter of the stroke speed at least, and its light is brighter.
         "written" => Written,
     }

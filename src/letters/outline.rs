@@ -1,5 +1,7 @@
 //! Outline: closed contours, filled by the nonzero rule as typefaces are.
 
+use std::ops::RangeInclusive;
+
 use super::vector::{between, counts, cross, minus};
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, distance};
@@ -10,18 +12,17 @@ pub(super) type Contour = Vec<[f64; 2]>;
 /// Steps of testing an edge.
 const STEPS: usize = 2;
 
-/// Most samples of an outline; a longer one is sampled more coarsely.
+/// Most samples of an outline. A longer one is sampled more coarsely.
 const MAX_SAMPLES: f64 = 6000.0;
 
-/// The filled area. Edges are sorted into bins by height, so that a query tests few of them; each
-/// test is a step of the budget.
+/// The filled area. Edges are sorted into bins by height, so that a query tests few of them.
 #[derive(Debug)]
 pub(super) struct Filled<'a> {
     budget: &'a Budget,
     bottom: f64,
     bin_height: f64,
     edges: Vec<[[f64; 2]; 2]>,
-    /// Places in the list of edges: an edge as tall as the outline is in every bin.
+    /// Indices of edges: one as tall as the outline is in every bin.
     bins: Vec<Vec<u32>>,
 }
 
@@ -32,12 +33,12 @@ impl<'a> Filled<'a> {
         let n_bins = (edges.len() / 4).clamp(1, 1024);
         let bin_height = ((top - bottom) / n_bins as f64).max(f64::MIN_POSITIVE);
         let mut ink = Self { budget, bottom, bin_height, edges, bins: vec![Vec::new(); n_bins] };
-        for (place, [from, to]) in (0..).zip(&ink.edges) {
-            let (first, last) = (ink.bin(from[1].min(to[1])), ink.bin(from[1].max(to[1])));
-            if !budget.spend_steps(STEPS * (last - first + 1)) {
+        for (index, edge) in (0..).zip(&ink.edges) {
+            let bins = ink.bins_of(*edge);
+            if !budget.spend_steps(STEPS * bins.clone().count()) {
                 break;
             }
-            ink.bins[first..=last].iter_mut().for_each(|bin| bin.push(place));
+            ink.bins[bins].iter_mut().for_each(|bin| bin.push(index));
         }
         ink
     }
@@ -47,23 +48,24 @@ impl<'a> Filled<'a> {
         self.budget
     }
 
-    /// Whether the contours wind about a point; `false` once the budget is spent.
-    pub(super) fn holds(&self, place: [f64; 2]) -> bool {
-        self.winding(place) != 0
+    /// True if a point is in the ink. False once the budget is spent.
+    pub(super) fn holds(&self, point: [f64; 2]) -> bool {
+        self.winding(point) != 0
     }
 
-    /// How often the contours wind about a point; 0 once the budget is spent.
+    /// Winding number of the contours about a point. 0 once the budget is spent.
     pub(super) fn winding(&self, [x, y]: [f64; 2]) -> i32 {
         let mut winding = 0;
         let bin = &self.bins[self.bin(y)];
         if !self.budget.spend_steps(STEPS * (bin.len() + 10)) {
             return 0;
         }
-        for place in bin {
-            let [[ax, ay], [bx, by]] = &self.edges[*place as usize];
+        // Edges that cross the ray to the right, upward ones positive (Sunday 2001).
+        for index in bin {
+            let [[ax, ay], [bx, by]] = &self.edges[*index as usize];
             if (*ay <= y) != (*by <= y) {
-                let crossing = ax + (y - ay) / (by - ay) * (bx - ax);
-                if crossing > x {
+                let crossing_x = ax + (y - ay) / (by - ay) * (bx - ax);
+                if crossing_x > x {
                     winding += if by > ay { 1 } else { -1 };
                 }
             }
@@ -71,23 +73,30 @@ impl<'a> Filled<'a> {
         winding
     }
 
-    /// Adds the crossings of edges with a leg, as shares of its length; some of them twice.
-    pub(super) fn crossings(&self, [from, to]: [[f64; 2]; 2], shares: &mut Vec<f64>) {
-        let along = minus(to, from);
-        let (first, last) = (self.bin(from[1].min(to[1])), self.bin(from[1].max(to[1])));
-        let n: usize = self.bins[first..=last].iter().map(|bin| bin.len() + 10).sum();
+    /// Adds the crossings of edges with a segment, as fractions of its length. An edge in several
+    /// bins adds its crossing several times.
+    pub(super) fn crossings(&self, segment: [[f64; 2]; 2], fractions: &mut Vec<f64>) {
+        let along = minus(segment[1], segment[0]);
+        let bins = &self.bins[self.bins_of(segment)];
+        let n: usize = bins.iter().map(|bin| bin.len() + 10).sum();
         if !self.budget.spend_steps(STEPS * n) {
             return;
         }
-        for place in self.bins[first..=last].iter().flatten() {
-            let [a, b] = self.edges[*place as usize];
-            let edge = minus(b, a);
-            let (area, gap) = (cross(along, edge), minus(a, from));
-            let (share, on_edge) = (cross(gap, edge) / area, cross(gap, along) / area);
-            if [share, on_edge].iter().all(|share| (-1e-9..=1.0 + 1e-9).contains(share)) {
-                shares.push(share.clamp(0.0, 1.0));
+        for index in bins.iter().flatten() {
+            let [a, b] = self.edges[*index as usize];
+            // Cramer's rule for `segment[0] + t along = a + u edge`.
+            let (edge, gap) = (minus(b, a), minus(a, segment[0]));
+            let area = cross(along, edge);
+            let (t, u) = (cross(gap, edge) / area, cross(gap, along) / area);
+            if [t, u].iter().all(|fraction| (-1e-9..=1.0 + 1e-9).contains(fraction)) {
+                fractions.push(t.clamp(0.0, 1.0));
             }
         }
+    }
+
+    /// The bins of the heights of a segment.
+    fn bins_of(&self, [from, to]: [[f64; 2]; 2]) -> RangeInclusive<usize> {
+        self.bin(from[1].min(to[1]))..=self.bin(from[1].max(to[1]))
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "bins are few")]
@@ -101,9 +110,8 @@ fn edges(contour: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
     (0..contour.len()).map(|i| [contour[i], contour[(i + 1) % contour.len()]])
 }
 
-/// The rim of the ink: runs of samples along the contours where there is ink on one side only;
-/// contours within the ink are left out. Samples are at most `spacing` apart. Closed runs repeat
-/// their first point.
+/// The edge of the ink: runs of samples along the contours where there is ink on one side only.
+/// Samples are at most `spacing` apart. Closed runs repeat their first point.
 pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<Vec<[f64; 2]>> {
     let spacing = spacing.max(length(contours) / MAX_SAMPLES);
     let mut runs = Vec::new();
@@ -116,6 +124,7 @@ pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<V
         if samples.len() < 3 {
             continue;
         }
+        // Edges within the ink, where contours overlap, are dropped.
         let n = samples.len();
         let kept = Vec::from_iter((0..n).map(|index| {
             let (a, b) = (samples[index], samples[(index + 1) % n]);
@@ -129,8 +138,9 @@ pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<V
             runs.push(samples);
             continue;
         };
-        let legs: Vec<usize> = (first_gap..first_gap + n).map(|leg| leg % n).collect();
-        for run in legs.chunk_by(|a, b| kept[*a] == kept[*b]).filter(|run| kept[run[0]]) {
+        // From a gap on no run goes over the contour's beginning.
+        let around: Vec<usize> = (first_gap..first_gap + n).map(|edge| edge % n).collect();
+        for run in around.chunk_by(|a, b| kept[*a] == kept[*b]).filter(|run| kept[run[0]]) {
             let ends = run.iter().copied().chain([run[run.len() - 1] + 1]);
             runs.push(ends.map(|index| samples[index % n]).collect());
         }
@@ -142,7 +152,7 @@ fn length(contours: &[Contour]) -> f64 {
     contours.iter().flat_map(|contour| edges(contour)).map(|[a, b]| distance(a, b)).sum()
 }
 
-/// The area within a closed contour, negative where it runs clockwise.
+/// The area within a closed contour, negative if it runs clockwise.
 pub(super) fn area(contour: &[[f64; 2]]) -> f64 {
     edges(contour).map(|[a, b]| 0.5 * cross(a, b)).sum()
 }
@@ -184,7 +194,7 @@ mod tests {
         let contours = [square(0.0, 3.0), square(2.0, 3.0)];
         let rim = rim(&contours, &Filled::new(&contours, &budget()), 0.1);
         let length: f64 = rim.iter().map(|run| polyline_length_m(run)).sum();
-        // Two squares of 12, less a side of 3 of each; the shared bottom and top are counted twice.
+        // Two squares of 12, less a side of 3 of each. The shared bottom and top count twice.
         assert!((length - 18.0).abs() < 0.5, "{length}");
         assert_eq!(mean_stroke_width(&[square(0.0, 2.0)]), 1.0);
     }

@@ -1,6 +1,8 @@
 //! Shape: the strokes of a character before it has a place or a size.
 
-use super::vector::legs;
+use kurbo::Point;
+
+use super::vector::coordinates;
 use super::{Cell, Glyph, Move};
 use noctograph_core::geometry::bounds;
 
@@ -21,8 +23,8 @@ pub(super) enum Fit {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Run {
     pub(super) lit: bool,
-    /// At least two; y up from the baseline.
-    pub(super) points: Vec<[f64; 2]>,
+    /// At least two, with y up from the baseline.
+    pub(super) points: Vec<Point>,
 }
 
 /// A character as its font has it.
@@ -32,14 +34,14 @@ pub(super) struct Shape {
     pub(super) advance: f64,
     /// None for a space.
     pub(super) runs: Vec<Run>,
-    /// Length of a stroke of the face that the center lines lost, in cap heights; 0: none.
+    /// Length in cap heights of a stroke of the face that the center lines lost, or 0.
     pub(super) lost: f64,
 }
 
 impl Shape {
-    /// The box of its points: left, bottom, right, top; the advance where there are none.
+    /// The box of its points, or the advance of a space: left, bottom, right, top.
     pub(super) fn ink(&self) -> [f64; 4] {
-        let ink = bounds(self.runs.iter().flat_map(|run| &run.points).copied());
+        let ink = bounds(self.runs.iter().flat_map(|run| &run.points).copied().map(coordinates));
         if ink[0] <= ink[2] { ink } else { [0.0, 0.0, self.advance, 0.0] }
     }
 
@@ -54,21 +56,20 @@ impl Shape {
         (0.5 * (left + right - width), width)
     }
 
-    /// Draws it into a cell.
     pub(super) fn glyph(&self, character: char, cell: Cell, fit: Fit) -> Glyph {
+        let Cell { left_m, baseline_m, width_m, cap_height_m } = cell;
+        let y_m = |p: Point| baseline_m + p.y * cap_height_m;
         let moves = match fit {
-            Fit::Box => Vec::from_iter(self.runs.iter().flat_map(|run| {
-                moves(run, |[x, y]| {
-                    [cell.left_m + x * cell.width_m, cell.baseline_m + y * cell.cap_height_m]
-                })
-            })),
+            // A box font lists its dark moves, too.
+            Fit::Box => {
+                let place = |p: Point| Point::new(left_m + p.x * width_m, y_m(p));
+                self.runs.iter().flat_map(|run| moves(run, place)).collect()
+            }
             Fit::Proportional => {
                 let [left, _, right, _] = self.ink();
-                let (middle, size_m) = (0.5 * (left + right), cell.cap_height_m);
-                let middle_m = cell.left_m + 0.5 * cell.width_m;
-                pen_moves(&self.runs, |[x, y]| {
-                    [middle_m + (x - middle) * size_m, cell.baseline_m + y * size_m]
-                })
+                let (middle, middle_m) = (0.5 * (left + right), left_m + 0.5 * width_m);
+                let x_m = |p: Point| middle_m + (p.x - middle) * cap_height_m;
+                pen_moves(&self.runs, |p| Point::new(x_m(p), y_m(p)))
             }
         };
         Glyph { character, cell, moves }
@@ -76,24 +77,23 @@ impl Shape {
 }
 
 /// The moves of lit runs: the pen goes to the first, and from each to the next, in the dark.
-pub(super) fn pen_moves(runs: &[Run], place: impl Fn([f64; 2]) -> [f64; 2]) -> Vec<Move> {
-    let mut all: Vec<Move> = Vec::new();
+pub(super) fn pen_moves(runs: &[Run], place: impl Fn(Point) -> Point) -> Vec<Move> {
+    let mut pen: Vec<Move> = Vec::new();
     for run in runs {
-        let to_m = place(run.points[0]);
-        let from_m = all.last().map_or(to_m, |last| last.to_m);
-        if all.is_empty() || from_m != to_m {
-            all.push(Move { from_m, to_m, lit: false, pace: 1.0 });
+        let to_m = coordinates(place(run.points[0]));
+        let from_m = pen.last().map_or(to_m, |last| last.to_m);
+        if pen.is_empty() || from_m != to_m {
+            pen.push(Move { from_m, to_m, lit: false, pace: 1.0 });
         }
-        all.extend(moves(run, &place));
+        pen.extend(moves(run, &place));
     }
-    all
+    pen
 }
 
-fn moves(run: &Run, place: impl Fn([f64; 2]) -> [f64; 2]) -> impl Iterator<Item = Move> {
-    let lit = run.lit;
-    legs(&run.points).map(move |leg| {
-        let [from_m, to_m] = leg.map(&place);
-        Move { from_m, to_m, lit, pace: 1.0 }
+fn moves(run: &Run, place: impl Fn(Point) -> Point) -> impl Iterator<Item = Move> {
+    run.points.windows(2).map(move |pair| {
+        let [from_m, to_m] = [pair[0], pair[1]].map(|point| coordinates(place(point)));
+        Move { from_m, to_m, lit: run.lit, pace: 1.0 }
     })
 }
 
@@ -101,14 +101,14 @@ fn moves(run: &Run, place: impl Fn([f64; 2]) -> [f64; 2]) -> impl Iterator<Item 
 mod tests {
     use super::*;
 
-    fn run(points: &[[f64; 2]]) -> Run {
-        Run { lit: true, points: points.to_vec() }
+    fn run(points: &[(f64, f64)]) -> Run {
+        Run { lit: true, points: points.iter().map(|p| Point::from(*p)).collect() }
     }
 
     #[test]
     fn a_box_letter_fills_its_cell() {
-        let dark = Run { lit: false, points: vec![[0.0, 1.0], [0.0, 1.0]] };
-        let lit = run(&[[0.0, 1.0], [0.0, 0.0], [1.0, 0.0]]);
+        let dark = Run { lit: false, ..run(&[(0.0, 1.0), (0.0, 1.0)]) };
+        let lit = run(&[(0.0, 1.0), (0.0, 0.0), (1.0, 0.0)]);
         let shape = Shape { advance: 1.0, runs: vec![dark, lit], lost: 0.0 };
         let cell = Cell { left_m: 2.0, baseline_m: 0.5, width_m: 0.3, cap_height_m: 0.4 };
         let glyph = shape.glyph('L', cell, Fit::Box);
@@ -123,7 +123,7 @@ mod tests {
         let shape = Shape {
             lost: 0.0,
             advance: 0.4,
-            runs: vec![run(&[[0.2, 1.0], [0.2, 0.0]]), run(&[[0.2, 0.5], [0.2, 0.6]])],
+            runs: vec![run(&[(0.2, 1.0), (0.2, 0.0)]), run(&[(0.2, 0.5), (0.2, 0.6)])],
         };
         assert_eq!(shape.cell(), (0.5 * (0.4 - NARROWEST), NARROWEST), "room on both sides");
         let cell = Cell { left_m: 1.0, baseline_m: 0.0, width_m: 0.6, cap_height_m: 2.0 };

@@ -1,8 +1,8 @@
 //! Shaping: the glyphs of letters that join, change with their neighbors, bear marks or run from
 //! right to left.
 //!
-//! A line is put in visual order (Unicode Standard Annex 9, unicode-bidi), and each word of it is
-//! shaped by the typeface's own rules (GSUB and GPOS, harfrust) in the script of its first letter.
+//! A line is put in visual order (Unicode Standard Annex 9), and each word of it is shaped by the
+//! rules of the typeface (GSUB and GPOS) in the script of its first letter.
 
 use std::ops::Range;
 
@@ -11,8 +11,7 @@ use harfrust::{Buffer, Direction, Font, GlyphId, ShapeOptions, ShaperFont, shape
 use unicode_bidi::BidiInfo;
 use unicode_normalization::char::is_combining_mark;
 
-/// Most points of a character's outline; a larger one counts as missing. Tracing takes a time that
-/// grows with their square.
+/// Most points of a character's outline: the time of tracing grows with the square.
 pub(super) const MAX_POINTS: usize = 8_000;
 
 /// Blocks of the scripts that are shaped, of characters without width, and of the marks of emoji.
@@ -28,12 +27,12 @@ const SHAPED: [std::ops::RangeInclusive<char>; 8] = [
 ];
 const SKIN: std::ops::RangeInclusive<char> = '\u{1F3FB}'..='\u{1F3FF}';
 
-/// Whether a composed text has characters that cannot be set side by side.
+/// True if a composed text has characters that cannot be set side by side.
 pub(super) fn is_shaped(text: &str) -> bool {
     text.chars().any(|c| is_mark(c) || SHAPED.iter().any(|block| block.contains(&c)))
 }
 
-/// Whether a character belongs to the one before it.
+/// True if a character belongs to the one before it.
 pub(super) fn is_mark(character: char) -> bool {
     is_combining_mark(character) || SKIN.contains(&character)
 }
@@ -43,7 +42,7 @@ pub(super) fn is_mark(character: char) -> bool {
 pub(super) struct Placed {
     pub(super) glyph: GlyphId,
     pub(super) units: [i32; 2],
-    /// The first character that it stands for, by its byte in the line.
+    /// The first character of the glyph, by its byte in the line.
     pub(super) byte: usize,
 }
 
@@ -54,20 +53,17 @@ pub(super) enum Unset {
     Missing(usize),
     /// The rules of the face make more of the word from there on than the shaper's limits allow.
     Unshaped(usize),
-    /// So many glyphs from there on touch each other, and are too many points as one outline.
+    /// The number of glyphs from there on that touch and are too many points as one outline.
     TooLarge(usize, usize),
 }
 
 /// The glyphs of a line from left to right.
-///
-/// # Errors
-///
-/// [`Unset`], but for glyphs that touch.
 #[cfg(not(target_family = "wasm"))]
 pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);
     let (mut placed, mut pen) = (Vec::new(), 0_i32);
     for (run, leftward) in visual_runs(line) {
+        // Words from left to right, each with its first byte.
         let mut end = run.start;
         let mut words = Vec::from_iter(line[run].split(' ').map(|word| {
             end += word.len() + 1;
@@ -80,17 +76,8 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
             if index > 0 {
                 pen = pen.saturating_add(space);
             }
-            let mut buffer = Buffer::new();
-            buffer.push_str(word);
-            buffer.set_direction(match leftward {
-                true => Direction::RightToLeft,
-                false => Direction::LeftToRight,
-            });
-            buffer.guess_segment_properties();
-            let shaped = shape(&face, &mut buffer, ShapeOptions::new());
-            if shaped.is_err() || !buffer.allocation_successful() {
-                return Err(Unset::Unshaped(start));
-            }
+            let buffer = shaped_word(&face, word, leftward).ok_or(Unset::Unshaped(start))?;
+            // The shaper lists the glyphs from left to right, too.
             for (info, step) in buffer.glyph_infos().iter().zip(buffer.glyph_positions()) {
                 let (glyph, byte) = (GlyphId::new(info.glyph_id), start + info.cluster as usize);
                 if glyph == GlyphId::NOTDEF {
@@ -105,7 +92,21 @@ pub(super) fn shaped(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>,
     Ok(placed)
 }
 
-/// The runs of a line from left to right, and whether each is read from right to left.
+/// The glyphs of a word. `None` beyond the limits of the shaper.
+#[cfg(not(target_family = "wasm"))]
+fn shaped_word(face: &ShaperFont<'_, '_>, word: &str, leftward: bool) -> Option<Buffer> {
+    let mut buffer = Buffer::new();
+    buffer.push_str(word);
+    buffer.set_direction(match leftward {
+        true => Direction::RightToLeft,
+        false => Direction::LeftToRight,
+    });
+    buffer.guess_segment_properties();
+    let shaped = shape(face, &mut buffer, ShapeOptions::new());
+    (shaped.is_ok() && buffer.allocation_successful()).then_some(buffer)
+}
+
+/// The runs of a line from left to right, each with true if it is read from right to left.
 pub(super) fn visual_runs(line: &str) -> Vec<(Range<usize>, bool)> {
     let info = BidiInfo::new(line, None);
     Vec::from_iter(info.paragraphs.iter().flat_map(|paragraph| {

@@ -1,9 +1,7 @@
 //! Smoothing: a wobbling line made smooth by penalized least squares.
 //!
-//! Points are spaced evenly along the line. Of all lines through both ends, the one minimizes Σ |z
-//! − p|² + λ Σ |z″|² (Whittaker 1923; Eilers, Analytical Chemistry 75, 2003), with the largest λ of
-//! a ladder that moves no point farther than the error allows. Bending is penalized, so straight
-//! lines stay straight.
+//! The line z through evenly spaced points p minimizes Σ |z − p|² + λ Σ |z″|² (Whittaker 1923,
+//! Eilers 2003). λ is the largest of a ladder that moves no point farther than the error allows.
 
 use super::vector::{ahead, between, counts};
 use noctograph_core::geometry::{arc_lengths, distance, simplify};
@@ -11,11 +9,10 @@ use noctograph_core::geometry::{arc_lengths, distance, simplify};
 /// Ladder of λ, from stiff to loose.
 const STIFFNESS: [f64; 9] = [1e7, 1e6, 1e5, 1e4, 1e3, 1e2, 1e1, 1.0, 0.1];
 
-/// Most points of a line.
 pub(super) const MAX_POINTS: usize = 4000;
 
 /// A line smoothed: its ends stay, and no point moves by more than `error`. Points of the result
-/// are `spacing` apart; a line whose ends meet stays closed.
+/// are `spacing` apart. A closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
     if even.len() < 5 {
@@ -38,14 +35,16 @@ pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };
     let n_pieces = (length / spacing).ceil().clamp(1.0, MAX_POINTS as f64);
     let mut points = Vec::new();
-    let mut leg = 0;
+    let mut index = 0;
     for k in counts(if line.len() > 1 { n_pieces } else { 0.0 }) {
-        let way = length * k / n_pieces;
-        while leg + 2 < line.len() && along[leg + 1] < way {
-            leg += 1;
+        // Lengths rise, so that the segment of one is at or after that of the last.
+        let due = length * k / n_pieces;
+        while index + 2 < line.len() && along[index + 1] < due {
+            index += 1;
         }
-        let share = (way - along[leg]) / (along[leg + 1] - along[leg]).max(f64::MIN_POSITIVE);
-        points.push(between(line[leg], line[leg + 1], share.min(1.0)));
+        let (begin, end) = (along[index], along[index + 1]);
+        let fraction = (due - begin) / (end - begin).max(f64::MIN_POSITIVE);
+        points.push(between(line[index], line[index + 1], fraction.min(1.0)));
     }
     points.push(last);
     points
@@ -58,12 +57,13 @@ pub(super) fn simplified(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
 
 /// The smooth line with its ends fixed.
 fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
+    // The normal equations (I + λ D'D) z = p with second differences D: a symmetric matrix with two
+    // bands beside its diagonal, D'D having rows 1 −4 6 −4 1. Two rows of the identity at either
+    // end spare the cases at the ends.
     let n = points.len();
-    // (I + λ D'D) z = p, D'D with rows 1 −4 6 −4 1: a band of two beside the diagonal, factored as
-    // L D L'. A large weight fixes the ends.
-    let mut diagonal = vec![1.0; n];
-    let (mut first, mut second) = (vec![0.0; n], vec![0.0; n]);
-    for k in 0..n - 2 {
+    let mut diagonal = vec![1.0; n + 4];
+    let (mut first, mut second) = (vec![0.0; n + 4], vec![0.0; n + 4]);
+    for k in 2..n {
         for (i, a) in [1.0, -2.0, 1.0].into_iter().enumerate() {
             diagonal[k + i] += stiffness * a * a;
         }
@@ -71,48 +71,37 @@ fn bend(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
         first[k + 2] -= 2.0 * stiffness;
         second[k + 2] += stiffness;
     }
-
+    // A large weight pins the ends.
     let pin = 1e9 * (1.0 + stiffness);
-    let mut rhs = points.to_vec();
-    for end in [0, n - 1] {
+    let mut z = [&[[0.0; 2]; 2], points, &[[0.0; 2]; 2]].concat();
+    for end in [2, n + 1] {
         diagonal[end] += pin;
-        rhs[end] = rhs[end].map(|x| x * (1.0 + pin));
+        z[end] = z[end].map(|x| x * (1.0 + pin));
     }
-    for k in 0..n {
-        if k >= 2 {
-            second[k] /= diagonal[k - 2];
-        }
-        if k >= 1 {
-            let before = if k >= 2 { second[k] * diagonal[k - 2] * first[k - 1] } else { 0.0 };
-            first[k] = (first[k] - before) / diagonal[k - 1];
-            diagonal[k] -= first[k] * first[k] * diagonal[k - 1];
-        }
-        if k >= 2 {
-            diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
-        }
-        if k >= 1 {
-            rhs[k] = ahead(rhs[k], rhs[k - 1], -first[k]);
-        }
-        if k >= 2 {
-            rhs[k] = ahead(rhs[k], rhs[k - 2], -second[k]);
-        }
+    // Factors L D L' in place, and the solution of L on the way.
+    for k in 2..n + 2 {
+        second[k] /= diagonal[k - 2];
+        first[k] = (first[k] - second[k] * diagonal[k - 2] * first[k - 1]) / diagonal[k - 1];
+        diagonal[k] -= first[k] * first[k] * diagonal[k - 1];
+        diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
+        z[k] = ahead(z[k], z[k - 1], -first[k]);
+        z[k] = ahead(z[k], z[k - 2], -second[k]);
     }
-    for k in 0..n {
-        rhs[k] = rhs[k].map(|x| x / diagonal[k]);
+    // Then D, and L' backward.
+    for k in 2..n + 2 {
+        z[k] = z[k].map(|x| x / diagonal[k]);
     }
-    for k in (0..n).rev() {
-        if k + 1 < n {
-            rhs[k] = ahead(rhs[k], rhs[k + 1], -first[k + 1]);
-        }
-        if k + 2 < n {
-            rhs[k] = ahead(rhs[k], rhs[k + 2], -second[k + 2]);
-        }
+    for k in (2..n + 2).rev() {
+        z[k] = ahead(z[k], z[k + 1], -first[k + 1]);
+        z[k] = ahead(z[k], z[k + 2], -second[k + 2]);
     }
-    (rhs[0], rhs[n - 1]) = (points[0], points[n - 1]);
-    rhs
+    // The weight leaves a rounding error at the ends.
+    let mut z = z[2..n + 2].to_vec();
+    (z[0], z[n - 1]) = (points[0], points[n - 1]);
+    z
 }
 
-/// The same for a closed line: solved over twice its length, keeping the middle half.
+/// The smooth closed line: solved over twice its length, of which the middle half is kept.
 fn bend_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

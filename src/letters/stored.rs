@@ -1,14 +1,12 @@
 //! Stored strokes: faces for plotters and engravers, whose contours are strokes, not outlines.
 //!
-//! TrueType knows closed contours alone. A single stroke is stored as an open line, which the
-//! format closes by a straight edge back to its beginning, or as a line there and back again.
-//! Filled, it would have no area, or a wrong one. It is drawn once, without the closing edge.
+//! TrueType has only closed contours. A single stroke is stored as an open line, which the format
+//! closes by a straight edge, or as a line there and back again. It is drawn once.
 
-use kurbo::{BezPath, PathEl, Shape as _};
+use kurbo::{BezPath, PathEl, Point, Shape as _};
 
 use super::curves::{polylines, subpaths};
-use super::vector::{direction, dot};
-use noctograph_core::geometry::polyline_length_m;
+use super::vector::{Lines, length, unit};
 
 /// Characters of straight strokes: of a face of outlines, none of them has a contour without area.
 /// In a script face the letters may be curves.
@@ -20,13 +18,13 @@ const THIN: f64 = 1e-3;
 /// Cosine of the turn at which a line goes back.
 const BACK: f64 = -0.999;
 
-/// Whether most of some outlines have a contour without area.
+/// True if most outlines of a list have a contour without area.
 pub(super) fn are_strokes(paths: &[BezPath]) -> bool {
     2 * paths.iter().filter(|path| contours(path).any(|contour| is_thin(&contour))).count()
         > paths.len()
 }
 
-/// Whether a contour, closed, has no area.
+/// True if a contour, closed, has no area.
 fn is_thin(contour: &BezPath) -> bool {
     let mut closed = contour.clone();
     closed.close_path();
@@ -35,21 +33,16 @@ fn is_thin(contour: &BezPath) -> bool {
     length > 0.0 && 2.0 * area <= THIN * length * bounds.width().max(bounds.height())
 }
 
-/// A stroke for each contour, as it is stored; `None` for too many points.
-pub(super) fn strokes(
-    path: &BezPath,
-    tolerance: f64,
-    max_points: usize,
-) -> Option<Vec<Vec<[f64; 2]>>> {
-    let mut strokes = Vec::new();
+/// The strokes of a path, one for each contour. `None` for more than `max_points`.
+pub(super) fn strokes(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
+    let mut strokes = Lines::new();
     let mut left = max_points;
     for contour in contours(path) {
-        let is_thin = is_thin(&contour);
         for mut line in polylines(&contour, tolerance, left)? {
             left = left.saturating_sub(line.len());
             line.dedup();
             if line.len() > 1 {
-                strokes.push(if is_thin { once(line) } else { line });
+                strokes.push(if is_thin(&contour) { once(line) } else { line });
             }
         }
     }
@@ -66,8 +59,8 @@ fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
 }
 
 /// A line that is drawn there and back, once: from one of its two turns to the other. Any other
-/// line as it is.
-fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+/// line stays.
+fn once(line: Vec<Point>) -> Vec<Point> {
     let mut around = line.clone();
     if around[0] == around[around.len() - 1] {
         around.pop();
@@ -75,21 +68,26 @@ fn once(line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     let n = around.len();
     let turns = Vec::from_iter((0..n).filter(|index| {
         let [before, here, after] = [n - 1, 0, 1].map(|step| around[(index + step) % n]);
-        dot(direction(before, here), direction(here, after)) < BACK
+        unit(here - before).dot(unit(after - here)) < BACK
     }));
     let [from, to] = turns[..] else { return line };
     let (there, back) = (&around[from..=to], [&around[to..], &around[..=from]].concat());
-    let [length, way_back] = [there, &back].map(polyline_length_m);
-    // An open line may turn back for a part of its way only.
-    if (length - way_back).abs() <= 0.01 * length { there.to_vec() } else { line }
+    let [there_length, back_length] = [there, &back].map(line_length);
+    // An open line may go back only along a part of it.
+    if (there_length - back_length).abs() <= 0.01 * there_length { there.to_vec() } else { line }
+}
+
+fn line_length(line: &[Point]) -> f64 {
+    line.windows(2).map(|pair| length(pair[1] - pair[0])).sum()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::vector::pairs;
     use super::*;
 
     fn stored(svg: &str) -> Vec<Vec<[f64; 2]>> {
-        strokes(&BezPath::from_svg(svg).unwrap(), 0.01, 1000).unwrap()
+        pairs(strokes(&BezPath::from_svg(svg).unwrap(), 0.01, 1000).unwrap())
     }
 
     #[test]

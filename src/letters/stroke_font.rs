@@ -3,19 +3,19 @@
 //! A line is a letter: the character, or its code point (`U+0023` for `#`), then its runs, each `+`
 //! (lit) or `-` (dark) and its points `x,y`, y up from the baseline. `#` begins a comment line.
 //! There are two kinds:
-//! - the letters of a box font fill their boxes: 0,0 is the lower left corner, 1,1 the upper right
-//!   one, and every move of the pen is listed, jumps included;
-//! - a font with a line `cap 21`, the height of a capital in its own units, keeps its proportions:
-//!   an advance follows the character, x = 0 is the pen's place before it, and between lit runs the
-//!   pen moves in the dark. Points that turn by less than 60° are samples of a curve
+//! - The letters of a box font fill their boxes: 0,0 is the lower left corner, 1,1 the upper right
+//!   one, and every move of the pen is listed, jumps included.
+//! - A font with a line `cap 21`, the height of a capital in the font's units, keeps its
+//!   proportions: an advance follows the character, x = 0 is the pen's place before it, and between
+//!   lit runs the pen moves in the dark. Points that turn by less than 60° are samples of a curve
 //!   ([`super::arcs`]), and a run too short to be seen, such as `5,1.005 5,0.995`, is a dot.
 //!   `Á = A ´` composes a character: the mark is centered over the base, a mark above it is raised
-//!   by the base's height over a small letter, and `dx,dy` moves it. Other letters with marks are
-//!   composed where they are written.
+//!   by the base's height over a small letter, and `dx,dy` moves it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use kurbo::{Point, Vec2};
 use unicode_normalization::UnicodeNormalization;
 
 use super::arcs::rounded;
@@ -27,21 +27,23 @@ use noctograph_core::input_error;
 /// Largest coordinate of a point, in boxes or cap heights.
 const MAX_COORDINATE: f64 = 100.0;
 
-/// Most points of a letter; composed ones double from line to line.
+/// Most points of a letter. Composed ones could double from line to line.
 const MAX_POINTS: usize = 20_000;
 
 /// Most points of a font.
 const MAX_FONT_POINTS: usize = 1_000_000;
 
-/// Height of a small letter by that of a capital: marks are drawn for it.
+/// Height of a small letter, for which marks are drawn, by that of a capital.
 const SMALL_LETTER: f64 = 14.0 / 21.0;
 
-/// Combining marks, and the signs of their shapes; a font has others by their code.
+/// Combining marks, and the signs of their shapes. A font has others by their code.
 const MARKS: &str = "\u{300}\u{301}\u{302}\u{303}\u{304}\u{306}\u{307}\u{308}\u{30a}\u{30b}\
     \u{30c}\u{327}\u{328}";
 const SIGNS: &str = "`´ˆ˜¯˘˙¨˚˝ˇ¸˛";
 
-/// A single-line font.
+/// The words of a line.
+type Words<'a> = std::iter::Peekable<std::str::SplitAsciiWhitespace<'a>>;
+
 #[derive(Debug)]
 pub(super) struct StrokeFont {
     fit: Fit,
@@ -50,13 +52,13 @@ pub(super) struct StrokeFont {
 }
 
 impl StrokeFont {
-    /// Reads a font; `file` is its name in messages.
+    /// Reads a font.
     pub(super) fn parse(text: &str, file: &str) -> Result<Self> {
-        let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim_end()));
-        let lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
+        let lines = (1..).zip(text.lines().map(str::trim_end));
         let mut font = Self { fit: Fit::Box, letters: BTreeMap::new(), n_points: 0 };
         let mut units = 1.0;
-        for (number, line) in lines {
+        for (number, line) in lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')) {
+            // The height of a capital stands before all letters.
             let read = match line.strip_prefix("cap ").filter(|_| font.letters.is_empty()) {
                 Some(height) => {
                     font.fit = Fit::Proportional;
@@ -74,47 +76,58 @@ impl StrokeFont {
                      points, {MAX_FONT_POINTS} in all",
                     "compare with fonts/ae483.strokes and fonts/simplex.strokes",
                 );
-                error.in_file(file, number as u64)
+                error.in_file(file, number)
             })?;
         }
         Ok(font)
     }
 
-    /// `None` for a line of another form.
+    /// Reads the line of a letter. `None` for a line of another form.
     fn parse_letter(&mut self, line: &str, units: f64) -> Option<()> {
         let mut words = line.split_ascii_whitespace().peekable();
         let character = parse_name(words.next()?)?;
-        let shape = if words.next_if_eq(&"=").is_some() {
-            let base = self.letters.get(&parse_name(words.next()?)?)?;
-            let mark = self.letters.get(&parse_name(words.next()?)?)?;
-            let moved = words.next().map_or(Some([0.0; 2]), |word| parse_point(word, units))?;
-            let small = base.n_points() + mark.n_points() <= MAX_POINTS;
-            (small && words.next().is_none()).then(|| compose(base, mark, moved))?
-        } else {
-            let advance = match self.fit {
-                Fit::Box => 1.0,
-                Fit::Proportional => parse_number(words.next()?, units)?,
-            };
-            let mut runs: Vec<Run> = Vec::new();
-            for word in words {
-                match word {
-                    "+" | "-" => runs.push(Run { lit: word == "+", points: Vec::new() }),
-                    point => runs.last_mut()?.points.push(parse_point(point, units)?),
-                }
-            }
-            if runs.iter().any(|run| run.points.len() < 2) {
-                return None;
-            }
-            if self.fit == Fit::Proportional {
-                runs.iter_mut().for_each(|run| run.points = rounded(&run.points));
-            }
-            Shape { advance, runs, lost: 0.0 }
+        let shape = match words.next_if_eq(&"=") {
+            Some(_) => self.parse_composed(words, units)?,
+            None => self.parse_runs(words, units)?,
         };
         self.n_points += shape.n_points();
         if shape.n_points() > MAX_POINTS || self.n_points > MAX_FONT_POINTS {
             return None;
         }
         self.letters.insert(character, Arc::new(shape)).is_none().then_some(())
+    }
+
+    /// Reads a base, a mark, and how far the mark is moved.
+    fn parse_composed(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
+        let base = self.letters.get(&parse_name(words.next()?)?)?;
+        let mark = self.letters.get(&parse_name(words.next()?)?)?;
+        let moved = words.next().map_or(Some(Point::ZERO), |word| parse_point(word, units))?;
+        // Checked before it is composed, so that no line allocates without bound.
+        let is_small = base.n_points() + mark.n_points() <= MAX_POINTS;
+        (is_small && words.next().is_none()).then(|| compose(base, mark, moved.to_vec2()))
+    }
+
+    /// Reads an advance, in a font that has them, and the runs.
+    fn parse_runs(&self, mut words: Words<'_>, units: f64) -> Option<Shape> {
+        let advance = match self.fit {
+            Fit::Box => 1.0,
+            Fit::Proportional => parse_number(words.next()?, units)?,
+        };
+        let mut runs: Vec<Run> = Vec::new();
+        // A sign begins a run, which has two points at least.
+        for word in words {
+            match word {
+                "+" | "-" => runs.push(Run { lit: word == "+", points: Vec::new() }),
+                point => runs.last_mut()?.points.push(parse_point(point, units)?),
+            }
+        }
+        if runs.iter().any(|run| run.points.len() < 2) {
+            return None;
+        }
+        if self.fit == Fit::Proportional {
+            runs.iter_mut().for_each(|run| run.points = rounded(&run.points));
+        }
+        Some(Shape { advance, runs, lost: 0.0 })
     }
 }
 
@@ -123,13 +136,15 @@ impl Face for StrokeFont {
         Box::new(self.letters.keys().copied())
     }
 
-    /// What it lacks is composed of a letter and its marks.
+    /// A stored letter, or one that is composed of a letter and its marks.
     fn shape(&self, character: char) -> Option<Arc<Shape>> {
         let mut signs = MARKS.chars().zip(SIGNS.chars());
         let sign = signs.find(|(mark, _)| *mark == character).map_or(character, |(_, sign)| sign);
         self.letters.get(&sign).cloned().or_else(|| {
+            // Canonical decomposition (NFD): the base, then the marks from the inside out.
             let mut parts = std::iter::once(character).nfd();
             let base = parts.next().filter(|base| *base != character)?;
+            // A mark above replaces the dot.
             let base = match base {
                 'i' => 'ı',
                 'j' => 'ȷ',
@@ -145,26 +160,24 @@ impl Face for StrokeFont {
     }
 
     fn marked(&self, base: &Shape, mark: char) -> Option<Arc<Shape>> {
-        Some(Arc::new(compose(base, &*self.shape(mark)?, [0.0; 2])))
+        Some(Arc::new(compose(base, &*self.shape(mark)?, Vec2::ZERO)))
     }
 }
 
 /// A base with a mark over, under or beside it.
-fn compose(base: &Shape, mark: &Shape, [dx, dy]: [f64; 2]) -> Shape {
+fn compose(base: &Shape, mark: &Shape, moved: Vec2) -> Shape {
     let ([left, _, right, top], [mark_left, mark_bottom, mark_right, _]) = (base.ink(), mark.ink());
     let lift = if mark_bottom >= SMALL_LETTER { top - SMALL_LETTER } else { 0.0 };
     let across = 0.5 * (left + right) - 0.5 * (mark_left + mark_right);
-    let placed = mark.runs.iter().map(|run| {
-        let points = run.points.iter().map(|[x, y]| [x + across + dx, y + lift + dy]);
+    let mut runs = base.runs.clone();
+    runs.extend(mark.runs.iter().map(|run| {
+        let points = run.points.iter().map(|point| *point + Vec2::new(across, lift) + moved);
         Run { lit: run.lit, points: points.collect() }
-    });
-    Shape {
-        advance: base.advance,
-        runs: base.runs.iter().cloned().chain(placed).collect(),
-        lost: 0.0,
-    }
+    }));
+    Shape { advance: base.advance, runs, lost: 0.0 }
 }
 
+/// A character, or its code point.
 fn parse_name(word: &str) -> Option<char> {
     if let Some(code) = word.strip_prefix("U+").filter(|code| !code.is_empty()) {
         return u32::from_str_radix(code, 16).ok().and_then(char::from_u32);
@@ -174,9 +187,9 @@ fn parse_name(word: &str) -> Option<char> {
     Some(character)
 }
 
-fn parse_point(word: &str, units: f64) -> Option<[f64; 2]> {
+fn parse_point(word: &str, units: f64) -> Option<Point> {
     let (x, y) = word.split_once(',')?;
-    Some([parse_number(x, units)?, parse_number(y, units)?])
+    Some(Point::new(parse_number(x, units)?, parse_number(y, units)?))
 }
 
 fn parse_number(word: &str, units: f64) -> Option<f64> {
@@ -186,6 +199,7 @@ fn parse_number(word: &str, units: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::vector::coordinates;
     use super::*;
 
     #[test]
@@ -247,7 +261,9 @@ mod tests {
         let text = "cap 21\nI 8 + 4,21 4,0\nı 8 + 4,14 4,0\n´ 10 + 4,16 7,20\n\
                     Í = I ´\ní = ı ´\nì = ı ´ -1,2\n";
         let font = StrokeFont::parse(text, "").unwrap();
-        let mark = |c| font.shape(c).unwrap().runs[1].points[0].map(|x| (x * 42.0).round() / 2.0);
+        let mark = |c| {
+            coordinates(font.shape(c).unwrap().runs[1].points[0]).map(|x| (x * 42.0).round() / 2.0)
+        };
         assert_eq!(mark('í'), [2.5, 16.0], "its middle, 5.5, stands over the base's, 4");
         assert_eq!(mark('Í'), [2.5, 23.0], "7 higher over a capital");
         assert_eq!(mark('ì'), [1.5, 18.0], "moved");

@@ -4,32 +4,30 @@
 //! between the center lines of a horizontal stroke at the top and one at the bottom: these are a
 //! cap height apart, the lower one on the baseline.
 //!
-//! Text of joined letters, with marks or from right to left is shaped ([`super::shaping`]); glyphs
-//! that touch are traced together, so that joined letters are one line. A face for plotters and
-//! engravers, whose contours are strokes ([`super::stored`]), is drawn as it is stored. A glyph
-//! that is an area, such as a heart, is its outline. Not read: variations, and in text that is not
-//! shaped ligatures and kerning outside the table `kern`.
+//! Glyphs that touch are traced together, so that joined letters are one line. A glyph that is an
+//! area, such as a heart, is its outline. Not read: variations, and in text that is not shaped
+//! ligatures and kerning outside the table `kern`.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use ab_glyph::{Font as _, FontRef};
 use harfrust::{Font, GlyphId};
-use kurbo::{Affine, BezPath};
+use kurbo::{Affine, BezPath, Point};
 use read_fonts::{TableProvider as _, tables::kern::SubtableKind};
 
 use super::Trace;
 use super::center_line::{CenterLines, center_lines, outlines};
 use super::curves::polylines;
-use super::face::{Face, Line};
+use super::face::{Face, Joined, Line};
 use super::glyph::outline;
 use super::outline::Contour;
 use super::shape::{Run, Shape};
 use super::shaping::{MAX_POINTS, Placed, Unset, shaped};
 use super::stored;
+use super::vector::{Lines, length, pairs, point};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::Budget;
-use noctograph_core::geometry::distance;
 
 /// Most parts of the kerning table that are read: each is searched for every pair.
 const MAX_SUBTABLES: usize = 64;
@@ -51,22 +49,32 @@ const CURVES: f64 = 2e-4;
 const THICK: f64 = 2.5;
 const LONG: f64 = 6.0;
 
-/// A face, and the characters traced so far.
+/// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some
+/// faces meet at a common edge.
+const TOUCHING: f64 = 0.005;
+
+/// Characters as high as capitals. The first that a face has counts.
+const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
+
+/// Characters whose strokes are as wide as those of the others.
+const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
+
+/// A face with a cache of its traced characters.
 pub(super) struct Typeface {
     face: Font,
     trace: Trace,
     /// Font units of a capital's height.
     cap: f64,
-    /// Half the width of its strokes in cap heights; 0 where outlines are traced.
+    /// Half the width of its strokes in cap heights, or 0 if outlines are traced.
     half_width: f64,
-    /// Whether the width is that of known letters.
+    /// True if the width is that of known letters.
     has_stems: bool,
-    /// Whether its contours are strokes.
+    /// True if its contours are strokes.
     is_stored: bool,
     traced: Mutex<Traced>,
 }
 
-/// The glyphs traced so far, alone and together, and the remaining budget.
+/// The glyphs and groups of glyphs traced so far, and the remaining budget.
 struct Traced {
     shapes: BTreeMap<Vec<Part>, Option<Arc<Shape>>>,
     budget: Budget,
@@ -75,52 +83,49 @@ struct Traced {
 /// A glyph, and its place in font units.
 type Part = (GlyphId, [i32; 2]);
 
-/// Largest gap between the boxes of two glyphs that touch, in cap heights: joined letters of some
-/// faces meet at a common edge.
-const TOUCHING: f64 = 0.005;
-
-/// Characters whose height is that of capitals; the first that a face has counts.
-const CAPITALS: &str = "HIExo\u{5d0}\u{627}\u{915}\u{e01}0";
-
-/// Characters whose strokes are as wide as those of the others.
-const STEMS: &str = "HIlxo\u{5d0}\u{627}\u{915}\u{e01}0";
-
 impl Typeface {
-    /// Reads a face; `file` is its name in messages. Of a collection it is the first.
+    /// Reads a face, the first one of a collection.
     pub(super) fn read(bytes: Vec<u8>, trace: Trace, file: &str) -> Result<Self> {
         let budget = Budget::new(file, "name another font file, or a font of the program");
         let face = Font::new(bytes, 0).ok_or_else(|| refused(file, "another file"))?;
         let traced = Mutex::new(Traced { shapes: BTreeMap::new(), budget });
         let (cap, half_width, has_stems, is_stored) = (1.0, 0.0, false, false);
         let mut typeface = Self { face, trace, cap, half_width, has_stems, is_stored, traced };
-        // A face without any of them, such as one of emoji, is measured by its first outline.
-        let mut capitals = CAPITALS.chars().chain(typeface.characters().take(SEARCHED));
-        let known = capitals.find_map(|character| typeface.outline(character));
-        drop(capitals);
         typeface.is_stored = stored::SIGNS.iter().any(|signs| {
             let outlines = signs.chars().filter_map(|character| typeface.outline(character));
             stored::are_strokes(&outlines.collect::<Vec<BezPath>>())
         });
-        typeface.cap = known.map_or(0.0, |path| path.control_box().y1);
+        // The cap height first: it is the unit of the strokes' width.
+        typeface.cap = typeface.known_outline().map_or(0.0, |path| path.control_box().y1);
         if !(1e-3..=1e6).contains(&typeface.cap) {
             return Err(refused(file, "no letters"));
         }
         if trace == Trace::CenterLine && !typeface.is_stored {
-            let traced = typeface.traced();
-            let stems = STEMS.chars().map(|c| (true, c));
-            let stems = stems.chain(typeface.characters().take(SEARCHED).map(|c| (false, c)));
-            let widths = stems.filter_map(|(is_stem, c)| {
-                let contours =
-                    typeface.contours(&[(typeface.glyph(c)?, [0; 2])], &traced.budget)?;
-                Some((is_stem, center_lines(&contours, &traced.budget).half_width))
-            });
-            let width = widths.into_iter().find(|(_, width)| (1e-4..=0.4).contains(width));
-            traced.budget.check()?;
-            drop(traced);
+            let width = typeface.stem_half_width()?;
             (typeface.has_stems, typeface.half_width) =
                 width.ok_or_else(|| refused(file, "no strokes"))?;
         }
         Ok(typeface)
+    }
+
+    /// The outline of a capital, or of any character in a face without letters, such as emoji.
+    fn known_outline(&self) -> Option<BezPath> {
+        let mut known = CAPITALS.chars().chain(self.characters().take(SEARCHED));
+        known.find_map(|character| self.outline(character))
+    }
+
+    /// Half the width of the strokes in cap heights, and true if it is that of known letters.
+    fn stem_half_width(&self) -> Result<Option<(bool, f64)>> {
+        let budget = &self.traced().budget;
+        let stems = STEMS.chars().map(|c| (true, c));
+        let others = self.characters().take(SEARCHED).map(|c| (false, c));
+        let mut widths = stems.chain(others).filter_map(|(is_stem, c)| {
+            let contours = self.contours(&[(self.glyph(c)?, [0; 2])], budget)?;
+            Some((is_stem, center_lines(&contours, budget).half_width))
+        });
+        let width = widths.find(|(_, width)| (1e-4..=0.4).contains(width));
+        budget.check()?;
+        Ok(width)
     }
 
     fn glyph(&self, character: char) -> Option<GlyphId> {
@@ -140,42 +145,53 @@ impl Typeface {
         shape.clone()
     }
 
-    /// The letters of a line, shaped.
+    /// The letters of a line, shaped. `space` is the advance of a space in a face without one.
     pub(super) fn set(&self, line: &str, space: f64) -> Line {
         let unit = self.advance(1.0);
-        let own = self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
+        let advance =
+            self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());
         #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-        let glyphs = shaped(&self.face, line, own.unwrap_or(space / unit) as i32)?;
-        let mut sided = Vec::from_iter(glyphs.into_iter().filter_map(|placed| {
-            let path = outline(&self.face, placed.glyph, &self.traced().budget)?;
-            let bounds = path.control_box();
+        let glyphs = shaped(&self.face, line, advance.unwrap_or(space / unit) as i32)?;
+        self.touching(glyphs, unit).iter().map(|group| self.set_group(group, unit)).collect()
+    }
+
+    /// Glyphs from left to right, in groups of those that touch.
+    fn touching(&self, glyphs: Vec<Placed>, unit: f64) -> Vec<Vec<Placed>> {
+        let mut boxes = Vec::from_iter(glyphs.into_iter().filter_map(|placed| {
+            let bounds = outline(&self.face, placed.glyph, &self.traced().budget)?.control_box();
             Some(([bounds.x0, bounds.x1].map(|x| x + f64::from(placed.units[0])), placed))
         }));
-        sided.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
-        let mut groups: Vec<(f64, Vec<Placed>)> = Vec::new();
-        for ([left, right], placed) in sided {
-            match groups.last_mut().filter(|(end, _)| left <= *end + TOUCHING / unit) {
-                Some((end, group)) => {
-                    *end = end.max(right);
-                    group.push(placed);
-                }
-                None => groups.push((right, vec![placed])),
+        // Boxes from left to right, so that only the last group can touch the next one.
+        boxes.sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
+        let mut groups: Vec<Vec<Placed>> = Vec::new();
+        let mut end = f64::NEG_INFINITY;
+        for ([left, right], placed) in boxes {
+            match groups.last_mut().filter(|_| left <= end + TOUCHING / unit) {
+                Some(group) => group.push(placed),
+                None => groups.push(vec![placed]),
             }
+            end = end.max(right);
         }
-        let joined = groups.iter().map(|(_, group)| {
-            let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
-            let start = group[0].units[0];
-            let parts = group.iter().map(|it| (it.glyph, [it.units[0] - start, it.units[1]]));
-            let shape = self.joined(&parts.collect::<Vec<_>>()).ok_or_else(|| {
-                let mut glyphs = group.iter();
-                match glyphs.find(|placed| self.joined(&[(placed.glyph, [0; 2])]).is_none()) {
-                    Some(placed) => Unset::Missing(placed.byte),
-                    None => Unset::TooLarge(byte, group.len()),
-                }
-            });
-            Ok((byte, unit * f64::from(start), shape?))
+        groups
+    }
+
+    /// The strokes of glyphs that touch.
+    fn set_group(&self, group: &[Placed], unit: f64) -> std::result::Result<Joined, Unset> {
+        let byte = group.iter().map(|placed| placed.byte).min().expect("not empty");
+        let start = group[0].units[0];
+        let parts = group.iter().map(|placed| {
+            let [x, y] = placed.units;
+            (placed.glyph, [x - start, y])
         });
-        joined.collect()
+        let shape = self.joined(&parts.collect::<Vec<_>>()).ok_or_else(|| {
+            // A glyph that fails by itself is missing. Otherwise all of them are too much.
+            let mut glyphs = group.iter();
+            match glyphs.find(|placed| self.joined(&[(placed.glyph, [0; 2])]).is_none()) {
+                Some(placed) => Unset::Missing(placed.byte),
+                None => Unset::TooLarge(byte, group.len()),
+            }
+        });
+        Ok((byte, unit * f64::from(start), shape?))
     }
 
     fn traced(&self) -> MutexGuard<'_, Traced> {
@@ -201,37 +217,37 @@ impl Typeface {
         if !(0.0..=MAX_COORDINATE).contains(&advance) {
             return None;
         }
-        if self.is_stored {
-            let lines = stored::strokes(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
-            let runs = lines.into_iter().map(|points| Run { lit: true, points }).collect();
-            return Some(Shape { advance, runs, lost: 0.0 }).filter(|shape| !shape.runs.is_empty());
-        }
-        let contours = self.contours(parts, budget)?;
-        let mut lost = 0.0;
-        let lines = match self.trace {
-            Trace::CenterLine => {
-                let center = center_lines(&contours, budget);
-                if self.is_area(&center) {
-                    outlines(&contours, budget)
-                } else {
-                    lost = center.lost;
-                    center.lines
-                }
-            }
-            Trace::Outline => outlines(&contours, budget),
+        let (lines, lost) = match self.is_stored {
+            true => (stored::strokes(&self.path(parts, budget)?, CURVES, MAX_POINTS)?, 0.0),
+            false => self.lines(parts, budget)?,
         };
-        budget.spend_steps(NEAREST * lines.len() * lines.len()).then_some(())?;
-        let scale = 1.0 / (1.0 - 2.0 * self.half_width);
-        let runs = in_reading_order(lines).into_iter().map(|line| {
-            let points = line.into_iter().map(|[x, y]| [x * scale, (y - self.half_width) * scale]);
-            Run { lit: true, points: points.collect() }
-        });
-        let shape = Shape { advance, runs: runs.collect(), lost };
-        (!shape.runs.is_empty()).then_some(shape)
+        let runs: Vec<Run> = lines.into_iter().map(|points| Run { lit: true, points }).collect();
+        (!runs.is_empty()).then_some(Shape { advance, runs, lost })
     }
 
-    /// Whether a glyph is an area, not a stroke: thicker than the face's letters, and short for its
-    /// thickness.
+    /// The lines along glyphs, and the length of a stroke that they lost.
+    fn lines(&self, parts: &[Part], budget: &Budget) -> Option<(Lines, f64)> {
+        let contours = self.contours(parts, budget)?;
+        let center = match self.trace {
+            Trace::CenterLine => Some(center_lines(&contours, budget)),
+            Trace::Outline => None,
+        };
+        let (lines, lost) = match center.filter(|center| !self.is_area(center)) {
+            Some(center) => (center.lines, center.lost),
+            None => (outlines(&contours, budget), 0.0),
+        };
+        budget.spend_steps(NEAREST * lines.len() * lines.len()).then_some(())?;
+        let lines = lines.into_iter().map(|line| line.into_iter().map(point).collect());
+        let mut lines = in_reading_order(lines.collect());
+        // From cap heights of the outline to those between center lines.
+        let scale = 1.0 / (1.0 - 2.0 * self.half_width);
+        for point in lines.iter_mut().flatten() {
+            *point = Point::new(point.x * scale, (point.y - self.half_width) * scale);
+        }
+        Some((lines, lost))
+    }
+
+    /// True for an area: thicker than the face's letters, and short for its thickness.
     fn is_area(&self, center: &CenterLines) -> bool {
         let is_thick = !self.has_stems || center.thickest > THICK * self.half_width;
         is_thick && center.length() < 2.0 * LONG * center.thickest
@@ -242,9 +258,9 @@ impl Typeface {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// The outline of glyphs in cap heights; `None` where they have none.
+    /// The outline of glyphs in cap heights, if they have one.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
-        let mut contours = polylines(&self.path(parts, budget)?, CURVES, MAX_POINTS)?;
+        let mut contours = pairs(polylines(&self.path(parts, budget)?, CURVES, MAX_POINTS)?);
         for contour in &mut contours {
             if contour[0] == contour[contour.len() - 1] {
                 contour.pop();
@@ -258,11 +274,8 @@ impl Typeface {
     fn path(&self, parts: &[Part], budget: &Budget) -> Option<BezPath> {
         let mut path = BezPath::new();
         for (id, [x, y]) in parts {
-            let mut part = outline(&self.face, *id, budget)?;
-            if [*x, *y] != [0; 2] {
-                part.apply_affine(Affine::translate(((*x).into(), (*y).into())));
-            }
-            path.extend(part);
+            let part = outline(&self.face, *id, budget)?;
+            path.extend(Affine::translate(((*x).into(), (*y).into())) * part);
         }
         path.apply_affine(Affine::scale(1.0 / self.cap));
         let bounds = path.control_box();
@@ -274,11 +287,11 @@ impl Typeface {
 impl Face for Typeface {
     /// Those in the Basic Multilingual Plane, and emoji.
     fn characters(&self) -> Box<dyn Iterator<Item = char> + '_> {
-        let all = ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}');
-        Box::new(all.filter(|c| !c.is_whitespace() && self.has(*c)))
+        let codes = ('!'..='\u{ffff}').chain('\u{1f000}'..='\u{1faff}');
+        Box::new(codes.filter(|c| !c.is_whitespace() && self.has(*c)))
     }
 
-    /// The shape of a letter; that of a space is only an advance.
+    /// The shape of a letter. A space has only an advance.
     fn shape(&self, character: char) -> Option<Arc<Shape>> {
         let glyph = self.glyph(character)?;
         if character.is_whitespace() {
@@ -311,7 +324,7 @@ fn refused(file: &str, content: &str) -> Error {
     Error::input(file, content, wanted, "name another font file")
 }
 
-/// Whether the first face of a file has an outline of a character.
+/// True if the first face of a file has an outline of a character.
 pub fn has_outline(file: &[u8], character: char) -> bool {
     let Ok(face) = FontRef::try_from_slice(file) else { return false };
     let id = face.glyph_id(character);
@@ -320,18 +333,19 @@ pub fn has_outline(file: &[u8], character: char) -> bool {
 
 /// Lines in the order of handwriting: from the upper left, each next the nearest, from its upper
 /// left end.
-fn in_reading_order(mut lines: Vec<Vec<[f64; 2]>>) -> Vec<Vec<[f64; 2]>> {
+fn in_reading_order(mut lines: Lines) -> Lines {
     for line in &mut lines {
-        let [first, last] = [line[0], line[line.len() - 1]].map(|[x, y]| x - 2.0 * y);
+        let [first, last] = [line[0], line[line.len() - 1]].map(|p| p.x - 2.0 * p.y);
         if last < first {
             line.reverse();
         }
     }
-    let mut ordered: Vec<Vec<[f64; 2]>> = Vec::new();
-    let mut pen = [0.0, 1.0];
+    // Greedily the nearest one, from the upper left of a capital on.
+    let mut ordered = Lines::new();
+    let mut pen = Point::new(0.0, 1.0);
     while !lines.is_empty() {
         let next = (0..lines.len()).min_by(|a, b| {
-            let [a, b] = [a, b].map(|index| distance(pen, lines[*index][0]));
+            let [a, b] = [a, b].map(|index| length(lines[*index][0] - pen));
             a.total_cmp(&b)
         });
         let line = lines.remove(next.expect("not empty"));

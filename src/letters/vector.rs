@@ -1,8 +1,36 @@
-//! Vectors in a plane, as pairs.
+//! Vectors in a plane: of kurbo, and pairs of coordinates.
 
+use kurbo::{Point, Vec2};
 use noctograph_core::geometry::distance;
 
-/// Unit vector from one point to another; zero where they are one.
+/// Polylines.
+pub(super) type Lines = Vec<Vec<Point>>;
+
+/// Length of a vector by libm, as that of [`distance`]: kurbo rounds differently.
+pub(super) fn length(vector: Vec2) -> f64 {
+    libm::hypot(vector.x, vector.y)
+}
+
+/// Unit vector in the direction of another, or zero for zero.
+pub(super) fn unit(vector: Vec2) -> Vec2 {
+    let length = length(vector).max(f64::MIN_POSITIVE);
+    Vec2::new(vector.x / length, vector.y / length)
+}
+
+pub(super) fn point([x, y]: [f64; 2]) -> Point {
+    Point::new(x, y)
+}
+
+pub(super) fn coordinates(point: Point) -> [f64; 2] {
+    [point.x, point.y]
+}
+
+/// The coordinates of lines.
+pub(super) fn pairs(lines: Lines) -> Vec<Vec<[f64; 2]>> {
+    lines.into_iter().map(|line| line.into_iter().map(coordinates).collect()).collect()
+}
+
+/// Unit vector from one point to another, or zero for equal points.
 pub(super) fn direction(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     let length = distance(from, to).max(f64::MIN_POSITIVE);
     [0, 1].map(|i| (to[i] - from[i]) / length)
@@ -13,9 +41,9 @@ pub(super) fn ahead(from: [f64; 2], direction: [f64; 2], length: f64) -> [f64; 2
     [0, 1].map(|i| from[i] + length * direction[i])
 }
 
-/// The point at a share of the way from one point to another.
-pub(super) fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
-    [0, 1].map(|i| from[i] + share * (to[i] - from[i]))
+/// The point at a fraction of the line from one point to another.
+pub(super) fn between(from: [f64; 2], to: [f64; 2], fraction: f64) -> [f64; 2] {
+    [0, 1].map(|i| from[i] + fraction * (to[i] - from[i]))
 }
 
 pub(super) fn minus(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
@@ -26,7 +54,7 @@ pub(super) fn dot(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-/// Twice the area of the triangle that two vectors span, positive where the second is to the left.
+/// Twice the area of the triangle that two vectors span, positive if the second is to the left.
 pub(super) fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
@@ -35,17 +63,17 @@ pub(super) fn mean(points: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|i| points.iter().map(|point| point[i]).sum::<f64>() / points.len() as f64)
 }
 
-/// The legs of a line: from each of its points to the next.
+/// The segments of a line: from each of its points to the next.
 pub(super) fn legs(line: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
-    line.windows(2).map(|leg| [leg[0], leg[1]])
+    line.windows(2).map(|pair| [pair[0], pair[1]])
 }
 
-/// 0, 1, 2 and so on, as long as they are less than a number.
+/// 0, 1, 2 and so on, below a number.
 pub(super) fn counts(n: f64) -> impl Iterator<Item = f64> {
     (0_u32..).map(f64::from).take_while(move |k| *k < n)
 }
 
-/// Whether a closed line: one whose ends meet.
+/// True if the ends of a line meet.
 pub(super) fn is_closed(line: &[[f64; 2]]) -> bool {
     line.first() == line.last()
 }

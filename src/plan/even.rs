@@ -1,9 +1,8 @@
 //! Style `even`: strokes in the shortest order at one speed, time-optimal transits between them.
 //!
-//! The drone takes off below the first stroke, hovers at its beginning while the height settles,
-//! draws, and lands below the last, in the dark. Every stroke begins and ends on a tick of 50 ms,
-//! the lamps' timer, so that light commands can meet its ends. All setpoints lie on one grid in
-//! time, so that a controller that holds positions is a linear filter of them.
+//! Every stroke begins and ends on a tick of 50 ms, the lamps' timer, so that light commands can
+//! meet its ends. All setpoints lie on one grid in time, so that a controller that holds positions
+//! is a linear filter of them.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -20,18 +19,18 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
 const LEVEL_STEPS: f64 = 50.0;
 /// Least level, so that a slow corner does not go dark.
 const LEAST_LEVEL: f64 = 0.04;
-/// Height above its home at which one of several drones begins and ends its way to the strokes.
+/// Height above its home up to which one of several drones climbs first.
 const OVER_HOME_M: f64 = 0.3;
-/// Take-off acceleration over that of other transits. A climb that saturates the motors winds up
-/// the integrators of a PID controller, and the first letter is written too high.
-const TAKE_OFF_SHARE: f64 = 0.5;
+/// Take-off acceleration as a fraction of that of other transits. A climb that saturates the motors
+/// winds up the integrators of a PID controller, and the first letter is written too high.
+const TAKE_OFF_FRACTION: f64 = 0.5;
 /// Run-in of the first stroke: the hover is this far behind its beginning, at the stroke's speed.
 const RUN_IN_S: f64 = 0.3;
-/// Run-in of a loop: its light goes on so long after its beginning, when the drone is as far off
-/// the curve as at its end, and goes off so much later. Longer than three of these, it is a loop.
+/// Run-in of a loop: its light goes on this long after its beginning, when the drone is as far off
+/// the curve as at its end, and goes off as much later. A loop is longer than three of these.
 const LEAD_S: f64 = 0.4;
 /// Length by which a loop's light overlaps itself: it begins and ends within half a tick of the
-/// lamps' timer, 5 mm each at 0.2 m/s, and the drone strays along the curve by as much.
+/// lamps' timer, 5 mm each at 0.2 m/s, and the drone is off along the curve by as much.
 const OVERLAP_M: f64 = 0.015;
 /// Hover at a dot before its light goes on, to come to rest.
 const SETTLE_S: f64 = 0.2;
@@ -63,8 +62,8 @@ enum Path {
 impl Path {
     fn state_at(&self, time_s: f64) -> State {
         match self {
-            Self::Still(place) | Self::Dot(place) => {
-                State { position_m: *place, ..State::default() }
+            Self::Still(position_m) | Self::Dot(position_m) => {
+                State { position_m: *position_m, ..State::default() }
             }
             Self::RunIn(motion) | Self::Lit(motion) => motion.state_at(time_s),
             Self::Dark(transit) => transit.state_at(time_s),
@@ -72,8 +71,8 @@ impl Path {
     }
 }
 
-/// Plans strokes in their order. The drone takes off and lands at `home_x_m`, or below its first
-/// and last stroke where there is none.
+/// Plans strokes in their order. The drone takes off and lands at `home_x_m`, or without one below
+/// its first and last stroke.
 pub(super) fn plan(
     drawn: &[PenStroke],
     options: &PlanOptions,
@@ -90,6 +89,7 @@ pub(super) fn plan(
         end_s: 0.0,
         state: State::default(),
     };
+    // Each part begins in the state that the one before has left.
     course.begin(drawn)?;
     for stroke in drawn {
         course.draw(stroke)?;
@@ -98,7 +98,6 @@ pub(super) fn plan(
     Ok(course.sampled())
 }
 
-/// A flight under construction.
 struct Course<'a> {
     options: &'a PlanOptions,
     style: &'a EvenStyle,
@@ -113,7 +112,7 @@ impl Course<'_> {
     /// Waits on the floor, takes off and hovers before the first stroke.
     fn begin(&mut self, drawn: &[PenStroke]) -> Result<()> {
         let first = match drawn[0].dot_m() {
-            Some(at_m) => rest(at_m.x, at_m.y),
+            Some(dot_m) => rest(dot_m.x, dot_m.y),
             None => self.motion(&drawn[0]).state_at(0.0),
         };
         let below = Vector2::new(self.home_x_m.unwrap_or(first.position_m.x), 0.0);
@@ -121,11 +120,12 @@ impl Course<'_> {
             Extent::Whole => self.push(None, Path::Still(below), self.options.floor_wait_s)?,
             Extent::Letters => self.push(None, Path::Still(first.position_m), 0.5)?,
         }
-        let acceleration_m_s2 = TAKE_OFF_SHARE * self.style.acceleration_m_s2;
+        let acceleration_m_s2 = TAKE_OFF_FRACTION * self.style.acceleration_m_s2;
         let gentle = EvenStyle { acceleration_m_s2, ..self.style.clone() };
         if let Some(home_x_m) = self.home_x_m {
             self.go_by(&gentle, None, &rest(home_x_m, OVER_HOME_M))?;
         }
+        // The hover lies behind the stroke, so that the drone enters it at its speed.
         if self.options.extent == Extent::Whole && self.style.hover_s > 0.0 {
             let before_m = first.position_m - first.velocity_m_s * RUN_IN_S;
             self.go_by(&gentle, None, &rest(before_m.x, before_m.y))?;
@@ -136,12 +136,13 @@ impl Course<'_> {
 
     /// Flies to a stroke in the dark and along it with light.
     fn draw(&mut self, stroke: &PenStroke) -> Result<()> {
+        // The path to the first stroke belongs to no letter.
         let letter = self.segments.iter().any(Segment::is_lit).then_some(stroke.letter);
-        if let Some(at_m) = stroke.dot_m() {
-            self.go(letter, &rest(at_m.x, at_m.y))?;
-            self.push(letter, Path::Still(at_m), SETTLE_S)?;
+        if let Some(dot_m) = stroke.dot_m() {
+            self.go(letter, &rest(dot_m.x, dot_m.y))?;
+            self.push(letter, Path::Still(dot_m), SETTLE_S)?;
             let lit_s = dot_s(self.options.stroke_speed_m_s);
-            return self.push(Some(stroke.letter), Path::Dot(at_m), lit_s);
+            return self.push(Some(stroke.letter), Path::Dot(dot_m), lit_s);
         }
         let mut motion = self.motion(stroke);
         self.go(letter, &motion.state_at(0.0))?;
@@ -179,22 +180,26 @@ impl Course<'_> {
         if stroke.is_loop() && stroke.length_m() > 3.0 * lead_m { lead_m } else { 0.0 }
     }
 
-    /// A transit to a state.
     fn go(&mut self, letter: Option<usize>, to: &State) -> Result<()> {
         self.go_by(self.style, letter, to)
     }
 
-    /// A transit to a state in a style.
+    /// A transit to a state in a style. If Ruckig finds none, from and to no acceleration.
     fn go_by(&mut self, style: &EvenStyle, letter: Option<usize>, to: &State) -> Result<()> {
         let coasting = |state: &State| State { acceleration_m_s2: Vector2::zeros(), ..*state };
         let transit = Transit::new(&self.state, to, style, RING_TICK_S)
             .or_else(|| Transit::new(&coasting(&self.state), &coasting(to), style, RING_TICK_S));
-        let transit = transit.ok_or_else(|| Error::infeasible(format!("no transit was found after {:.2} s", self.end_s), "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or plan.style.jerk_m_s3"))?;
+        let transit = transit.ok_or_else(|| {
+            Error::infeasible(
+                format!("no transit was found after {:.2} s", self.end_s),
+                "raise plan.style.dark_speed_m_s above plan.stroke_speed_m_s, or \
+                 plan.style.jerk_m_s3",
+            )
+        })?;
         let duration_s = transit.duration_s();
         self.push(letter, Path::Dark(transit), duration_s)
     }
 
-    /// Adds a segment to the course.
     fn push(&mut self, letter: Option<usize>, path: Path, lasts_s: f64) -> Result<()> {
         let lasts_s = (lasts_s / RING_TICK_S - 1e-6).ceil() * RING_TICK_S;
         self.state = path.state_at(lasts_s);
@@ -204,15 +209,12 @@ impl Course<'_> {
         if self.end_s <= MAX_DURATION_S {
             return Ok(());
         }
-        let (n, n_drawn) =
-            (self.n_strokes, self.segments.iter().filter(|segment| segment.is_lit()).count());
-        Err(Error::infeasible(
-            format!(
-                "{n_drawn} of {n} strokes take more than {MAX_DURATION_S} s, the longest flight"
-            ),
-            SHORTER,
-        )
-        .coded(FLIGHT_LONG))
+        let n_drawn = self.segments.iter().filter(|segment| segment.is_lit()).count();
+        let problem = format!(
+            "{n_drawn} of {} strokes take more than {MAX_DURATION_S} s, the longest flight",
+            self.n_strokes
+        );
+        Err(Error::infeasible(problem, SHORTER).coded(FLIGHT_LONG))
     }
 
     /// Setpoints on the grid, and where a stroke begins or ends.
@@ -225,31 +227,28 @@ impl Course<'_> {
         times_s.sort_unstable_by(f64::total_cmp);
         times_s.dedup_by(|later, earlier| *later - *earlier < 1e-4);
         let mut plan = PlanData::with_channels(&self.options.lights);
-        let mut index = 0;
-        for (row, time_s) in times_s.iter().enumerate() {
-            while self.segments.get(index + 1).is_some_and(|next| next.start_s <= time_s + 1e-6) {
-                index += 1;
-            }
-            let segment = &self.segments[index];
-            let until_s = times_s.get(row + 1).copied();
-            let State { position_m: p, velocity_m_s: v, acceleration_m_s2: a } =
+        // The last setpoint ends the flight: it is dark, and of no letter.
+        let later_s = times_s.iter().skip(1).copied().map(Some).chain([None]);
+        for (time_s, next_s) in times_s.iter().copied().zip(later_s) {
+            let begun = self.segments.partition_point(|begun| begun.start_s <= time_s + 1e-6);
+            let segment = &self.segments[begun.max(1) - 1];
+            let State { position_m, velocity_m_s, acceleration_m_s2 } =
                 segment.path.state_at(time_s - segment.start_s);
-            let world = |v: Vector2<f64>| Vector3::new(v.x, 0.0, v.y).map(on_grid);
             let setpoint = Setpoint {
-                time_s: on_grid(*time_s),
-                position_m: world(p),
-                velocity_m_s: world(v),
-                acceleration_m_s2: world(a),
-                letter: segment.letter.filter(|_| until_s.is_some()),
+                time_s: on_grid(time_s),
+                position_m: world(position_m),
+                velocity_m_s: world(velocity_m_s),
+                acceleration_m_s2: world(acceleration_m_s2),
+                letter: segment.letter.filter(|_| next_s.is_some()),
             };
-            let level = until_s.map_or(0.0, |until_s| self.level(segment, *time_s, until_s));
+            let level = next_s.map_or(0.0, |next_s| self.level(segment, time_s, next_s));
             plan.push(setpoint, level);
         }
         Plan::made(plan)
     }
 
     /// Light level from a setpoint to the next: the mean speed over the nominal one.
-    fn level(&self, segment: &Segment, from_s: f64, until_s: f64) -> f64 {
+    fn level(&self, segment: &Segment, from_s: f64, next_s: f64) -> f64 {
         let motion = match &segment.path {
             Path::Lit(motion) => motion,
             Path::Dot(_) => return 1.0,
@@ -258,8 +257,9 @@ impl Course<'_> {
         if self.style.exposure == LightLevel::Switched {
             return 1.0;
         }
+        // Midpoint rule with four points.
         let speeds = [1.0, 3.0, 5.0, 7.0].map(|eighth| {
-            let time_s = from_s + (until_s - from_s) * eighth / 8.0 - segment.start_s;
+            let time_s = from_s + (next_s - from_s) * eighth / 8.0 - segment.start_s;
             motion.state_at(time_s).velocity_m_s.norm()
         });
         let level = speeds.iter().sum::<f64>() / 4.0 / self.options.stroke_speed_m_s;
@@ -267,7 +267,12 @@ impl Course<'_> {
     }
 }
 
-/// At rest at a place.
+/// A vector of the plane of the word in the world, on the grid of files.
+fn world(vector: Vector2<f64>) -> Vector3<f64> {
+    Vector3::new(vector.x, 0.0, vector.y).map(on_grid)
+}
+
+/// At rest at a position.
 fn rest(x_m: f64, height_m: f64) -> State {
     State { position_m: Vector2::new(x_m, height_m), ..State::default() }
 }
@@ -284,14 +289,14 @@ mod tests {
 
     #[test]
     fn noor_at_the_reference_speed_takes_less_than_seven_tenths_of_the_time() {
-        // The reference flight had setpoints for 56.9 s; as planned it takes 58.2 s.
+        // The reference flight had setpoints for 56.9 s. As planned it takes 58.2 s.
         let even_s = noor(&PlanOptions::even()).duration_s();
         assert!(even_s < 0.7 * 56.9, "{even_s} s");
     }
 
     #[test]
     fn noor_at_half_a_meter_a_second_takes_less_than_four_tenths() {
-        // Corners may be cut by 3 cm of the letters' 50; by 1 cm it takes 23.95 s. With the hover
+        // Corners may be cut by 3 cm of the letters' 50. By 1 cm it takes 23.95 s. With the hover
         // before the first stroke it takes longer.
         let fast = PlanOptions {
             stroke_speed_m_s: 0.5,

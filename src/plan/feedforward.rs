@@ -2,8 +2,6 @@
 //!
 //! Product in: [`Plan`] and the step responses of the position loop. Product out: the plan with the
 //! positions to send. Method: the zero-phase [`Inverse`] of the loop over the flight, per axis.
-//! A known mean error is subtracted from every setpoint ([`offset`]); the error of a flight is sent
-//! through the inverse once more ([`corrected`]).
 
 use nalgebra::Vector3;
 
@@ -27,12 +25,10 @@ pub fn inverse<'a>(plan: &Plan, responses: &'a [StepResponse; 3]) -> [Inverse<'a
     })
 }
 
-/// Replaces the setpoints by inputs whose loop output is the design, per axis; `inverse` inverts
-/// the plan's loop.
-///
-/// Setpoints on the floor, where motors are off, are unchanged; an offset is kept.
+/// Replaces the setpoints by inputs whose loop output is the design, per axis. An offset is kept.
 pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = axes(|axis| {
+        // An axis that never moves needs no inverse.
         let first = plan.setpoints.first().map_or(0.0, |setpoint| setpoint.position_m[axis]);
         if plan.setpoints.iter().all(|setpoint| setpoint.position_m[axis] == first) {
             return vec![first; plan.setpoints.len()];
@@ -46,8 +42,7 @@ pub fn feedforward(plan: &Plan, inverse: &[Inverse<'_>; 3]) -> Plan {
 }
 
 /// Adds the inverse of a flight's `design − flown` to the positions that are sent: one step of
-/// iterative learning, the correction that a controller with feedforward of its own still
-/// needs.
+/// iterative learning control (Arimoto 1984).
 pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Plan {
     let inputs = axes(|axis| {
         inverse[axis].inputs(|time_s| {
@@ -67,7 +62,7 @@ pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
     sending(plan, |row| plan.sent_m(row) - mean_error_m)
 }
 
-/// Of each of the three axes, which are independent.
+/// A value for each of the three axes, which are independent.
 fn axes<T: Send>(axis: impl Fn(usize) -> T + Sync) -> [T; 3] {
     let (x, (y, z)) = rayon::join(|| axis(0), || rayon::join(|| axis(1), || axis(2)));
     [x, y, z]

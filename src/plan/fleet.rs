@@ -1,10 +1,9 @@
-//! Fleet: several drones share the strokes of one word, and keep apart in space and time.
+//! Fleet: several drones write one word together, and keep apart in space and time.
 //!
-//! Each drone writes a stretch of the word, from left to right, with about the same length of
-//! light. Four routes of each stretch are tried: the shortest, the same backward, and those from
-//! one side to the other, which keep simultaneous drones apart. The drones are assigned in turn:
-//! each gets the route that ends first without conflict with the earlier ones, after a wait on the
-//! floor. The drone that ends last is assigned first in the next round, until each was first once.
+//! Each drone writes a part of the word, from left to right, with about the same length of light.
+//! Four routes of each part are tried: the shortest, the same backward, and those from one side to
+//! the other, which keep simultaneous drones apart. The drones are assigned in turn: each gets the
+//! route that ends first without conflict with the earlier ones, after a wait on the floor.
 
 use std::collections::HashMap;
 
@@ -48,13 +47,12 @@ impl Approach {
     }
 }
 
-/// Plans of the drones that write a word together, `options.drones` of them; fewer where there are
-/// not as many strokes.
+/// Plans of the drones that write a word together, at most one for each stroke.
 ///
 /// # Errors
 ///
-/// As [`super::plan()`]; [`Error::Input`] for several drones in style `team`, and
-/// [`Error::Infeasible`] where they cannot keep apart.
+/// As [`super::plan()`]. [`Error::Input`] for several drones in style `team`, and
+/// [`Error::Infeasible`] if they cannot keep apart.
 pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     if options.drones <= 1 {
         return Ok(vec![super::plan(strokes, options)?]);
@@ -65,6 +63,7 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
         let hint = "set plan.style = \"even\"";
         return Err(Error::input("plan.drones", actual, "one, or style even", hint));
     };
+    // Cut anywhere or only between letters, the assignment counts that ends first.
     let mut assignments: Vec<Assignment> = Vec::new();
     for whole_letters in [false, true] {
         assignments.extend(Assignment::new(strokes, whole_letters, options, style)?);
@@ -80,9 +79,8 @@ pub fn fleet(strokes: &Strokes, options: &PlanOptions) -> Result<Vec<Plan>> {
     assignment.plans(options, style)
 }
 
-/// The shares of all drones, with their possible and their assigned routes.
+/// The parts of all drones, with their possible and their assigned routes.
 struct Assignment {
-    homes_m: Vec<f64>,
     routes: Vec<Vec<Route>>,
     starts: Vec<Start>,
     /// Step at which the last drone ends.
@@ -90,54 +88,55 @@ struct Assignment {
 }
 
 impl Assignment {
-    /// `None` where the drones cannot keep apart.
+    /// `None` if the drones cannot keep apart.
     fn new(
         strokes: &Strokes,
         whole_letters: bool,
         options: &PlanOptions,
         style: &EvenStyle,
     ) -> Result<Option<Self>> {
-        let shares = shares(strokes, whole_letters, options, style)?;
-        let n_strokes = shares.iter().map(Vec::len).sum::<usize>();
+        let parts = parts(strokes, whole_letters, options, style)?;
+        let n_strokes = parts.iter().map(Vec::len).sum::<usize>();
         if n_strokes > MAX_SHARED {
-            let hint = "draw fewer strokes, lower letters.detail, or fly one drone";
             return Err(Error::infeasible(
                 format!("{n_strokes} strokes, more than {MAX_SHARED}, are too many to share"),
-                hint,
+                "draw fewer strokes, lower letters.detail, or fly one drone",
             ));
         }
-        let homes_m = homes_x_m(&shares);
-        let routes = |(share, home_m): (&Vec<PenStroke>, &f64)| -> Result<Vec<Route>> {
-            let ways = match is_kept(strokes, style) {
-                true => vec![share.clone()],
-                false => ways(share, options, style),
+        // All routes are planned before the drones are assigned, to be compared step by step.
+        let homes_m = homes_x_m(&parts);
+        let mut routes: Vec<Vec<Route>> = Vec::new();
+        for (part, home_m) in parts.into_iter().zip(homes_m) {
+            let orders = match is_kept(strokes, style) {
+                true => vec![part],
+                false => orders(&part, options, style),
             };
-            let routes = ways.into_iter().map(|strokes| {
-                let track = Track::new(&even::plan(&strokes, options, style, Some(*home_m))?);
-                Ok(Route { strokes, track })
+            let planned = orders.into_iter().map(|strokes| {
+                let track = Track::new(&even::plan(&strokes, options, style, Some(home_m))?);
+                Ok(Route { strokes, home_m, track })
             });
-            routes.collect()
-        };
-        let routes = shares.iter().zip(&homes_m).map(routes).collect::<Result<Vec<_>>>()?;
+            routes.push(planned.collect::<Result<_>>()?);
+        }
         let starts = starts(&routes);
-        Ok(starts.map(|(end, starts)| Self { homes_m, routes, starts, end }))
+        Ok(starts.map(|(end, starts)| Self { routes, starts, end }))
     }
 
     fn plans(&self, options: &PlanOptions, style: &EvenStyle) -> Result<Vec<Plan>> {
-        let drones = self.routes.iter().zip(&self.starts).zip(&self.homes_m);
-        let plans = drones.map(|((routes, start), home_m)| {
+        let plans = self.routes.iter().zip(&self.starts).map(|(routes, start)| {
+            // The delay of the start becomes a longer wait on the floor.
             let floor_wait_s = options.floor_wait_s + start.delay as f64 * CHECK_STEP_S;
             let later = PlanOptions { floor_wait_s, ..options.clone() };
-            let plan = even::plan(&routes[start.route].strokes, &later, style, Some(*home_m))?;
-            Ok(adjusted(plan, options))
+            let Route { strokes, home_m, .. } = &routes[start.route];
+            Ok(adjusted(even::plan(strokes, &later, style, Some(*home_m))?, options))
         });
         plans.collect()
     }
 }
 
-/// A way to draw a share.
+/// An order of a drone's strokes, as it is flown.
 struct Route {
     strokes: Vec<PenStroke>,
+    home_m: f64,
     track: Track,
 }
 
@@ -156,12 +155,12 @@ impl Start {
 }
 
 /// A route and a delay for each drone, so that all keep apart, and the step at which the last ends.
-/// Drones are assigned in turn; each next order begins with the drone that ended last or found no
-/// way. The best of these, or `None` if no order kept all apart.
+/// `None` if no order of assignment keeps them apart.
 fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
     let mut order: Vec<usize> = (0..routes.len()).collect();
     let mut best: Option<(usize, Vec<Start>)> = None;
     let mut meetings = Meetings { routes, known: HashMap::new(), left: MAX_COMPARED };
+    // The drone that ended last or found no route has the first choice in the next round.
     for _ in 0..2 * routes.len() {
         let last = match assigned(routes, &order, &mut meetings) {
             Ok(starts) => {
@@ -174,16 +173,16 @@ fn starts(routes: &[Vec<Route>]) -> Option<(usize, Vec<Start>)> {
             }
             Err(stuck) => stuck,
         };
-        let place = order.iter().position(|drone| *drone == last).expect("each drone has a turn");
-        if place == 0 {
+        let turn = order.iter().position(|drone| *drone == last).expect("each drone has a turn");
+        if turn == 0 {
             break;
         }
-        order[..=place].rotate_right(1);
+        order[..=turn].rotate_right(1);
     }
     best
 }
 
-/// Routes and delays for an order of assignment; as error, the first drone with a conflict.
+/// Routes and delays for an order of assignment. The error is the first drone without any.
 fn assigned(
     routes: &[Vec<Route>],
     order: &[usize],
@@ -191,6 +190,7 @@ fn assigned(
 ) -> std::result::Result<Vec<Start>, usize> {
     let mut chosen: Vec<(usize, Start)> = Vec::new();
     for &drone in order {
+        // After all others have landed a longer delay changes nothing.
         let ends = chosen.iter().map(|(other, start)| start.end(&routes[*other]));
         let most = ends.max().unwrap_or(0);
         let starts = (0..routes[drone].len()).filter_map(|route| {
@@ -208,31 +208,30 @@ fn assigned(
 /// shared by all orders of assignment.
 struct Meetings<'a> {
     routes: &'a [Vec<Route>],
-    /// By drones and routes, then by delay.
-    known: HashMap<[usize; 4], Vec<Option<bool>>>,
-    /// Comparisons that may still be made; without any, drones count as meeting.
+    /// By drones, routes and delay.
+    known: HashMap<[usize; 5], bool>,
+    /// Comparisons that may still be made. Without any, drones count as meeting.
     left: u64,
 }
 
 impl Meetings<'_> {
-    /// Whether two drones conflict, from the cache or by comparison of their tracks.
+    /// True if two drones conflict, from the cache or by comparison of their tracks.
     fn are(&mut self, (a, of_a): (usize, Start), (b, of_b): (usize, Start)) -> bool {
         let [one, other] =
-            [(a, of_a), (b, of_b)].map(|(k, start)| &self.routes[k][start.route].track);
+            [(a, of_a), (b, of_b)].map(|(drone, start)| &self.routes[drone][start.route].track);
         let n = [one, other].map(|track| track.places.len());
         // One that starts when the other has landed may as well start later.
         let later = (of_a.delay + n[0]).saturating_sub(of_b.delay).min(n[0] + n[1]);
-        let known = self.known.entry([a, of_a.route, b, of_b.route]);
-        let known = known.or_insert_with(|| vec![None; n[0] + n[1] + 1]);
-        *known[later]
-            .get_or_insert_with(|| one.meets(of_a.delay, other, of_b.delay, &mut self.left))
+        let meet = || one.meets(of_a.delay, other, of_b.delay, &mut self.left);
+        *self.known.entry([a, of_a.route, b, of_b.route, later]).or_insert_with(meet)
     }
 }
 
-/// Where a plan is at every step, and whether it stands on the floor with its motors off.
+/// A drone's positions at every step.
 struct Track {
+    /// Each with true if it is on the floor with its motors off.
     places: Vec<(Vector3<f64>, bool)>,
-    /// Longest horizontal way from one step to the next.
+    /// Longest horizontal distance from one step to the next.
     step_m: f64,
 }
 
@@ -249,14 +248,13 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step, if the plan starts after some: on the floor before it and behind its
-    /// end.
+    /// The place at a step after a delayed start. Before and after the plan it is on the floor.
     fn place(&self, step: usize, delay: usize) -> (Vector3<f64>, bool) {
         self.places[step.saturating_sub(delay).min(self.places.len() - 1)]
     }
 
-    /// Horizontal distance and difference in height to another drone at a step; `None` where one
-    /// flies above the other.
+    /// Horizontal distance and difference in height to another drone at a step. `None` if one is
+    /// far enough above the other: [`MIN_VERTICAL_M`], or less above a parked drone.
     fn apart_m(&self, delay: usize, other: &Self, later: usize, step: usize) -> Option<[f64; 2]> {
         let ((a, a_parked), (b, b_parked)) = (self.place(step, delay), other.place(step, later));
         let reach_m = if a_parked || b_parked { MIN_HORIZONTAL_M } else { MIN_VERTICAL_M };
@@ -264,7 +262,7 @@ impl Track {
         (apart_m.z.abs() < reach_m).then(|| [apart_m.xy().norm(), apart_m.z.abs()])
     }
 
-    /// Whether the drones come too close to each other; they do where no comparison is left.
+    /// True if the drones come too close to each other, or no comparison is left.
     fn meets(&self, delay: usize, other: &Self, later: usize, left: &mut u64) -> bool {
         let end = (self.places.len() + delay).max(other.places.len() + later);
         let mut step = 0;
@@ -286,68 +284,65 @@ impl Track {
     }
 }
 
-/// The strokes from left to right, in stretches of about equal length; of whole letters, if asked
-/// for.
-fn shares(
+/// The strokes from left to right, in parts of about equal length, of whole letters if asked for.
+fn parts(
     strokes: &Strokes,
     whole_letters: bool,
     options: &PlanOptions,
     style: &EvenStyle,
 ) -> Result<Vec<Vec<PenStroke>>> {
-    let mut all = as_drawn(strokes, options.stroke_speed_m_s)?;
+    let mut drawn = as_drawn(strokes, options.stroke_speed_m_s)?;
     if !is_kept(strokes, style) {
-        let sides = |stroke: &PenStroke| extent_x_m(std::slice::from_ref(stroke));
-        let middle = |stroke: &PenStroke| sides(stroke)[0] + sides(stroke)[1];
-        all.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
+        let middle = |stroke: &PenStroke| middle_x_m(std::slice::from_ref(stroke));
+        drawn.sort_by(|a, b| middle(a).total_cmp(&middle(b)));
     }
-    let whole_m: f64 = all.iter().map(PenStroke::length_m).sum();
-    let each_m = whole_m / f64::from(options.drones);
-    let mut shares: Vec<Vec<PenStroke>> = vec![Vec::new()];
+    let each_m = drawn.iter().map(PenStroke::length_m).sum::<f64>() / f64::from(options.drones);
+    let mut parts: Vec<Vec<PenStroke>> = vec![Vec::new()];
     let mut drawn_m = 0.0;
-    for stroke in all {
+    for stroke in drawn {
         let length_m = stroke.length_m();
-        let full_m = each_m * shares.len() as f64;
-        let last = shares.last().and_then(|share| share.last());
+        let full_m = each_m * parts.len() as f64;
+        let last = parts.last().and_then(|part| part.last());
         let may_end = last.is_some_and(|last| !whole_letters || last.letter != stroke.letter);
+        // A stroke goes to the part that holds its middle.
         if drawn_m + 0.5 * length_m > full_m && may_end {
-            shares.push(Vec::new());
+            parts.push(Vec::new());
         }
         drawn_m += length_m;
-        shares.last_mut().expect("one at least").push(stroke);
+        parts.last_mut().expect("one at least").push(stroke);
     }
-    Ok(shares)
+    Ok(parts)
 }
 
-/// Ways to draw a share, whose strokes are given from left to right.
-fn ways(share: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
-    let backward = |way: &[PenStroke]| way.iter().rev().map(|stroke| stroke.along(1)).collect();
-    let shortest = shortest(share, options.stroke_speed_m_s, style);
-    let strokes = share.iter().map(|stroke| {
-        let ends = [0, stroke.points_m.len() - 1].map(|index| stroke.points_m[index].x);
-        if ends[0] > ends[1] { stroke.along(1) } else { stroke.clone() }
-    });
-    let across: Vec<PenStroke> = strokes.collect();
+/// Orders and directions of a part, whose strokes are given from left to right.
+fn orders(part: &[PenStroke], options: &PlanOptions, style: &EvenStyle) -> Vec<Vec<PenStroke>> {
+    let backward = |order: &[PenStroke]| order.iter().rev().map(|stroke| stroke.along(1)).collect();
+    let shortest = shortest(part, options.stroke_speed_m_s, style);
+    let across: Vec<PenStroke> = Vec::from_iter(part.iter().map(|stroke| {
+        let [begin, end] = [0, stroke.points_m.len() - 1].map(|index| stroke.points_m[index].x);
+        if begin > end { stroke.along(1) } else { stroke.clone() }
+    }));
     vec![backward(&shortest), shortest, backward(&across), across]
 }
 
-/// Where each drone starts and lands: below the middle of its share, clear of the others.
-fn homes_x_m(shares: &[Vec<PenStroke>]) -> Vec<f64> {
-    let middles: Vec<f64> =
-        shares.iter().map(|share| extent_x_m(share).iter().sum::<f64>() / 2.0).collect();
+/// Where each drone starts and lands: below the middle of its part, clear of the others.
+fn homes_x_m(parts: &[Vec<PenStroke>]) -> Vec<f64> {
+    let middles: Vec<f64> = parts.iter().map(|part| middle_x_m(part)).collect();
     let mut homes = middles.clone();
     for index in 1..homes.len() {
         homes[index] = homes[index].max(homes[index - 1] + MIN_HORIZONTAL_M);
     }
+    // Clearing moved them to the right: back by as much on average.
     let n = homes.len() as f64;
     let aside_m = (homes.iter().sum::<f64>() - middles.iter().sum::<f64>()) / n;
     homes.iter().map(|home| home - aside_m).collect()
 }
 
-/// Least and greatest x of strokes.
-fn extent_x_m(strokes: &[PenStroke]) -> [f64; 2] {
+/// Middle of the least and greatest x of strokes.
+fn middle_x_m(strokes: &[PenStroke]) -> f64 {
     let points = strokes.iter().flat_map(|stroke| &stroke.points_m);
-    let [left, _, right, _] = bounds(points.map(|point| [point.x, point.y]));
-    [left, right]
+    let [left, _, right, _] = bounds(points.map(|point| (*point).into()));
+    (left + right) / 2.0
 }
 
 /// The closest moment of two plans that are too close to each other, if they ever are: within
@@ -356,9 +351,8 @@ pub fn conflict(a: &Plan, b: &Plan) -> Option<Approach> {
     closest(a, b).filter(|closest| closest.horizontal_m < MIN_HORIZONTAL_M - 1e-9)
 }
 
-/// The moment of least horizontal distance of two plans while their heights differ by less than
-/// [`MIN_VERTICAL_M`], or by less than [`MIN_HORIZONTAL_M`] where one stands on the floor with its
-/// motors off. `None` if they are always far enough above each other.
+/// The moment of least horizontal distance of two plans while neither is far enough above the
+/// other, if there is one.
 pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
     let (a, b) = (Track::new(a), Track::new(b));
     let place = |step: usize| {
@@ -369,8 +363,8 @@ pub fn closest(a: &Plan, b: &Plan) -> Option<Approach> {
 }
 
 /// The moment of least difference in height of two plans while both fly, one within
-/// [`MIN_HORIZONTAL_M`] of the axis of the other's wake; `None`: they keep out of it. The drone of
-/// the first plan is then `vertical_m` above the other one's, or below it where that is negative.
+/// [`MIN_HORIZONTAL_M`] of the axis of the other's downwash, if there is one. The drone of the
+/// first plan is `vertical_m` above the other one's.
 pub fn wake(a: &Plan, b: &Plan) -> Option<Approach> {
     let end_s = a.duration_s().min(b.duration_s());
     let times_s = std::iter::successors(Some(0.0), |time_s| Some(time_s + CHECK_STEP_S));

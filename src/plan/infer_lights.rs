@@ -1,35 +1,37 @@
 //! Letters and headlight schedule of a flight whose log has neither.
 //!
-//! The team's logs hold the setpoints, and its letters know along which moves the headlights were
-//! on. Setpoints are matched to the moves in order: a setpoint belongs to the first move at or
-//! after the current one that contains it, and never backward.
+//! Setpoints are matched to the moves of the letters in order: a setpoint belongs to the first move
+//! at or after the current one that contains it, and never backward.
+
+use nalgebra::Vector2;
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{Flight, Quantity};
-use noctograph_core::geometry::segment_distance;
+use noctograph_core::geometry::{distance, segment_distance};
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::strokes::{Move, Strokes};
 
-/// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints;
+/// Largest distance of a setpoint from its move. Logs round to a millimeter and skip setpoints, and
 /// strokes lie centimeters apart.
 const ON_MOVE_M: f64 = 0.01;
 
-/// Share of the word's strokes that the setpoints must run along: words share some strokes.
+/// Fraction of the word's strokes that the setpoints must run along: words have strokes in common.
 const LEAST_FLOWN: f64 = 0.6;
+
+const HINT: &str = "name the word that was flown, and the size of its letters under [letters]. A \
+                    log without lights must write them stroke by stroke, as style team does";
 
 /// Gives a flight its letters and the column `light.headlights`.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where the flight has no setpoints, or hardly any on the strokes.
+/// [`Error::Input`] if the flight has no setpoints, or hardly any on the strokes.
 pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
-    let hint = "name the word that was flown, and the size of its letters under [letters]; a log \
-                without lights must write them stroke by stroke, as style team does";
     if !flight.has(Quantity::Design) {
         let wanted = "setpoints, from which letters and lights are inferred";
-        return Err(Error::input("flight", "no setpoints", wanted, hint));
+        return Err(Error::input("flight", "no setpoints", wanted, HINT));
     }
-    let (word, glyphs) = (&strokes.word, strokes.glyphs.iter().enumerate());
+    let glyphs = strokes.glyphs.iter().enumerate();
     let moves: Vec<(usize, Move)> =
         glyphs.flat_map(|(letter, glyph)| glyph.moves.iter().map(move |m| (letter, *m))).collect();
     let (mut progress, mut levels) = (Progress::default(), Vec::new());
@@ -45,30 +47,7 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
             (*from_m, *to_m) = (from_m.min(progress.along_m), to_m.max(progress.along_m));
         }
     }
-    let strokes = moves.iter().zip(&flown_m).filter(|((_, leg), _)| leg.lit);
-    let (mut flown_m, mut all_m) = (0.0, 0.0);
-    for ((_, Move { from_m, to_m, .. }), [began_m, ended_m]) in strokes {
-        flown_m += (ended_m - began_m).max(0.0);
-        all_m += libm::hypot(to_m[0] - from_m[0], to_m[1] - from_m[1]);
-    }
-    if flown_m < LEAST_FLOWN * all_m {
-        let place = format!("word {word}");
-        let near_m = near_m(&moves, flight);
-        let (actual, wanted) = match near_m < LEAST_FLOWN * all_m {
-            true => (
-                format!("{flown_m:.2} of {all_m:.2} m of its strokes in the setpoints"),
-                "a flight that writes this word",
-            ),
-            false => (
-                format!(
-                    "setpoints on {near_m:.2} of {all_m:.2} m of its strokes, and on {flown_m:.2} m \
-                     in their order"
-                ),
-                "the strokes in the order of style team, or a log with lights",
-            ),
-        };
-        return Err(Error::input(place, actual, wanted, hint));
-    }
+    check_flown(flight, &strokes.word, &moves, &flown_m)?;
     flight.edit(|flight| {
         for (sample, letter) in flight.samples.iter_mut().zip(letters) {
             sample.letter = letter;
@@ -78,11 +57,44 @@ pub fn infer_lights(flight: &mut Flight, strokes: &Strokes) -> Result<()> {
     Ok(())
 }
 
+/// Refuses setpoints that do not run along most of the strokes in their order.
+fn check_flown(
+    flight: &Flight,
+    word: &str,
+    moves: &[(usize, Move)],
+    flown_m: &[[f64; 2]],
+) -> Result<()> {
+    let (mut ordered_m, mut strokes_m) = (0.0, 0.0);
+    for ((_, step), [began_m, ended_m]) in moves.iter().zip(flown_m).filter(|m| m.0.1.lit) {
+        ordered_m += (ended_m - began_m).max(0.0);
+        strokes_m += distance(step.from_m, step.to_m);
+    }
+    if ordered_m >= LEAST_FLOWN * strokes_m {
+        return Ok(());
+    }
+    // Another word, or this one in another order.
+    let near_m = near_m(moves, flight);
+    let (actual, wanted) = match near_m < LEAST_FLOWN * strokes_m {
+        true => (
+            format!("{ordered_m:.2} of {strokes_m:.2} m of its strokes in the setpoints"),
+            "a flight that writes this word",
+        ),
+        false => (
+            format!(
+                "setpoints on {near_m:.2} of {strokes_m:.2} m of its strokes, and on \
+                 {ordered_m:.2} m in their order"
+            ),
+            "the strokes in the order of style team, or a log with lights",
+        ),
+    };
+    Err(Error::input(format!("word {word}"), actual, wanted, HINT))
+}
+
 /// Length of the lit moves that setpoints run along, in any order.
 fn near_m(moves: &[(usize, Move)], flight: &Flight) -> f64 {
-    let lit = moves.iter().filter(|(_, leg)| leg.lit).map(|(_, leg)| {
+    let lit = moves.iter().filter(|(_, step)| step.lit).map(|(_, step)| {
         let designs_m = flight.samples.iter().map(|sample| [sample.design_m.x, sample.design_m.z]);
-        let along_m = designs_m.filter_map(|design_m| along(leg, design_m));
+        let along_m = designs_m.filter_map(|design_m| along(step, design_m));
         let [from_m, to_m] =
             along_m.fold([f64::INFINITY, 0.0], |[from, to], m| [m.min(from), m.max(to)]);
         (to_m - from_m).max(0.0)
@@ -102,27 +114,27 @@ impl Progress {
     /// drone waits at the beginning of a letter its light is still off.
     fn advance(&mut self, moves: &[(usize, Move)], point: [f64; 2]) -> Option<(usize, bool)> {
         let onward = moves.iter().enumerate().skip(self.index);
-        let (index, along_m) = onward.into_iter().find_map(|(index, (_, leg))| {
-            let along_m = along(leg, point)?;
+        let (index, along_m) = onward.into_iter().find_map(|(index, (_, step))| {
+            let along_m = along(step, point)?;
             let backward = index == self.index && along_m < self.along_m - ON_MOVE_M;
             (!backward).then_some((index, along_m))
         })?;
-        let (letter, leg) = moves[index];
+        let (letter, step) = moves[index];
         let first_of_letter = index == 0 || moves[index - 1].0 != letter;
         // The farthest point counts: after a slow turn the drone is soon on the next move.
         let farthest_m = if index == self.index { self.along_m.max(along_m) } else { along_m };
         *self = Self { index, along_m: farthest_m };
-        (along_m > 0.0 || !first_of_letter).then_some((letter, leg.lit))
+        (along_m > 0.0 || !first_of_letter).then_some((letter, step.lit))
     }
 }
 
-/// Distance of a point along a move; `None` beside it.
-fn along(leg: &Move, [x, y]: [f64; 2]) -> Option<f64> {
-    let [from_x, from_y] = leg.from_m;
-    let (dx, dy) = (leg.to_m[0] - from_x, leg.to_m[1] - from_y);
-    let length_m = libm::hypot(dx, dy);
-    let off_m = segment_distance([x, y], [leg.from_m, leg.to_m]);
-    let along_m =
-        if length_m > 0.0 { ((x - from_x) * dx + (y - from_y) * dy) / length_m } else { 0.0 };
-    (off_m < ON_MOVE_M).then_some(along_m.clamp(0.0, length_m))
+/// Distance of a point along a move. `None` beside it.
+fn along(step: &Move, point: [f64; 2]) -> Option<f64> {
+    if segment_distance(point, [step.from_m, step.to_m]) >= ON_MOVE_M {
+        return None;
+    }
+    let [from_m, to_m] = [step.from_m, step.to_m].map(Vector2::from);
+    let (step_m, length_m) = (to_m - from_m, distance(step.from_m, step.to_m));
+    let along_m = (Vector2::from(point) - from_m).dot(&step_m) / length_m;
+    Some(if length_m > 0.0 { along_m.clamp(0.0, length_m) } else { 0.0 })
 }

@@ -5,7 +5,7 @@
 pub struct LampTiming {
     /// From sending to arrival, on average.
     pub delay_s: f64,
-    /// Period of the timer that a change waits for; 0: none.
+    /// Period of the timer that a change waits for. 0: none.
     pub tick_s: f64,
 }
 

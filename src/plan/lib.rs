@@ -1,16 +1,15 @@
-//! Planning: strokes become setpoints with time stamps and a light schedule.
+//! Planning: strokes become timed setpoints and a light schedule.
 //!
 //! Product in: [`Strokes`]. Product out: [`Plan`], everything that is sent to one drone. The plane
 //! of the word is the world's x-z plane at y = 0.
 //!
-//! Method: the strokes are shared out among the drones ([`fleet`]), and each share becomes a design
+//! Method: the strokes are divided among the drones ([`fleet`]), and each part becomes a design
 //! path ([`plan()`]). For a known drone, setpoints are then fed through the inverse of its position
 //! loop ([`feedforward`]), and light commands are timed on a rehearsed flight ([`time_lights`]).
 //!
-//! There are two styles of flying. `team`: letter by letter with waits, as the reference flight of
-//! 2022 went. `even`: strokes in the order with the least dark time (Held–Karp, 2-opt), corners
-//! rounded within a stated error, constant speed where the limits permit, light dimmed with the
-//! speed where they do not, and time-optimal jerk-limited transits in the dark (Ruckig).
+//! There are two styles of flying. `team`: letter by letter with waits, as in the reference flight
+//! of 2022. `even`: strokes in the order with the least dark time, their corners rounded within a
+//! stated error, at constant speed if the limits permit, with time-optimal transits in the dark.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -120,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn the_design_is_continuous_within_a_leg_and_steps_between_letters() {
+    fn the_design_is_continuous_within_a_segment_and_steps_between_letters() {
         let plan = noor(Extent::Letters);
         let jumps: Vec<f64> = plan
             .setpoints

@@ -1,30 +1,28 @@
 //! Light letters: the letter of each commanded stretch of light.
 //!
-//! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond it where the
+//! Light is commanded ahead of its stroke by the delays of the lamp, and lasts beyond it if the
 //! drone lags. It keeps the color of that stroke.
 
 use std::ops::Range;
 
 use super::Plan;
 
-/// The letter whose stroke the light that is commanded at each setpoint draws; `None` in the dark,
-/// and of light that no letter follows.
+/// The letter that is drawn by the light commanded at each setpoint. `None` in the dark, and for
+/// light that no letter follows.
 pub fn light_letters(plan: &Plan) -> Vec<Option<usize>> {
     let letter = |row: usize| plan.setpoints[row].letter;
-    let of_rows = |rows: Range<usize>| {
-        let after = || (rows.end..plan.setpoints.len()).find_map(letter);
-        rows.clone().rev().find_map(letter).or_else(after)
-    };
     let drawn = drawn((plan, &plan.commanded()), (plan, &plan.lit()));
-    drawn.into_iter().map(|rows| rows.and_then(of_rows)).collect()
+    let letters = drawn.into_iter().map(|rows| {
+        // The letter last begun in the stretch, or the next one.
+        let rows = rows?;
+        let after = rows.end..plan.setpoints.len();
+        rows.rev().chain(after).find_map(letter)
+    });
+    letters.collect()
 }
 
 /// For each lit setpoint of `sent`, the rows of `design` from the beginning of the lit stretch up
-/// to the drawn one; `None` in the dark. Both are plans of the same strokes with a light level for
-/// each setpoint.
-///
-/// The lit stretches belong together in their order. Within a stretch a row is drawn as long after
-/// its beginning as in the design.
+/// to the drawn one. Both are plans of the same strokes with a light level for each setpoint.
 pub(super) fn drawn(
     (sent, commanded): (&Plan, &[f64]),
     (design, lit): (&Plan, &[f64]),
@@ -32,13 +30,14 @@ pub(super) fn drawn(
     let mut rows = vec![None; commanded.len()];
     let (commanded, mut strokes) = (stretches(commanded), stretches(lit));
     if strokes.len() != commanded.len() {
-        // Plans of different strokes: the drawn row is the setpoint's own.
+        // Plans of different strokes: the drawn row is that of the same time.
         strokes = vec![0..design.setpoints.len(); commanded.len()];
     }
+    // Stretches correspond in their order. Within one a row is drawn as late as in the design.
     for (sent_rows, stroke) in commanded.into_iter().zip(strokes) {
-        let whole = stroke.len() == design.setpoints.len();
+        let is_all = stroke.len() == design.setpoints.len();
         let (begun, drawn) = (&sent.setpoints[sent_rows.start], &design.setpoints[stroke.start]);
-        let later_s = if whole { 0.0 } else { begun.time_s - drawn.time_s };
+        let later_s = if is_all { 0.0 } else { begun.time_s - drawn.time_s };
         for row in sent_rows {
             let time_s = sent.setpoints[row].time_s - later_s + 1e-6;
             let passed = design.setpoints[stroke.clone()].partition_point(|s| s.time_s <= time_s);
@@ -49,15 +48,10 @@ pub(super) fn drawn(
 }
 
 /// Ranges of consecutive lit rows.
-fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
-    let mut stretches: Vec<Range<usize>> = Vec::new();
-    for row in (0..levels.len()).filter(|row| levels[*row] > 0.0) {
-        match stretches.last_mut().filter(|last| last.end == row) {
-            Some(last) => last.end += 1,
-            None => stretches.push(row..row + 1),
-        }
-    }
-    stretches
+pub(super) fn stretches(levels: &[f64]) -> Vec<Range<usize>> {
+    let lit: Vec<usize> = (0..levels.len()).filter(|row| levels[*row] > 0.0).collect();
+    let runs = lit.chunk_by(|row, next| row + 1 == *next);
+    runs.map(|run| run[0]..run[run.len() - 1] + 1).collect()
 }
 
 #[cfg(test)]
@@ -69,7 +63,7 @@ mod tests {
 
     #[test]
     fn light_that_lags_its_stroke_keeps_the_strokes_letter() {
-        // Two strokes with a dark way to the second one, whose letter the way has; then a third one
+        // Two strokes with a dark segment of the second one's letter between them, then a third one
         // that follows without a gap. Light is commanded two rows late.
         let letters = [None, Some(0), Some(0), Some(0), Some(1), Some(1), Some(2), Some(2), None];
         let lit = [0.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 0.0];

@@ -1,15 +1,9 @@
 //! Light timing: light commands sent early enough for the light to change at the strokes' ends.
 //!
 //! Product in: a [`Plan`], a flight of it (rehearsed or real), and the delays of the lamp. Products
-//! out: the plan with its commands moved, and the errors left at each stroke's end. A command waits
-//! for the radio, then for the lamps' timer (50 ms), then for the ramp, while the drone lags behind
-//! the design. For each edge of the design's light, the flight gives the time when the drone passed
-//! the place. The light changes at the nearest tick, and the command arrives in the middle between
-//! two ticks.
-
-use std::ops::Range;
-
-use nalgebra::Vector3;
+//! out: the plan with its commands moved, and the errors left at each stroke's end. For each edge
+//! of the design's light, the flight gives the time when the drone passed its position. The light
+//! changes at the nearest tick of the lamps' timer.
 
 use super::lamp::LampTiming;
 use super::light_letters::drawn;
@@ -73,8 +67,8 @@ pub fn time_lights(
     Ok((timed, ends))
 }
 
-/// The plan as the clock of a trajectory on board paces it, `rate` true seconds a second, while
-/// light commands keep true time.
+/// The plan paced by the clock of a trajectory on board, `rate` true seconds a second, while light
+/// commands keep true time.
 pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     let lit = plan.lit();
     let changes = (0..lit.len()).filter(|row| *row == 0 || lit[*row] != lit[row - 1]);
@@ -83,54 +77,60 @@ pub(super) fn on_trajectory_clock(plan: Plan, rate: f64) -> Plan {
     with_commands(&Plan::made(plan.into_data().paced(rate)), lit, &commands, Between::Design)
 }
 
-/// The plan with other light commands: `(sent at, level)` in rising order. Rows are added where a
-/// command is sent between two setpoints.
+/// The plan with other light commands: `(sent at, level)` in rising order. A command between two
+/// setpoints adds a row.
 fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: Between) -> Plan {
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
     let has_sent = !plan.sent_m.is_empty();
-    let (mut level, mut next) = (0.0, 0);
+    let mut commands = commands.iter().copied().peekable();
+    let mut level = 0.0;
     let mut levels: Vec<f64> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
-        let until_s = plan.setpoints.get(row + 1).map_or(f64::INFINITY, |s| s.time_s);
-        while commands.get(next).is_some_and(|c| c.0 <= setpoint.time_s + 1e-4) {
-            level = commands[next].1;
-            next += 1;
+        // Commands that are due go with the setpoint. The last one is dark.
+        let due_s = setpoint.time_s + 1e-4;
+        while let Some(due) = commands.next_if(|command| command.0 <= due_s) {
+            level = due.1;
         }
-        let mut push = |setpoint: Setpoint, sent_m: Vector3<f64>, level: f64| {
-            out.setpoints.push(setpoint);
+        let next = plan.setpoints.get(row + 1);
+        let (mut sent, mut sent_m) = (*setpoint, plan.sent_m(row));
+        level = next.map_or(0.0, |_| level);
+        loop {
+            out.setpoints.push(sent);
             out.lit.push(lit[row]);
             levels.push(level);
-            if has_sent {
-                out.sent_m.push(sent_m);
-            }
+            out.sent_m.extend(has_sent.then_some(sent_m));
             out.jerk_m_s3.extend(plan.jerk_m_s3.get(row));
-        };
-        let last = row + 1 == plan.setpoints.len();
-        push(*setpoint, plan.sent_m(row), if last { 0.0 } else { level });
-        while !last && commands.get(next).is_some_and(|c| c.0 < until_s - 1e-4) {
-            let time_s = on_grid(commands[next].0);
-            level = commands[next].1;
-            next += 1;
-            let later = moved_on(setpoint, time_s);
-            let sent_m = match between {
+            // Commands before the next setpoint get rows of their own.
+            let is_before =
+                |command: &(f64, f64)| next.is_some_and(|s| command.0 < s.time_s - 1e-4);
+            let Some(due) = commands.next_if(is_before) else { break };
+            level = due.1;
+            sent = moved_on(setpoint, on_grid(due.0));
+            let moved_m = match between {
                 Between::Held => plan.sent_m(row),
-                Between::Design => later.position_m + plan.sent_m(row) - setpoint.position_m,
+                Between::Design => sent.position_m + plan.sent_m(row) - setpoint.position_m,
             };
-            push(later, sent_m.map(on_grid), level);
+            sent_m = moved_m.map(on_grid);
         }
     }
-    // Colors go with the stroke, lamps with the command.
-    let mut out = Plan::made(out);
-    let drawn = drawn((&out, &levels), (plan, &plan.commanded()));
-    let lamps: Vec<&String> = plan.lamps().map(|(lamp, _)| lamp).collect();
-    let sent = plan.lights.iter().map(|(channel, before)| {
-        let color = |rows: &Option<Range<usize>>| rows.as_ref().map_or(0.0, |r| before[r.end - 1]);
-        let is_lamp = lamps.contains(&channel);
-        let levels = if is_lamp { levels.clone() } else { drawn.iter().map(color).collect() };
+    with_levels(Plan::made(out), plan, &levels)
+}
+
+/// A plan with the levels of its lamps. Colors go with the strokes of the design.
+fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
+    let drawn = drawn((&plan, levels), (design, &design.commanded()));
+    let lights = design.lights.iter().map(|(channel, colors)| {
+        let levels = match design.lamps().any(|(lamp, _)| lamp == channel) {
+            true => levels.to_vec(),
+            false => Vec::from_iter(
+                drawn.iter().map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
+            ),
+        };
         (channel.clone(), levels)
     });
-    out.edit(|out| out.lights = sent.collect());
-    out
+    let lights = lights.collect();
+    plan.edit(|plan| plan.lights = lights);
+    plan
 }
 
 /// The setpoint of the same design from a later time on.
@@ -150,8 +150,8 @@ mod tests {
     use super::*;
     use crate::tests::written;
     use crate::{PlanOptions, plan};
-    use noctograph_core::flight::FlightData;
-    use noctograph_core::flight::FlightSample;
+    use nalgebra::Vector3;
+    use noctograph_core::flight::{FlightData, FlightSample};
     use noctograph_letters::{LetterOptions, write};
 
     const LAMP: LampTiming = LampTiming { delay_s: 0.025, tick_s: 0.05 };

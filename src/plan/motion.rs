@@ -1,10 +1,8 @@
-//! The motion along a lit stroke: as fast as the limits allow, its corners rounded within a stated
-//! error.
+//! The motion along a lit stroke: as fast as the limits allow, its corners rounded.
 //!
-//! The pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]); the
-//! motion is the pen under two moving averages ([`super::smoothing`]). These averages are
-//! differences of the pen's integrals, so that position, velocity and acceleration are exact at any
-//! time.
+//! The pen moves along the drawn line in pieces of constant acceleration ([`super::speed`]). The
+//! motion is the pen under two moving averages ([`super::smoothing`]). These are differences of the
+//! pen's integrals, so that position, velocity and acceleration are exact at any time.
 
 use nalgebra::Vector2;
 
@@ -63,33 +61,30 @@ impl Motion {
                 .map(|(a, b, end)| (b.position_m - a.position_m).normalize() * end.speed_m_s);
         let before_m = first.position_m - origin_m - first_m_s * reach_s;
         pen.draw(before_m, first_m_s, Vector2::zeros(), reach_s);
-        for leg in nodes.windows(2) {
-            let way = leg[1].position_m - leg[0].position_m;
-            let (length_m, along) = (way.norm(), way.normalize());
-            let lasts_s = 2.0 * length_m / (leg[0].speed_m_s + leg[1].speed_m_s);
-            let acceleration = along * ((leg[1].speed_m_s - leg[0].speed_m_s) / lasts_s);
-            let start_m = leg[0].position_m - origin_m;
-            let velocity_m_s = along * leg[0].speed_m_s;
-            pen.draw(start_m, velocity_m_s, acceleration, lasts_s);
+        for ends in nodes.windows(2) {
+            let [from, to] = [ends[0], ends[1]];
+            let step_m = to.position_m - from.position_m;
+            let (length_m, along) = (step_m.norm(), step_m.normalize());
+            let lasts_s = 2.0 * length_m / (from.speed_m_s + to.speed_m_s);
+            let acceleration = along * ((to.speed_m_s - from.speed_m_s) / lasts_s);
+            pen.draw(from.position_m - origin_m, along * from.speed_m_s, acceleration, lasts_s);
         }
         let pen_s = pen.end_s - reach_s;
-        let last_m = last.position_m - origin_m;
-        pen.draw(last_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
-        let whole = |lasts_s: f64| (lasts_s / tick_s - 1e-6).ceil().max(1.0) * tick_s;
-        let duration_s = whole(pen_s);
-        let pace = pen_s / duration_s;
-        let mut motion =
-            Self { smoothing, origin_m, pieces: pen.pieces, pace, from_s: 0.0, duration_s };
-        // Where the pen turns while its speed changes, both accelerations add up.
+        pen.draw(last.position_m - origin_m, last_m_s, Vector2::zeros(), 2.0 * reach_s);
+        // The pen is slowed so that the stroke lasts whole ticks.
+        let duration_s = in_ticks(pen_s, tick_s);
+        let (pieces, pace) = (pen.pieces, pen_s / duration_s);
+        let mut motion = Self { smoothing, origin_m, pieces, pace, from_s: 0.0, duration_s };
+        // While the pen turns and changes its speed at once, both accelerations add up.
         let beyond = motion.most_m_s2(0.5 * tick_s) / style.acceleration_m_s2;
         if beyond > BEYOND {
-            motion.duration_s = whole(duration_s * beyond.sqrt());
+            motion.duration_s = in_ticks(duration_s * beyond.sqrt(), tick_s);
             motion.pace = pen_s / motion.duration_s;
         }
         motion
     }
 
-    /// Greatest acceleration at every so many seconds.
+    /// Greatest acceleration at times a step apart.
     fn most_m_s2(&self, step_s: f64) -> f64 {
         let steps = std::iter::successors(Some(0.0), |time_s| Some(time_s + step_s));
         let steps = steps.take_while(|time_s| *time_s <= self.duration_s);
@@ -105,21 +100,17 @@ impl Motion {
         Self { from_s: self.from_s + time_s, ..self }
     }
 
-    /// The middle of the averages, in the time of the pen.
-    fn middle_s(&self, time_s: f64) -> f64 {
-        (self.from_s + time_s) * self.pace + self.smoothing.reach_s()
-    }
-
-    /// The state `time_s` after its beginning.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let Smoothing { long_s, short_s, .. } = self.smoothing;
-        let middle_s = self.middle_s(time_s);
+        // The middle of the averages, in the time of the pen.
+        let middle_s = (self.from_s + time_s) * self.pace + self.smoothing.reach_s();
+        // Two moving averages are a second difference of the second integral P of the pen:
+        // P(t + outer) − P(t + inner) − P(t − inner) + P(t − outer), by their area.
         let (outer_s, inner_s) = (0.5 * (long_s + short_s), 0.5 * (long_s - short_s));
         let corners = [(outer_s, 1.0), (inner_s, -1.0), (-inner_s, -1.0), (-outer_s, 1.0)];
         let mut average = State::default();
         for (off_s, sign) in corners {
-            let (pen, once, twice) =
-                self.piece_at(middle_s + off_s).derivatives_at(middle_s + off_s);
+            let (pen, once, twice) = self.piece_at(middle_s + off_s).integrals_at(middle_s + off_s);
             average.position_m += twice * sign;
             average.velocity_m_s += once * sign;
             average.acceleration_m_s2 += pen * sign;
@@ -138,6 +129,11 @@ impl Motion {
     }
 }
 
+/// The least multiple of a tick that holds a time, at least one.
+fn in_ticks(lasts_s: f64, tick_s: f64) -> f64 {
+    (lasts_s / tick_s - 1e-6).ceil().max(1.0) * tick_s
+}
+
 /// The pen's path under construction.
 #[derive(Debug, Default)]
 struct Pen {
@@ -149,7 +145,8 @@ impl Pen {
     /// Adds a piece of constant acceleration.
     fn draw(&mut self, p: Vector2<f64>, v: Vector2<f64>, a: Vector2<f64>, lasts_s: f64) {
         let still = Vector2::zeros();
-        let before = self.pieces.last().map(|last| last.derivatives_at(self.end_s));
+        // Its integrals go on from those of the piece before.
+        let before = self.pieces.last().map(|last| last.integrals_at(self.end_s));
         let (_, once_m_s, twice_m_s2) = before.unwrap_or((p, still, still));
         self.pieces.push(Piece {
             start_s: self.end_s,
@@ -165,7 +162,7 @@ impl Pen {
 
 impl Piece {
     /// The pen and its first and second integral.
-    fn derivatives_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
+    fn integrals_at(&self, time_s: f64) -> (Vector2<f64>, Vector2<f64>, Vector2<f64>) {
         let t = time_s - self.start_s;
         let (p, v, a) = (self.position_m, self.velocity_m_s, self.acceleration_m_s2);
         let pen = p + v * t + a * (t * t / 2.0);

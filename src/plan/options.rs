@@ -7,18 +7,18 @@ settings! {
     /// How a word is flown.
     pub struct PlanOptions {
         /// Light channels switched on along lit strokes: `headlights`, `ring`, `color-led` (the
-        /// default where `light.deck` is set to it), or those of the lamps in `light.fixtures`.
+        /// default if `light.deck` is set to it), or those of the lamps in `light.fixtures`.
         lights: Vec<String> = vec!["headlights".to_owned()];
-        /// Speed along every leg; in style `even`, along lit strokes.
+        /// Speed along every segment. In style `even`, along lit strokes.
         stroke_speed_m_s: f64 = 0.2, in 0.001..=100.0;
-        /// Time between two setpoints on a leg; the drone holds each until the next.
+        /// Time between two setpoints on a segment. The drone holds each until the next.
         setpoint_interval_s: f64 = 0.1, in 0.001..=10.0;
         /// Wait on the floor with motors off, before take-off and after landing.
         floor_wait_s: f64 = 1.1, in 0.0..=600.0;
         /// Height after the last letter at which the drone returns (`team`) or stops its motors
         /// (`even`).
         landing_height_m: f64 = 0.15, in 0.001..=1000.0;
-        /// Drones that share the strokes; more than one in style `even` only.
+        /// Number of drones that write the strokes together. More than one only in style `even`.
         drones: u32 = 1, in 1.0..=16.0;
         /// Position that is sent to the controller.
         reference: ReferenceKind = ReferenceKind::Design;
@@ -27,17 +27,17 @@ settings! {
         mean_error_m: [f64; 3] = [0.0; 3], in -10.0..=10.0;
         /// Clock of the light commands.
         light_clock: LightClock = LightClock::Setpoint;
-        /// Heading of the nose from take-off to landing, from world x toward y; place the drone
-        /// with this heading. Headlights shine along it; at -π/2 they face the audience, one beside
+        /// Heading of the nose from take-off to landing, from world x toward y. Place the drone
+        /// with this heading. Headlights shine along it. At -π/2 they face the audience, one beside
         /// the other.
         yaw_rad: f64 = 0.0, in -3.15..=3.15;
         /// Way of flying. It also sets the defaults of the other keys of this table.
         style: Style = Style::default();
         fixed {
             /// Rate of the clock that paces the setpoints, in true seconds per second, while light
-            /// commands from the host keep true time. By default 1 where the host sends them, and
-            /// of a trajectory on board (`radio.setpoints`) that of `vehicle.firmware`: 84/85 up to
-            /// and with release 2026.08 (`usec_time.c`).
+            /// commands from the host keep true time. By default 1 if the host sends them, and of a
+            /// trajectory on board (`radio.setpoints`) that of `vehicle.firmware`: 84/85 up to and
+            /// with release 2026.08 (`usec_time.c`).
             trajectory_clock: Option<f64> = None;
             /// Part of the flight that is planned.
             extent: Extent = Extent::Whole;
@@ -84,7 +84,7 @@ settings! {
         jerk_m_s3: f64 = 30.0, in 0.1..=10_000.0;
         /// Greatest distance of a rounded corner from the drawn one.
         corner_error_m: f64 = 0.01, in 0.0001..=1.0;
-        /// How the exposure is kept even where the drone must slow down.
+        /// How the exposure is kept even when the drone must slow down.
         exposure: LightLevel = LightLevel::Switched;
     }
 
@@ -100,7 +100,7 @@ settings! {
     pub enum Order {
         /// With the least time in the dark: exact for ten strokes, 2-opt and Or-opt beyond.
         "shortest" => Shortest,
-        /// Letter by letter, as it is read, where the flight takes at most a tenth longer.
+        /// Letter by letter, as it is read, if the flight takes at most a tenth longer.
         "reading" => Reading,
         /// As drawn: handwriting keeps its order and its directions.
         "drawn" => Drawn,
@@ -117,7 +117,7 @@ settings! {
 
     /// Position that is sent to the controller.
     pub enum ReferenceKind {
-        /// The design; a controller that holds positions lags behind it.
+        /// The design. A controller that holds positions lags behind it.
         "design" => Design,
         /// The design through the inverse of the closed loop, less the tracking error of a
         /// simulated rehearsal. For controllers with feedforward of their own, the design less

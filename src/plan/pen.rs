@@ -15,31 +15,23 @@ pub(super) const DOT_M: f64 = 0.005;
 const SMOOTH_COS: f64 = 0.5;
 /// Length of a stroke whose light a dot gets. A lamp at rest leaves `I t / (2π σ²)` in the middle
 /// of a spot of width σ, one that passes at `v` leaves `I / (√(2π) σ v)`: both are alike after
-/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm; four times that
-/// make up for the hovering drone's own motion, and for serifs that dots do not have.
+/// `t = √(2π) σ / v`, and as wide. For σ = 4 mm that is a length `v t` of 10 mm. Four times that
+/// compensate for the motion of the hovering drone, and for serifs that dots do not have.
 const DOT_LIGHT_M: f64 = 0.04;
 
-/// Duration of a dot's light, for strokes of a given speed.
+/// Duration of a dot's light for a stroke speed.
 pub(super) fn dot_s(speed_m_s: f64) -> f64 {
     DOT_LIGHT_M / speed_m_s
 }
 
-/// One run of light.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PenStroke {
     /// Index of its letter.
     pub(super) letter: usize,
-    /// Its corners in the plane of the word, neighbors apart; one alone is a dot.
+    /// Its corners in the plane of the word, neighbors apart. A single one is a dot.
     pub(super) points_m: Vec<Vector2<f64>>,
-    /// The legs between them.
-    pub(super) legs: Vec<Leg>,
-}
-
-/// A leg of a stroke.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Leg {
-    /// Speed along it, as a share of the stroke speed.
-    pub(super) pace: f64,
+    /// Speeds between them, as fractions of the stroke speed.
+    pub(super) paces: Vec<f64>,
 }
 
 /// A way to draw a stroke: how it is entered and left.
@@ -55,128 +47,126 @@ pub(super) struct Way {
 pub(super) fn pen_strokes(strokes: &Strokes) -> Vec<PenStroke> {
     let mut runs: Vec<PenStroke> = Vec::new();
     for (letter, glyph) in strokes.glyphs.iter().enumerate() {
-        let mut open = false;
-        for leg in &glyph.moves {
-            let [from, to] = [Vector2::from(leg.from_m), Vector2::from(leg.to_m)];
-            if !leg.lit {
+        let mut is_down = false;
+        for step in &glyph.moves {
+            let [from, to] = [step.from_m, step.to_m].map(Vector2::from);
+            let is_short = (to - from).norm() <= SAME_M;
+            if !step.lit || is_short {
                 // A dark move of no length does not lift the pen.
-                open &= (to - from).norm() <= SAME_M;
+                is_down &= step.lit || is_short;
                 continue;
             }
-            if (to - from).norm() <= SAME_M {
-                continue;
-            }
-            let drawn = Leg { pace: leg.pace };
+            // A lit move goes on with the run that ends here. After a jump it begins another one.
             let ends_here = |run: &PenStroke| (run.last_m() - from).norm() <= SAME_M;
-            match runs.last_mut().filter(|run| open && ends_here(run)) {
-                Some(run) => {
-                    run.points_m.push(to);
-                    run.legs.push(drawn);
-                }
-                None => {
-                    runs.push(PenStroke { letter, points_m: vec![from, to], legs: vec![drawn] });
-                }
+            if !is_down || !runs.last().is_some_and(ends_here) {
+                runs.push(PenStroke { letter, points_m: vec![from], paces: Vec::new() });
             }
-            open = true;
+            let run = runs.last_mut().expect("one was begun");
+            run.points_m.push(to);
+            run.paces.push(step.pace);
+            is_down = true;
         }
     }
     for run in runs.iter_mut().filter(|run| run.length_m() < DOT_M) {
         let middle_m = (run.points_m[0] + run.last_m()) * 0.5;
-        (run.points_m, run.legs) = (vec![middle_m], Vec::new());
+        (run.points_m, run.paces) = (vec![middle_m], Vec::new());
     }
     runs
 }
 
 impl PenStroke {
-    /// The place of a dot; `None` of a stroke.
+    /// The position of a dot. `None` for a stroke.
     pub(super) fn dot_m(&self) -> Option<Vector2<f64>> {
-        match self.points_m[..] {
-            [at_m] => Some(at_m),
-            _ => None,
-        }
+        self.points_m.first().copied().filter(|_| self.points_m.len() == 1)
     }
 
     fn last_m(&self) -> Vector2<f64> {
         self.points_m[self.points_m.len() - 1]
     }
 
-    /// Whether it ends where it began.
+    /// True if it ends where it began.
     fn closed(&self) -> bool {
         self.points_m.len() > 3 && (self.last_m() - self.points_m[0]).norm() <= SAME_M
     }
 
-    /// Whether it comes back to its beginning without a corner.
+    /// True if it comes back to its beginning without a corner.
     pub(super) fn is_loop(&self) -> bool {
         let along = |index: usize| (self.points_m[index + 1] - self.points_m[index]).normalize();
         self.closed() && along(0).dot(&along(self.points_m.len() - 2)) > SMOOTH_COS
     }
 
-    /// The same loop, drawn on over its beginning for a length, or once more at most.
+    /// The loop drawn on over its beginning for a length, or once more at most.
     pub(super) fn overlapped(&self, mut left_m: f64) -> Self {
-        let mut out = self.clone();
-        for (ends, leg) in self.points_m.windows(2).zip(&self.legs) {
+        let mut longer = self.clone();
+        for (ends, pace) in self.points_m.windows(2).zip(&self.paces) {
             if left_m < SAME_M {
                 break;
             }
             let length_m = (ends[1] - ends[0]).norm();
-            out.points_m.push(ends[0].lerp(&ends[1], (left_m / length_m).min(1.0)));
-            out.legs.push(*leg);
+            longer.points_m.push(ends[0].lerp(&ends[1], (left_m / length_m).min(1.0)));
+            longer.paces.push(*pace);
             left_m -= length_m;
         }
-        out
+        longer
     }
 
-    fn starts(&self) -> usize {
+    /// Number of corners at which a closed stroke may begin.
+    fn n_starts(&self) -> usize {
         (self.points_m.len() - 1).min(MAX_STARTS)
     }
 
-    /// The same stroke, drawn a way.
+    /// The stroke drawn in one of its [`Self::ways`].
     pub(super) fn along(&self, way: usize) -> Self {
-        let Self { letter, mut points_m, mut legs } = self.clone();
+        let Self { letter, mut points_m, mut paces } = self.clone();
         if way >= 2 {
-            let begin = way / 2 * legs.len() / self.starts();
+            // A closed stroke repeats its first point at its end: the new first one.
+            let begin = way / 2 * paces.len() / self.n_starts();
             points_m.pop();
             points_m.rotate_left(begin);
             points_m.push(points_m[0]);
-            legs.rotate_left(begin);
+            paces.rotate_left(begin);
         }
         if way % 2 == 1 {
             points_m.reverse();
-            legs.reverse();
+            paces.reverse();
         }
-        Self { letter, points_m, legs }
+        Self { letter, points_m, paces }
     }
 
-    /// All ways to draw it, entered and left at the speed of strokes, a dot at rest. Way `2 k + 1`
-    /// is way `2 k` backward; way 0 is as drawn.
+    /// All ways to draw it. Way 0 is as drawn, and way `2 k + 1` is way `2 k` backward.
     pub(super) fn ways(&self, speed_m_s: f64) -> Vec<Way> {
-        let way = |way: usize| {
-            let points = self.along(way).points_m;
-            let along_m_s = |legs: Option<&[Vector2<f64>]>| {
-                legs.map_or(Vector2::zeros(), |leg| (leg[1] - leg[0]).normalize() * speed_m_s)
-            };
-            Way {
-                start_m: points[0],
-                start_m_s: along_m_s(points.windows(2).next()),
-                end_m: points[points.len() - 1],
-                end_m_s: along_m_s(points.windows(2).next_back()),
-            }
+        let n_starts = if self.closed() { self.n_starts() } else { 1 };
+        (0..2 * n_starts).map(|way| self.along(way).way(speed_m_s)).collect()
+    }
+
+    /// How it is entered and left as drawn.
+    fn way(&self, speed_m_s: f64) -> Way {
+        let along_m_s = |pair: Option<&[Vector2<f64>]>| {
+            pair.map_or(Vector2::zeros(), |pair| (pair[1] - pair[0]).normalize() * speed_m_s)
         };
-        let starts = if self.closed() { self.starts() } else { 1 };
-        (0..2 * starts).map(way).collect()
+        let mut pairs = self.points_m.windows(2);
+        Way {
+            start_m: self.points_m[0],
+            start_m_s: along_m_s(pairs.clone().next()),
+            end_m: self.last_m(),
+            end_m_s: along_m_s(pairs.next_back()),
+        }
     }
 
     pub(super) fn length_m(&self) -> f64 {
         self.lengths_m().sum()
     }
 
-    /// Time along it, corners not counted.
-    pub(super) fn duration_s(&self, speed_m_s: f64) -> f64 {
-        self.lengths_m().zip(&self.legs).map(|(leg_m, leg)| leg_m / (leg.pace * speed_m_s)).sum()
+    /// Time for which it is lit, corners not counted.
+    pub(super) fn lit_s(&self, speed_m_s: f64) -> f64 {
+        match self.dot_m() {
+            Some(_) => dot_s(speed_m_s),
+            None => self.lengths_m().zip(&self.paces).map(|(m, pace)| m / (pace * speed_m_s)).sum(),
+        }
     }
 
     fn lengths_m(&self) -> impl Iterator<Item = f64> {
-        self.points_m.windows(2).map(|leg| (leg[1] - leg[0]).norm())
+        self.points_m.windows(2).map(|pair| (pair[1] - pair[0]).norm())
     }
 }
 
@@ -189,8 +179,8 @@ mod tests {
     impl PenStroke {
         /// A stroke in an even pace.
         pub(crate) fn even(letter: usize, points_m: Vec<Vector2<f64>>) -> Self {
-            let legs = vec![Leg { pace: 1.0 }; points_m.len() - 1];
-            Self { letter, points_m, legs }
+            let paces = vec![1.0; points_m.len() - 1];
+            Self { letter, points_m, paces }
         }
     }
 
@@ -221,7 +211,7 @@ mod tests {
             let distance =
                 |leg: &[Vector2<f64>]| segment_distance(end.into(), [leg[0].into(), leg[1].into()]);
             let off_m = around.points_m.windows(2).take(8).map(distance).fold(1.0, f64::min);
-            assert!(off_m < 1e-9 && over.legs.len() + 1 == over.points_m.len(), "{off_m} m");
+            assert!(off_m < 1e-9 && over.paces.len() + 1 == over.points_m.len(), "{off_m} m");
         }
         assert!((o.overlapped(9.0).length_m() - 2.0 * o.length_m()).abs() < 1e-9, "once more");
     }

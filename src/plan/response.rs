@@ -1,7 +1,7 @@
 //! Step response of a loop, and its inverse: the inputs for a wanted output.
 
 /// Output of a stable loop from rest after its input stepped from 0 to 1, at even times from the
-/// step on; afterwards it stays at the last value.
+/// step on. Afterwards it stays at the last value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepResponse {
     /// Time between two values.
@@ -10,25 +10,25 @@ pub struct StepResponse {
     pub values: Vec<f64>,
 }
 
-/// Share of the step below which the rest of a response is neglected.
+/// Fraction of the step below which the rest of a response is neglected.
 const SETTLED: f64 = 1e-3;
 /// Comparisons of output and target per input: one between two inputs prevents oscillation there.
 const OUTPUTS_PER_INPUT: usize = 2;
 
 impl StepResponse {
-    /// The response at a time after the step; 0 before it.
+    /// The response at a time after the step, linear between two values. 0 before the step.
     pub fn value_at(&self, time_s: f64) -> f64 {
-        let place = time_s / self.interval_s;
-        let Some(last) = self.values.len().checked_sub(1).filter(|_| place >= 0.0) else {
+        let intervals = time_s / self.interval_s;
+        let Some(last) = self.values.len().checked_sub(1).filter(|_| intervals >= 0.0) else {
             return 0.0;
         };
-        if place >= last as f64 {
+        if intervals >= last as f64 {
             return self.values[last];
         }
         #[expect(clippy::cast_possible_truncation, reason = "0 to the number of values")]
-        let index = place as u32;
+        let index = intervals as u32;
         let [here, next] = [0, 1].map(|step| self.values[index as usize + step]);
-        here + (next - here) * (place - f64::from(index))
+        here + (next - here) * (intervals - f64::from(index))
     }
 
     /// Time after which the response stays within 0.1 % of the step from its end.
@@ -38,7 +38,7 @@ impl StepResponse {
         unsettled.map_or(0, |index| index + 1) as f64 * self.interval_s
     }
 
-    /// Multiplications of [`Self::inverse`] for so many inputs, an interval apart.
+    /// Number of multiplications of [`Self::inverse`] for inputs an interval apart.
     pub fn inverse_cost(&self, n_inputs: usize, interval_s: f64) -> f64 {
         let (n, per_input) = (n_inputs as f64, OUTPUTS_PER_INPUT as f64);
         let width = (self.settled_s() / interval_s).min(n) + 2.0;
@@ -47,12 +47,10 @@ impl StepResponse {
 
     /// Makes the inverse ready for inputs at some times, each held until the next.
     ///
-    /// `ridge` weighs the square of `input − wanted` against that of the error of the output:
-    /// motions that the loop cannot follow are left out. 0.01 asks for corners sharply, 1 hardly at
-    /// all.
+    /// `ridge` weighs the square of `input − wanted` against that of the error of the output
+    /// (Tikhonov regularization). 0.01 asks for corners sharply, 1 hardly at all.
     ///
-    /// Method: normal equations, banded since the response settles, by Cholesky's factors. Time
-    /// and memory grow with the number of inputs times those within the response.
+    /// Method: normal equations, banded since the response settles, by a Cholesky decomposition.
     ///
     /// # Panics
     ///
@@ -64,9 +62,11 @@ impl StepResponse {
         let width = times_s.iter().enumerate().map(|(k, time_s)| {
             k - times_s.partition_point(|other| other + settled_s < *time_s) + 2
         });
-        let factors = Banded::new(times_s.len(), width.max().unwrap_or(1));
-        let mut inverse = Inverse { response: self, settled_s, times_s, ridge, factors };
-        noctograph_core::dispatch(Factoring(&mut inverse));
+        let (n, width) = (times_s.len(), width.max().unwrap_or(1));
+        let (upper, pivots) = (vec![0.0; n * width], Vec::with_capacity(n));
+        let mut inverse =
+            Inverse { response: self, settled_s, times_s, ridge, width, upper, pivots };
+        noctograph_core::dispatch!(|| inverse.factor());
         inverse
     }
 }
@@ -78,7 +78,11 @@ pub struct Inverse<'a> {
     settled_s: f64,
     times_s: Vec<f64>,
     ridge: f64,
-    factors: Banded,
+    /// Entries of a row of the band, from the diagonal on.
+    width: usize,
+    /// Rows of the upper triangular Cholesky factor, and the divisor of each row.
+    upper: Vec<f64>,
+    pivots: Vec<f64>,
 }
 
 impl Inverse<'_> {
@@ -88,6 +92,7 @@ impl Inverse<'_> {
         let Some(start_s) = self.times_s.first() else { return Vec::new() };
         let rest = wanted(*start_s);
         let wanted = |time_s: f64| wanted(time_s) - rest;
+        // The right-hand side W'y + ridge y, with a row of W for each output.
         let mut right: Vec<f64> =
             self.times_s.iter().map(|time_s| self.ridge * wanted(*time_s)).collect();
         let mut weights = Vec::new();
@@ -97,7 +102,7 @@ impl Inverse<'_> {
             let right = &mut right[from..];
             right.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight * target);
         }
-        self.factors.solve(&mut right);
+        self.solve(&mut right);
         right.into_iter().map(|input| input + rest).collect()
     }
 
@@ -120,41 +125,36 @@ impl Inverse<'_> {
         let from = times_s[..until].partition_point(|t| t + settled_s < time_s).saturating_sub(1);
         let response_to = |input_s: &f64| response.value_at(time_s - input_s);
         // Everything before the window has settled and counts with the window's first input.
-        let mut own = if from > 0 { 1.0 } else { response_to(&times_s[0]) };
+        let mut begun = if from > 0 { 1.0 } else { response_to(&times_s[0]) };
         weights.clear();
         weights.extend((from..until).map(|k| {
-            let after = times_s.get(k + 1).map_or(0.0, response_to);
-            std::mem::replace(&mut own, after) - after
+            let ended = times_s.get(k + 1).map_or(0.0, response_to);
+            std::mem::replace(&mut begun, ended) - ended
         }));
         from
     }
-}
 
-/// The normal equations and their factors, in the widest registers of this processor: no product
-/// is fused with a sum, so in the same bits.
-struct Factoring<'a, 'b>(&'a mut Inverse<'b>);
-
-impl pulp::NullaryFnOnce for Factoring<'_, '_> {
-    type Output = ();
-
+    /// The normal equations and their factors, in the widest registers of this processor. No
+    /// product is fused with a sum, so that the bits are the same.
     #[inline(always)]
-    fn call(self) {
-        let inverse = self.0;
-        let (n, width) = (inverse.times_s.len(), inverse.factors.width);
-        let mut normal = std::mem::take(&mut inverse.factors.upper);
-        normal.iter_mut().step_by(width).for_each(|diagonal| *diagonal += inverse.ridge);
+    fn factor(&mut self) {
+        let width = self.width;
+        let mut normal = std::mem::take(&mut self.upper);
+        // W'W + ridge I, with a row of W for each output. Only the band from the diagonal on.
+        normal.iter_mut().step_by(width).for_each(|diagonal| *diagonal += self.ridge);
         let mut weights = Vec::new();
-        for time_s in inverse.outputs_s() {
-            let from = inverse.weigh(time_s, &mut weights);
+        for time_s in self.outputs_s() {
+            let from = self.weigh(time_s, &mut weights);
             for (i, weight) in weights.iter().enumerate() {
                 let row = &mut normal[(from + i) * width..][..width];
                 row.iter_mut().zip(&weights[i..]).for_each(|(sum, other)| *sum += weight * other);
             }
         }
-        for i in 0..n {
+        // Cholesky, row by row: each finished row is subtracted from those below it in the band.
+        for i in 0..self.times_s.len() {
             let (rows, below) = normal[i * width..].split_at_mut(width);
             let pivot = rows[0].max(f64::MIN_POSITIVE).sqrt();
-            inverse.factors.pivots.push(pivot);
+            self.pivots.push(pivot);
             rows.iter_mut().for_each(|entry| *entry /= pivot);
             for (k, row) in (1..width).zip(below.chunks_exact_mut(width)) {
                 let factor = rows[k];
@@ -163,32 +163,17 @@ impl pulp::NullaryFnOnce for Factoring<'_, '_> {
                 }
             }
         }
-        inverse.factors.upper = normal;
-    }
-}
-
-/// Cholesky's factors of a symmetric positive definite system whose entries lie near the diagonal.
-#[derive(Debug)]
-struct Banded {
-    width: usize,
-    /// Row by row from the diagonal rightward.
-    upper: Vec<f64>,
-    /// Divisor of each row.
-    pivots: Vec<f64>,
-}
-
-impl Banded {
-    fn new(n: usize, width: usize) -> Self {
-        Self { width, upper: vec![0.0; n * width], pivots: Vec::with_capacity(n) }
+        self.upper = normal;
     }
 
     /// Solves the factored banded system in place.
     fn solve(&self, right: &mut [f64]) {
         let (n, width) = (right.len(), self.width);
+        // Forward with the transposed factors, then backward.
         for (i, row) in self.upper.chunks_exact(width).enumerate() {
             right[i] /= self.pivots[i];
-            let (own, below) = right[i..].split_at_mut(1);
-            below.iter_mut().zip(&row[1..]).for_each(|(sum, factor)| *sum -= factor * own[0]);
+            let (value, below) = right[i..].split_at_mut(1);
+            below.iter_mut().zip(&row[1..]).for_each(|(sum, factor)| *sum -= factor * value[0]);
         }
         for (i, row) in self.upper.chunks_exact(width).enumerate().rev() {
             let known: f64 = (1..width.min(n - i)).map(|k| row[k] * right[i + k]).sum();

@@ -1,16 +1,15 @@
-//! Speed of the pen along a polyline: the stroke speed or each leg's share of it, and less before
-//! and in corners that turn too far for it.
+//! Speed of the pen along a polyline: the stroke speed times the pace of each segment, and less
+//! before and in corners that turn too far for it.
 //!
-//! Method: where the velocity would turn by more than the smoothing allows within its time, all
-//! corners of that window are slowed by 5 %, repeatedly; a forward and a backward pass along the
-//! path then respect the acceleration limit.
+//! Corners that turn the velocity by more than the smoothing allows within its time are slowed, and
+//! two passes along the path respect the acceleration limit.
 
 use nalgebra::Vector2;
 
 use super::pen::PenStroke;
 use super::smoothing::Smoothing;
 
-/// A point of the path and the speed there; between two of them the acceleration is constant.
+/// A point of the path and the speed there. Between two of them the acceleration is constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Node {
     pub(super) position_m: Vector2<f64>,
@@ -28,38 +27,37 @@ const NEAR: f64 = 1.05;
 const SLOWER: f64 = 0.95;
 const MAX_SLOWER: usize = 90;
 
-/// The stroke with its speeds: as fast as its pace and the acceleration allow, and slow enough at
-/// corners that the smoothing of setpoints in time rounds them little.
+/// The stroke with its speeds.
 pub(super) fn profile(
     stroke: &PenStroke,
     smoothing: &Smoothing,
     stroke_speed_m_s: f64,
 ) -> Vec<Node> {
-    let PenStroke { points_m, legs, .. } = stroke;
-    let fastest_m_s = stroke_speed_m_s;
+    let PenStroke { points_m, paces, .. } = stroke;
     let corners = Corners::new(points_m);
-    let caps_m_s = corners.caps_m_s(fastest_m_s, smoothing);
-    let node = |position_m, pace: f64| Node { position_m, speed_m_s: pace * fastest_m_s };
-    if caps_m_s.iter().all(|cap| *cap >= fastest_m_s) && legs.iter().all(|leg| leg.pace == 1.0) {
+    let caps_m_s = corners.caps_m_s(stroke_speed_m_s, smoothing);
+    let node = |position_m, pace: f64| Node { position_m, speed_m_s: pace * stroke_speed_m_s };
+    // Most strokes have one speed, and need no nodes between their corners.
+    if caps_m_s.iter().all(|cap| *cap >= stroke_speed_m_s) && paces.iter().all(|p| *p == 1.0) {
         return points_m.iter().map(|point| node(*point, 1.0)).collect();
     }
-    // Nodes are close enough for a slow corner to be slow alone.
-    let slowest_m_s = caps_m_s.iter().copied().fold(fastest_m_s, f64::min);
+    // Nodes are close enough that a slow corner slows only its neighborhood.
+    let slowest_m_s = caps_m_s.iter().copied().fold(stroke_speed_m_s, f64::min);
     let near_s = NEAR * smoothing.long_s;
-    let whole_m = corners.at_m[corners.at_m.len() - 1];
-    let step_m = (0.25 * slowest_m_s * near_s).min(STEP_M).max(whole_m / MAX_NODES);
+    let length_m = corners.at_m[corners.at_m.len() - 1];
+    let step_m = (0.25 * slowest_m_s * near_s).min(STEP_M).max(length_m / MAX_NODES);
     let mut nodes: Vec<Node> = Vec::new();
     let mut at_m: Vec<f64> = Vec::new();
-    for (index, leg) in points_m.windows(2).enumerate() {
+    for (index, ends) in points_m.windows(2).enumerate() {
         let length_m = corners.at_m[index + 1] - corners.at_m[index];
         let n = (length_m / step_m).ceil().max(1.0);
         for k in (0..).map(f64::from).take_while(|k| *k < n) {
-            nodes.push(node(leg[0].lerp(&leg[1], k / n), legs[index].pace));
+            nodes.push(node(ends[0].lerp(&ends[1], k / n), paces[index]));
             at_m.push(corners.at_m[index] + length_m * k / n);
         }
     }
-    nodes.push(node(points_m[points_m.len() - 1], legs[legs.len() - 1].pace));
-    at_m.push(corners.at_m[points_m.len() - 1]);
+    nodes.push(node(points_m[points_m.len() - 1], paces[paces.len() - 1]));
+    at_m.push(length_m);
     corners.slow_down(&mut nodes, &at_m, &caps_m_s, near_s);
     limit_acceleration(smoothing.acceleration_m_s2(), &mut nodes, &at_m);
     nodes
@@ -68,16 +66,16 @@ pub(super) fn profile(
 /// Corners of a path: their distances along it, and how far each turns.
 struct Corners {
     at_m: Vec<f64>,
-    /// Change of the unit tangent, 0 to 2; 0 at the ends.
+    /// Change of the unit tangent, 0 to 2. At the ends 0.
     turn: Vec<f64>,
 }
 
 impl Corners {
     fn new(points_m: &[Vector2<f64>]) -> Self {
-        let along = |leg: &[Vector2<f64>]| (leg[1] - leg[0]).normalize();
+        let along = |pair: &[Vector2<f64>]| (pair[1] - pair[0]).normalize();
         let (mut at_m, mut turn) = (vec![0.0], vec![0.0]);
-        for leg in points_m.windows(2) {
-            at_m.push(at_m[at_m.len() - 1] + (leg[1] - leg[0]).norm());
+        for pair in points_m.windows(2) {
+            at_m.push(at_m[at_m.len() - 1] + (pair[1] - pair[0]).norm());
         }
         let corners = points_m.windows(3);
         turn.extend(corners.map(|three| (along(&three[1..]) - along(three)).norm()));
@@ -87,25 +85,26 @@ impl Corners {
 
     /// Greatest speed at each corner.
     fn caps_m_s(&self, fastest_m_s: f64, smoothing: &Smoothing) -> Vec<f64> {
-        let mut caps_m_s = vec![fastest_m_s; self.at_m.len()];
+        let n = self.at_m.len();
+        let mut caps_m_s = vec![fastest_m_s; n];
         for _ in 0..MAX_SLOWER {
-            let mut slower = false;
-            let mut marked = vec![false; caps_m_s.len()];
-            for first in 1..self.at_m.len() {
+            // Corners within the smoothing's time of each other turn the velocity together.
+            let mut turns_too_far = vec![false; n];
+            for first in 1..n {
                 let speed_m_s = caps_m_s[first];
                 let until_m = self.at_m[first] + speed_m_s * smoothing.long_s;
-                let window = self.at_m[first..].partition_point(|node_m| *node_m <= until_m);
-                let turn: f64 = self.turn[first..first + window].iter().sum();
+                let end = first + self.at_m[first..].partition_point(|node_m| *node_m <= until_m);
+                let turn: f64 = self.turn[first..end].iter().sum();
                 if turn * speed_m_s > smoothing.turn_m_s * (1.0 + 1e-9) {
-                    marked[first..first + window].fill(true);
-                    slower = true;
+                    turns_too_far[first..end].fill(true);
                 }
             }
-            for (cap, _) in caps_m_s.iter_mut().zip(&marked).filter(|(_, marked)| **marked) {
-                *cap *= SLOWER;
-            }
-            if !slower {
+            if !turns_too_far.contains(&true) {
                 break;
+            }
+            for (cap, _) in caps_m_s.iter_mut().zip(&turns_too_far).filter(|(_, too_far)| **too_far)
+            {
+                *cap *= SLOWER;
             }
         }
         caps_m_s
@@ -113,15 +112,11 @@ impl Corners {
 
     /// Limits each node within the smoothing's time of a corner to the corner's speed.
     fn slow_down(&self, nodes: &mut [Node], at_m: &[f64], caps_m_s: &[f64], near_s: f64) {
-        for ((corner_m, cap_m_s), _) in
-            self.at_m.iter().zip(caps_m_s).zip(&self.turn).filter(|(_, turn)| **turn > 0.0)
-        {
-            let reach_m = cap_m_s * near_s;
+        for (corner, cap_m_s) in caps_m_s.iter().enumerate().filter(|(i, _)| self.turn[*i] > 0.0) {
+            let (corner_m, reach_m) = (self.at_m[corner], cap_m_s * near_s);
             let first = at_m.partition_point(|node_m| *node_m < corner_m - reach_m);
-            for (node, node_m) in nodes[first..].iter_mut().zip(&at_m[first..]) {
-                if *node_m > corner_m + reach_m {
-                    break;
-                }
+            let end = at_m.partition_point(|node_m| *node_m <= corner_m + reach_m);
+            for node in &mut nodes[first..end] {
                 node.speed_m_s = node.speed_m_s.min(*cap_m_s);
             }
         }
@@ -130,16 +125,14 @@ impl Corners {
 
 /// Limits the change of speed along the path, forward and backward, to the acceleration.
 fn limit_acceleration(acceleration_m_s2: f64, nodes: &mut [Node], at_m: &[f64]) {
-    let reach = |from_m_s: f64, length_m: f64| {
-        (from_m_s * from_m_s + 2.0 * acceleration_m_s2 * length_m).sqrt()
-    };
-    for i in 1..nodes.len() {
-        let most = reach(nodes[i - 1].speed_m_s, at_m[i] - at_m[i - 1]);
-        nodes[i].speed_m_s = nodes[i].speed_m_s.min(most);
-    }
-    for i in (1..nodes.len()).rev() {
-        let most = reach(nodes[i].speed_m_s, at_m[i] - at_m[i - 1]);
-        nodes[i - 1].speed_m_s = nodes[i - 1].speed_m_s.min(most);
+    let n = nodes.len();
+    let onward = (1..n).map(|i| (i - 1, i));
+    let backward = (1..n).rev().map(|i| (i, i - 1));
+    for (from, to) in onward.chain(backward) {
+        // v² = v₀² + 2 a s
+        let (from_m_s, length_m) = (nodes[from].speed_m_s, (at_m[to] - at_m[from]).abs());
+        let most_m_s = (from_m_s * from_m_s + 2.0 * acceleration_m_s2 * length_m).sqrt();
+        nodes[to].speed_m_s = nodes[to].speed_m_s.min(most_m_s);
     }
 }
 
@@ -174,14 +167,14 @@ mod tests {
     }
 
     #[test]
-    fn legs_keep_their_pace_but_for_the_way_to_speed_up() {
+    fn segments_keep_their_pace_but_for_the_way_to_speed_up() {
         let points = [0.0, 1.0, 2.0].map(|x| Vector2::new(x, 0.0)).to_vec();
         let mut stroke = PenStroke::even(0, points);
-        stroke.legs[1].pace = 0.5;
+        stroke.paces[1] = 0.5;
         let nodes = profile(&stroke, &Smoothing::new(0.5, &EvenStyle::default()), 0.5);
         // From 0.25 to 0.5 m/s at 2 m/s² takes 47 mm.
         let speed_at = |x| nodes.iter().find(|node| node.position_m.x >= x).unwrap().speed_m_s;
         assert_eq!([0.0, 0.95, 1.0, 1.9].map(speed_at), [0.5, 0.5, 0.25, 0.25]);
-        assert!(speed_at(0.98) < 0.4, "braked before the slow leg: {}", speed_at(0.98));
+        assert!(speed_at(0.98) < 0.4, "braked before the slow segment: {}", speed_at(0.98));
     }
 }

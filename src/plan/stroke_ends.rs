@@ -1,12 +1,12 @@
 //! Stroke ends: errors of the light at the beginnings and ends of strokes, in a flight.
 //!
-//! The flight is first aligned with its design: its lag and its mean error are taken out, so that
-//! only the error between light and drone is left.
+//! Lag and mean error of the flight are removed first: the error between light and drone is left.
 
 use nalgebra::Vector3;
 
 use super::Plan;
 use super::lamp::LampTiming;
+use super::light_letters::stretches;
 use crate::tracking::{Part, designed};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{Flight, FlightSample};
@@ -18,9 +18,9 @@ pub struct StrokeEnd {
     pub time_s: f64,
     /// Where the design changes it.
     pub at_m: Vector3<f64>,
-    /// Whether the light goes on.
+    /// True if the light goes on.
     pub on: bool,
-    /// Light beyond the end of the stroke, along it; negative where the stroke falls short.
+    /// Light beyond the end of the stroke, along it. Negative if the stroke falls short.
     pub streak_m: f64,
 }
 
@@ -31,7 +31,7 @@ const LAG_COST_M_S: f64 = 0.03;
 /// Most samples of a flight that are used for its lag.
 const MAX_SAMPLES: usize = 2000;
 
-/// Errors of a plan's light commands at the ends of its strokes, in a flight of it.
+/// Errors of a plan's light commands at the ends of its strokes, in a flight.
 ///
 /// # Errors
 ///
@@ -40,13 +40,10 @@ pub fn stroke_ends(plan: &Plan, flight: &Flight, lamp: &LampTiming) -> Result<Ve
     Ok(Aligned::new(flight)?.stroke_ends(plan, lamp))
 }
 
-/// The rows where the light switches on or off.
+/// The rows at which the light switches on (true) or off.
 fn switches(levels: &[f64]) -> impl Iterator<Item = (usize, bool)> {
-    (0..levels.len()).filter_map(|row| {
-        let was = row > 0 && levels[row - 1] > 0.0;
-        let is = levels[row] > 0.0;
-        (was != is).then_some((row, is))
-    })
+    let rows = stretches(levels).into_iter().flat_map(|lit| [(lit.start, true), (lit.end, false)]);
+    rows.filter(|(row, _)| *row < levels.len())
 }
 
 /// State of the design at an end of a stroke.
@@ -57,21 +54,20 @@ pub(super) struct Edge {
 }
 
 impl Edge {
-    /// The beginning of a stroke is that of its first setpoint; its end that of the setpoint before
-    /// the first dark one, which may go elsewhere or be elsewhere already.
+    /// A stroke begins with its first setpoint. It ends with the setpoint before the first dark
+    /// one, which may go elsewhere or be elsewhere already.
     pub(super) fn new(plan: &Plan, row: usize, on: bool) -> Self {
         let time_s = plan.setpoints[row].time_s;
         let drawing = &plan.setpoints[if on { row } else { row.max(1) - 1 }];
         Self { time_s, at_m: drawing.design_m(time_s), velocity_m_s: drawing.velocity_m_s }
     }
 
-    /// Whether it is the end of a stroke, not of a dot.
+    /// True for the end of a stroke, false for that of a dot.
     pub(super) fn moves(&self) -> bool {
         self.velocity_m_s != Vector3::zeros()
     }
 }
 
-/// A flight aligned with its design.
 pub(super) struct Aligned<'a> {
     samples: &'a [FlightSample],
     pub(super) lag_s: f64,
@@ -85,16 +81,19 @@ impl<'a> Aligned<'a> {
         let mut aligned = Self { samples: &flight.samples, lag_s: 0.0, offset_m: Vector3::zeros() };
         let writing: Vec<&FlightSample> =
             flight.samples.iter().filter(|sample| sample.letter.is_some()).collect();
-        let some = || writing.iter().step_by(writing.len().div_ceil(MAX_SAMPLES)).copied();
-        let best = |aligned: &Self, lags_s: &mut dyn Iterator<Item = f64>| {
-            let spread = |lag_s: f64| aligned.offset_and_variance(some(), lag_s).1;
-            lags_s.map(|lag_s| (spread(lag_s), lag_s)).min_by(|a, b| a.0.total_cmp(&b.0))
-        };
-        let mut coarse = (-5..=60).map(|step| f64::from(step) * 0.025);
-        let about_s = best(&aligned, &mut coarse).map_or(0.0, |(_, lag_s)| lag_s);
-        let mut fine = (-25..=25).map(|step| about_s + f64::from(step) * 0.001);
-        aligned.lag_s = best(&aligned, &mut fine).map_or(about_s, |(_, lag_s)| lag_s);
-        aligned.offset_m = aligned.offset_and_variance(some(), aligned.lag_s).0;
+        let (stride, mut offset_m) = (writing.len().div_ceil(MAX_SAMPLES), Vector3::zeros());
+        // The lag with the least variance of the error: in steps of 25 ms, then of 1 ms about it.
+        for (first, last, step_s) in [(-5, 60, 0.025), (-25, 25, 0.001)] {
+            let lags_s = (first..=last).map(|step| aligned.lag_s + f64::from(step) * step_s);
+            let fits = lags_s.map(|lag_s| {
+                let some = writing.iter().step_by(stride).copied();
+                let (offset_m, variance_m2) = aligned.offset_and_variance(some, lag_s);
+                (variance_m2, lag_s, offset_m)
+            });
+            let best = fits.min_by(|a, b| a.0.total_cmp(&b.0)).expect("a lag at least");
+            (aligned.lag_s, offset_m) = (best.1, best.2);
+        }
+        aligned.offset_m = offset_m;
         Ok(aligned)
     }
 
@@ -106,6 +105,7 @@ impl<'a> Aligned<'a> {
         lag_s: f64,
     ) -> (Vector3<f64>, f64) {
         let (mut n, mut sum, mut squares) = (0.0, Vector3::zeros(), 0.0);
+        // The samples around each time are found by going on from those around the last one.
         let mut next = 0;
         for sample in samples {
             let time_s = sample.time_s + lag_s;
@@ -124,13 +124,14 @@ impl<'a> Aligned<'a> {
         self.before_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
     }
 
-    /// The same at a time before the sample `next` and not before the one before that.
+    /// Position at a time between the sample before `next` and this one.
     fn before_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
         let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
         let [a, b] = [&self.samples[before], &self.samples[after]];
         let span_s = b.time_s - a.time_s;
-        let part = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 0.0 };
-        a.position_m.lerp(&b.position_m, part) - self.offset_m
+        let fraction =
+            if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 0.0 };
+        a.position_m.lerp(&b.position_m, fraction) - self.offset_m
     }
 
     /// Lag of the drone at a point of the design, near to the lag at the edge before.
@@ -140,6 +141,7 @@ impl<'a> Aligned<'a> {
             let away_m = LAG_COST_M_S * (lag_s - self.lag_s);
             error + away_m * away_m
         };
+        // A grid search: the cost may have several minima, as at the crossing of two strokes.
         let around_s = 0.5 * (about_s + self.lag_s);
         let steps = (-75..=75).map(|step| around_s + f64::from(step) / 75.0 * SEARCH_S);
         steps.min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(about_s)
@@ -149,6 +151,7 @@ impl<'a> Aligned<'a> {
     pub(super) fn stroke_ends(&self, plan: &Plan, lamp: &LampTiming) -> Vec<StrokeEnd> {
         let (wanted, commanded) = (plan.lit(), plan.commanded());
         let pairs = switches(&wanted).zip(switches(&commanded));
+        // How far the drone is beyond the design's end, along the stroke, when the light changes.
         let ends = pairs.map(|((row, on), (sent, _))| {
             let time_s = lamp.light_s(plan.setpoints[sent].time_s);
             let edge = Edge::new(plan, row, on);

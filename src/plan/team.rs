@@ -1,9 +1,8 @@
 //! Style `team`: up, letter by letter at constant speed, down.
 //!
-//! Every leg sends a setpoint at its start and then at a fixed interval; positions advance evenly
-//! along the leg. Steps between letters are sent as one setpoint. Source: the flight script of the
-//! reference team, whose setpoints are in the log of their flight (2022; 0.2 m/s, 0.1 s, 2 s of
-//! waiting after a letter).
+//! Every segment sends a setpoint at its start and then at a fixed interval. Steps between letters
+//! are sent as one setpoint. Source: the flight script of the reference team, whose setpoints are
+//! in the log of their flight (2022).
 
 use nalgebra::Vector3;
 
@@ -11,11 +10,11 @@ use super::pen::{DOT_M, dot_s};
 use super::{Extent, Plan, PlanData, PlanOptions, Setpoint, TeamStyle};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S, on_grid};
-use noctograph_core::geometry::polyline_length_m;
+use noctograph_core::geometry::distance;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Plans the flight that writes `strokes`.
 pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> Result<Plan> {
+    // Refused before any of it is planned.
     let duration_s = longest_duration_s(strokes, options, style);
     if duration_s > MAX_DURATION_S {
         return Err(Error::infeasible(
@@ -26,8 +25,7 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
     }
     let plan = PlanData::with_channels(&options.lights);
     let mut script = Script { options, style, plan, time_s: 0.0, letter: None };
-    let whole = options.extent == Extent::Whole;
-    if whole {
+    if options.extent == Extent::Whole {
         script.take_off(strokes);
     }
     for (index, glyph) in strokes.glyphs.iter().enumerate() {
@@ -35,27 +33,25 @@ pub(super) fn plan(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) 
         script.write(glyph);
     }
     script.letter = None;
-    if whole {
-        script.land();
-    } else {
-        script.send(script.position_m(), Vector3::zeros(), false);
+    match options.extent {
+        Extent::Whole => script.land(),
+        Extent::Letters => script.send(script.position_m(), Vector3::zeros(), false),
     }
     Plan::new(script.plan)
 }
 
-/// Upper bound of the duration: all strokes, waits, and the ways to and from the word.
+/// Upper bound of the duration: all strokes, waits, and the paths to and from the word.
 fn longest_duration_s(strokes: &Strokes, options: &PlanOptions, style: &TeamStyle) -> f64 {
     let moves = strokes.glyphs.iter().flat_map(|glyph| &glyph.moves);
-    let strokes_m: f64 = moves.map(|m| polyline_length_m(&[m.from_m, m.to_m])).sum();
+    let strokes_m: f64 = moves.map(|m| distance(m.from_m, m.to_m)).sum();
     let [left, bottom, right, top] = strokes.bounds_m();
-    let ways_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + style.step_m)
+    let paths_m = 2.0 * (left.abs() + right.abs() + bottom.abs() + top.abs() + style.step_m)
         + style.approach_height_m
         + options.landing_height_m;
     let waits_s: f64 = strokes.glyphs.iter().map(|_| style.letter_wait_s).sum();
-    (strokes_m + ways_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
+    (strokes_m + paths_m) / options.stroke_speed_m_s + waits_s + 2.0 * options.floor_wait_s
 }
 
-/// A plan under construction.
 struct Script<'a> {
     options: &'a PlanOptions,
     style: &'a TeamStyle,
@@ -77,13 +73,14 @@ impl Script<'_> {
     /// One letter, then a step to the right of its box and a wait there in the dark.
     fn write(&mut self, glyph: &Glyph) {
         let mut last = self.position_m();
-        for (index, leg) in glyph.moves.iter().enumerate() {
-            let [from, to] = [leg.from_m, leg.to_m].map(|[x, up]| Vector3::new(x, 0.0, up));
-            if index == 0 && !leg.lit && from == to {
+        for (index, step) in glyph.moves.iter().enumerate() {
+            let [from, to] = [step.from_m, step.to_m].map(|[x, up]| Vector3::new(x, 0.0, up));
+            // An empty dark move at the beginning asks for a flight to the letter.
+            if index == 0 && !step.lit && from == to {
                 self.fly(last, to, false);
             }
             last = to;
-            self.fly(from, to, leg.lit);
+            self.fly(from, to, step.lit);
         }
         let cell = glyph.cell;
         let beside_m = cell.left_m + cell.width_m + self.style.step_m;
@@ -101,31 +98,29 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// A straight leg at the stroke speed, a lit one for as long as a dot takes at least; a leg
+    /// A straight segment at the stroke speed, a lit one for at least as long as a dot takes. One
     /// without length takes no time.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
         let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {
             let least_s = if lit && length_m < DOT_M { dot_s(speed_m_s) } else { 0.0 };
             let lasts_s = (length_m / speed_m_s).max(least_s);
-            self.leg(from, (to - from) / lasts_s, lasts_s, lit);
+            self.segment(from, (to - from) / lasts_s, lasts_s, lit);
         }
     }
 
-    fn wait(&mut self, place_m: Vector3<f64>, duration_s: f64) {
-        self.leg(place_m, Vector3::zeros(), duration_s, false);
+    fn wait(&mut self, position_m: Vector3<f64>, duration_s: f64) {
+        self.segment(position_m, Vector3::zeros(), duration_s, false);
     }
 
     /// Setpoints from now until `duration_s` is over.
-    fn leg(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
-        let (start_s, mut since_s) = (self.time_s, 0.0);
-        let mut n = 0.0;
-        // A setpoint just before the leg's end would only repeat the next leg's first.
-        while since_s < duration_s - 1e-6 {
-            self.time_s = start_s + since_s;
-            self.send(from + velocity * since_s, velocity, lit);
-            n += 1.0;
-            since_s = n * self.options.setpoint_interval_s;
+    fn segment(&mut self, from: Vector3<f64>, velocity: Vector3<f64>, duration_s: f64, lit: bool) {
+        let start_s = self.time_s;
+        let offsets_s = (0..).map(|n| f64::from(n) * self.options.setpoint_interval_s);
+        // A setpoint just before the end would only repeat the first one of the next segment.
+        for offset_s in offsets_s.take_while(|offset_s| *offset_s < duration_s - 1e-6) {
+            self.time_s = start_s + offset_s;
+            self.send(from + velocity * offset_s, velocity, lit);
         }
         self.time_s = start_s + duration_s;
     }

@@ -1,8 +1,8 @@
-//! Transits: the fastest dark way between two states within limits of speed, acceleration and jerk.
+//! Transits: the fastest paths in the dark within limits of speed, acceleration and jerk.
 //!
-//! Time-optimal per axis and synchronized, by Ruckig (Berscheid, Kröger, RSS 2021). The axes lie
-//! along the way and across it, and share the limits of speed and of acceleration by an angle each;
-//! the fastest of a few angles is taken. The drone does not stop at the ends of strokes.
+//! Time-optimal per axis and synchronized, by Ruckig (Berscheid and Kröger, RSS 2021). The axes lie
+//! along the path and across it. An angle each divides the limits of speed and of acceleration
+//! between them, and the fastest of a few angles is taken.
 
 use nalgebra::{Rotation2, Vector2};
 use rsruckig::prelude::{
@@ -13,80 +13,77 @@ use super::EvenStyle;
 use super::motion::{BEYOND, State};
 
 /// Angles that split the limits between the two axes.
-const SHARES_RAD: [f64; 3] = [0.25, 0.5, 0.785];
+const SPLITS_RAD: [f64; 3] = [0.25, 0.5, 0.785];
 
-/// Shares of the limit of acceleration that are tried where both axes together exceed it.
+/// Fractions of the limit of acceleration that are tried if both axes together exceed it.
 const GENTLER: [f64; 5] = [1.0, 0.9, 0.8, 0.6, 0.4];
 
-/// A way in the dark.
+/// A path in the dark.
 #[derive(Debug)]
 pub(super) struct Transit {
     from_m: Vector2<f64>,
-    world_from_way: Rotation2<f64>,
+    world_from_path: Rotation2<f64>,
     trajectory: Trajectory<2>,
 }
 
 impl Transit {
-    /// The fastest way between two states, lasting a multiple of `tick_s`; `None` where none was
+    /// The fastest path between two states, lasting a multiple of `tick_s`. `None` if none was
     /// found, which has not happened for states within the limits.
-    ///
-    /// An axis is allowed the acceleration of either end, so that both together may exceed the
-    /// limit: then the way is made by gentler limits.
     pub(super) fn new(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
-        let ways = GENTLER.iter().map_while(|share| {
-            let acceleration_m_s2 = share * style.acceleration_m_s2;
-            let gentler = EvenStyle { acceleration_m_s2, ..style.clone() };
-            Self::fastest(from, to, &gentler, tick_s)
-        });
+        // An axis is allowed the acceleration of either end, so that both together may exceed the
+        // limit. Then gentler limits are tried.
         let mut gentlest: Option<(f64, Self)> = None;
-        for way in ways {
-            let most_m_s2 = way.most(|state| state.acceleration_m_s2);
+        for fraction in GENTLER {
+            let acceleration_m_s2 = fraction * style.acceleration_m_s2;
+            let gentler = EvenStyle { acceleration_m_s2, ..style.clone() };
+            let Some(path) = Self::fastest(from, to, &gentler, tick_s) else { break };
+            let most_m_s2 = path.most(|state| state.acceleration_m_s2);
             if most_m_s2 <= BEYOND * style.acceleration_m_s2 {
-                return Some(way);
+                return Some(path);
             }
-            gentlest = gentlest.filter(|(least, _)| *least <= most_m_s2).or(Some((most_m_s2, way)));
+            if gentlest.as_ref().is_none_or(|(least, _)| *least > most_m_s2) {
+                gentlest = Some((most_m_s2, path));
+            }
         }
-        gentlest.map(|(_, way)| way)
+        gentlest.map(|(_, path)| path)
     }
 
     /// The fastest of the transits whose axes split the limits by an angle.
     fn fastest(from: &State, to: &State, style: &EvenStyle, tick_s: f64) -> Option<Self> {
-        let way = to.position_m - from.position_m;
-        let angle_rad = if way.norm() > 1e-9 { libm::atan2(way.y, way.x) } else { 0.0 };
-        let world_from_way = Rotation2::new(angle_rad);
-        let shares = SHARES_RAD.iter().flat_map(|a| SHARES_RAD.iter().map(move |v| [*v, *a]));
-        let shared = shares.filter_map(|shares_rad| {
-            let mut input = input(from, to, &world_from_way, style, shares_rad);
-            calculate(&mut input, tick_s)
+        let path_m = to.position_m - from.position_m;
+        let angle_rad = if path_m.norm() > 1e-9 { libm::atan2(path_m.y, path_m.x) } else { 0.0 };
+        let world_from_path = Rotation2::new(angle_rad);
+        let splits = SPLITS_RAD.iter().flat_map(|a| SPLITS_RAD.iter().map(move |v| [*v, *a]));
+        let paths = splits.filter_map(|splits_rad| {
+            let mut input = input(from, to, &world_from_path, style, splits_rad);
+            let trajectory = calculate(&mut input, tick_s)?;
+            Some(Self { from_m: from.position_m, world_from_path, trajectory })
         });
+        let mut paths: Vec<Self> = paths.collect();
+        paths.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
+        // Both axes together may exceed the limit of speed: such a path is only the last resort.
         let fastest_m_s = style.dark_speed_m_s.max(from.velocity_m_s.norm());
         let limit_m_s = 1.01 * fastest_m_s.max(to.velocity_m_s.norm());
-        let ways =
-            shared.map(|trajectory| Self { from_m: from.position_m, world_from_way, trajectory });
-        let mut ways: Vec<Self> = ways.collect();
-        ways.sort_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
-        // Both axes together may exceed the limit; such a way is only the last resort.
-        let slow = ways.iter().position(|way| way.most(|state| state.velocity_m_s) <= limit_m_s);
-        ways.into_iter().nth(slow.unwrap_or(0))
+        let slow = paths.iter().position(|path| path.most(|state| state.velocity_m_s) <= limit_m_s);
+        paths.into_iter().nth(slow.unwrap_or(0))
     }
 
-    /// Greatest norm of a vector on the way.
+    /// Greatest norm of a vector on the path.
     fn most(&self, vector: impl Fn(&State) -> Vector2<f64>) -> f64 {
-        let part = |k: u32| vector(&self.state_at(self.duration_s() * f64::from(k) / 32.0)).norm();
-        (0..=32).map(part).fold(0.0, f64::max)
+        let times_s = (0..=32).map(|k| self.duration_s() * f64::from(k) / 32.0);
+        times_s.map(|time_s| vector(&self.state_at(time_s)).norm()).fold(0.0, f64::max)
     }
 
     pub(super) fn duration_s(&self) -> f64 {
         self.trajectory.get_duration()
     }
 
-    /// The state `time_s` after the beginning.
     pub(super) fn state_at(&self, time_s: f64) -> State {
         let zero = || DataArrayOrVec::<f64, 2>::new(None, 0.0);
         let (mut p, mut v, mut a) = (zero(), zero(), zero());
         let (p_out, v_out, a_out) = (&mut Some(&mut p), &mut Some(&mut v), &mut Some(&mut a));
         self.trajectory.at_time(time_s, p_out, v_out, a_out, &mut None, &mut None);
-        let world = |x: &DataArrayOrVec<f64, 2>| self.world_from_way * Vector2::new(x[0], x[1]);
+        let world = |x: &DataArrayOrVec<f64, 2>| self.world_from_path * Vector2::new(x[0], x[1]);
         State {
             position_m: self.from_m + world(&p),
             velocity_m_s: world(&v),
@@ -95,37 +92,39 @@ impl Transit {
     }
 }
 
+/// The states and limits of Ruckig, along the path and across it.
 fn input(
     from: &State,
     to: &State,
-    world_from_way: &Rotation2<f64>,
+    world_from_path: &Rotation2<f64>,
     style: &EvenStyle,
     [speed_rad, force_rad]: [f64; 2],
 ) -> InputParameter<2> {
-    let way = |v: Vector2<f64>| world_from_way.inverse() * v;
-    let (across, along) = libm::sincos(speed_rad);
-    let (sin, cos) = libm::sincos(force_rad);
+    let path_from_world = world_from_path.inverse();
+    let [v, target_v] = [from, to].map(|state| path_from_world * state.velocity_m_s);
+    let [a, target_a] = [from, to].map(|state| path_from_world * state.acceleration_m_s2);
+    let target = path_from_world * (to.position_m - from.position_m);
+    let (sin_v, cos_v) = libm::sincos(speed_rad);
+    let (sin_a, cos_a) = libm::sincos(force_rad);
     let mut input = InputParameter::<2>::new(None);
-    let states = [way(from.velocity_m_s), way(to.velocity_m_s)];
-    let accelerations = [way(from.acceleration_m_s2), way(to.acceleration_m_s2)];
-    let target = way(to.position_m - from.position_m);
-    // The limits are at least the values at either end.
-    let most = |pair: &[Vector2<f64>; 2], axis: usize| pair[0][axis].abs().max(pair[1][axis].abs());
-    for (axis, (speed, share)) in [(along, cos), (across, sin)].into_iter().enumerate() {
-        let speed_m_s = (style.dark_speed_m_s * speed).max(most(&states, axis));
-        input.current_velocity[axis] = states[0][axis];
-        input.current_acceleration[axis] = accelerations[0][axis];
+    for (axis, (part_v, part_a)) in [(cos_v, cos_a), (sin_v, sin_a)].into_iter().enumerate() {
+        input.current_velocity[axis] = v[axis];
+        input.current_acceleration[axis] = a[axis];
         input.target_position[axis] = target[axis];
-        input.target_velocity[axis] = states[1][axis];
-        input.target_acceleration[axis] = accelerations[1][axis];
-        input.max_velocity[axis] = speed_m_s * (1.0 + 1e-9);
-        let limit_m_s2 = style.acceleration_m_s2 * share;
-        input.max_acceleration[axis] = limit_m_s2.max(most(&accelerations, axis)) * (1.0 + 1e-9);
-        input.max_jerk[axis] = style.jerk_m_s3 * share;
+        input.target_velocity[axis] = target_v[axis];
+        input.target_acceleration[axis] = target_a[axis];
+        // The limits are at least the values at either end. The slack is for rounding.
+        let ends_v = v[axis].abs().max(target_v[axis].abs());
+        let ends_a = a[axis].abs().max(target_a[axis].abs());
+        input.max_velocity[axis] = (style.dark_speed_m_s * part_v).max(ends_v) * (1.0 + 1e-9);
+        input.max_acceleration[axis] =
+            (style.acceleration_m_s2 * part_a).max(ends_a) * (1.0 + 1e-9);
+        input.max_jerk[axis] = style.jerk_m_s3 * part_a;
     }
     input
 }
 
+/// A trajectory that lasts whole ticks.
 fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>> {
     let mut ruckig = Ruckig::<2, IgnoreErrorHandler>::new(None, 0.01);
     for _ in 0..8 {
@@ -136,9 +135,10 @@ fn calculate(input: &mut InputParameter<2>, tick_s: f64) -> Option<Trajectory<2>
             return None;
         };
         let ticks = trajectory.get_duration() / tick_s;
-        if ticks - ticks.round() < 1e-6 && ticks.round() - ticks < 1e-6 {
+        if (ticks - ticks.round()).abs() < 1e-6 {
             return Some(trajectory);
         }
+        // A longer duration may be infeasible, and the next feasible one off the tick again.
         input.minimum_duration = Some((ticks - 1e-6).ceil() * tick_s);
     }
     None

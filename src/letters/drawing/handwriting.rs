@@ -18,6 +18,7 @@ use crate::center_line::dot;
 use crate::options::{LetterOptions, Pace};
 use crate::shape::Run;
 use crate::smooth::smooth;
+use crate::vector::{coordinates, point};
 use crate::{Move, StrokeOrder};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::{arc_lengths, bounds, distance, simplify};
@@ -170,12 +171,13 @@ fn write(
             glyphs.push(Vec::new());
             colors.extend(color);
         }
-        let line = placing.run(&trace.points).points;
+        let line: Vec<_> = placing.run(&trace.points).points.into_iter().map(coordinates).collect();
         let (points, when) = smoothed(&line, &trace.times_s, options, placing.cell.cap_height_m);
         // Segments without length are no moves, and have no duration.
         let moved = points.windows(2).map(|ends| ends[0] != ends[1]);
         let segments_s = when.windows(2).map(|t| t[1] - t[0]).zip(moved);
         lasts_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
+        let points = points.into_iter().map(point).collect();
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
     let mut strokes = StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use super::options::{Align, LetterOptions};
 use super::shape::{Run, pen_moves};
+use super::vector::point;
 use super::{Cell, Glyph, LeftOut, StrokeOrder, Strokes};
 use bitmap::Traced;
 use detail::reduced;
@@ -280,7 +281,7 @@ impl Placing {
     }
 
     fn run(&self, line: &[[f64; 2]]) -> Run {
-        let mut points: Vec<[f64; 2]> = line.iter().map(|point| self.place(*point)).collect();
+        let mut points: Vec<_> = line.iter().map(|place| point(self.place(*place))).collect();
         if points.len() == 1 {
             points.push(points[0]);
         }

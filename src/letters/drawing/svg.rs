@@ -192,7 +192,9 @@ fn seen_once(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec
     let mut seen = Vec::new();
     while let Some((element, reach, item)) = items.pop() {
         let (lines, color) = match &item {
-            Item::Whole(path, color) => (polylines(path, FLATNESS * size, MAX_POINTS), *color),
+            Item::Whole(path, color) => {
+                (polylines(path, FLATNESS * size, MAX_POINTS).map(crate::vector::pairs), *color)
+            }
             Item::Part(line, color) => (Some(vec![line.clone()]), *color),
         };
         match lines.and_then(|lines| front.uncovered(&lines, color, element, reach)) {

@@ -42,9 +42,9 @@ fn capitals_are_a_cap_height_high_on_the_baseline() {
     }
     let shape = face.shape('L').unwrap();
     assert_eq!(shape.runs.len(), 1);
-    let corner = shape.runs[0].points.iter().min_by(|a, b| (a[0] + a[1]).total_cmp(&(b[0] + b[1])));
+    let corner = shape.runs[0].points.iter().min_by(|a, b| (a.x + a.y).total_cmp(&(b.x + b.y)));
     assert_eq!(shape.runs[0].points.len(), 3, "two straight strokes and a sharp corner");
-    assert!(corner.unwrap()[1].abs() < 0.005, "{corner:?}");
+    assert!(corner.unwrap().y.abs() < 0.005, "{corner:?}");
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn center_lines_stay_in_the_ink() {
         let (mut inside, mut all) = (0, 0);
         for run in shape.runs.iter().filter(|run| run.points[0] != run.points[run.points.len() - 1])
         {
-            for [x, y] in super::super::smooth::evenly(&run.points, 0.01) {
+            for [x, y] in super::super::smooth::evenly(&pairs(vec![run.points.clone()])[0], 0.01) {
                 let scale = 1.0 - 2.0 * face.half_width;
                 all += 1;
                 inside += usize::from(ink.holds([x * scale, y * scale + face.half_width]));
@@ -78,7 +78,7 @@ fn flat_tips_are_not_extended_and_stems_stay_upright() {
         let points = &shape.runs[0].points;
         let n = points.len();
         for (foot, tip) in [(0, 1), (n - 1, n - 2)] {
-            let lean = (points[foot][0] - points[tip][0]).abs();
+            let lean = (points[foot].x - points[tip].x).abs();
             assert!(lean < 0.01, "{character}: {points:?}");
         }
     }
@@ -105,7 +105,7 @@ fn face(glyphs: &[(char, Contours<'_>)]) -> Typeface {
 /// The points of a character's strokes, in units of 1/700 of a capital.
 fn drawn(face: &Typeface, character: char) -> Vec<Vec<[i64; 2]>> {
     #[expect(clippy::cast_possible_truncation, reason = "small numbers")]
-    let round = |point: &[f64; 2]| point.map(|x| (700.0 * x).round() as i64);
+    let round = |point: &Point| [point.x, point.y].map(|x| (700.0 * x).round() as i64);
     let shape = face.shape(character).unwrap();
     shape.runs.iter().map(|run| run.points.iter().map(round).collect()).collect()
 }

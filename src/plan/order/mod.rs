@@ -1,13 +1,11 @@
 //! Order and direction of strokes with the least time in the dark.
 //!
-//! In a small word the duration of a transit is that of its plan; else it is estimated as the
+//! In a small word the duration of a transit is that of its plan. Otherwise it is estimated as the
 //! slower axis of a double integrator, from the velocity at one stroke's end to that at the next
-//! one's start, with take-off below the first stroke and landing below the last. The estimate is
-//! the same backward, so that a reversed run of strokes costs the same inside.
+//! one's start. The estimate is the same backward, so that a reversed run of strokes costs the same
+//! inside.
 //!
-//! For reading, each step to another letter costs so much that the letters follow each other.
-//!
-//! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held, Karp 1962; Bellman
+//! Up to [`EXACT_STROKES`] strokes: dynamic programming over subsets (Held and Karp 1962, Bellman
 //! 1962). Beyond: the nearest stroke next, then local search ([`search`]), then the best directions
 //! for that order.
 
@@ -15,7 +13,7 @@ use nalgebra::Vector2;
 use rayon::prelude::*;
 
 use super::motion::State;
-use super::pen::{PenStroke, Way, dot_s, pen_strokes};
+use super::pen::{PenStroke, Way, pen_strokes};
 use super::transit::Transit;
 use super::{EvenStyle, Order};
 use noctograph_core::crazyflie::RING_TICK_S;
@@ -24,7 +22,6 @@ use noctograph_core::flight::table::{FLIGHT_LONG, MAX_DURATION_S};
 use noctograph_core::strokes::{StrokeOrder, Strokes};
 
 mod search;
-mod starts;
 
 /// Most strokes whose order is the optimum.
 const EXACT_STROKES: usize = 10;
@@ -33,23 +30,23 @@ const MEASURED_WAYS: usize = 24;
 /// Most strokes of a drawing: its order is sought among all pairs.
 const MAX_STROKES: usize = 10_000;
 
-/// Cost of a step to another letter in reading order, s: more than any way within a word, so that
-/// an order from one end to the other, with one step a letter, is the cheapest.
+/// Cost of a step to another letter in reading order, s: more than any transit within a word, so
+/// that an order from one end to the other, with one step a letter, is the cheapest.
 const LETTER_S: f64 = 1000.0;
-/// How much longer the order of reading may take, as a share of the shortest flight.
+/// How much longer the order of reading may take, as a fraction of the shortest flight.
 const LONGER: f64 = 0.1;
-/// Number of transits sampled to estimate the time of many strokes, and the guaranteed share of the
-/// estimate.
+/// Number of transits sampled to estimate the time of many strokes, and the guaranteed fraction of
+/// the estimate.
 const MEASURED_TRANSITS: usize = 500;
-const MEASURED_SHARE: f64 = 0.85;
+const GUARANTEED: f64 = 0.85;
 /// Advice for drawings that take too long.
 pub(super) const SHORTER: &str = "raise plan.stroke_speed_m_s or plan.style.dark_speed_m_s, or draw \
                                   fewer strokes, or smaller";
 
 /// A stroke and the way it is drawn.
-type Leg = (usize, usize);
+type Visit = (usize, usize);
 
-/// The strokes of a drawing in the order and direction in which they are flown; handwriting keeps
+/// The strokes of a drawing in the order and direction in which they are flown. Handwriting keeps
 /// the writer's.
 pub(super) fn in_order(
     strokes: &Strokes,
@@ -66,42 +63,38 @@ pub(super) fn in_order(
     Ok(flown)
 }
 
-/// Refuses many strokes that take too long by far, from a part of their transits: to plan each one
-/// is most of the work of a plan.
+/// Refuses many strokes that take far too long, judged by a sample of their transits: to plan each
+/// one is most of the work of a plan.
 fn check_duration(flown: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Result<()> {
-    if flown.len() < 2 * MEASURED_TRANSITS {
+    let n = flown.len();
+    if n < 2 * MEASURED_TRANSITS {
         return Ok(());
     }
-    let stride = flown.len().div_ceil(MEASURED_TRANSITS);
-    let ways: Vec<_> = flown.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
+    // The time of all transits, from an even sample of them.
+    let stride = n.div_ceil(MEASURED_TRANSITS);
+    let ways = ways_of(flown, speed_m_s);
     let tour = Tour { ways: &ways, style, measured: true, letters: &[] };
-    let transits = (1..flown.len()).step_by(stride);
+    let transits = (1..n).step_by(stride);
     let transit_s = transits.map(|to| tour.between_s(Some((to - 1, 0)), Some((to, 0))));
     let dark_s = stride as f64 * transit_s.filter(|dark_s| dark_s.is_finite()).sum::<f64>();
-    let lit_s = flown.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum::<f64>();
-    if MEASURED_SHARE * (lit_s + dark_s) <= MAX_DURATION_S {
+    let flight_s = all_lit_s(flown, speed_m_s) + dark_s;
+    if GUARANTEED * flight_s <= MAX_DURATION_S {
         return Ok(());
     }
-    Err(Error::infeasible(
-        format!(
-            "{} strokes take some {:.0} s, the longest flight is {MAX_DURATION_S} s",
-            flown.len(),
-            lit_s + dark_s
-        ),
-        SHORTER,
-    )
-    .coded(FLIGHT_LONG))
+    let problem =
+        format!("{n} strokes take some {flight_s:.0} s, the longest flight is {MAX_DURATION_S} s");
+    Err(Error::infeasible(problem, SHORTER).coded(FLIGHT_LONG))
 }
 
-/// Time for which a stroke is lit; a dot is for a time, too.
-fn lit_s(stroke: &PenStroke, speed_m_s: f64) -> f64 {
-    match stroke.dot_m() {
-        Some(_) => dot_s(speed_m_s),
-        None => stroke.duration_s(speed_m_s),
-    }
+fn ways_of(strokes: &[PenStroke], speed_m_s: f64) -> Vec<Vec<Way>> {
+    strokes.iter().map(|stroke| stroke.ways(speed_m_s)).collect()
 }
 
-/// Whether strokes keep their order and direction.
+fn all_lit_s(strokes: &[PenStroke], speed_m_s: f64) -> f64 {
+    strokes.iter().map(|stroke| stroke.lit_s(speed_m_s)).sum()
+}
+
+/// True if strokes keep their order and direction.
 pub(super) fn is_kept(strokes: &Strokes, style: &EvenStyle) -> bool {
     style.order == Order::Drawn || strokes.order == StrokeOrder::Kept
 }
@@ -113,91 +106,90 @@ pub(super) fn as_drawn(strokes: &Strokes, speed_m_s: f64) -> Result<Vec<PenStrok
         let hint = "write letters that leave light";
         return Err(Error::input("drawing", "no lit stroke", "at least one", hint));
     }
-    let lit_s = drawn.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum::<f64>();
-    let n = drawn.len();
-    if n > MAX_STROKES {
-        return Err(Error::infeasible(
+    // Both limits are checked before an order is sought, whose time grows with the square.
+    let (n, lit_s) = (drawn.len(), all_lit_s(&drawn, speed_m_s));
+    let (problem, hint) = if n > MAX_STROKES {
+        (
             format!("{n} strokes, more than {MAX_STROKES}, are too many for a flight"),
             "draw fewer strokes, or lower letters.detail",
         )
-        .coded(FLIGHT_LONG));
-    }
-    if lit_s > MAX_DURATION_S {
-        return Err(Error::infeasible(
+    } else if lit_s > MAX_DURATION_S {
+        (
             format!(
                 "{n} strokes are lit for {lit_s:.0} s in all, the longest flight is {MAX_DURATION_S} s"
             ),
             "raise plan.stroke_speed_m_s, or draw less, or smaller",
-        ).coded(FLIGHT_LONG));
-    }
-    Ok(drawn)
+        )
+    } else {
+        return Ok(drawn);
+    };
+    Err(Error::infeasible(problem, hint).coded(FLIGHT_LONG))
 }
 
 /// Strokes in the order and direction with the least time in the dark.
 pub(super) fn shortest(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
-    let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
-    along(drawn, shortest_legs(&ways, style, &[]))
+    along(drawn, shortest_tour(&ways_of(drawn, speed_m_s), style, &[]))
 }
 
-fn along(drawn: &[PenStroke], legs: Vec<Leg>) -> Vec<PenStroke> {
-    legs.into_iter().map(|(stroke, way)| drawn[stroke].along(way)).collect()
+fn along(drawn: &[PenStroke], visits: Vec<Visit>) -> Vec<PenStroke> {
+    visits.into_iter().map(|(stroke, way)| drawn[stroke].along(way)).collect()
 }
 
-/// Strokes letter by letter from the first, where that takes little longer than the least time.
+/// Strokes letter by letter from the first, if that takes little longer than the least time.
 fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStroke> {
-    let ways: Vec<_> = drawn.iter().map(|stroke| stroke.ways(speed_m_s)).collect();
+    let ways = ways_of(drawn, speed_m_s);
     let letters: Vec<usize> = drawn.iter().map(|stroke| stroke.letter).collect();
     let tour = Tour { ways: &ways, style, measured: false, letters: &[] };
-    let shortest = shortest_legs(&ways, style, &[]);
-    let mut read = shortest_legs(&ways, style, &letters);
+    let shortest = shortest_tour(&ways, style, &[]);
+    let mut read = shortest_tour(&ways, style, &letters);
+    // From the last letter to the first costs as much.
     if letters[read[0].0] > letters[read[read.len() - 1].0] {
         read.reverse();
         read = tour.best_ways(&read);
     }
-    let lit_s: f64 = drawn.iter().map(|stroke| lit_s(stroke, speed_m_s)).sum();
+    let lit_s = all_lit_s(drawn, speed_m_s);
     let least_s = lit_s + tour.total_s(&shortest);
     let is_little = lit_s + tour.total_s(&read) <= (1.0 + LONGER) * least_s;
     along(drawn, if is_little { read } else { shortest })
 }
 
-fn shortest_legs(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Leg> {
+fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Visit> {
     if ways.len() <= EXACT_STROKES {
         let measured = ways.iter().map(Vec::len).sum::<usize>() <= MEASURED_WAYS;
         return Tour { ways, style, measured, letters }.exact();
     }
     let tour = Tour { ways, style, measured: false, letters };
-    let mut legs = tour.nearest();
-    tour.improve(&mut legs);
-    tour.best_ways(&legs)
+    let mut visits = tour.nearest();
+    tour.improve(&mut visits);
+    tour.best_ways(&visits)
 }
 
 /// Strokes, and the time in the dark between them.
 struct Tour<'a> {
     ways: &'a [Vec<Way>],
     style: &'a EvenStyle,
-    /// Whether transits are planned, not estimated.
+    /// True if transits are planned, not estimated.
     measured: bool,
-    /// The letter of each stroke, where each letter is to be written before the next; else none.
+    /// The letter of each stroke if each letter is to be written before the next, or none.
     letters: &'a [usize],
 }
 
 impl Tour<'_> {
-    fn way(&self, leg: Leg) -> &Way {
-        &self.ways[leg.0][leg.1]
+    fn way(&self, visit: Visit) -> &Way {
+        &self.ways[visit.0][visit.1]
     }
 
     /// Time of the transit between two strokes, or from or to the floor, with the cost of a step to
     /// another letter.
-    fn between_s(&self, from: Option<Leg>, to: Option<Leg>) -> f64 {
-        // The same both ways: written from the last letter to the first it costs as much.
-        let letter = |leg: Option<Leg>| self.letters.get(leg?.0).copied();
-        let apart = letter(from).zip(letter(to)).map_or(0, |(a, b)| a.abs_diff(b));
-        let apart_s = LETTER_S * apart as f64;
-        let (still, from, to) =
-            (Vector2::zeros(), from.map(|leg| self.way(leg)), to.map(|leg| self.way(leg)));
-        match (from, to) {
+    fn between_s(&self, from: Option<Visit>, to: Option<Visit>) -> f64 {
+        let still = Vector2::zeros();
+        match (from.map(|from| self.way(from)), to.map(|to| self.way(to))) {
             (Some(a), Some(b)) => {
-                apart_s + self.transit_s(b.start_m - a.end_m, a.end_m_s, b.start_m_s)
+                // The same both ways: written from the last letter to the first it costs as much.
+                let letter = |visit: Option<Visit>| self.letters.get(visit?.0).copied();
+                let apart = letter(from).zip(letter(to)).map_or(0, |(a, b)| a.abs_diff(b));
+                let transit_s = self.transit_s(b.start_m - a.end_m, a.end_m_s, b.start_m_s);
+                LETTER_S * apart as f64 + transit_s
             }
             (None, Some(b)) => self.transit_s(Vector2::new(0.0, b.start_m.y), still, b.start_m_s),
             (Some(a), None) => self.transit_s(Vector2::new(0.0, -a.end_m.y), a.end_m_s, still),
@@ -205,83 +197,86 @@ impl Tour<'_> {
         }
     }
 
-    fn transit_s(&self, way_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
+    fn transit_s(&self, path_m: Vector2<f64>, from: Vector2<f64>, to: Vector2<f64>) -> f64 {
         if self.measured {
-            let state_at =
+            let moving =
                 |position_m, velocity_m_s| State { position_m, velocity_m_s, ..State::default() };
-            let (from, to) = (state_at(Vector2::zeros(), from), state_at(way_m, to));
+            let (from, to) = (moving(Vector2::zeros(), from), moving(path_m, to));
             let transit = Transit::new(&from, &to, self.style, RING_TICK_S);
             return transit.map_or(f64::INFINITY, |transit| transit.duration_s());
         }
         let limit = self.style.acceleration_m_s2 * std::f64::consts::FRAC_1_SQRT_2;
-        let axis = |i: usize| axis_s(way_m[i], from[i], to[i], self.style.dark_speed_m_s, limit);
+        let axis = |i: usize| axis_s(path_m[i], from[i], to[i], self.style.dark_speed_m_s, limit);
         axis(0).max(axis(1))
     }
 
-    fn total_s(&self, legs: &[Leg]) -> f64 {
-        let inner = legs.windows(2).map(|pair| self.between_s(Some(pair[0]), Some(pair[1])));
-        let inner_s: f64 = inner.sum();
-        inner_s
-            + self.between_s(None, legs.first().copied())
-            + self.between_s(legs.last().copied(), None)
+    fn total_s(&self, visits: &[Visit]) -> f64 {
+        let inner = visits.windows(2).map(|pair| self.between_s(Some(pair[0]), Some(pair[1])));
+        inner.sum::<f64>()
+            + self.between_s(None, visits.first().copied())
+            + self.between_s(visits.last().copied(), None)
     }
 
     /// Held–Karp: the best order of each set of strokes that ends with each way.
-    fn exact(&self) -> Vec<Leg> {
-        let legs: Vec<Leg> = (0..self.ways.len())
+    fn exact(&self) -> Vec<Visit> {
+        let visits: Vec<Visit> = (0..self.ways.len())
             .flat_map(|stroke| (0..self.ways[stroke].len()).map(move |way| (stroke, way)))
             .collect();
-        let (n, all) = (legs.len(), (1_usize << self.ways.len()) - 1);
-        let mut best = vec![(f64::INFINITY, usize::MAX); (all + 1) * n];
-        // Between two ways of one stroke nobody flies.
-        let between_s = |a: &Leg, b: &Leg| match a.0 == b.0 {
+        let (n, full) = (visits.len(), (1_usize << self.ways.len()) - 1);
+        // Every transit once. Between two ways of one stroke nobody flies.
+        let between_s = |a: &Visit, b: &Visit| match a.0 == b.0 {
             true => f64::INFINITY,
             false => self.between_s(Some(*a), Some(*b)),
         };
         let between: Vec<Vec<f64>> =
-            legs.par_iter().map(|a| legs.iter().map(|b| between_s(a, b)).collect()).collect();
-        for (last, leg) in legs.iter().enumerate() {
-            best[(1 << leg.0) * n + last] = (self.between_s(None, Some(*leg)), usize::MAX);
+            visits.par_iter().map(|a| visits.iter().map(|b| between_s(a, b)).collect()).collect();
+        // For each set of strokes (a bit each) and last visit: the least time, the visit before.
+        let mut best = vec![(f64::INFINITY, usize::MAX); (full + 1) * n];
+        for (last, visit) in visits.iter().enumerate() {
+            best[(1 << visit.0) * n + last] = (self.between_s(None, Some(*visit)), usize::MAX);
         }
-        for set in 1..=all {
+        // Sets in rising order: each one comes after those it is made of.
+        for set in 1..=full {
             for last in 0..n {
                 let (so_far_s, _) = best[set * n + last];
                 if so_far_s.is_infinite() {
                     continue;
                 }
-                for (next, leg) in legs.iter().enumerate() {
-                    if set & (1 << leg.0) == 0 {
-                        let with = so_far_s + between[last][next];
-                        let entry = &mut best[(set | (1 << leg.0)) * n + next];
-                        if with < entry.0 {
-                            *entry = (with, last);
-                        }
+                for (next, visit) in visits.iter().enumerate().filter(|v| set & (1 << v.1.0) == 0) {
+                    let with = so_far_s + between[last][next];
+                    let entry = &mut best[(set | (1 << visit.0)) * n + next];
+                    if with < entry.0 {
+                        *entry = (with, last);
                     }
                 }
             }
         }
-        let whole = |last: usize| best[all * n + last].0 + self.between_s(Some(legs[last]), None);
-        let last = (0..n).min_by(|a, b| whole(*a).total_cmp(&whole(*b)));
-        let (mut set, mut index) = (all, last.unwrap_or(usize::MAX));
+        // The best last visit, landing included.
+        let total_s =
+            |last: usize| best[full * n + last].0 + self.between_s(Some(visits[last]), None);
+        let last = (0..n).min_by(|a, b| total_s(*a).total_cmp(&total_s(*b)));
+        let (mut set, mut index) = (full, last.unwrap_or(usize::MAX));
+        // Back along the visits before.
         let mut order = Vec::new();
         while index != usize::MAX {
-            order.push(legs[index]);
+            order.push(visits[index]);
             let before = best[set * n + index].1;
-            set &= !(1 << legs[index].0);
+            set &= !(1 << visits[index].0);
             index = before;
         }
         order.reverse();
         order
     }
 
-    /// The best directions for an order: a shortest path through the ways.
-    fn best_ways(&self, legs: &[Leg]) -> Vec<Leg> {
-        let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(legs.len());
-        for (index, leg) in legs.iter().enumerate() {
-            let ways = 0..self.ways[leg.0].len();
+    /// The best directions for an order: a shortest path through layers of ways (Viterbi 1967).
+    fn best_ways(&self, visits: &[Visit]) -> Vec<Visit> {
+        // For each stroke and way: the least time so far, and the way of the stroke before.
+        let mut layers: Vec<Vec<(f64, usize)>> = Vec::with_capacity(visits.len());
+        for (index, (stroke, _)) in visits.iter().enumerate() {
+            let ways = 0..self.ways[*stroke].len();
             let layer = ways.map(|way| {
-                let to = Some((leg.0, way));
-                let Some(from) = index.checked_sub(1).map(|k| legs[k].0) else {
+                let to = Some((*stroke, way));
+                let Some(from) = index.checked_sub(1).map(|before| visits[before].0) else {
                     return (self.between_s(None, to), 0);
                 };
                 let through =
@@ -292,17 +287,15 @@ impl Tour<'_> {
             });
             layers.push(layer.collect());
         }
-        let mut chosen = Vec::with_capacity(legs.len());
-        let mut next: Option<usize> = None;
-        for (index, leg) in legs.iter().enumerate().rev() {
-            let way = next.unwrap_or_else(|| {
-                let end =
-                    |way: &usize| layers[index][*way].0 + self.between_s(Some((leg.0, *way)), None);
-                let ways = 0..layers[index].len();
-                ways.min_by(|a, b| end(a).total_cmp(&end(b))).expect("every stroke has two ways")
-            });
-            chosen.push((leg.0, way));
-            next = Some(layers[index][way].1);
+        // Back from the best way of the last stroke, landing included.
+        let (last, layer) = (visits[visits.len() - 1].0, &layers[visits.len() - 1]);
+        let total_s = |way: usize| layer[way].0 + self.between_s(Some((last, way)), None);
+        let best = (0..layer.len()).min_by(|a, b| total_s(*a).total_cmp(&total_s(*b)));
+        let mut way = best.expect("every stroke has two ways");
+        let mut chosen = Vec::with_capacity(visits.len());
+        for ((stroke, _), layer) in visits.iter().zip(&layers).rev() {
+            chosen.push((*stroke, way));
+            way = layer[way].1;
         }
         chosen.reverse();
         chosen
@@ -311,15 +304,18 @@ impl Tour<'_> {
 
 /// Least time over a distance on one axis, from one speed to another, with bounded speed and
 /// acceleration.
-fn axis_s(way_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
+fn axis_s(path_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
+    // Turned so that the acceleration comes before the braking.
     let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;
-    let sign = if way_m >= direct_m { 1.0 } else { -1.0 };
-    let (d, v, w) = (way_m * sign, from_m_s * sign, to_m_s * sign);
+    let sign = if path_m >= direct_m { 1.0 } else { -1.0 };
+    let (d, v, w) = (path_m * sign, from_m_s * sign, to_m_s * sign);
+    // The peak p of a triangle of speeds: 2 a d = 2 p² − v² − w².
     let squares = 0.5 * (v * v + w * w);
     let peak = (limit_m_s2 * d + squares).max(0.0).sqrt();
     if peak <= speed_m_s {
         return ((2.0 * peak - v - w) / limit_m_s2).max(0.0);
     }
+    // A trapezoid: the rest of the distance is flown at full speed.
     let cruise_m = d - (speed_m_s * speed_m_s - squares) / limit_m_s2;
     (2.0 * speed_m_s - v - w) / limit_m_s2 + cruise_m.max(0.0) / speed_m_s
 }
@@ -342,13 +338,13 @@ mod tests {
     }
 
     /// The least time over all orders and ways, by trying each.
-    fn brute(tour: &Tour<'_>, done: &mut Vec<Leg>, best: &mut f64) {
+    fn brute(tour: &Tour<'_>, done: &mut Vec<Visit>, best: &mut f64) {
         if done.len() == tour.ways.len() {
             *best = best.min(tour.total_s(done));
             return;
         }
         for stroke in 0..tour.ways.len() {
-            if done.iter().all(|leg| leg.0 != stroke) {
+            if done.iter().all(|visit| visit.0 != stroke) {
                 for way in 0..tour.ways[stroke].len() {
                     done.push((stroke, way));
                     brute(tour, done, best);
@@ -372,10 +368,10 @@ mod tests {
                 let flown = in_order(&strokes, 0.2, &style).unwrap();
                 let ways: Vec<_> = flown.iter().map(|stroke| stroke.ways(0.2)).collect();
                 let tour = Tour { ways: &ways, style: &style, measured: true, letters: &[] };
-                let legs: Vec<Leg> = (0..ways.len()).map(|stroke| (stroke, 0)).collect();
-                let lit_s: f64 = flown.iter().map(|stroke| lit_s(stroke, 0.2)).sum();
+                let visits: Vec<Visit> = (0..ways.len()).map(|stroke| (stroke, 0)).collect();
+                let lit_s = all_lit_s(&flown, 0.2);
                 let letters: Vec<usize> = flown.iter().map(|stroke| stroke.letter).collect();
-                (letters, lit_s + tour.total_s(&legs))
+                (letters, lit_s + tour.total_s(&visits))
             };
             let ((_, least_s), (letters, read_s)) = (flown(Order::Shortest), flown(Order::Reading));
             assert!(read_s <= 1.12 * least_s, "{word}: {read_s} s, {least_s} s at least");
@@ -404,20 +400,20 @@ mod tests {
             let ways = drawing(9, seed);
             let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
             let best = tour.total_s(&tour.exact());
-            let mut legs = tour.nearest();
-            tour.improve(&mut legs);
-            let actual = tour.total_s(&tour.best_ways(&legs));
+            let mut visits = tour.nearest();
+            tour.improve(&mut visits);
+            let actual = tour.total_s(&tour.best_ways(&visits));
             assert!(actual < 1.1 * best && actual >= best - 1e-9, "{actual} against {best}");
-            let mut seen: Vec<usize> = legs.iter().map(|leg| leg.0).collect();
+            let mut seen: Vec<usize> = visits.iter().map(|visit| visit.0).collect();
             seen.sort_unstable();
             assert_eq!(seen, (0..9).collect::<Vec<_>>());
         }
     }
 
-    /// The order that always takes the nearest stroke next, by asking all that are left.
-    fn by_asking_all(tour: &Tour<'_>) -> Vec<Leg> {
+    /// The order that always takes the nearest stroke next, without a bound.
+    fn nearest_of_each(tour: &Tour<'_>) -> Vec<Visit> {
         let mut left: Vec<usize> = (0..tour.ways.len()).collect();
-        let mut order: Vec<Leg> = Vec::new();
+        let mut order: Vec<Visit> = Vec::new();
         while !left.is_empty() {
             let mut best = (f64::INFINITY, 0, (0, 0));
             for (index, stroke) in left.iter().enumerate() {
@@ -435,7 +431,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_finds_the_same_nearest_strokes_as_asking_all() {
+    fn no_stroke_that_the_bound_leaves_out_is_the_nearest() {
         let style = EvenStyle::default();
         let square = |n: i32, step: f64| {
             let point =
@@ -449,7 +445,7 @@ mod tests {
         // Dashes on a square grid are near in many equal ways.
         for ways in [drawing(300, 1), drawing(61, 2), square(12, 0.05), row.collect()] {
             let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
-            assert_eq!(tour.nearest(), by_asking_all(&tour));
+            assert_eq!(tour.nearest(), nearest_of_each(&tour));
         }
     }
 
@@ -458,8 +454,8 @@ mod tests {
         let style = EvenStyle::default();
         let ways = drawing(2000, 7);
         let tour = Tour { ways: &ways, style: &style, measured: false, letters: &[] };
-        let drawn: Vec<Leg> = (0..2000).map(|stroke| (stroke, 0)).collect();
-        let actual = shortest_legs(&ways, &style, &[]);
+        let drawn: Vec<Visit> = (0..2000).map(|stroke| (stroke, 0)).collect();
+        let actual = shortest_tour(&ways, &style, &[]);
         let (found_s, drawn_s) = (tour.total_s(&actual), tour.total_s(&drawn));
         assert!(found_s < 0.45 * drawn_s, "{found_s} s of {drawn_s} s");
     }
@@ -474,7 +470,7 @@ mod tests {
         check_duration(&row(3000, 0.01), 0.2, &style).unwrap();
         let error = check_duration(&row(3000, 1.0), 0.2, &style).unwrap_err().to_string();
         assert!(error.contains("3000 strokes take some"), "{error}");
-        assert!((lit_s(&row(1, 0.0)[0], 0.2) - 0.2).abs() < 1e-12, "a dot's light");
+        assert!((all_lit_s(&row(1, 0.0), 0.2) - 0.2).abs() < 1e-12, "a dot's light");
     }
 
     #[test]

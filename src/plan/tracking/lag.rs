@@ -10,35 +10,32 @@ use noctograph_core::flight::FlightSample;
 const STEP_S: f64 = 0.02;
 /// Resolution of the shift: at 0.2 m/s, 0.2 µm of path.
 const RESOLUTION_S: f64 = 1e-6;
-/// Most samples of the first search, spread over the flight; the refinement takes all.
+/// Most samples of the first search, spread over the flight. The refinement takes all.
 const COARSE_SAMPLES: usize = 2000;
 
-/// Weight of the mean error, squared, against the variance about it. With 1, a drone that flies
-/// beside a design which ends elsewhere than it began has a wrong lag (0.4 s for 0.2 s of an L that
-/// is 6 cm off; with this, 0.2005 s); with 0, a straight stroke at an even speed has none, since
-/// its lag is an offset along it.
+/// Weight of the mean error, squared, against the variance about it. With 1, an L that is flown
+/// 6 cm beside its design with a lag of 0.2 s has one of 0.4 s, with this weight 0.2005 s. With 0,
+/// a straight stroke at an even speed has none, since its lag is an offset along it.
 const OFFSET_WEIGHT: f64 = 1e-3;
 
 /// The shift of the design within `range_s` that brings it closest to the flown positions, but for
 /// a constant offset: the shifted design at time t is the design at t − shift.
-///
-/// Of several that are as good, as with a design that does not move, the one nearest to zero.
 pub(super) fn best_shift_s(
     samples: &[FlightSample],
     design: &DesignPath,
     range_s: [f64; 2],
 ) -> f64 {
-    let cost = |samples: &mut dyn Iterator<Item = &FlightSample>, shift_s: f64| {
+    let cost = |stride: usize, shift_s: f64| {
         let mut walk = design.walk();
-        spread_m2(samples.map(|s| (s.position_m - walk.at_m(s.time_s - shift_s)).xz()))
+        let some = samples.iter().step_by(stride);
+        spread_m2(some.map(|s| (s.position_m - walk.at_m(s.time_s - shift_s)).xz()))
     };
     let stride = samples.len().div_ceil(COARSE_SAMPLES).max(1);
-    let coarse = |shift_s: f64| cost(&mut samples.iter().step_by(stride), shift_s);
-    minimize(range_s, coarse, |shift_s| cost(&mut samples.iter(), shift_s))
+    minimize(range_s, |shift_s| cost(stride, shift_s), |shift_s| cost(1, shift_s))
 }
 
-/// Variance of errors plus a small share of their squared mean, so that a shift in time is
-/// preferred to an offset in space.
+/// Variance of errors plus a small part of their squared mean, so that a shift in time is preferred
+/// to an offset in space.
 pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>) -> f64 {
     let (n, sum, squares) = errors_m.fold((0.0, SVector::zeros(), 0.0), |(n, sum, squares), e| {
         (n + 1.0, sum + e, squares + e.norm_squared())
@@ -49,38 +46,38 @@ pub fn spread_m2<const D: usize>(errors_m: impl Iterator<Item = SVector<f64, D>>
     squares / n - (1.0 - OFFSET_WEIGHT) * (sum / n).norm_squared()
 }
 
-/// Minimizes a function over a range: a grid search by `coarse`, then a golden section by `fine`.
+/// Minimizes a function over a range: a grid search by `coarse`, then a golden-section search
+/// (Kiefer 1953) by `fine`.
 pub fn minimize(
     [low, high]: [f64; 2],
     mut coarse: impl FnMut(f64) -> f64,
     mut fine: impl FnMut(f64) -> f64,
 ) -> f64 {
+    // The best point of the grid, of equally good ones that nearest to zero.
     #[expect(clippy::cast_possible_truncation, reason = "small")]
     let n_steps = ((high - low) / STEP_S).ceil() as u32;
     let grid = (0..=n_steps).map(|k| (low + f64::from(k) * STEP_S).min(high));
-    let costs = grid.map(|shift_s| (shift_s, coarse(shift_s)));
-    let nearest = |a: f64, b: f64| a.abs().total_cmp(&b.abs());
-    let best = costs.min_by(|a, b| a.1.total_cmp(&b.1).then(nearest(a.0, b.0)));
-    let (best, _) = best.expect("a grid has a point");
+    let costs = grid.map(|shift_s| (coarse(shift_s), shift_s));
+    let best = costs.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.abs().total_cmp(&b.1.abs())));
+    let (_, best) = best.expect("a grid has a point");
 
+    // Between its neighbors, two inner points a and b. The part beyond the worse one is dropped,
+    // and the better one is an inner point of the rest.
     let (mut left, mut right) = ((best - STEP_S).max(low), (best + STEP_S).min(high));
     let golden = 0.5 * (f64::sqrt(5.0) - 1.0);
-    let inner = |left: f64, right: f64| {
-        let reach = golden * (right - left);
-        (right - reach, left + reach)
-    };
-    let (mut a, mut b) = inner(left, right);
+    let reach = golden * (right - left);
+    let (mut a, mut b) = (right - reach, left + reach);
     let (mut cost_a, mut cost_b) = (fine(a), fine(b));
     while right - left > RESOLUTION_S {
         if cost_a <= cost_b {
             right = b;
             (b, cost_b) = (a, cost_a);
-            a = inner(left, right).0;
+            a = right - golden * (right - left);
             cost_a = fine(a);
         } else {
             left = a;
             (a, cost_a) = (b, cost_b);
-            b = inner(left, right).1;
+            b = left + golden * (right - left);
             cost_b = fine(b);
         }
     }

@@ -4,15 +4,13 @@
 //!
 //! Method: the error at an instant mixes lag and distance from the path. The lag is the shift of
 //! the design in time that brings it closest to the flight in the word's plane (x-z), but for a
-//! constant offset. The error after that shift, and the distance to the path, are visible in a
-//! photograph. This contour error is measured to the part of the path within half a
-//! second of the shifted time: a crossing stroke does not reduce it, and a flight ahead of its
-//! design is judged as one behind it.
+//! constant offset. The error after that shift, and the distance to the path (the contour error),
+//! are visible in a photograph.
 //!
 //! All samples have equal weight: a log whose rate varies is resampled when it is imported.
 //!
-//! Sources: RMSE as in Table 1 of the reference flight; lag, RMSE after lag and cross-track error
-//! as measured on it and on `NanoBench` (arXiv 2603.09908).
+//! Sources: Table 1 of the reference flight (RMSE), `NanoBench` (arXiv 2603.09908: lag, RMSE after
+//! lag and cross-track error).
 
 use nalgebra::{Vector2, Vector3};
 use serde::Serialize;
@@ -40,7 +38,7 @@ pub const MAX_LAG_S: f64 = 1.5;
 
 /// The contour error is measured to the design from this long before to this long after the
 /// lag-shifted time. A shorter window counts lag at a corner as distance, a longer one finds a
-/// neighboring stroke: at 0.2 m/s it is 0.1 m of path either way, the gap between two letters.
+/// neighboring stroke: at 0.2 m/s it is 0.1 m of path to either side, the gap between two letters.
 const CONTOUR_WINDOW_S: f64 = 0.5;
 
 /// Largest error of the height, root mean square, of letters that read, in their cap heights: at 3
@@ -65,18 +63,18 @@ pub struct Tracking {
     /// Mean per axis.
     pub mean_error_m: Vector3<f64>,
     /// Shift of the design in time, up to [`MAX_LAG_S`] either way, that leaves the least error in
-    /// the x-z plane about a constant offset: negative where the drone is ahead of its design; 0
-    /// where the design does not move.
+    /// the x-z plane about a constant offset. Negative if the drone is ahead of its design. 0 if
+    /// the design does not move.
     pub lag_s: f64,
     /// Root mean square per axis against the design shifted by the lag.
     pub rmse_after_lag_m: Vector3<f64>,
     /// Distance in the x-z plane from the flown position to the path of the design.
     pub contour: ContourError,
-    /// Root mean square of `estimate − position` per axis; `None` where no estimate is logged.
+    /// Root mean square of `estimate − position` per axis, if an estimate is logged.
     pub observer_rmse_m: Option<Vector3<f64>>,
     /// Departure from the word's plane.
     pub drift: Drift,
-    /// Attitude over the flight; `None` where it is not logged.
+    /// Attitude over the flight, if it is logged.
     pub attitude: Option<AttitudeSpread>,
 }
 
@@ -140,7 +138,7 @@ impl Tracking {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] where the flight has no sample in that part, or no design.
+/// [`Error::Input`] if the flight has no sample in that part, or no design.
 pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     let (samples, design) = designed(flight, part)?;
     let (lag_s, rmse_after_lag_m) = after_lag(&samples, &design);
@@ -162,7 +160,7 @@ pub fn track(flight: &Flight, part: Part) -> Result<Tracking> {
     })
 }
 
-/// [`Tracking::least_cap_height_m`] alone.
+/// Only [`Tracking::least_cap_height_m`].
 ///
 /// # Errors
 ///
@@ -192,27 +190,25 @@ pub fn designed(flight: &Flight, part: Part) -> Result<(Vec<FlightSample>, Desig
 /// Distance of samples from the design's path within the lag.
 fn contour(samples: &[FlightSample], design: &DesignPath, lag_s: f64) -> ContourError {
     let mut walk = design.walk();
-    let mut distances_m: Vec<f64> = samples
-        .iter()
-        .map(|sample| {
-            let due_s = sample.time_s - lag_s;
-            let around_s = [due_s - CONTOUR_WINDOW_S, due_s + CONTOUR_WINDOW_S];
-            walk.distance_m(sample.position_m, around_s)
-        })
-        .collect();
+    let mut distances_m = Vec::from_iter(samples.iter().map(|sample| {
+        let due_s = sample.time_s - lag_s;
+        let around_s = [due_s - CONTOUR_WINDOW_S, due_s + CONTOUR_WINDOW_S];
+        walk.distance_m(sample.position_m, around_s)
+    }));
     distances_m.sort_unstable_by(f64::total_cmp);
+    // Means of the distances and of their squares.
     let n = distances_m.len();
-    let both: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
-    let both = both / n as f64;
+    let sums: Vector2<f64> = distances_m.iter().map(|d| Vector2::new(*d, d * d)).sum();
+    let means = sums / n as f64;
     ContourError {
-        mean_m: both.x,
-        rms_m: both.y.sqrt(),
+        mean_m: means.x,
+        rms_m: means.y.sqrt(),
         p95_m: distances_m[(n * 95).div_ceil(100) - 1],
         max_m: distances_m[n - 1],
     }
 }
 
-/// Extremes in depth, and the share inside the corridor.
+/// Extremes in depth, and the fraction inside the corridor.
 fn drift(samples: &[FlightSample]) -> Drift {
     let y_m = || samples.iter().map(|sample| sample.position_m.y);
     Drift {
@@ -234,12 +230,12 @@ fn attitude_spread(samples: &[FlightSample]) -> AttitudeSpread {
     }
 }
 
-/// Root mean square of each component; zero without values.
+/// Root mean square of each component. Zero without values.
 pub fn rms(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     mean(vectors.map(|v| v.component_mul(&v))).map(f64::sqrt)
 }
 
-/// Mean; zero without values.
+/// Mean. Zero without values.
 pub fn mean(vectors: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
     let (n, sum) = vectors.fold((0, Vector3::zeros()), |(n, sum), v| (n + 1, sum + v));
     sum / n.max(1) as f64

@@ -19,7 +19,7 @@ settings! {
 }
 
 impl Part {
-    /// The letters of a flight, or its time in the air where it writes none.
+    /// The letters of a flight, or its time in the air if it writes none.
     pub fn from_flight(flight: &Flight) -> Self {
         let writes = flight.samples.iter().any(|sample| sample.letter.is_some());
         if writes { Self::Letters } else { Self::Airborne }
@@ -29,27 +29,26 @@ impl Part {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where there are none, or no position in them.
+    /// [`Error::Input`] if there are none, or no position in them.
     pub fn samples(self, flight: &Flight) -> Result<Vec<FlightSample>> {
         if !flight.has(Quantity::Position) {
             let hint = "import a log with positions (mocap, Lighthouse or an estimator)";
             return Err(Error::input("flight", "no position", "columns x_m, y_m, z_m", hint));
         }
-        let all = flight.samples.iter().copied();
-        let (samples, actual, hint): (Vec<FlightSample>, _, _) = match self {
-            Self::All => (all.collect(), "no sample", "name a file that holds a flight"),
-            Self::Letters => {
-                let letters = all.filter(|sample| sample.letter.is_some()).collect();
-                (letters, "no sample that writes a letter", "compare the airborne part instead")
-            }
-            Self::Airborne => {
-                let air = airborne(flight).unwrap_or_default();
-                (
-                    flight.samples[air].to_vec(),
-                    "no sample in the air",
-                    "compare all samples instead",
-                )
-            }
+        // The samples, with the problem and its remedy if there are none.
+        let samples = &flight.samples;
+        let (samples, actual, hint) = match self {
+            Self::All => (samples.clone(), "no sample", "name a file that holds a flight"),
+            Self::Letters => (
+                samples.iter().filter(|sample| sample.letter.is_some()).copied().collect(),
+                "no sample that writes a letter",
+                "compare the airborne part instead",
+            ),
+            Self::Airborne => (
+                samples[airborne(flight).unwrap_or_default()].to_vec(),
+                "no sample in the air",
+                "compare all samples instead",
+            ),
         };
         if samples.is_empty() {
             return Err(Error::input("flight", actual, "at least one", hint).coded("part-empty"));

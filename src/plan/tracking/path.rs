@@ -1,4 +1,4 @@
-//! The design as a path in time: straight legs, each flown evenly.
+//! The design as a path in time: straight segments, each flown evenly.
 
 use std::ops::Range;
 
@@ -7,34 +7,34 @@ use nalgebra::{Vector2, Vector3};
 use noctograph_core::flight::Flight;
 use noctograph_core::geometry::Chords;
 
-/// Largest distance of a left-out sample from its leg, per axis: twice the grid of the flight's
-/// file, so that a straight stroke is one leg.
+/// Largest distance of a left-out sample from its segment, per axis: twice the grid of the flight's
+/// file, so that a straight stroke is one segment.
 const TOLERANCE_M: f64 = 2e-6;
 
 /// Position of the design over time. Before the first and after the last sample it does not move.
 #[derive(Clone, Debug)]
 pub struct DesignPath {
     corners: Vec<Corner>,
-    /// From the end of the leg before each corner to that of its own.
-    legs: Legs,
+    /// From the end of the segment before each corner to that of the segment after it.
+    segments: Segments,
 }
 
-/// Whole legs, by the five numbers of [`plane_leg`].
+/// Segments by the five numbers of [`plane_segment`], a column each.
 #[derive(Clone, Debug, Default)]
-struct Legs([Vec<f64>; 5]);
+struct Segments([Vec<f64>; 5]);
 
-/// Legs whose distances are taken at once.
+/// Segments whose distances are taken at once.
 const LANES: usize = 8;
 
-impl Legs {
-    fn push(&mut self, leg: [f64; 5]) {
-        self.0.iter_mut().zip(leg).for_each(|(column, value)| column.push(value));
+impl Segments {
+    fn push(&mut self, segment: [f64; 5]) {
+        self.0.iter_mut().zip(segment).for_each(|(column, value)| column.push(value));
     }
 
-    /// Square of the distance of a point from the nearest of some legs.
+    /// Square of the distance of a point from the nearest of some segments.
     #[inline(always)]
-    fn square_m2(&self, point_m: Vector2<f64>, legs: Range<usize>) -> f64 {
-        let columns = self.0.each_ref().map(|column| column[legs.clone()].as_chunks::<LANES>());
+    fn square_m2(&self, point_m: Vector2<f64>, range: Range<usize>) -> f64 {
+        let columns = self.0.each_ref().map(|column| column[range.clone()].as_chunks::<LANES>());
         let mut least = [f64::INFINITY; LANES];
         for row in 0..columns[0].0.len() {
             let columns = columns.map(|column| &column.0[row]);
@@ -49,19 +49,19 @@ impl Legs {
     }
 }
 
-/// A leg in the x-z plane: where it begins, its vector, and the square of that.
-fn plane_leg(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
-    let leg_m = (to_m - from_m).xz();
-    [from_m.x, from_m.z, leg_m.x, leg_m.y, leg_m.norm_squared()]
+/// A segment in the x-z plane: where it begins, its vector, and the square of that.
+fn plane_segment(from_m: Vector3<f64>, to_m: Vector3<f64>) -> [f64; 5] {
+    let step_m = (to_m - from_m).xz();
+    [from_m.x, from_m.z, step_m.x, step_m.y, step_m.norm_squared()]
 }
 
-/// Square of the distance of a point from a leg.
+/// Square of the distance of a point from a segment.
 #[inline(always)]
-fn square_m2(point_m: Vector2<f64>, [from_x, from_z, leg_x, leg_z, square]: [f64; 5]) -> f64 {
+fn square_m2(point_m: Vector2<f64>, [from_x, from_z, step_x, step_z, square]: [f64; 5]) -> f64 {
     let (x, z) = (point_m.x - from_x, point_m.y - from_z);
-    let along = (x * leg_x + z * leg_z) / square;
+    let along = (x * step_x + z * step_z) / square;
     let along = if square > 0.0 { along.clamp(0.0, 1.0) } else { 0.0 };
-    let (x, z) = (x - leg_x * along, z - leg_z * along);
+    let (x, z) = (x - step_x * along, z - step_z * along);
     x * x + z * z
 }
 
@@ -72,8 +72,8 @@ struct Corner {
 }
 
 impl DesignPath {
-    /// The design of a flight; `None` where the flight has no samples, or a design of zeros
-    /// throughout, as a log without setpoints has.
+    /// The design of a flight. `None` without samples, and for a design of zeros throughout, which
+    /// is that of a log without setpoints.
     pub fn new(flight: &Flight) -> Option<Self> {
         let designed = flight.samples.iter().any(|sample| sample.design_m != Vector3::zeros());
         let corners = flight.samples.iter().map(|sample| (sample.time_s, sample.design_m));
@@ -84,11 +84,11 @@ impl DesignPath {
     pub fn through(points: impl Iterator<Item = (f64, Vector3<f64>)>) -> Self {
         let corners = points.map(|(time_s, at_m)| Corner { time_s, at_m });
         let corners = without_even_corners(corners);
-        let mut path = Self { corners, legs: Legs::default() };
+        let mut path = Self { corners, segments: Segments::default() };
         let mut from_m = path.corners[0].at_m;
-        for leg in 0..path.corners.len() {
-            let to_m = path.end_m(leg);
-            path.legs.push(plane_leg(from_m, to_m));
+        for index in 0..path.corners.len() {
+            let to_m = path.end_m(index);
+            path.segments.push(plane_segment(from_m, to_m));
             from_m = to_m;
         }
         path
@@ -99,7 +99,7 @@ impl DesignPath {
         [self.corners[0].time_s, self.corners[self.corners.len() - 1].time_s]
     }
 
-    /// When the design first moves, or begins where it never does.
+    /// When the design first moves, or begins if it never does.
     pub fn first_move_s(&self) -> f64 {
         let away = |pair: &[Corner]| pair[1].at_m != self.corners[0].at_m;
         let last = self.corners.windows(2).position(away).unwrap_or(0);
@@ -108,7 +108,7 @@ impl DesignPath {
 
     /// A reader that starts at the beginning.
     pub fn walk(&self) -> Walk<'_> {
-        Walk { path: self, leg: 0 }
+        Walk { path: self, segment: 0 }
     }
 }
 
@@ -116,57 +116,56 @@ impl DesignPath {
 #[derive(Debug)]
 pub struct Walk<'a> {
     path: &'a DesignPath,
-    leg: usize,
+    segment: usize,
 }
 
 impl Walk<'_> {
     /// Position of the design at `time_s`.
     pub fn at_m(&mut self, time_s: f64) -> Vector3<f64> {
         let corners = &self.path.corners;
-        while corners.get(self.leg + 1).is_some_and(|next| next.time_s <= time_s) {
-            self.leg += 1;
+        while corners.get(self.segment + 1).is_some_and(|next| next.time_s <= time_s) {
+            self.segment += 1;
         }
-        self.path.on_leg(self.leg, time_s)
+        self.path.on_segment(self.segment, time_s)
     }
 
     /// Distance in the x-z plane from a point to the path of the design between two times.
     pub fn distance_m(&mut self, point_m: Vector3<f64>, [from_s, to_s]: [f64; 2]) -> f64 {
         let from_m = self.at_m(from_s);
-        let (path, first, point_m) = (self.path, self.leg, point_m.xz());
+        let (path, first, point_m) = (self.path, self.segment, point_m.xz());
         let later = &path.corners[first + 1..];
         let last = first + later.partition_point(|corner| corner.time_s < to_s);
-        let to_m = path.on_leg(last, to_s);
-        let near = |from_m, to_m| square_m2(point_m, plane_leg(from_m, to_m));
+        let to_m = path.on_segment(last, to_s);
+        let near = |from_m, to_m| square_m2(point_m, plane_segment(from_m, to_m));
         if first == last {
             return near(from_m, to_m).sqrt();
         }
+        // The parts of the first and last segment, and all segments between them.
         let ends_m2 = near(from_m, path.end_m(first)).min(near(path.end_m(last - 1), to_m));
-        let whole_m2 = noctograph_core::dispatch!(|| path.legs.square_m2(point_m, first + 1..last));
-        ends_m2.min(whole_m2).sqrt()
+        let segments = &path.segments;
+        let inner_m2 = noctograph_core::dispatch!(|| segments.square_m2(point_m, first + 1..last));
+        ends_m2.min(inner_m2).sqrt()
     }
 }
 
 impl DesignPath {
-    /// Where a leg ends.
-    fn end_m(&self, leg: usize) -> Vector3<f64> {
-        let end_s = self.corners.get(leg + 1).map_or(f64::INFINITY, |end| end.time_s);
-        self.on_leg(leg, end_s)
+    fn end_m(&self, index: usize) -> Vector3<f64> {
+        let end_s = self.corners.get(index + 1).map_or(f64::INFINITY, |end| end.time_s);
+        self.on_segment(index, end_s)
     }
 
-    /// Position on the leg that begins at corner `leg`, held before its start and after its end.
-    fn on_leg(&self, leg: usize, time_s: f64) -> Vector3<f64> {
-        let start = self.corners[leg];
-        let Some(end) = self.corners.get(leg + 1) else { return start.at_m };
+    /// Position on the segment from a corner on, held before its start and after its end.
+    fn on_segment(&self, index: usize, time_s: f64) -> Vector3<f64> {
+        let start = self.corners[index];
+        let Some(end) = self.corners.get(index + 1) else { return start.at_m };
         let lasts_s = end.time_s - start.time_s;
-        let done = if lasts_s > 0.0 { (time_s - start.time_s) / lasts_s } else { 1.0 };
-        start.at_m + (end.at_m - start.at_m) * done.clamp(0.0, 1.0)
+        let fraction = if lasts_s > 0.0 { (time_s - start.time_s) / lasts_s } else { 1.0 };
+        start.at_m + (end.at_m - start.at_m) * fraction.clamp(0.0, 1.0)
     }
 }
 
-/// Leaves out corners that lie on an even, straight leg between their neighbors.
-///
-/// Swinging door: as long as one velocity from the leg's start passes all its samples within the
-/// tolerance, the leg goes on.
+/// Leaves out corners that lie on an even, straight segment between their neighbors: swinging-door
+/// compression (Bristol 1990).
 fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
     let mut kept: Vec<Corner> = Vec::new();
     let mut last: Option<Corner> = None;
@@ -176,16 +175,18 @@ fn without_even_corners(corners: impl Iterator<Item = Corner>) -> Vec<Corner> {
             kept.push(corner);
             continue;
         };
+        // The door is shut: the segment ends at the sample before, and another one begins there.
         let since = |start: &Corner| (corner.at_m - start.at_m, corner.time_s - start.time_s);
-        let (way_m, lasts_s) = since(&kept[kept.len() - 1]);
-        if corner.time_s <= before.time_s || !chords.contain(way_m.into(), lasts_s) {
+        let (step_m, lasts_s) = since(&kept[kept.len() - 1]);
+        if corner.time_s <= before.time_s || !chords.contain(step_m.into(), lasts_s) {
             kept.push(before);
             chords = Chords::ALL;
         }
-        let (way_m, lasts_s) = since(&kept[kept.len() - 1]);
+        // It closes to the velocities that pass this sample within the tolerance.
+        let (step_m, lasts_s) = since(&kept[kept.len() - 1]);
         if lasts_s > 0.0 {
             let slack_m = Vector3::repeat(TOLERANCE_M);
-            chords.keep_between((way_m - slack_m).into(), (way_m + slack_m).into(), lasts_s);
+            chords.keep_between((step_m - slack_m).into(), (step_m + slack_m).into(), lasts_s);
         }
     }
     kept.extend(last);
@@ -198,7 +199,7 @@ mod tests {
     use crate::tracking::constructed::{flight, still};
 
     #[test]
-    fn a_straight_stroke_is_one_leg_and_a_step_is_another() {
+    fn a_straight_stroke_is_one_segment_and_a_step_is_another() {
         // Right for a second, a step up, then a wait.
         fn design(t: f64) -> Vector3<f64> {
             match t {
@@ -219,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn distance_is_to_the_named_stretch_alone() {
+    fn distance_is_only_to_the_named_stretch() {
         // Right at z = 0.5 for a second, up for a second.
         let design = |t: f64| Vector3::new(t.min(1.0), 0.0, 0.5 + (t - 1.0).max(0.0));
         let path = DesignPath::new(&flight(0.01, 2.0, design, design)).unwrap();

@@ -43,7 +43,7 @@ fn a_pure_lead_is_a_negative_lag_and_no_contour_error() {
 #[test]
 fn a_constant_offset_is_no_lag() {
     let aside = Vector3::new(0.0, 0.03, -0.02);
-    // Along x alone, so that the path is 0.02 m away everywhere.
+    // Only along x, so that the path is 0.02 m away everywhere.
     let design = |t: f64| Vector3::new(0.2 * t, 0.0, 0.5);
     let tracking = track(&flight(0.01, 5.0, |t| design(t) + aside, design), Part::All).unwrap();
     // Zero is within the range of the search, and found as closely as any other shift.
