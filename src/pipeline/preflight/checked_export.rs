@@ -84,6 +84,7 @@ fn mode_of(kind: SetpointKind) -> Mode {
 /// Gives a scene the setpoints that a script sends, if its controller flies them.
 fn send(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     let controller = &mut scene.controller;
+    // Only the cascade takes setpoints of several kinds.
     if controller.kind.law() == Law::Cascade {
         controller.setpoints = kind;
     }
@@ -111,6 +112,7 @@ impl CheckedExport {
         let trajectory = trajectory
             .map(|(form, length)| shoot.as_exported(form, options.tolerance_m, length))
             .transpose()?;
+        // What is judged is what the file flies: the decoded trajectory, or the plans.
         let flies = trajectory.as_ref().unwrap_or(&shoot);
         let flights = if options.format.flies() { flown(flies)? } else { Vec::new() };
         let checks = checks(flies, &flights, &options.profile);
@@ -133,10 +135,6 @@ impl CheckedExport {
     }
 
     /// The files. Scripts say why they are not safe, if a reason is given.
-    ///
-    /// # Errors
-    ///
-    /// As [`export`].
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
@@ -211,6 +209,7 @@ fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
     let is_lee = scene.controller.kind.law() == Law::Geometric;
     let has_color_led = lamps.any(|(lamp, _)| lamp == COLOR_LED.name);
     let is_brushless = platform(scene) == Some(Platform::Brushless);
+    // Without the feature, the drone would ignore a parameter of the script, or fail in flight.
     let needs = [
         (is_lee, Feature::LEE, "fly PID (controller.kind)"),
         (has_color_led, Feature::COLOR_LED, "light the ring (light.deck)"),

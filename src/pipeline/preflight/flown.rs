@@ -42,6 +42,7 @@ pub(super) fn check_flight(
     profile: &Profile,
 ) -> Result<Vec<Diagnostic>> {
     let (scene, strokes) = (&shoot.scene, shoot.strokes.as_ref());
+    // The light of the picture is that of this flight, and is computed only once.
     let trace = match picture.and_then(|picture| picture.light_of(drone)) {
         Some(trace) => trace,
         None => shoot.light_drone(drone, flight)?,

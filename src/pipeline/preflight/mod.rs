@@ -91,10 +91,6 @@ pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
 }
 
 /// Checks flights that were simulated already.
-///
-/// # Errors
-///
-/// As [`preflight`].
 pub fn of_flights(
     shoot: &Shoot,
     flown: Vec<Result<Flight>>,
@@ -147,10 +143,6 @@ fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
 
 impl Shot {
     /// Findings of its flights by the checks that can stop one, without memory and picture.
-    ///
-    /// # Errors
-    ///
-    /// As [`preflight`].
     pub fn findings(&self, profile: &Profile) -> Result<Vec<Diagnostic>> {
         let shoot = &self.shoot;
         let mut findings = check_design(shoot, profile, &Paths::new(shoot, &self.flights));
@@ -164,19 +156,11 @@ impl Shot {
     }
 
     /// Every check of its flights.
-    ///
-    /// # Errors
-    ///
-    /// As [`preflight`].
     pub fn preflight(&self, profile: &Profile) -> Result<Preflight> {
         of_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
     }
 
     /// The places of all things in the room. `None` without a room or without strokes.
-    ///
-    /// # Errors
-    ///
-    /// As [`preflight`].
     pub fn placement(&self, profile: &Profile) -> Result<Option<ShotPlan>> {
         let paths = Paths::new(&self.shoot, &self.flights);
         place(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &paths)
@@ -306,6 +290,7 @@ pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Che
         .iter()
         .map(|flight| Battery::new(&scene.battery, flight.as_ref().ok()?, low_v?))
         .collect();
+    // The scene goes into the script, and from there into its log, without paths of this machine.
     let portable = scene.portable();
     Checks {
         platform,

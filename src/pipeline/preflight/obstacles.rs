@@ -84,6 +84,7 @@ fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
 /// Check of the distance of people from a flight, at any height: a drone that fails falls. `None`
 /// if the scene has no people.
 pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
+    // A person is a circle on the floor.
     let people = &shoot.scene.sensors.lighthouse.people_m;
     let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
         paths.pieces.iter().map(move |([from, to], time_s)| {
@@ -191,11 +192,18 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
         let shape = Solid::Block { ends_m, radius_m: 0.0 };
         things.push(Thing { name: format!("floor.steps[{number}]"), shape, is_stand, advice });
     }
+    things.extend(reflectors(scene));
+    things
+}
+
+/// Mirrors and panes that are not level: a floor is flown above.
+fn reflectors(scene: &Scene) -> Vec<Thing> {
+    let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;
     for (key, planes) in [("mirrors_m", &lighthouse.mirrors_m), ("panes_m", &lighthouse.panes_m)] {
         for (number, [point_m, normal]) in planes.iter().enumerate() {
+            // A normal of zero becomes NaN here, and is not a plane.
             let normal = Vector3::from(*normal).normalize();
-            // A floor is flown above. A normal of zero becomes NaN here, and is no plane.
             if normal.z.abs() < LEVEL_COS {
                 let name = format!("sensors.lighthouse.{key}[{number}]");
                 let shape = Solid::Plane(Vector3::from(*point_m), normal);

@@ -214,6 +214,7 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Dia
     };
     let (word_m, most_m) = (strokes.bounds_m(), most_m(room_m));
     let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
+    // The first of the usual cameras that fits is named.
     let mut other = None;
     for (name, options) in usual_cameras(scene) {
         if other.is_none() && framed(options, word_m, room_m)?.1 <= most_m {
@@ -279,10 +280,6 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
 }
 
 /// Fits a scene's canvas to the view of its camera inside a room, if the camera frames the word.
-///
-/// # Errors
-///
-/// As [`CameraOptions::camera`].
 pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     let (Framing::Word(_), Some([width_m, height_m])) =
         (&scene.camera.framing, scene.letters.canvas_m)
@@ -351,6 +348,7 @@ impl CameraPlace {
                 format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
             });
             let (least_m, equivalent_mm) = (self.least_m, 1e3 * self.equivalent_m);
+            // Rounded down, so that a lens of that length does fit.
             let longest_mm = (1e3 * self.longest_equivalent_m).floor();
             return format!(
                 "nowhere: the room is not deep enough for {least_m:.1} m with {equivalent_mm:.0} mm \

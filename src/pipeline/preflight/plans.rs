@@ -47,6 +47,7 @@ fn outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 {
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
     let outside = plan.setpoints.iter();
     let outside = outside.map(|s| (outside_m(s.position_m, profile.volume_m), s.time_s));
+    // The point that is farthest outside, or nearest to a side from within.
     let (outside_m, time_s) = largest(outside);
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
@@ -177,6 +178,7 @@ fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
     let lands = plan.setpoints.last().is_some_and(Setpoint::on_floor);
+    // A plan with another axis upward fails here.
     let actual = match (flies, lands) {
         (false, _) => "never leaves the floor".to_owned(),
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
@@ -224,6 +226,7 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
 
 /// Check for jumps of the position between setpoints.
 fn jumps(plan: &Plan) -> Diagnostic {
+    // A drone on the floor may be carried to another mark.
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
     let steps = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
     let jumps: Vec<(f64, f64)> = steps.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
@@ -284,6 +287,7 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
     let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
     let time_s = times_s.iter().copied().min_by(f64::total_cmp);
+    // Without such lamps there is no count.
     let n = (!switches.is_empty()).then_some(times_s.len());
     Diagnostic::check("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64))
         .timed(time_s)
@@ -303,6 +307,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
     }
+    // Drones above each other are judged by their downwash, so the horizontal distance counts here.
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
@@ -332,6 +337,7 @@ pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
         let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
+        // In the plane of the word, to the nearest lit stroke of the letter.
         let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
         let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
         let lit = moves.filter(|step| step.lit);

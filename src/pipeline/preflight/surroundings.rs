@@ -39,16 +39,8 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     let [wide_m, high_m] = [right - left, top - bottom]
         .map(|side_m| if side_m < COVERAGE_STEP_M { 0.5 * COVERAGE_STEP_M } else { 0.0 });
     let bounds_m = [left - wide_m, bottom - high_m, right + wide_m, top + high_m];
-    // The view is that of the stations that send.
-    let (mut sensors, silent) = (scene.sensors.clone(), silent_stations(plan, scene));
-    let stations = scene.sensors.lighthouse.stations.iter().enumerate();
-    let heard = stations.filter(|(station, _)| !silent.contains(station));
-    sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    sensors.lighthouse.silent.clear();
-    let seen_frac = match sensors.lighthouse.stations.is_empty() {
-        true => 0.0,
-        false => coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac(),
-    };
+    let silent = silent_stations(plan, scene);
+    let seen_frac = seen_frac(scene, &silent, bounds_m)?;
     let names: Vec<String> = silent.iter().map(|station| (station + 1).to_string()).collect();
     let without = match names.is_empty() {
         true => String::new(),
@@ -68,6 +60,20 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
             }
         },
     ))
+}
+
+/// Fraction of a box that two base stations see, of those that are not silent.
+fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
+    let mut sensors = scene.sensors.clone();
+    let stations = scene.sensors.lighthouse.stations.iter().enumerate();
+    let heard = stations.filter(|(station, _)| !silent.contains(station));
+    sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
+    // The others send all the time here: their short outages are bridged.
+    sensors.lighthouse.silent.clear();
+    match sensors.lighthouse.stations.is_empty() {
+        true => Ok(0.0),
+        false => Ok(coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac()),
+    }
 }
 
 /// Longest total outage of a station in the air that the other station and the gyroscope bridge (an

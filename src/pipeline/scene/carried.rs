@@ -85,6 +85,7 @@ impl CarriedScene {
         if digests.values().any(|known| *known == actual) {
             return Ok(());
         }
+        // The file is named that the scene knows under this name, or all of them.
         let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
         let wanted = match digests.get(name(path)).or(digests.values().next()) {
             Some(known) if digests.len() == 1 || digests.contains_key(name(path)) => {
@@ -145,6 +146,7 @@ impl CarriedScene {
         for path in files {
             scenes.extend(Self::read(path)?);
         }
+        // One file without proof leaves doubt about all.
         let is_bound = scenes.iter().all(|carried| carried.is_bound);
         let Some((first, others)) = scenes.split_first() else { return Ok(None) };
         for other in others {
@@ -192,10 +194,6 @@ impl CarriedScene {
     }
 
     /// The scene with settings laid over it, see [`Scene::parse_with`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Scene::parse_with`].
     pub fn scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         Scene::parse_in(&self.toml, &self.file, &self.folder, settings)
     }
@@ -208,6 +206,7 @@ impl CarriedScene {
     /// As [`Self::scene`], and [`Error::Input`] with the key of a file.
     pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let scene = self.scene(settings)?;
+        // Every key that names a file and was not set by the user.
         let background = Some("photo.background").filter(|_| !scene.photo.background.is_empty());
         let keys = scene.letters.files().map(|(key, _)| key).chain(background);
         let refused: Vec<&str> =

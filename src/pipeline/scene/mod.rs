@@ -102,6 +102,7 @@ impl Scene {
     /// Reads a scene file, the scene in a photo (PNG), or that of a log, a plan or a flight
     /// ([`CarriedScene`]), and lays single settings over it, as [`Self::parse_with`].
     fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
+        // The ending tells what brings the scene: a flight, a text or a photo.
         let file = path.display().to_string();
         if ["csv", "json"].contains(&&*ending(path)) {
             let Some(carried) = CarriedScene::read(path)? else {
@@ -122,10 +123,6 @@ impl Scene {
     }
 
     /// Reads the text of a scene with the name of its file, for messages.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`], as [`Self::read`].
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         Self::parse_with(toml, file, &[])
     }
@@ -135,20 +132,12 @@ impl Scene {
     ///
     /// Precedence: settings, keys of the file, implied values (a table in the text of
     /// [`Self::to_toml`]), preset.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`], as [`Self::read`].
     pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
         Self::parse_in(toml, file, Path::new(""), settings)
     }
 
     /// Reads the text of a scene in a folder. Names of files in the text are relative to it, those
     /// in settings to the present folder.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`], as [`Self::read`].
     pub fn parse_in(
         toml: &str,
         file: &str,

@@ -29,6 +29,7 @@ pub(super) fn document(scene: &Scene) -> String {
                     # angles in radians. Keys that are left out keep the value of the preset, but\n\
                     # for those that follow from a key that is set:\n"
         .to_owned();
+    // Keys that a reader finds changed although nobody set them.
     for (when, then) in implied::RULES {
         wrap(&mut text, "#   ", "#     ", &format!("{when}: {then}"));
     }
@@ -105,6 +106,7 @@ fn rows_of(text: &mut String, path: &str, rows: &Value) {
 
 /// One key with its value. A long list takes several lines.
 fn entry(text: &mut String, key: &str, value: &Value) {
+    // Numbers are wrapped as words, tables of a list have a line each.
     let line = format!("{key} = {value}\n");
     match value.as_array() {
         Some(items) if line.chars().count() > WIDTH + 1 => {
@@ -145,6 +147,7 @@ fn first_paragraph(doc: &[&str]) -> String {
 fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     let mut line = first.to_owned();
     for word in words.split_whitespace() {
+        // The indent of a line ends with a space already.
         let space = if line.ends_with(' ') { "" } else { " " };
         if line.chars().count() + space.len() + word.chars().count() > WIDTH {
             *text += line.trim_end();
@@ -236,6 +239,7 @@ fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> 
         let Some(setting) = settings.iter().find(|setting| setting.key == key) else {
             return Err(unknown_key(&place, key));
         };
+        // Values of another type are reported when the scene is read from the table.
         match (setting.shape, value) {
             (Shape::Group(settings), Value::Table(table)) => {
                 keys_of_group(&place, settings, table)?;
@@ -378,6 +382,7 @@ pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
 
 /// Collects the keys whose values differ between two tables.
 fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &Table) {
+    // A choice of another kind has other keys, so those of both tables count.
     let keys: BTreeSet<&String> = values.keys().chain(others.keys()).collect();
     for key in keys {
         let (path, pair) = (joined(path, key), [values.get(key), others.get(key)]);

@@ -30,10 +30,6 @@ pub struct SceneFiles {
 
 impl SceneFiles {
     /// Writes the copies beside a file, still without their names.
-    ///
-    /// # Errors
-    ///
-    /// As [`Output::write_with`].
     pub fn write_copies(&self, path: &Path) -> Result<Vec<WholeFile>> {
         let copies = self.copies.iter().map(|(name, bytes)| {
             Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
@@ -66,10 +62,6 @@ impl Scene {
 
     /// The scene as a file in a folder. Files below the folder get relative names. Others are copied
     /// beside the scene, under `prefix` and their portable name.
-    ///
-    /// # Errors
-    ///
-    /// As [`Limit::read`].
     pub fn in_folder(&self, folder: &Path, prefix: &str) -> Result<SceneFiles> {
         let (mut scene, mut portable) = (self.clone(), self.portable());
         let mut copies: Vec<(String, Vec<u8>)> = Vec::new();
@@ -93,10 +85,6 @@ impl Scene {
     }
 
     /// The scene as a file beside its plan or flight, or as a single file, see [`Self::in_folder`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::in_folder`].
     pub fn beside(&self, path: &Path) -> Result<SceneFiles> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let stem = stem.strip_suffix(".scene").unwrap_or(&stem);

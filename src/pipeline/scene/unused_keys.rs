@@ -267,6 +267,7 @@ impl Scene {
 fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);
+        // Tables of the same kind are compared key by key.
         let [a, b] = tables.map(|table| table.get(setting.key));
         match (setting.shape, a, b) {
             (_, a, b) if a == b => {}

@@ -40,10 +40,6 @@ impl Shoot {
 
     /// The plans of a show: the exported trajectories, with light from the beginning to the end of
     /// the strokes. A viewer has no lamp and no controller to delay it.
-    ///
-    /// # Errors
-    ///
-    /// As [`flown`].
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
         let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;

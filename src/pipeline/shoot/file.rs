@@ -80,6 +80,7 @@ pub(super) fn encode(
         let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
         return Ok(photo::encode_png(photo, Some(&metadata), &notes));
     }
+    // More than 8 bits need the linear light of the film.
     let film = film.expect("kept for the formats that are read out");
     let readout = read_out(film, camera, &scene.expose, &scene.photo, scene.seed)?;
     let toml = scene.portable().to_toml();
@@ -110,6 +111,7 @@ fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)
          {shutter_close_s} s of the flight",
         focal_length_m * 1000.0
     );
+    // No time and no machine: the same scene makes the same file.
     let mut notes = vec![
         ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
         ("noctograph.camera", camera),

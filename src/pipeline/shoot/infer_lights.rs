@@ -42,10 +42,6 @@ impl Shoot {
 /// Gives a flight without lights the letters of the scene's word, if it has one, and their lights.
 /// If the setpoints are not on the scene's letters, and these are those of a preset, the letters of
 /// the other presets are tried. The scene gets those that fit, and their preset is returned.
-///
-/// # Errors
-///
-/// As [`infer_lights`].
 pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
     // Lights are inferred from setpoints.
     let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);

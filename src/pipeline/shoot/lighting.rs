@@ -145,10 +145,6 @@ impl Shoot {
     }
 
     /// Lights the lamps of one drone, counted from 0.
-    ///
-    /// # Errors
-    ///
-    /// As [`light`].
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
         let lamps = in_ink(lamps, &self.scene, self.strokes.as_ref());

@@ -149,6 +149,7 @@ fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
 /// Aperture and sensitivity that expose by some stops more than a camera. The aperture is set
 /// first, then the sensitivity by what the aperture cannot do.
 fn settings(options: &CameraOptions, camera: &Camera, stops: f64) -> (f64, f64) {
+    // A telephone has one aperture, so only the sensitivity is left.
     let least = options.lens.figures().min_f_number;
     let fixed = options.body.fixed_lens();
     let f_number = match &fixed {

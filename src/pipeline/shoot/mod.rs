@@ -250,10 +250,6 @@ impl Shoot {
 
     /// Photographs recorded flights or light, one for each drone, on one clock. The exposure begins
     /// with the first of them. Without a word in the scene the photo is not read.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::with_plans`].
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
         from_zero(&mut recordings);
@@ -347,10 +343,6 @@ impl Shoot {
 
     /// Flies the plan of one drone, counted from 0, without the other drones.
     ///
-    /// # Errors
-    ///
-    /// As [`noctograph_sim::fly`].
-    ///
     /// # Panics
     ///
     /// If there is no such plan.
@@ -360,10 +352,6 @@ impl Shoot {
     }
 
     /// The flight of the first plan with a user's controller or estimator.
-    ///
-    /// # Errors
-    ///
-    /// As [`Session::new`].
     ///
     /// # Panics
     ///

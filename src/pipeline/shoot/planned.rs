@@ -93,6 +93,7 @@ pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
     if light.letters_wrgb.is_empty() {
         return plan;
     }
+    // Commands lead the light, so a row has the color of the letter that it will light.
     let letters = noctograph_plan::light_letters(&plan);
     let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
     for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
@@ -135,10 +136,6 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
 
 /// Flies a plan undisturbed, with the drone's own filter if the stations see the whole flight.
 /// Otherwise the estimate of the filter depends on chance, and the true state is used.
-///
-/// # Errors
-///
-/// As [`fly`].
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
     // The same seed for all rehearsals: it picks the sweeps that the Lighthouse deck drops.
     let seed = 0;
@@ -153,10 +150,6 @@ pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
 
 /// Moves a plan's light commands so that the light begins and ends with the strokes of a simulated
 /// or real flight of this plan.
-///
-/// # Errors
-///
-/// As [`time_lights`].
 pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
     let between = match scene.controller.kind.follows_design() {
         true => Between::Design,
@@ -167,10 +160,6 @@ pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) ->
 }
 
 /// Errors of the light at the strokes' ends in a flight of a plan.
-///
-/// # Errors
-///
-/// As [`stroke_ends`].
 pub fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
     stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }

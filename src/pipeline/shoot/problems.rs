@@ -120,6 +120,7 @@ pub(super) fn before(
     camera: &Camera,
     cap_height_m: f64,
 ) -> Vec<Diagnostic> {
+    // The time from the first to the last letter of all drones.
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =

@@ -34,11 +34,13 @@ pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
     let (still, stepped) = rayon::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));
     let (still, stepped) = (still?, stepped?);
+    // Their difference from the step on, as a fraction of the step: the response.
     let pairs = still.samples.iter().zip(&stepped.samples);
     let moved: Vec<Vector3<f64>> = pairs
         .filter(|(sample, _)| sample.time_s >= BEFORE_S)
         .map(|(a, b)| (b.position_m - a.position_m) / STEP_M)
         .collect();
+    // A loop that does not come to the setpoint has no inverse.
     let end = moved.last().copied().unwrap_or_default();
     if let Some(axis) = (0..3).find(|axis| (end[*axis] - 1.0).abs() > LEFT_FRAC) {
         let after = format!("{AFTER_S} s after a step of the setpoint along axis {axis}");

@@ -82,6 +82,7 @@ impl Shot {
         if let Some(png) = &self.file {
             put("photo.png", &|out| out.write_all(png))?;
         }
+        // The digests bind the scene to these files. The photo has its scene inside.
         let mut digests = Vec::new();
         for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
             let number = match self.shoot.plans.len() {
@@ -168,22 +169,8 @@ impl Shoot {
         let (mut verdict, marks) =
             read?.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
         let file = file?;
-        // 3. What hides any word goes before the verdict on letters.
-        if let Some(exposed) = exposed {
-            // The reader raises faint light to full light, and may find letters in noise.
-            let is_dark = exposed.code == UNDEREXPOSED;
-            if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
-                verdict.refuse(Reason::NoLight);
-            }
-            // An obstacle that was found before is the cause of a missing trail.
-            let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
-            problems.insert(usize::from(is_hidden), exposed);
-        }
-        let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
-        if let Some(verdict) = verdict.as_mut().filter(|verdict| !verdict.legible && is_hidden) {
-            // No change of letters helps.
-            verdict.advice.clear();
-        }
+        // 3. An obstacle goes before the verdict on letters.
+        weigh(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
             film: film.filter(|_| self.keeps_film),
             shoot: self,
@@ -232,6 +219,29 @@ impl Shoot {
             }
             Judging::Scored | Judging::Skipped => Ok((reader.score(photo, &view)?, None)),
         }
+    }
+}
+
+/// Adds an obstacle of the exposure to the problems, and adapts the verdict to all obstacles.
+fn weigh(
+    exposed: Option<Diagnostic>,
+    problems: &mut Vec<Diagnostic>,
+    mut verdict: Option<&mut Verdict>,
+) {
+    if let Some(exposed) = exposed {
+        // The reader raises faint light to full light, and may find letters in noise.
+        let is_dark = exposed.code == UNDEREXPOSED;
+        if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
+            verdict.refuse(Reason::NoLight);
+        }
+        // An obstacle that was found before is the cause of a missing trail.
+        let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
+        problems.insert(usize::from(is_hidden), exposed);
+    }
+    let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
+    if let Some(verdict) = verdict.filter(|verdict| !verdict.legible && is_hidden) {
+        // No change of letters helps.
+        verdict.advice.clear();
     }
 }
 
