@@ -250,11 +250,7 @@ impl From<Error> for Refusal {
 }
 
 impl Studio<'_> {
-    /// Makes a product of a subject.
-    ///
-    /// # Errors
-    ///
-    /// The message to the page.
+    /// Makes a product of a subject, or the message to the page.
     pub fn make(&self, product: Product, subject: &Subject) -> Made {
         let made = match product {
             Product::Live => self.live(subject),

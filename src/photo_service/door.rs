@@ -2,7 +2,7 @@
 //! the module.
 //!
 //! The worker reserves the bytes of a request, writes them there, and calls a function, which
-//! returns the number of bytes of the answer. The answer begins at [`output`].
+//! returns the number of bytes of the answer at [`output`].
 
 #![allow(unsafe_code, reason = "functions are exported by their names")]
 

@@ -3,8 +3,8 @@
 //!
 //! A [`request`] is read and checked, and its subject is prepared as a scene, flown and photographed
 //! ([`answer`]). If it is refused, a message says why ([`messages`]). The crate `serve` answers the
-//! requests of its visitors with it. Compiled to WebAssembly, it answers them in the browser: `door`
-//! has the functions that a page's worker calls, and `src/photo_service/build` writes the page.
+//! requests of its visitors with it. Compiled to WebAssembly (`door`, `src/photo_service/build`), it
+//! answers them in the browser.
 
 #![deny(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -163,11 +163,7 @@ fn not_a_picture(actual: impl ToString) -> Error {
 }
 
 impl PhotoRequest {
-    /// Reads and checks a request.
-    ///
-    /// # Errors
-    ///
-    /// The message to its visitor.
+    /// Reads and checks a request, or gives the message to its visitor.
     pub fn parse(body: &[u8], asker: Asker) -> std::result::Result<Self, Message> {
         let posted: Posted = serde_json::from_slice(body)
             .map_err(|broken| Message::of_old_page(&broken.to_string()))?;

@@ -62,7 +62,7 @@ impl Subject {
         // 2. The word, or the file of the drawing, which the scene names already.
         match drawing {
             Some((name, bytes)) => bring(name, bytes)?,
-            // The scene of a log has the word that was flown.
+            // The scene of a log has the word that was flown, which a visitor need not type.
             None if self.word.is_empty() => {}
             None => scene.set_word(&self.word.replace("\\n", "\n")),
         }
@@ -83,7 +83,7 @@ impl Subject {
     }
 }
 
-/// Puts a file into the present folder, or into memory, for the scene.
+/// Writes a file into the present folder. A page has only memory.
 pub(crate) fn bring(name: &str, bytes: Vec<u8>) -> Result<()> {
     #[cfg(target_family = "wasm")]
     noctograph_core::files::bring(name, bytes);

@@ -17,12 +17,9 @@ const LIMIT: Limit = Limit { bytes: 4 << 10, what: "an address", hint: "remove i
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Address {
-    /// Of visitors.
     pub(crate) visitors: String,
-    /// Of kiosks.
     #[serde(default)]
     pub(crate) kiosk: String,
-    /// Of the operator.
     pub(crate) operator: String,
     pub(crate) port: u16,
 }
@@ -109,12 +106,10 @@ impl Address {
         format!("http://{ip}:{}/k/{}/", self.port, self.visitors)
     }
 
-    /// The page of a kiosk.
     pub(crate) fn of_kiosk(&self, ip: IpAddr) -> String {
         format!("http://{ip}:{}/k/{}/", self.port, self.kiosk)
     }
 
-    /// The wall.
     pub(crate) fn of_wall(&self, ip: IpAddr) -> String {
         self.of_visitors(ip) + "wall.html"
     }
@@ -124,7 +119,6 @@ impl Address {
         format!("http://{}:{}/o/{}/", Ipv4Addr::LOCALHOST, self.port, self.operator)
     }
 
-    /// The page of an entry.
     pub(crate) fn of_entry(&self, ip: IpAddr, id: &str) -> String {
         format!("http://{ip}:{}/e/{id}/", self.port)
     }

@@ -28,7 +28,6 @@ const NEWS_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time between two flights, for changing batteries and carrying the drone back.
 const BETWEEN_S: f64 = 60.0;
 
-/// An action of the operator on an entry.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Act {
@@ -89,7 +88,6 @@ struct Queue<'a> {
     flying: Option<&'a str>,
 }
 
-/// The result of an action.
 #[derive(Debug, Serialize)]
 struct Acted<'a> {
     revision: u64,
@@ -168,6 +166,7 @@ impl Entries {
         if let Some(known) = list.with_photo(photo) {
             return Ok(Some(known));
         }
+        // What was sent before the pause is confirmed again, as above.
         if list.paused {
             return Err(Key::Paused);
         }
@@ -294,7 +293,6 @@ impl Entries {
         *changes.borrow()
     }
 
-    /// True if the wall shows entries that nobody approved.
     pub(crate) fn is_open(&self) -> bool {
         self.is_open
     }
@@ -303,7 +301,6 @@ impl Entries {
         self.list().paused
     }
 
-    /// The whole queue, for the operator.
     pub(crate) fn queue(&self) -> String {
         let list = self.list();
         let queue = Queue {
@@ -315,7 +312,6 @@ impl Entries {
         serde_json::to_string(&queue).expect("entries are plain data")
     }
 
-    /// An entry for its visitor.
     pub(crate) fn for_visitor(&self, id: &str) -> KeyResult<ForVisitor> {
         let list = self.list();
         let index = list.index(id)?;
@@ -345,7 +341,6 @@ impl Entries {
         })
     }
 
-    /// A file of an entry.
     pub(crate) fn file(&self, id: &str, name: &str) -> Option<PathBuf> {
         regular(self.list().first(|entry| entry.id == id)?.folder.join(name))
     }
@@ -393,6 +388,7 @@ impl Entries {
             Some(id) => entry.id == id,
             None => matches!(entry.state, State::Approved | State::Flying),
         });
+        // A request that cannot be read is reported with its entry.
         let subjects = entries.map(|Stored { entry, folder, .. }| {
             let title = entry.title.clone().unwrap_or_else(|| "drawing".to_owned());
             (entry.number, title, gallery::read_subject(folder))

@@ -45,7 +45,6 @@ pub(crate) enum State {
     Rejected,
 }
 
-/// A large photo that a visitor sent.
 #[derive(Debug)]
 pub(crate) struct Photo {
     /// Name of its request.
@@ -108,7 +107,6 @@ pub(crate) struct Entry {
     #[serde(default)]
     pub(crate) hidden: bool,
     pub(crate) visitor: String,
-    /// Name of its request.
     pub(crate) photo: String,
     pub(crate) language: String,
     #[serde(rename = "found")]
@@ -177,6 +175,7 @@ impl Gallery {
     /// free.
     pub(crate) fn keep(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
         let (staging, mut lock) = folder_in(&self.folder).map_err(|e| self.failed(e))?;
+        // The files that can be used without the program. The drawing is named by the scene.
         for noctograph_export::File { name, bytes } in &photo.files {
             if [PNG, SCENE, JPEG, REPLAY].contains(&&**name) || name.starts_with("drawing.") {
                 write(&staging.path().join(name), bytes)?;
@@ -262,12 +261,10 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     Err(Error::input(path.display(), wrong, "an entry of this program", TABLE.hint))
 }
 
-/// Writes the file of an entry anew.
 pub(crate) fn write_entry(folder: &Path, entry: &Entry) -> Result<()> {
     write(&folder.join(ENTRY), &pretty(entry))
 }
 
-/// The request of an entry.
 pub(crate) fn read_subject(folder: &Path) -> Option<Subject> {
     serde_json::from_str(&TABLE.read_text(&regular(folder.join(SUBJECT))?).ok()?).ok()
 }

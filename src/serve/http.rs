@@ -55,7 +55,6 @@ pub(crate) struct HttpError(pub(crate) u16, pub(crate) &'static str);
 
 pub(crate) type HttpResult<T> = Result<T, HttpError>;
 
-/// A connection that is open.
 struct Connection {
     peer: IpAddr,
     /// True if its request is being worked on, so that it is not closed.
@@ -127,7 +126,6 @@ pub(crate) async fn skip(body: Incoming) {
     let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
 }
 
-/// Adds the header fields of all answers.
 pub(crate) fn finished(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),

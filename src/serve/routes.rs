@@ -25,7 +25,6 @@ use noctograph_photo_service::messages::{Key, KeyResult, Message};
 use noctograph_photo_service::request::{MAX_WORD, PhotoRequest, Product};
 use noctograph_pipeline::scene::Scene;
 
-/// The server with all that its answers need.
 #[derive(Debug)]
 pub(crate) struct Server {
     pub(crate) access: Access,
@@ -47,7 +46,6 @@ pub(crate) struct Server {
     /// Makes scripts for the operator, who waits for neither.
     pub(crate) operator: Maker,
     pub(crate) entries: Entries,
-    /// `ETag` of the page.
     pub(crate) mark: String,
 }
 
@@ -123,7 +121,6 @@ impl Server {
         }
     }
 
-    /// Answers requests that may wait for the disk.
     fn with_disk(&self, request: &Request) -> KeyResult<Reply> {
         let parts: Vec<&str> = request.route.split('/').collect();
         match (&request.base, &request.body) {
@@ -310,7 +307,6 @@ impl Server {
     }
 }
 
-/// A posted object with known members.
 pub(crate) struct Posted(Map<String, Value>);
 
 impl Posted {

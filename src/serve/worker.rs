@@ -58,7 +58,6 @@ pub(crate) struct Job {
     pub(crate) page: Option<Asked>,
 }
 
-/// The answer of a worker.
 #[derive(Debug)]
 pub(crate) struct Parcel {
     /// Figures of a large photo that is kept.
@@ -234,7 +233,6 @@ fn packed(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Me
     Ok(Parcel { figures: Figures::new(*facts), files })
 }
 
-/// Writes an answer to the server.
 fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> {
     let (head, files): (Head, _) = match made {
         Ok(Parcel { figures, files }) => {

@@ -206,7 +206,7 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     }
     let low_v =
         platform(scene).map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v());
-    let warning = flight.warnings.iter().find(|it| warning::BATTERY.contains(&it.code));
+    let warning = flight.warnings.iter().find(|w| warning::BATTERY.contains(&w.code));
     let load = Battery::new(&scene.battery, flight, low_v);
     let lasts = load.as_ref().is_none_or(Battery::lasts);
     let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");

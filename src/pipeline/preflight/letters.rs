@@ -153,8 +153,7 @@ mod tests {
         assert_eq!(team("W", "ae483"), [("doubled stroke", "W".into())]);
         assert_eq!(team("X", "ae483"), [("tail", "X".into()), ("light never off", "X".into())]);
         assert!(team("I", "ae483").contains(&("pen jump", "I".into())));
-        let all = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
-        assert_eq!(team(all, "ae483-fixed"), []);
+        assert_eq!(team("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", "ae483-fixed"), []);
     }
 
     #[test]

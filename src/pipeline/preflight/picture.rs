@@ -80,7 +80,7 @@ const WANTED: &str = "the whole word in the picture, lit while the shutter is op
 /// dark lamps.
 pub(super) fn check_picture(shoot: &Shoot, picture: Option<&Picture>) -> Vec<Diagnostic> {
     fn unchecked(why: &str) -> Vec<Diagnostic> {
-        let advice = "mend what stops the flight; plan a word";
+        let advice = "remove what stops the flight, or plan a word";
         vec![Diagnostic::unchecked(PICTURE, why, "flights that end, and letters", advice)]
     }
     let Some(picture) = picture else { return unchecked("not every drone ends its flight") };

@@ -155,13 +155,13 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     if given.0 > 0.0 && (apart_frac > MOST_APART_FRAC || moved.0 > 1.1 * given.0 + 0.05) {
         return Diagnostic::check("speed", Severity::Stop, value).within(most).timed(time_s).say(
             format!(
-                "places move at {:.2} m/s, velocities say {:.2} m/s, {:.0} % of the way apart",
+                "positions move at {:.2} m/s, velocities are {:.2} m/s, and differ by {:.0} % of the path",
                 moved.0,
                 given.0,
                 100.0 * apart_frac
             ),
-            format!("velocities that agree with the places, up to {most} m/s"),
-            "plan it anew: times, places and velocities are of different flights",
+            format!("velocities that agree with the positions, up to {most} m/s"),
+            "plan the flight again: times, positions and velocities are of different flights",
         );
     }
     // The positions of a file are rounded, so they get more tolerance.
@@ -187,7 +187,7 @@ fn landing(plan: &Plan) -> Diagnostic {
     Diagnostic::check("landing", stop_if(!flies || !lands), end_m).say(
         actual,
         "a flight that begins and ends on the floor",
-        "plan it anew; of a plan from elsewhere, see that z is up and that its end is there",
+        "plan the flight again; in a plan of another program z must point up, and the end be at z = 0",
     )
 }
 

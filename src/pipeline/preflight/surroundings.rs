@@ -193,7 +193,7 @@ fn ceiling(profile: &Profile) -> Diagnostic {
     let height_m = room_m[2];
     Diagnostic::check("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
         format!("a ceiling at {height_m} m: if these are feet, {} m are meant", from_feet(room_m)),
-        "the room's true size in meters: the fence stands at its walls",
+        "the room's true size in meters: the fence is at its walls",
         "measure a wall; feet are typed so: 13x20x8ft ({expose.room_m})",
     )
 }

@@ -46,7 +46,7 @@ settings! {
     pub struct Scene {
         /// Preset that supplies omitted keys.
         preset: Preset = Preset::Ae4832022;
-        /// Word to write; `\n` begins a new line.
+        /// Word to write. `\n` begins a new line.
         word: String = String::new(), unless "letters.drawing";
         /// Seed of all noise: the same seed makes the same photo.
         seed: u64 = 0;

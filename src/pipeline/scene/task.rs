@@ -107,7 +107,7 @@ fn sentence(changes: &[[String; 3]]) -> String {
         parts.push(format!("{key} differs from the task's: {value} for {task}"));
     }
     if changes.len() > MAX_NAMED {
-        parts.push(format!("and {} keys more", changes.len() - MAX_NAMED));
+        parts.push(format!("and {} more keys", changes.len() - MAX_NAMED));
     }
     parts.join("; ")
 }
@@ -150,7 +150,7 @@ mod tests {
         let preset = refused("preset = \"cf21\"", &[]);
         assert!(preset.contains("preset differs"), "{preset}");
         let many = refused("[camera]\niso = 1\nf_number = 9\nwidth_px = 9\nheight_px = 9", &[]);
-        assert!(many.ends_with("; and 1 keys more"), "{many}");
+        assert!(many.ends_with("; and 1 more keys"), "{many}");
         let font = refused("", &["letters.font"]);
         assert!(font.contains("a key of a scene that names no file"), "{font}");
         assert!(refused("", &["controller.kinds"]).contains("may: found controller.kinds"));

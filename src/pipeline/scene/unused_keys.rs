@@ -20,14 +20,14 @@ const RULES: &[Rule] = &[
     (
         &["letters.trace"],
         |s| !is_typeface(s) && !is_bitmap(s),
-        "letters.font is no typeface, and letters.drawing no picture",
+        "letters.font is not a typeface, and letters.drawing is not a picture",
     ),
     (
         &["letters.font", "letters.width_m", "letters.gap_m"],
         |s| !s.letters.drawing.is_empty(),
-        "letters.drawing takes the place of a word",
+        "letters.drawing replaces the word",
     ),
-    (&["letters.pace"], |s| !is_handwriting(s), "letters.drawing is no handwriting"),
+    (&["letters.pace"], |s| !is_handwriting(s), "letters.drawing is not handwriting"),
     (&["letters.line_gap_m"], |s| !s.word.contains('\n'), "the word has one line"),
     (
         &["vehicle.rotor_thrust_n_s2"],
@@ -54,17 +54,17 @@ const RULES: &[Rule] = &[
             s.air.gusts == Gusts::Dryden
                 && (!feels_air(&s.vehicle) || s.air.wind_m_s[..2] == [0.0; 2])
         },
-        "these gusts grow with the wind and push by drag: one of both is 0",
+        "these gusts are proportional to the wind and act by drag, and one of the two is 0",
     ),
     (
         &["light.ring"],
         |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
-        "no lamp is of the ring",
+        "the scene has no lamp of the ring",
     ),
     (
         &["light.color_led_wrgb", "light.color_led_levels"],
         |s| !has_color_led(s),
-        "no lamp is of the color LED deck",
+        "the scene has no lamp of the color LED deck",
     ),
     (
         &["camera.metering.color_stops"],
@@ -84,12 +84,12 @@ const RULES: &[Rule] = &[
     (
         &["camera.lens", "camera.f_number", "camera.base_iso"],
         |s| s.camera.body.fixed_lens().is_some(),
-        "a telephone has a lens of its own",
+        "a telephone has a fixed lens",
     ),
     (
         &["photo.ambient_cd_m2", "photo.ambient_from_m", "expose.unevenness"],
         |s| !s.photo.background.is_empty(),
-        "photo.background has the light and the texture of its room",
+        "light and texture of the room are those of photo.background",
     ),
 ];
 

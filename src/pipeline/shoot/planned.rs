@@ -212,13 +212,13 @@ mod tests {
     fn a_ring_writes_each_letter_in_its_color() {
         let mut scene = scene(PlanOptions::even(), ControllerKind::LqrFeedforward);
         scene.plan.lights = vec!["ring".to_owned()];
-        let white = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+        let plain = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
         scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 51, 255], [255, 0, 0, 0]];
         let colored = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
-        assert_eq!((colored.lit(), &colored.setpoints), (white.lit(), &white.setpoints));
-        let own = scene.light.ring_rgb_of(None).map(|byte| f64::from(byte) / 255.0);
-        let colors = [[1.0, 0.0, 0.0], [0.0, 0.2, 1.0], own, [1.0, 0.0, 0.0]];
-        for (row, level) in white.lights["ring"].iter().enumerate() {
+        assert_eq!((colored.lit(), &colored.setpoints), (plain.lit(), &plain.setpoints));
+        let white = scene.light.ring_rgb_of(None).map(|byte| f64::from(byte) / 255.0);
+        let colors = [[1.0, 0.0, 0.0], [0.0, 0.2, 1.0], white, [1.0, 0.0, 0.0]];
+        for (row, level) in plain.lights["ring"].iter().enumerate() {
             let letter = noctograph_plan::light_letters(&colored)[row];
             let wanted = letter.filter(|_| *level > 0.0).map_or([0.0; 3], |l| colors[l]);
             assert!(RING.colors.iter().map(|it| colored.lights[*it][row]).eq(wanted));

@@ -133,16 +133,7 @@ impl Shoot {
         if let Some(format) = self.format {
             format.check([camera.width_px, camera.height_px])?;
         }
-        let latent = project(&trace, &camera, &scene.expose)?;
-        let latent = latent.reflected_by(reflectance(&camera, &scene.photo)?);
-        let Exposure { film, backend, adapter } = match self.cores {
-            None => developer.develop(&latent)?,
-            Some(cores) => Exposure {
-                film: latent.develop_on(cores),
-                backend: Backend::Cpu,
-                adapter: "CPU".to_owned(),
-            },
-        };
+        let Exposure { film, backend, adapter } = self.exposure(&trace, &camera, developer)?;
         let mut photo = develop(&film, &camera, &scene.expose, &scene.photo, scene.seed)?;
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
@@ -188,6 +179,24 @@ impl Shoot {
             digests: known,
             tracking: tracked,
         })
+    }
+
+    /// Exposes the film on some cores, or on the backend.
+    fn exposure(
+        &self,
+        trace: &LightTrace,
+        camera: &Camera,
+        developer: Developer,
+    ) -> Result<Exposure> {
+        let latent = project(trace, camera, &self.scene.expose)?;
+        let latent = latent.reflected_by(reflectance(camera, &self.scene.photo)?);
+        match self.cores {
+            None => developer.develop(&latent),
+            Some(cores) => {
+                let (film, backend) = (latent.develop_on(cores), Backend::Cpu);
+                Ok(Exposure { film, backend, adapter: "CPU".to_owned() })
+            }
+        }
     }
 
     /// Digests of the flights and of strokes from a user's file, and the gaps of logs.
