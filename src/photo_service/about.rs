@@ -107,7 +107,7 @@ pub struct OfferedColor {
     /// White, red, green and blue of the color deck.
     #[serde(rename = "color-led")]
     pub color_led: [u8; 4],
-    /// The same of the ring.
+    /// White, red, green and blue of the ring.
     pub ring: [u8; 4],
 }
 

@@ -205,7 +205,8 @@ impl PageAnswer {
 /// Gives the scene that the page begins with, with settings laid over it.
 pub type Base<'a> = dyn Fn(&[(&str, &str)]) -> Result<Scene> + 'a;
 
-/// Makes what pages ask for.
+/// Makes the products that pages request.
+#[expect(missing_debug_implementations, reason = "its fields are functions")]
 pub struct Studio<'a> {
     /// The scene that the page begins with, with settings laid over it.
     pub scene: &'a Base<'a>,
@@ -219,19 +220,11 @@ pub struct Studio<'a> {
     pub watch: &'a Watch<'a>,
 }
 
-impl std::fmt::Debug for Studio<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Studio").finish_non_exhaustive()
-    }
-}
-
 /// A subject that is ready to be photographed.
 struct Ready {
     shoot: Shoot,
     profile: Profile,
-    /// See [`source`].
     source: Option<DrawnSource>,
-    /// Warnings of a log.
     notes: Vec<Message>,
 }
 

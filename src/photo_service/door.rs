@@ -51,6 +51,7 @@ extern "C" fn base() -> usize {
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
+    // Whoever opens the page is its host and its visitor.
     let about = About {
         host: Host { role: Role::Visitor, boot: "", brand: &Brand::default(), network: false },
         alone: true,

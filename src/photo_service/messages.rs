@@ -190,7 +190,7 @@ impl From<Key> for Message {
     }
 }
 
-/// The keys of a place, as a setting names them.
+/// The keys of a place, joined by dots.
 fn dotted(place: &Place) -> String {
     let keys = place.0.iter().filter_map(|segment| match segment {
         Segment::Key(key) => Some(&**key),
@@ -223,7 +223,6 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
     }
 }
 
-/// The key with a name.
 fn named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }

@@ -67,13 +67,12 @@ impl LightMap {
     }
 }
 
-/// Seconds of the longest flight.
 pub(crate) fn end_s(shot: &Shot) -> f64 {
     let plans = shot.shoot.plans.iter().map(|planned| planned.plan.duration_s());
     plans.reduce(f64::max).unwrap_or_else(|| shot.trace.end_s())
 }
 
-/// The stretches of a lamp's path where it is lit.
+/// The lit segments of a lamp's path.
 fn strokes_of(lamp: &Lamp) -> Vec<Stroke<'_>> {
     let lit = lamp.samples.iter().filter(|sample| sample.level > LIT);
     let mut strokes: Vec<Stroke<'_>> = Vec::new();

@@ -49,7 +49,7 @@ const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 pub enum Asker {
     /// Without a server. It also photographs the logs of flights.
     Alone,
-    /// Of a server, by which photos can be flown.
+    /// Of a server, which can have photos flown.
     Served,
     /// Of a kiosk, with only the settings of its controls.
     Kiosk,

@@ -19,7 +19,7 @@ use noctograph_photo_service::request::Asker;
 /// Refusal of an address without a valid secret. A browser gets a page that says so.
 pub(crate) const OLD_ADDRESS: &str = "open the address that the program printed";
 
-/// The rules by which requests are admitted.
+/// The rules for admitting requests.
 #[derive(Debug)]
 pub(crate) struct Access {
     pub(crate) address: Address,

@@ -274,7 +274,7 @@ pub(crate) fn regular(path: PathBuf) -> Option<PathBuf> {
     path.symlink_metadata().is_ok_and(|found| found.is_file()).then_some(path)
 }
 
-/// Removes an entry's folder, first the file by which it is an entry.
+/// Removes an entry's folder, first the file that makes it an entry.
 pub(crate) fn remove(folder: &Path) -> Result<()> {
     let path = folder.join(ENTRY);
     std::fs::remove_file(&path).map_err(|source| Error::write(&path, source))?;

@@ -41,7 +41,7 @@ impl Server {
     }
 
     pub(crate) fn operate(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
-        // Every change has a new revision, by which the page knows that it is up to date.
+        // Every change has a new revision, so that the page knows whether it is up to date.
         let revision = match *parts {
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "was"])?;

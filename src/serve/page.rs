@@ -1,4 +1,4 @@
-//! The page's files, and the page for an address that is no longer valid.
+//! The page's files, and the page for an old address.
 
 use hyper::http::request::Parts;
 use serde_json::Value;

@@ -33,7 +33,7 @@ pub struct ExportOptions {
 pub struct CheckedExport {
     options: ExportOptions,
     shoot: Shoot,
-    /// The trajectory that is exported in place of the plans.
+    /// The trajectory that is exported instead of the plans.
     trajectory: Option<Shoot>,
     checks: Checks,
     /// The findings of all checks. Empty for a format that does not fly.

@@ -10,7 +10,7 @@ use noctograph_plan::Style;
 
 /// Largest distance between two lit moves that count as one line drawn twice.
 const SAME_LINE_M: f64 = 0.002;
-/// Longest doubled stroke and jump that are no fault.
+/// Longest doubled stroke, and longest jump, without a warning.
 const SHORT_M: f64 = 0.02;
 
 /// Checks the letters of a drawing. The beginning and end of the light matter only in style `team`,

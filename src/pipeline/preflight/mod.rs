@@ -96,7 +96,7 @@ pub fn of_flights(
     flown: Vec<Result<Flight>>,
     profile: &Profile,
 ) -> Result<Preflight> {
-    // First the design: it stops a flight at the cost of no simulation.
+    // First the design: letters, plans, and their distance from people and things.
     let paths = Paths::new(shoot, flown.iter().flatten());
     let mut findings = check_design(shoot, profile, &paths);
     findings.extend(check_downwash(shoot, &flown));

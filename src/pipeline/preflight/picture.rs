@@ -21,8 +21,8 @@ const MOST_AWAY_FRAC: f64 = 0.95;
 /// bridge shorter ones.
 const MAX_UNSEEN_S: f64 = 1.0;
 
-/// Duration of the pieces over which light along the path is summed, 1 cm at 0.2 m/s. A piece as
-/// long as the blur of a lamp is no hot spot because of a tremble.
+/// Duration of the pieces over which light along the path is summed, 1 cm at 0.2 m/s. They are as
+/// long as the blur of a lamp, so that a trembling drone makes no hot spot.
 const PIECE_S: f64 = 0.05;
 
 /// The picture of the light of all drones.

@@ -29,7 +29,7 @@ const TRIPOD_FROM_WALL_M: f64 = 0.3;
 const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
 /// Most of the picture's width or height that the word may fill: the rest is for its glow, and for
-/// a tripod that stands a little aside.
+/// a tripod that is not quite centered.
 const MOST_FILLED: f64 = 0.9;
 
 /// The check of the camera's place in a room. A preview does not make it.
@@ -77,7 +77,7 @@ pub struct CameraPlace {
     pub metered: Option<Metered>,
 }
 
-/// Cameras that people own, with the widest usual lens of each, in the place of a scene's camera.
+/// Cameras that people own, with the widest usual lens of each, instead of the scene's camera.
 fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
     let [zoom_18, zoom_9] = [0.018, 0.009].map(|focal_length_m| {
         LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() })
@@ -128,7 +128,7 @@ pub(super) fn place(
         let equivalent_m = camera.focal_length_m * 0.036 / camera.sensor_width_m;
         let fits = is_fixed || least_m <= most_m;
         let metered = fits.then(|| recommended(trace, &camera, &options, &scene.photo));
-        // The angle of view that shows the word is proportional to 1 / distance.
+        // The focal length and the letters that just fit are proportional to the distance.
         cameras.push(CameraPlace {
             name,
             equivalent_m,
@@ -157,7 +157,7 @@ fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     starts.map(|start| [start.position_m.x, start.position_m.y])
 }
 
-/// Distance of a point from a room that it is outside of. 0 inside.
+/// Distance of a point outside a room from the room. 0 inside.
 fn outside_m([x, y, z]: [f64; 3], [width_m, depth_m, height_m]: [f64; 3]) -> f64 {
     let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
     sides.into_iter().fold(0.0, f64::max)

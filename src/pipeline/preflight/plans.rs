@@ -90,8 +90,8 @@ struct Segment {
 /// does not count.
 const SEGMENT_S: f64 = 0.1;
 
-/// The path in the air. A single jump interrupts it and has its own check. Several in a row are
-/// motion.
+/// The path in the air. A single jump, which has its own check, interrupts it. Several jumps in a
+/// row are motion.
 fn segments(plan: &Plan) -> Vec<Segment> {
     let pairs: Vec<(&Setpoint, &Setpoint)> = pairs(plan).collect();
     let jumps: Vec<bool> = pairs.iter().map(|(a, b)| jump(a, b).norm() > JUMP_M).collect();

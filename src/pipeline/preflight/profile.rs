@@ -1,4 +1,4 @@
-//! Profiles: limits of a drone in a place.
+//! Profiles: limits of a kind of drone, indoors or outdoors.
 
 use serde::Serialize;
 
@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use noctograph_plan::{EvenStyle, Style};
 use noctograph_sim::sensors::{Generation, Station};
 
-/// The limits of a place and a drone.
+/// Limits of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Profile {
     /// Its name.

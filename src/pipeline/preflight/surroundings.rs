@@ -143,7 +143,7 @@ fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// A drone that a light wind moves, and the wind that nobody flies it in (an assumption).
+/// Mass below which a drone counts as light, and the strongest wind for it (assumptions).
 const LIGHT_KG: f64 = 0.1;
 const LIGHT_WIND_M_S: f64 = 4.0;
 

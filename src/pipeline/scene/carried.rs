@@ -26,7 +26,7 @@ const FILE: Limit =
 pub struct CarriedScene {
     /// TOML.
     pub toml: String,
-    /// Where it was found, in messages.
+    /// Its file, in messages.
     pub file: String,
     /// The folder from which it names files.
     pub folder: PathBuf,

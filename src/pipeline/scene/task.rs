@@ -85,7 +85,7 @@ impl SceneTask {
         Err(Error::infeasible(sentence(&refused), hint))
     }
 
-    /// True if a submission may give a key this value. The true state is no estimate.
+    /// True if a submission may give a key this value. No submission may use the true state.
     fn allows(&self, key: &str, value: &str) -> bool {
         let is_truth = (key, value) == ("observer.kind", "\"truth\"");
         !is_truth && !FILES.contains(&key) && self.may.iter().any(|named| covers(named, key))

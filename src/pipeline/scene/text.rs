@@ -29,7 +29,7 @@ pub(super) fn document(scene: &Scene) -> String {
                     # angles in radians. Keys that are left out keep the value of the preset, but\n\
                     # for those that follow from a key that is set:\n"
         .to_owned();
-    // Keys that a reader finds changed although nobody set them.
+    // The scene file explains values that differ from the preset without being set.
     for (when, then) in implied::RULES {
         wrap(&mut text, "#   ", "#     ", &format!("{when}: {then}"));
     }
@@ -409,7 +409,7 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     error.in_file(file, line)
 }
 
-/// The line of a place's key, or of the innermost of its tables and lists that the file has.
+/// The line of a key, or of the innermost table or list around it in the file.
 fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
     // Follows the place from table to table as far as the file goes, since the other keys are those

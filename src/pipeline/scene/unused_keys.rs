@@ -143,12 +143,12 @@ fn writes_colors(scene: &Scene, channel: &str) -> bool {
     let has_color = light.color_led_wrgb[1..] != [0; 3]
         || !light.letters_wrgb.is_empty()
         || !scene.letters.drawing.is_empty();
-    let is_channel = |lamp: &Fixture| {
-        matches!(lamp.drive, Drive::Command(_)) && lamp.drive.channel() == Some(channel)
-    };
     channel == COLOR_LED.name && has_color
         || channel.starts_with(RING.name)
-        || light.fixtures().iter().any(|lamp| is_colored(lamp) && is_channel(lamp))
+        || light.fixtures().iter().any(|lamp| {
+            let is_commanded = matches!(lamp.drive, Drive::Command(_));
+            is_commanded && is_colored(lamp) && lamp.drive.channel() == Some(channel)
+        })
 }
 
 fn has_color_led(scene: &Scene) -> bool {

@@ -180,18 +180,23 @@ mod tests {
     /// A headlight and what it lights, from the side.
     const SIDE_CD: f64 = 0.09;
 
+    /// A lamp that passes for two seconds.
+    fn trail([r, g, b]: [f64; 3]) -> LightTrace {
+        let mut csv = "t,x,y,z,r,g,b\n".to_owned();
+        for i in 0..=200 {
+            let t = f64::from(i) / 100.0;
+            csv += &format!("{t},{:.4},0,0.75,{r},{g},{b}\n", 0.2 * t - 0.2);
+        }
+        read(csv.as_bytes(), "a.csv").unwrap().product
+    }
+
     /// A lamp of `candela` that passes for two seconds, in an exposure of `open_s`.
     fn pass(
         candela: f64,
         open_s: f64,
         change: fn(&mut CameraOptions),
     ) -> (Camera, Option<Metered>) {
-        let mut csv = "t,x,y,z,r,g,b\n".to_owned();
-        for i in 0..=200 {
-            let t = f64::from(i) / 100.0;
-            csv += &format!("{t},{:.4},0,0.75,{candela},{candela},{candela}\n", 0.2 * t - 0.2);
-        }
-        let trace = read(csv.as_bytes(), "a.csv").unwrap().product;
+        let trace = trail([candela; 3]);
         let mut options = CameraOptions {
             metering: Metering::Trail(TrailMetering::default()),
             shutter_close_s: Some(open_s),
@@ -221,13 +226,8 @@ mod tests {
     #[test]
     fn a_colored_trail_is_metered_by_its_strongest_channel() {
         // Luminance 1: in red the strongest channel has 4.7 times as much, 2.2 stops.
-        fn of_color([r, g, b]: [f64; 3]) -> f64 {
-            let mut csv = "t,x,y,z,r,g,b\n".to_owned();
-            for i in 0..=200 {
-                let t = f64::from(i) / 100.0;
-                csv += &format!("{t},{:.4},0,0.75,{r},{g},{b}\n", 0.2 * t - 0.2);
-            }
-            let trace = read(csv.as_bytes(), "a.csv").unwrap().product;
+        fn of_color(rgb: [f64; 3]) -> f64 {
+            let trace = trail(rgb);
             let options = CameraOptions {
                 metering: Metering::Trail(TrailMetering::default()),
                 ..CameraOptions::default()
@@ -274,7 +274,7 @@ mod tests {
         let help = bright.help().unwrap();
         assert!(help.contains("light-trail mode") && help.contains("30 s"), "{help}");
         assert!(help.contains(&format!("filter of {} stops", bright.filter_stops)), "{help}");
-        // A lens with an iris asks for one where f/22 is not small enough.
+        // A lens with an iris needs one only if f/22 is not small enough.
         assert_eq!(pass(SIDE_CD, 31.0, |_| {}).1.unwrap().help(), None);
         assert!(pass(1e3, 31.0, |_| {}).1.unwrap().filter_stops > 3);
     }

@@ -285,7 +285,10 @@ impl Shoot {
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
         if self.in_step() {
-            return self.fly_in_step(watch);
+            let believed = self.scene.sim();
+            let plans = self.plans.iter().enumerate();
+            let fleet = plans.map(|(drone, planned)| (&planned.plan, self.drone(drone, &believed)));
+            return fly_fleet(&fleet.collect::<Vec<_>>(), &mut |done| watch(Stage::Flying, done));
         }
         let done = Mutex::new(vec![0.0; n]);
         let flights = (0..n).into_par_iter().map(|drone| {
@@ -322,15 +325,6 @@ impl Shoot {
             Some((if nearest.vertical_m < 0.0 { [b, a] } else { [a, b] }, nearest))
         });
         pairs.collect()
-    }
-
-    /// Flies all plans with drones that act on each other.
-    fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
-        let believed = self.scene.sim();
-        let plans = self.plans.iter().enumerate();
-        let fleet: Vec<_> =
-            plans.map(|(drone, planned)| (&planned.plan, self.drone(drone, &believed))).collect();
-        fly_fleet(&fleet, &mut |done| watch(Stage::Flying, done))
     }
 
     /// A drone of the fleet, with the one that its controller believes to fly.

@@ -288,7 +288,7 @@ mod tests {
     use noctograph_core::flight::DroneIndex;
     use noctograph_picture::light::{Deck, Emitter, LightSample, LightTraceData};
 
-    /// A deck that is new goes into the advice where no lamp shines, and into the page.
+    /// The advice about dark lamps and the page list every deck.
     #[test]
     fn what_lists_the_decks_lists_all_of_them() {
         let page = include_str!("../../serve/page/wish.js");

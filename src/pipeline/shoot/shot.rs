@@ -142,24 +142,15 @@ impl Shoot {
         // 2. Read, encode and look for problems in parallel.
         let (known, tracked) = (OnceLock::new(), OnceLock::new());
         let (read, (file, exposed)) = rayon::join(
+            || self.read(reader, &photo, &camera, &flights, &tracked),
             || {
-                let read =
-                    reader.map(|reader| self.read(reader, &photo, &camera, &flights, &tracked));
-                read.transpose()
-            },
-            || {
-                let encoded = || {
-                    self.format.map(|format| {
-                        let shown = self.shown(&flights, known.get_or_init(|| digests(&flights)));
-                        encode(format, scene, &photo, film.as_ref(), &camera, shown)
-                    })
-                };
-                rayon::join(|| encoded().transpose(), || problems::of_photo(&photo, &camera))
+                rayon::join(
+                    || self.encoded(&photo, film.as_ref(), &camera, &flights, &known),
+                    || problems::of_photo(&photo, &camera),
+                )
             },
         );
-        let (mut verdict, marks) =
-            read?.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
-        let file = file?;
+        let ((mut verdict, marks), file) = (read?, file?);
         // 3. An obstacle goes before the verdict on letters.
         weigh(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
@@ -199,35 +190,44 @@ impl Shoot {
         }
     }
 
-    /// Digests of the flights and of strokes from a user's file, and the gaps of logs.
-    fn shown(&self, flights: &[Flight], digests: &[String]) -> Shown {
+    /// The photo's file in the format that is asked for.
+    fn encoded(
+        &self,
+        photo: &Photo,
+        film: Option<&Film>,
+        camera: &Camera,
+        flights: &[Flight],
+        known: &OnceLock<Vec<String>>,
+    ) -> Result<Option<Vec<u8>>> {
+        let Some(format) = self.format else { return Ok(None) };
+        // Strokes from a user's file are not in the scene, so their digest is noted.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
-        Shown {
-            flight_sha256: joined(digests),
+        let shown = Shown {
+            flight_sha256: joined(known.get_or_init(|| digests(flights))),
             strokes_sha256: strokes.map(|strokes| strokes.sha256()),
             log_gaps: flights.iter().flat_map(log_gaps).collect(),
-        }
+        };
+        encode(format, &self.scene, photo, film, camera, shown).map(Some)
     }
 
     fn read(
         &self,
-        reader: &Reader,
+        reader: Option<&Reader>,
         photo: &Photo,
         camera: &Camera,
         flights: &[Flight],
         tracked: &OnceLock<Vec<Option<Tracking>>>,
-    ) -> Result<(Verdict, Option<Marks>)> {
+    ) -> Result<(Option<Verdict>, Option<Marks>)> {
+        let Some(reader) = reader else { return Ok((None, None)) };
         let view = View::from(camera);
-        match self.judging {
-            Judging::Explained => {
-                let tracked = tracked.get_or_init(|| tracking(flights));
-                let known = known_of(flights, tracked, &self.scene.plan);
-                let (verdict, marks) = reader.explain(photo, &view, &known)?;
-                Ok((verdict, Some(marks)))
-            }
-            Judging::Scored | Judging::Skipped => Ok((reader.score(photo, &view)?, None)),
+        if self.judging != Judging::Explained {
+            return Ok((Some(reader.score(photo, &view)?), None));
         }
+        let tracked = tracked.get_or_init(|| tracking(flights));
+        let known = known_of(flights, tracked, &self.scene.plan);
+        let (verdict, marks) = reader.explain(photo, &view, &known)?;
+        Ok((Some(verdict), Some(marks)))
     }
 }
 
