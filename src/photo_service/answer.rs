@@ -1,5 +1,5 @@
-//! Answers to a page: a photograph with its verdict, the path of the light in time, and the boxes of
-//! the letters. Facts are typed, and files are bytes beside them.
+//! Answers to a page: a photograph with its verdict, the path of the light in time, and the boxes
+//! of the letters. Facts are typed, and files are bytes beside them.
 
 use std::collections::BTreeMap;
 

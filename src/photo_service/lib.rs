@@ -1,10 +1,10 @@
 //! Photo service: the request of a page becomes a photograph with its verdict, as typed facts with
 //! files as bytes beside them.
 //!
-//! A [`request`] is read and checked, and its subject is prepared as a scene, flown and photographed
-//! ([`answer`]). If it is refused, a message says why ([`messages`]). The crate `serve` answers the
-//! requests of its visitors with it. Compiled to WebAssembly (`door`, `src/photo_service/build`), it
-//! answers them in the browser.
+//! A [`request`] is read and checked, and its subject is prepared as a scene, flown and
+//! photographed ([`answer`]). If it is refused, a message says why ([`messages`]). The crate
+//! `serve` answers the requests of its visitors with it. Compiled to WebAssembly (`door`,
+//! `src/photo_service/build`), it answers them in the browser.
 
 #![deny(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

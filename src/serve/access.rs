@@ -1,8 +1,9 @@
 //! Access: a browser that knows the address, from a page of this server.
 //!
 //! Each address has a secret: that of visitors, of kiosks, of the operator at this machine, and of
-//! each entry, which leads only to that entry. A name that is rebound to this machine (DNS rebinding)
-//! is recognized by its `Host`. A foreign page that posts is recognized by its `Origin`, its
+//! each entry, which leads only to that entry. A name that is rebound to this machine (DNS
+//! rebinding) is recognized by its `Host`. A foreign page that posts is recognized by its `Origin`,
+//! its
 //! `Sec-Fetch-Site`, or the content type, for which a browser asks first (a CORS preflight), and is
 //! refused. There are no cookies.
 

@@ -380,8 +380,8 @@ impl Entries {
         is_approved && !entry.hidden
     }
 
-    /// Number, title and subject of the entries that are flown, in their order: the one with a name,
-    /// or all that are approved or in the air.
+    /// Number, title and subject of the entries that are flown, in their order: the one with a
+    /// name, or all that are approved or in the air.
     pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<(u32, String, Option<Subject>)> {
         let list = self.list();
         let entries = list.entries.iter().filter(|Stored { entry, .. }| match id {

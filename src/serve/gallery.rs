@@ -251,7 +251,7 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     // The unfinished entry of a killed server has a name with a dot.
     let is_folder =
-        folder.symlink_metadata().is_ok_and(|found| found.is_dir()) && !name.starts_with('.');
+        folder.symlink_metadata().is_ok_and(|metadata| metadata.is_dir()) && !name.starts_with('.');
     let Some(path) = regular(folder.join(ENTRY)).filter(|_| is_folder) else { return Ok(None) };
     let wrong = match serde_json::from_str::<Entry>(&TABLE.read_text(&path)?) {
         Ok(entry) if (1..=MAX_NUMBER).contains(&entry.number) => return Ok(Some(entry)),
@@ -271,7 +271,7 @@ pub(crate) fn read_subject(folder: &Path) -> Option<Subject> {
 
 /// A path, if it is a file and not a link.
 pub(crate) fn regular(path: PathBuf) -> Option<PathBuf> {
-    path.symlink_metadata().is_ok_and(|found| found.is_file()).then_some(path)
+    path.symlink_metadata().is_ok_and(|metadata| metadata.is_file()).then_some(path)
 }
 
 /// Removes an entry's folder, first the file that makes it an entry.

@@ -3,8 +3,8 @@
 //!
 //! A connection arrives in `http`, and its request is admitted by `access` and answered by `routes`
 //! or by the `operator`. Visitors' browsers make photos with a `module`. A `worker` makes them here
-//! for other browsers, for the host and for entries, which are kept in `entries` of a `gallery`. The
-//! page itself is the folder `page`.
+//! for other browsers, for the host and for entries, which are kept in `entries` of a `gallery`.
+//! The page itself is the folder `page`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

@@ -1,8 +1,9 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
-use super::obstacles::GRAVITY_M_S2;
 use super::picture::{Picture, Piece, painted};
-use super::{CAP_HEIGHT_M, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if};
+use super::{
+    CAP_HEIGHT_M, GRAVITY_M_S2, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if,
+};
 use crate::scene::Scene;
 use crate::shoot::{CHECK_LIGHT, Shoot, ends};
 use noctograph_core::diagnostic::{Diagnostic, Severity};

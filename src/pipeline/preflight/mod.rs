@@ -52,6 +52,9 @@ use surroundings::{check_coverage, check_surroundings};
 const MAX_ERROR_H: f64 = 0.05;
 const CAP_HEIGHT_M: f64 = 0.5;
 
+/// Standard gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.806_65;
+
 /// Findings of flights, and the placement of things in their room.
 #[derive(Clone, Debug)]
 pub struct Preflight {

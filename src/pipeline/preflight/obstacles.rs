@@ -14,7 +14,7 @@ use super::Profile;
 use super::checked_export::bounds_m;
 use super::plans::greatest_speed_m_s;
 use super::profile::ROOM_MARGIN_M;
-use super::{at_time, stop_if};
+use super::{GRAVITY_M_S2, at_time, stop_if};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::MOTORS_STOP_S;
@@ -25,9 +25,6 @@ use noctograph_core::plan::{Plan, Setpoint};
 use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
-
-/// Standard gravity, m/s².
-pub(super) const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// Radius of a tripod with its camera at the height of a flight, an assumption. Less ignores a long
 /// lens, more leaves no place for a camera in the smallest room.

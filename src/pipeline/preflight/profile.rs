@@ -43,7 +43,8 @@ pub(super) const ROOM_MARGIN_M: f64 = 0.2;
 const STATION_M: f64 = 2.5;
 
 impl Profile {
-    /// The profile within a room of a width, depth and height, the middle of its floor at the origin.
+    /// The profile within a room of a width, depth and height, the middle of its floor at the
+    /// origin.
     #[must_use]
     pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
         let [width_m, depth_m, height_m] = room_m;

@@ -183,8 +183,8 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
     }
 }
 
-/// Height of a ceiling from which a room's numbers may be feet: few rooms are lower than 7 feet, and
-/// few halls are higher than 7 m.
+/// Height of a ceiling from which a room's numbers may be feet: few rooms are lower than 7 feet,
+/// and few halls are higher than 7 m.
 const FEET_FROM: f64 = 6.5;
 
 /// Check that the room was not measured in feet, by its ceiling.

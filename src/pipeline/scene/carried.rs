@@ -186,8 +186,8 @@ impl CarriedScene {
         let mut files = scene.write_copies(file.path())?;
         files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
         files.push(file);
-        // The plan comes last: a kill in between leaves a scene that refuses the old plan, and never
-        // a plan beside another scene.
+        // The plan comes last: a kill in between leaves a scene that refuses the old plan, and
+        // never a plan beside another scene.
         let mut files = WholeFile::keep_all(files)?;
         files.reverse();
         Ok(files)

@@ -221,8 +221,8 @@ impl Scene {
         self.letters.drawing_sha256.clear();
     }
 
-    /// Adapts the scene to an audience: a word is written in the order of reading, the camera has no
-    /// hot pixels, and the floor is even.
+    /// Adapts the scene to an audience: a word is written in the order of reading, the camera has
+    /// no hot pixels, and the floor is even.
     pub fn for_audience(&mut self) {
         // Hebrew, Arabic and their forms are read from the right.
         if let Style::Even(style) = &mut self.plan.style
@@ -284,8 +284,8 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// Rate of the clock that paces the setpoints, in true seconds a second. By default a trajectory
-    /// on board has that of the drone's firmware.
+    /// Rate of the clock that paces the setpoints, in true seconds a second. By default a
+    /// trajectory on board has that of the drone's firmware.
     pub fn trajectory_clock(&self) -> f64 {
         let is_on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
         let usual = if is_on_board { self.vehicle.firmware.clock() } else { 1.0 };

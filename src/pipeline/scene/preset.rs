@@ -9,8 +9,8 @@ use super::Scene;
 use noctograph_core::settings::settings;
 
 settings! {
-    /// A named set of values that a scene starts from. `ae483-2022` is a complete system. The others
-    /// differ only in the drone, and write, light and photograph in the same way.
+    /// A named set of values that a scene starts from. `ae483-2022` is a complete system. The
+    /// others differ only in the drone, and write, light and photograph in the same way.
     pub enum Preset {
         /// Crazyflie 2.1 as sold, with the Lighthouse and the LED-ring deck.
         "cf21" => Cf21,

@@ -1,7 +1,7 @@
 //! A scene that can be moved: the files that it names are beside it.
 //!
-//! In memory a scene has paths of this machine. In a file it has names relative to the folder of the
-//! file, so that the folder can be moved and published without a path of this machine.
+//! In memory a scene has paths of this machine. In a file it has names relative to the folder of
+//! the file, so that the folder can be moved and published without a path of this machine.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -60,8 +60,8 @@ impl Scene {
         scene
     }
 
-    /// The scene as a file in a folder. Files below the folder get relative names. Others are copied
-    /// beside the scene, under `prefix` and their portable name.
+    /// The scene as a file in a folder. Files below the folder get relative names. Others are
+    /// copied beside the scene, under `prefix` and their portable name.
     pub fn in_folder(&self, folder: &Path, prefix: &str) -> Result<SceneFiles> {
         let (mut scene, mut portable) = (self.clone(), self.portable());
         let mut copies: Vec<(String, Vec<u8>)> = Vec::new();

@@ -1,4 +1,5 @@
-//! Keys without effect, with the reason: those of another choice, or of a part that is switched off.
+//! Keys without effect, with the reason: those of another choice, or of a part that is switched
+//! off.
 
 use toml::{Table, Value};
 
@@ -12,8 +13,8 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::{Gusts, VehicleOptions};
 
-/// Keys or tables, the test that they have no effect in a scene, and the reason. A need of one other
-/// setting is in the declaration ([`Need`]). Here are conditions on several.
+/// Keys or tables, the test that they have no effect in a scene, and the reason. A need of one
+/// other setting is in the declaration ([`Need`]). Here are conditions on several.
 type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[

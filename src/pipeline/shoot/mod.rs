@@ -232,8 +232,8 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`] and [`Scene::strokes`], and [`Error::Input`] for plans that last too long
-    /// together.
+    /// As [`Scene::check`] and [`Scene::strokes`], and [`Error::Input`] for plans that last too
+    /// long together.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
         scene.check()?;
         let together_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();

@@ -1,8 +1,8 @@
 //! The photograph as it develops: the film after each fraction of the exposure.
 //!
-//! Light adds up, so the film of a moment is that of the moment before plus the light in between. It
-//! is developed like the complete film, without the noise of the sensor, with the room's light of
-//! the time so far.
+//! Light adds up, so the film of a moment is that of the moment before plus the light in between.
+//! It is developed like the complete film, without the noise of the sensor, with the room's light
+//! of the time so far.
 
 use super::Shot;
 use crate::scene::Scene;
