@@ -1,4 +1,4 @@
-//! What a page has to know before it asks for anything.
+//! Facts that a page needs before its first request.
 
 use std::collections::BTreeMap;
 
@@ -6,15 +6,15 @@ use noctograph_picture::light::{Deck, LightOptions, color_led_wrgb, ring_rgb};
 use noctograph_pipeline::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// Whose page it is.
+/// The user of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
-    /// Of those who write and draw.
+    /// Writes and draws.
     Visitor,
-    /// Of the operator, who flies.
+    /// Flies.
     Operator,
-    /// Of one photo, to take home.
+    /// Looks at one photo, to take home.
     Entry,
 }
 
@@ -28,34 +28,34 @@ pub enum WallRule {
     Open,
 }
 
-/// What the pages of all roles have to know.
+/// Facts for the pages of all roles.
 #[derive(Debug, Serialize)]
 pub struct Host<'a> {
-    /// Whose page it is.
+    /// The user of the page.
     pub role: Role,
     /// Name of this run of the program.
     pub boot: &'a str,
     /// The host's words.
     pub brand: &'a Brand,
-    /// Whether other machines are served, and can reach this one.
+    /// True if other machines are served, and can reach this one.
     pub network: bool,
 }
 
-/// What the pages of visitors and of the operator have to know.
+/// Facts for the pages of visitors and of the operator.
 #[derive(Debug, Serialize)]
 #[expect(clippy::struct_excessive_bools, reason = "facts that do not exclude each other")]
 pub struct About<'a> {
-    /// What every page has to know.
+    /// Facts for all pages.
     #[serde(flatten)]
     pub host: Host<'a>,
-    /// Whether the page has no server.
+    /// True if the page has no server.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub alone: bool,
-    /// Whether it is shown on the host's machine.
+    /// True on the host's machine.
     pub home: bool,
-    /// Whether it is shown on a screen that stands in the hall.
+    /// True on a public screen in the hall.
     pub kiosk: bool,
-    /// Whether nothing is taken at the moment.
+    /// True if no entries are accepted at the moment.
     pub paused: bool,
     /// What the wall shows.
     pub wall: WallRule,
@@ -65,7 +65,7 @@ pub struct About<'a> {
     pub colors: Vec<OfferedColor>,
     /// The scene's deck of lights.
     pub deck: Deck,
-    /// The text of the scene, where visitors' browsers make photos.
+    /// The text of the scene, if the visitors' browsers make photos.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base: Option<&'a str>,
     /// The scene that the controls begin with, on the host's machine.
@@ -88,11 +88,11 @@ pub struct Limits {
 pub struct Brand {
     /// Name of the evening.
     pub title: Option<String>,
-    /// What is said of it, by language.
+    /// Description of the evening, by language.
     pub sentence: BTreeMap<String, String>,
-    /// What one agrees to who sends a photo, by language.
+    /// What a visitor agrees to by sending a photo, by language.
     pub consent: BTreeMap<String, String>,
-    /// Whether there is a logo.
+    /// True if there is a logo.
     #[serde(skip_deserializing)]
     pub logo: bool,
 }
@@ -107,7 +107,7 @@ pub struct OfferedColor {
     /// White, red, green and blue of the color deck.
     #[serde(rename = "color-led")]
     pub color_led: [u8; 4],
-    /// The same of the ring.
+    /// White, red, green and blue of the ring.
     pub ring: [u8; 4],
 }
 
@@ -123,10 +123,11 @@ pub fn colors() -> Vec<OfferedColor> {
         ("blue", [0, 0, 255]),
         ("magenta", [255, 0, 255]),
     ];
-    let offered = |(name, screen): (&'static str, [u8; 3])| {
+    // A lamp mixes colors by other bytes than a screen.
+    let offered = colors.map(|(name, screen)| {
         let color_led = color_led_wrgb(screen, LightOptions::default().color_led_levels);
         let [r, g, b] = ring_rgb(screen);
         OfferedColor { name, screen, color_led, ring: [0, r, g, b] }
-    };
-    colors.map(offered).into()
+    });
+    offered.into()
 }

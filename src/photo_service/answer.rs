@@ -1,4 +1,4 @@
-//! What a page is answered: a photograph with its verdict, where the light is when, and the places
+//! Answers to a page: a photograph with its verdict, the path of the light in time, and the boxes
 //! of the letters. Facts are typed, and files are bytes beside them.
 
 use std::collections::BTreeMap;
@@ -27,7 +27,7 @@ use noctograph_pipeline::shoot::{Format, Judging, Shoot, Shot, Watch};
 use noctograph_score::Verdict;
 use noctograph_sim::ControllerOptions;
 
-/// Pixels of the photo while one types, and of the large photo.
+/// Pixels of the photo while a visitor types, and of the large photo.
 const LIVE: f64 = 960.0 * 540.0;
 const LARGE: f64 = 1920.0 * 1080.0;
 const LIVE_QUALITY: u8 = 85;
@@ -39,20 +39,20 @@ pub const JPEG: &str = "photo.jpg";
 /// An answer, or why there is none.
 pub type Made = std::result::Result<Answer, Message>;
 
-/// What is made of a subject.
+/// The answer to a request.
 #[derive(Debug)]
 pub struct Answer {
-    /// What there is to say.
+    /// Facts about the product.
     pub facts: Facts,
     /// The photo as [`JPEG`] and the files that were asked for, or the scripts.
     pub files: Vec<File>,
 }
 
-/// What there is to say of a product.
+/// Facts about a product.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub enum Facts {
-    /// Of the photo while one types.
+    /// Of the photo while a visitor types.
     Live(Box<LiveFacts>),
     /// Of the large photo.
     Large(Box<LargeFacts>),
@@ -60,54 +60,53 @@ pub enum Facts {
     Script {},
 }
 
-/// What there is to say of a photo of either size.
+/// Facts about a photo of either size.
 #[derive(Debug, Serialize)]
 pub struct PhotoFacts {
-    /// A box for each letter; none of a drawing.
+    /// A box for each letter. A drawing has none.
     pub boxes: Vec<Option<LetterBox>>,
     /// Seconds of the longest flight.
     pub flight_s: f64,
     /// Height in pixels.
     pub height: u32,
-    /// What makes any word unreadable.
+    /// Problems that make any word unreadable.
     pub obstacles: Vec<Message>,
-    /// Where the light is when.
+    /// The path of the light in time.
     pub replay: LightMap,
-    /// What else one should know.
+    /// Other problems.
     pub warnings: Vec<Message>,
     /// Width in pixels.
     pub width: u32,
 }
 
-/// What there is to say of the photo while one types.
+/// Facts about the photo while a visitor types.
 #[derive(Debug, Serialize)]
 pub struct LiveFacts {
     /// Of a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The drawing; null of a word.
+    /// The drawing. Null for a word.
     pub source: Option<DrawnSource>,
-    /// The verdict; null of a drawing.
+    /// The verdict. Null for a drawing.
     pub verdict: Option<Verdict>,
 }
 
-/// What there is to say of the large photo: the members of `preview --json`, and what the page
-/// needs.
+/// Facts about the large photo: the members of `preview --json`, and what the page needs.
 #[derive(Debug, Serialize)]
 pub struct LargeFacts {
     /// Of a photo of either size.
     #[serde(flatten)]
     pub photo: PhotoFacts,
-    /// The verdict explained; without its members of a drawing.
+    /// The verdict explained. A drawing has none of its members.
     #[serde(flatten)]
     pub verdict: Option<Verdict>,
-    /// The controller that flew, as the scene has it.
+    /// The controller that flew.
     pub controller: ControllerOptions,
     /// Number of drones.
     pub drones: usize,
     /// SHA-256 of the flights.
     pub flight_sha256: Option<String>,
-    /// Changes that help where the word does not read.
+    /// Changes that help a word that does not read.
     pub remedies: Vec<Suggestion>,
     /// What stops its flight.
     pub stops: Vec<Message>,
@@ -116,7 +115,7 @@ pub struct LargeFacts {
 /// Changes of a scene that help its word.
 #[derive(Debug, Serialize)]
 pub struct Suggestion {
-    /// How much the probability that the word is read grows.
+    /// Increase of the probability that the word is read.
     pub gain: f64,
     /// The changes in words.
     pub said: Message,
@@ -124,11 +123,11 @@ pub struct Suggestion {
     pub set: Vec<Change>,
 }
 
-/// A drawing as its file has it: in whole pixels of a picture, or in thousandths of the larger side
-/// of any other. y points down.
+/// A drawing as in its file: in whole pixels of a picture, otherwise in thousandths of its larger
+/// side. y points down.
 #[derive(Debug, Serialize)]
 pub struct DrawnSource {
-    /// Those of the sheet of paper that is drawn.
+    /// Corners of the sheet of paper.
     pub corners: Option<[[f64; 2]; 4]>,
     /// All strokes in the order of their numbers.
     pub strokes: Vec<DrawnStroke>,
@@ -139,31 +138,31 @@ pub struct DrawnSource {
 pub struct DrawnStroke {
     /// Points: x, y, x, y …
     #[serde(rename = "at")]
-    pub places: Vec<i64>,
+    pub coordinates: Vec<i64>,
     /// Its color by name.
     pub color: Option<&'static str>,
 }
 
-/// What a page that asks gets back with its answer.
+/// What a page gets back with its answer.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 pub struct Asked {
-    /// The text that asked for a large photo: whoever sends the photo to be flown sends this text.
+    /// The request for a large photo, which is sent again to have the photo flown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<String>,
     /// Number of the request.
     pub number: Option<u64>,
 }
 
-/// An answer as a page reads it, which has files in base64.
+/// An answer for a page, with files in base64.
 #[derive(Debug, Default, Serialize)]
 pub struct PageAnswer {
-    /// What asked for it.
+    /// What the page gets back.
     #[serde(flatten)]
     asked: Asked,
-    /// What there is to say.
+    /// Facts about the product.
     #[serde(flatten)]
     facts: Option<Facts>,
-    /// Why there is no answer.
+    /// The reason if there is no answer.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<Message>,
     /// The photo as an address of data.
@@ -175,7 +174,7 @@ pub struct PageAnswer {
 }
 
 impl PageAnswer {
-    /// The answer of what was made; a page saves scripts as one archive.
+    /// The answer for a page. Scripts become one archive.
     pub fn new(asked: Asked, made: Made) -> Self {
         let Answer { facts, mut files } = match made {
             Ok(answer) => answer,
@@ -184,6 +183,7 @@ impl PageAnswer {
         if matches!(facts, Facts::Script {}) {
             files = vec![File { name: "flight.zip".into(), bytes: zip(&files) }];
         }
+        // The photo is shown, other files are saved.
         let mut answer = Self { asked, facts: Some(facts), ..Self::default() };
         for File { name, bytes } in files {
             let text = BASE64_STANDARD.encode(bytes);
@@ -202,57 +202,64 @@ impl PageAnswer {
     }
 }
 
-/// The scene that the page begins with, some settings laid over it.
+/// Gives the scene that the page begins with, with settings laid over it.
 pub type Base<'a> = dyn Fn(&[(&str, &str)]) -> Result<Scene> + 'a;
 
-/// Makes what pages ask for.
+/// Makes the products that pages request.
+#[expect(missing_debug_implementations, reason = "its fields are functions")]
 pub struct Studio<'a> {
-    /// The scene that the page begins with, settings laid over it.
+    /// The scene that the page begins with, with settings laid over it.
     pub scene: &'a Base<'a>,
-    /// File of a typeface that has all letters of a word which the scene's font lacks.
+    /// File of a typeface with all letters of a word, if the scene's font lacks one.
     pub typeface: &'a dyn Fn(&str) -> Result<Option<String>>,
-    /// Changes that help where a word does not read.
+    /// Changes that help a word that does not read.
     pub advice: &'a dyn Fn(&Shot) -> Result<Vec<Suggestion>>,
-    /// Whether words are written for an audience, see [`Scene::for_audience`].
+    /// True if words are written for an audience, see [`Scene::for_audience`].
     pub has_audience: bool,
     /// Receives the progress of a photo.
     pub watch: &'a Watch<'a>,
-}
-
-impl std::fmt::Debug for Studio<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Studio").finish_non_exhaustive()
-    }
 }
 
 /// A subject that is ready to be photographed.
 struct Ready {
     shoot: Shoot,
     profile: Profile,
-    /// See [`source`].
     source: Option<DrawnSource>,
-    /// What one should know of a log.
     notes: Vec<Message>,
 }
 
+/// Why a product is not made: an error of a stage, or a message to the page.
+enum Refusal {
+    Stage(Error),
+    Page(Message),
+}
+
+type Attempt<T> = std::result::Result<T, Refusal>;
+
+impl From<Error> for Refusal {
+    fn from(error: Error) -> Self {
+        Self::Stage(error)
+    }
+}
+
 impl Studio<'_> {
-    /// Makes a product of a subject.
-    ///
-    /// # Errors
-    ///
-    /// The message to the page.
+    /// Makes a product of a subject, or the message to the page.
     pub fn make(&self, product: Product, subject: &Subject) -> Made {
-        match product {
+        let made = match product {
             Product::Live => self.live(subject),
             Product::Large { advice, files } => {
                 self.large(subject, advice, files.then_some(Format::Png))
             }
             Product::Script => self.script(subject),
-        }
+        };
+        made.map_err(|refusal| match refusal {
+            Refusal::Stage(error) => message(&error, subject),
+            Refusal::Page(message) => message,
+        })
     }
 
-    /// The scene and the strokes of a subject, whose photo has about as many pixels. Where the
-    /// scene's font lacks a letter, the word is written in a typeface that has all of them.
+    /// The scene and the strokes of a subject for a photo of about `pixels`. If the scene's font
+    /// lacks a letter, the word is written in a typeface that has all of them.
     fn drawn(&self, subject: &Subject, pixels: f64) -> Result<(PreparedScene, Strokes)> {
         let mut prepared = subject.prepared(self.scene, None, pixels)?;
         let strokes = match (prepared.scene.strokes(), subject.title()) {
@@ -263,6 +270,7 @@ impl Studio<'_> {
             }
             (strokes, _) => strokes?,
         };
+        // After the strokes, on which it has no effect.
         if self.has_audience {
             prepared.scene.for_audience();
         }
@@ -274,72 +282,57 @@ impl Studio<'_> {
         Shoot { judging, format, backend, keeps_film: false, ..shoot }.take(self.watch)
     }
 
-    /// The shoot of a subject, whose photo has about as many pixels.
-    fn ready(&self, subject: &Subject, pixels: f64) -> std::result::Result<Ready, Message> {
-        let told = |error| message(&error, subject);
+    /// The shoot of a subject for a photo of about `pixels`.
+    fn ready(&self, subject: &Subject, pixels: f64) -> Attempt<Ready> {
         if subject.log.is_some() {
-            let prepared = subject.prepared(self.scene, None, pixels).map_err(told)?;
-            let PreparedScene { scene, profile } = prepared;
-            let log = Shoot::of_log(scene, LOG.as_ref()).map_err(told)?;
+            let PreparedScene { scene, profile } = subject.prepared(self.scene, None, pixels)?;
+            let log = Shoot::of_log(scene, LOG.as_ref())?;
             let notes = log.warnings.iter().map(Message::of_diagnostic).collect();
             let shoot = log.product;
             return Ok(Ready { shoot, profile, source: None, notes });
         }
-        let (PreparedScene { scene, profile }, strokes) =
-            self.drawn(subject, pixels).map_err(told)?;
+        let (PreparedScene { scene, profile }, strokes) = self.drawn(subject, pixels)?;
         let source = source(&strokes);
         match Shoot::of_strokes(scene, strokes, &|_| Ok(())) {
             Ok(shoot) => Ok(Ready { shoot, profile, source, notes: Vec::new() }),
-            // Of what is too much for a flight, the page leaves strokes out.
+            // The page gets the strokes of a drawing that is too large, to leave some out.
             Err(error) => {
-                let mut message = told(error);
+                let mut message = message(&error, subject);
                 message.values["source"] = json!(source);
-                Err(message)
+                Err(Refusal::Page(message))
             }
         }
     }
 
-    fn live(&self, subject: &Subject) -> Made {
-        let told = |error| message(&error, subject);
+    fn live(&self, subject: &Subject) -> Attempt<Answer> {
         let Ready { shoot, source, notes, .. } = self.ready(subject, LIVE)?;
-        let shot = self.shot(shoot, Judging::Scored, None).map_err(told)?;
+        let shot = self.shot(shoot, Judging::Scored, None)?;
         let files = vec![photo(&shot, LIVE_QUALITY)];
         let photo = PhotoFacts::new(&shot, notes);
         let facts = LiveFacts { photo, source, verdict: shot.verdict };
         Ok(Answer { facts: Facts::Live(facts.into()), files })
     }
 
-    fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Made {
-        let told = |error| message(&error, subject);
+    fn large(&self, subject: &Subject, advice: bool, format: Option<Format>) -> Attempt<Answer> {
         let Ready { shoot, profile, notes, .. } = self.ready(subject, LARGE)?;
-        let shot = self.shot(shoot, Judging::Explained, format).map_err(told)?;
-        // What was flown needs no check.
-        let findings = shot.shoot.is_planned.then(|| shot.findings(&profile)).transpose();
-        let findings = findings.map_err(told)?.unwrap_or_default();
-        let remedies = advice.then(|| (self.advice)(&shot)).transpose().map_err(told)?;
+        let shot = self.shot(shoot, Judging::Explained, format)?;
+        // A log was flown already, so its flight needs no check.
+        let findings = match shot.shoot.is_planned {
+            true => shot.findings(&profile)?,
+            false => Vec::new(),
+        };
+        let remedies = if advice { (self.advice)(&shot)? } else { Vec::new() };
         let mut files = vec![photo(&shot, LARGE_QUALITY)];
         if format.is_some() {
-            let digests = shot.each_file(|name, write| {
-                let mut bytes = Vec::new();
-                write(&mut bytes).expect("memory takes it");
-                let digest = sha256(&bytes);
-                // A page has no use for flights, which its scene flies again.
-                if !name.starts_with("flight") {
-                    files.push(File { name: name.into(), bytes });
-                }
-                Ok(digest)
-            });
-            let scene = shot.shoot.scene.portable().to_toml();
-            let bytes = CarriedScene::text(&scene, digests.map_err(told)?).into_bytes();
-            files.push(File { name: "scene.toml".into(), bytes });
-            // The scene names it.
-            if let Some((name, bytes)) = subject.drawing().map_err(told)? {
+            files.extend(files_of(&shot)?);
+            // The scene names the file of the drawing.
+            if let Some((name, bytes)) = subject.drawing()? {
                 files.push(File { name: name.into(), bytes });
             }
         }
         let facts = LargeFacts {
             photo: PhotoFacts::new(&shot, notes),
-            remedies: remedies.unwrap_or_default(),
+            remedies,
             stops: findings.iter().filter_map(Message::of_stop).collect(),
             drones: shot.shoot.plans.len(),
             flight_sha256: shot.flight_sha256(),
@@ -349,32 +342,50 @@ impl Studio<'_> {
         Ok(Answer { facts: Facts::Large(facts.into()), files })
     }
 
-    /// The scripts that fly a scene by cflib, with what they need, in the order of their names.
-    fn script(&self, subject: &Subject) -> Made {
-        let told = |error| message(&error, subject);
-        let (PreparedScene { mut scene, profile }, strokes) =
-            self.drawn(subject, LARGE).map_err(told)?;
+    /// The scripts that fly a scene by cflib, with the files that they need, sorted by name.
+    fn script(&self, subject: &Subject) -> Attempt<Answer> {
+        let (PreparedScene { mut scene, profile }, strokes) = self.drawn(subject, LARGE)?;
         let format = ExportFormat::Cflib;
-        let mode = make_exportable(&mut scene, Some(&profile), format, None).map_err(told)?;
+        let mode = make_exportable(&mut scene, Some(&profile), format, None)?;
         let tolerance_m = Form::Compressed.tolerance_m();
         let options = ExportOptions { format, mode, tolerance_m, profile, is_unchecked: false };
-        let shoot = Shoot::of_strokes(scene, strokes, &|_| Ok(()));
-        let checked = shoot.and_then(|shoot| CheckedExport::new(shoot, options)).map_err(told)?;
+        let shoot = Shoot::of_strokes(scene, strokes, &|_| Ok(()))?;
+        let checked = CheckedExport::new(shoot, options)?;
+        // Nothing is written for a flight that a check stops.
         let stops: Vec<Message> = checked.findings.iter().filter_map(Message::of_stop).collect();
         if !stops.is_empty() {
-            return Err(Message::of_stops(&stops));
+            return Err(Refusal::Page(Message::of_stops(&stops)));
         }
-        let mut files = checked.files(None).map_err(told)?.files;
+        let mut files = checked.files(None)?.files;
         files.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(Answer { facts: Facts::Script {}, files })
     }
+}
+
+/// The files of a photo, without flights: the scene flies them again.
+fn files_of(shot: &Shot) -> Result<Vec<File>> {
+    let mut files = Vec::new();
+    let digests = shot.each_file(|name, write| {
+        let mut bytes = Vec::new();
+        write(&mut bytes).expect("memory takes it");
+        // The scene has the digests of all files, also of those that are left out.
+        let digest = sha256(&bytes);
+        if !name.starts_with("flight") {
+            files.push(File { name: name.into(), bytes });
+        }
+        Ok(digest)
+    })?;
+    let scene = shot.shoot.scene.portable().to_toml();
+    let bytes = CarriedScene::text(&scene, digests).into_bytes();
+    files.push(File { name: "scene.toml".into(), bytes });
+    Ok(files)
 }
 
 fn photo(shot: &Shot, quality: u8) -> File {
     File { name: JPEG.into(), bytes: jpeg(&shot.photo, quality) }
 }
 
-/// Why there is no answer.
+/// The message to a page about an error.
 fn message(error: &Error, subject: &Subject) -> Message {
     match (error, &subject.log) {
         (Error::Input { .. }, Some(_)) => Message::of_log(&format!("{error}: {}", error.hint())),
@@ -383,52 +394,49 @@ fn message(error: &Error, subject: &Subject) -> Message {
 }
 
 impl PhotoFacts {
-    /// Those of a shot; `notes` are of its log.
+    /// Facts about a shot. `notes` are those of its log.
     fn new(shot: &Shot, notes: Vec<Message>) -> Self {
-        // Warnings of the flight are for those who fly it.
-        let is_seen = |problem: &&Diagnostic| {
-            problem.is_stop() || FLAWS.contains(&code_on_page(problem.code))
-        };
-        let problems = shot.problems.iter().filter(is_seen);
-        let (obstacles, flaws): (Vec<&Diagnostic>, Vec<_>) = problems.partition(|it| it.is_stop());
+        let (obstacles, others): (Vec<&Diagnostic>, Vec<_>) =
+            shot.problems.iter().partition(|problem| problem.is_stop());
+        // Warnings of the flight are for the operator.
+        let flaws = others.into_iter().filter(|problem| FLAWS.contains(&code_on_page(problem.code)));
         Self {
             boxes: boxes(shot),
             flight_s: end_s(shot),
             height: shot.photo.height_px,
             obstacles: obstacles.into_iter().map(Message::of_diagnostic).collect(),
             replay: LightMap::new(shot),
-            warnings: notes
-                .into_iter()
-                .chain(flaws.into_iter().map(Message::of_diagnostic))
-                .collect(),
+            warnings: notes.into_iter().chain(flaws.map(Message::of_diagnostic)).collect(),
             width: shot.photo.width_px,
         }
     }
 }
 
 impl Suggestion {
-    /// Changes of a scene with their gain; `None` without a change.
+    /// Changes of a scene with their gain. `None` without a change.
     pub fn new(set: Vec<Change>, gain: f64) -> Option<Self> {
         Some(Self { gain, said: Message::of_changes(&set)?, set })
     }
 }
 
-/// A drawing as its file has it; `None` of a word.
+/// A drawing as in its file. `None` for a word.
 fn source(strokes: &Strokes) -> Option<DrawnSource> {
-    let Source { corners_px, is_bitmap, strokes: all } = &strokes.source;
-    let [left, top, right, bottom] = bounds(all.iter().flat_map(|it| it.points.iter().copied()));
+    let Source { corners_px, is_bitmap, strokes } = &strokes.source;
+    let points = strokes.iter().flat_map(|stroke| stroke.points.iter().copied());
+    let [left, top, right, bottom] = bounds(points);
     let ([x, y], scale) = match is_bitmap {
         true => ([0.0; 2], 1.0),
         false => ([left, top], 1e3 / f64::max(right - left, bottom - top).max(1e-9)),
     };
-    let stroke = |SourceStroke { points, color }: &SourceStroke| {
+    let mut drawn = Vec::new();
+    for SourceStroke { points, color } in strokes {
+        // Whole units suffice, and so do the points that are a unit from the line of the others.
         let points: Vec<[f64; 2]> =
             points.iter().map(|point| [scale * (point[0] - x), scale * (point[1] - y)]).collect();
         let kept = simplify(&points, 1.0).into_iter().flat_map(|index| points[index]);
         #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-        let places = kept.map(|place| place.round() as i64).collect();
-        DrawnStroke { places, color: *color }
-    };
-    let strokes: Vec<DrawnStroke> = all.iter().map(stroke).collect();
-    (!strokes.is_empty()).then_some(DrawnSource { corners: *corners_px, strokes })
+        let coordinates = kept.map(|coordinate| coordinate.round() as i64).collect();
+        drawn.push(DrawnStroke { coordinates, color: *color });
+    }
+    (!drawn.is_empty()).then_some(DrawnSource { corners: *corners_px, strokes: drawn })
 }

@@ -1,7 +1,8 @@
-//! The door of the WebAssembly module: a request and its answer are JSON in the module's memory.
+//! The entry points of the WebAssembly module. A request and its answer are JSON in the memory of
+//! the module.
 //!
-//! The worker reserves as many bytes as a request has, writes them there, and calls a function,
-//! which returns how many bytes the answer has; these begin at [`output`].
+//! The worker reserves the bytes of a request, writes them there, and calls a function, which
+//! returns the number of bytes of the answer at [`output`].
 
 #![allow(unsafe_code, reason = "functions are exported by their names")]
 
@@ -16,15 +17,15 @@ use serde_json::json;
 
 #[link(wasm_import_module = "page")]
 unsafe extern "C" {
-    /// Tells the page how far a photo is: in the flight (0) or in the exposure (1).
-    safe fn progress(stage: u32, share: f64);
+    /// Reports the fraction of a stage that is done: of the flight (0) or of the exposure (1).
+    safe fn progress(stage: u32, fraction: f64);
 }
 
 static INPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 static OUTPUT: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 static BASE: Mutex<String> = Mutex::new(String::new());
 
-/// Reserves place for a request, and returns where it is.
+/// Reserves memory for a request, and returns its address.
 #[unsafe(no_mangle)]
 extern "C" fn reserve(bytes: usize) -> *mut u8 {
     let mut input = INPUT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -32,7 +33,7 @@ extern "C" fn reserve(bytes: usize) -> *mut u8 {
     input.as_mut_ptr()
 }
 
-/// Where the answer is.
+/// Address of the answer.
 #[unsafe(no_mangle)]
 extern "C" fn output() -> *const u8 {
     OUTPUT.lock().unwrap_or_else(PoisonError::into_inner).as_ptr()
@@ -43,14 +44,14 @@ extern "C" fn output() -> *const u8 {
 extern "C" fn base() -> usize {
     let text = String::from_utf8(input()).unwrap_or_default();
     *BASE.lock().unwrap_or_else(PoisonError::into_inner) = text;
-    told("{}".to_owned())
+    put("{}".to_owned())
 }
 
-/// What a page without a server has to know: colors, limits, and the scene that its controls begin
-/// with.
+/// Facts for a page without a server: colors, limits, and the scene that its controls begin with.
 #[unsafe(no_mangle)]
 extern "C" fn about() -> usize {
     let scene = Scene::preset(Preset::default());
+    // Whoever opens the page is its host and its visitor.
     let about = About {
         host: Host { role: Role::Visitor, boot: "", brand: &Brand::default(), network: false },
         alone: true,
@@ -64,10 +65,10 @@ extern "C" fn about() -> usize {
         base: None,
         scene: Some(&scene),
     };
-    told(json!(about).to_string())
+    put(json!(about).to_string())
 }
 
-/// The photo while one types.
+/// The photo while a visitor types.
 #[unsafe(no_mangle)]
 extern "C" fn live() -> usize {
     answered(|_| Product::Live)
@@ -89,7 +90,7 @@ extern "C" fn script() -> usize {
 fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
     let photo = match PhotoRequest::parse(&input(), Asker::Alone) {
         Ok(photo) => photo,
-        Err(message) => return told(message.json().to_string()),
+        Err(message) => return put(message.json().to_string()),
     };
     let base = BASE.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let studio = Studio {
@@ -97,18 +98,18 @@ fn answered(product: fn(&PhotoRequest) -> Product) -> usize {
         typeface: &|_word| Ok(None),
         advice: &|_shot| Ok(Vec::new()),
         has_audience: !base.is_empty(),
-        watch: &|stage, share| progress(u32::from(stage == Stage::Exposing), share),
+        watch: &|stage, fraction| progress(u32::from(stage == Stage::Exposing), fraction),
     };
     let made = studio.make(product(&photo), &photo.subject);
-    told(PageAnswer::new(Asked { id: None, number: photo.number }, made).json())
+    put(PageAnswer::new(Asked { id: None, number: photo.number }, made).json())
 }
 
 fn input() -> Vec<u8> {
     std::mem::take(&mut *INPUT.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Puts an answer where the page reads it; returns its bytes.
-fn told(answer: String) -> usize {
+/// Puts an answer where the page reads it. Returns its number of bytes.
+fn put(answer: String) -> usize {
     let bytes = answer.len();
     *OUTPUT.lock().unwrap_or_else(PoisonError::into_inner) = answer.into_bytes();
     bytes

@@ -1,11 +1,10 @@
-//! Photo service: what a page asks for becomes a photograph with its verdict: typed facts, and
+//! Photo service: the request of a page becomes a photograph with its verdict, as typed facts with
 //! files as bytes beside them.
 //!
-//! A [`request`] is read and checked, its subject prepared as a scene, flown and photographed
-//! ([`answer`]); where it is refused, a message says why ([`messages`]). The crate `serve` answers
-//! the requests of its visitors so. Compiled to WebAssembly, it answers them in the browser: `door`
-//! has the functions that a page's worker calls, and `src/photo_service/build` writes the page
-//! around it.
+//! A [`request`] is read and checked, and its subject is prepared as a scene, flown and
+//! photographed ([`answer`]). If it is refused, a message says why ([`messages`]). The crate
+//! `serve` answers the requests of its visitors with it. Compiled to WebAssembly (`door`,
+//! `src/photo_service/build`), it answers them in the browser.
 
 #![deny(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]

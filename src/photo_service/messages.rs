@@ -1,6 +1,6 @@
-//! Messages to visitors as data: a key with its values, which the page words in the visitor's
-//! language, and the English sentence for a page that lacks the key. No path of this machine is in
-//! it.
+//! Messages to visitors as data: a key with its values, for which the page has a sentence in the
+//! visitor's language, and an English sentence for a page without the key. No path of this machine
+//! is in it.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -15,16 +15,16 @@ pub struct Message {
     pub key: String,
     /// Its figures, by name with their unit.
     pub values: Value,
-    /// An English sentence, where the page has none.
+    /// An English sentence, for a page without one.
     pub text: String,
-    /// What to do, in English; may be empty.
+    /// What to do, in English, or nothing.
     pub hint: String,
 }
 
-/// Declares the keys of refusals: name, status of HTTP where it is one, English sentence and hint.
+/// Declares the keys of refusals: name, status of HTTP, English sentence and hint.
 macro_rules! keys {
     ($($key:ident $name:literal $status:literal $text:literal $hint:literal;)+) => {
-        /// What can be refused.
+        /// Reasons of a refusal.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Key { $(#[doc = $text] $key,)+ }
 
@@ -77,10 +77,10 @@ keys! {
     Conflict "conflict" 409 "somebody else was faster" "look again";
 }
 
-/// What can be refused with a key.
+/// A result, or the key of a refusal.
 pub type KeyResult<T> = Result<T, Key>;
 
-/// Keys of what stops a flight: the checks, whose names the crate `studio` gives.
+/// Keys of the checks that stop a flight.
 const STOPS: &str = "stop-acceleration stop-altitude-hold stop-baseline stop-battery stop-camera \
     stop-corridor stop-coverage stop-doubled-stroke stop-estimator stop-evenness stop-flight \
     stop-flight-time stop-frame stop-headlights stop-jump stop-landing stop-led-memory \
@@ -96,7 +96,7 @@ const ADVICE: &str = "set-camera.focus_m set-camera.framing set-camera.metering 
     set-plan.light_clock set-plan.lights set-plan.reference set-plan.stroke_speed_m_s \
     set-plan.style set-other";
 
-/// A key of a list, or the last, which stands for any other.
+/// A key of a list, or the last one, which is for all others.
 fn listed(keys: &str, key: &str) -> String {
     let known = keys.split(' ').find(|known| *known == key);
     known.or(keys.split(' ').next_back()).unwrap_or_default().to_owned()
@@ -109,7 +109,7 @@ pub fn code_on_page(code: &str) -> &str {
 }
 
 impl Message {
-    /// A refusal in words of its own.
+    /// A refusal with its own text.
     pub fn new(key: Key, values: Value, text: String, hint: &str) -> Self {
         Self { key: key.name().into(), values, text, hint: hint.into() }
     }
@@ -144,7 +144,7 @@ impl Message {
         Self::new(key, values, without_paths(&error.to_string()), &without_paths(error.hint()))
     }
 
-    /// What there is to say of a log: in English, as it names parts of the log.
+    /// A message about a log, in English, since it names parts of the log.
     pub fn of_log(text: &str) -> Self {
         let (text, hint) = (without_paths(text), String::new());
         Self { key: "log".into(), values: json!({}), text, hint }
@@ -157,7 +157,7 @@ impl Message {
         Self { key: code_on_page(diagnostic.code).into(), values, text, hint: String::new() }
     }
 
-    /// What stops a flight; `None` of what does not.
+    /// A check that stops a flight. `None` for one that does not.
     pub fn of_stop(stop: &Diagnostic) -> Option<Self> {
         let key = listed(STOPS, &format!("stop-{}", stop.code.replace(' ', "-").to_lowercase()));
         let text = format!("{}: {stop}", stop.code);
@@ -183,7 +183,7 @@ impl Message {
         Self { values, ..self }
     }
 
-    /// What is answered where something was refused.
+    /// The JSON of a refusal.
     pub fn json(&self) -> Value {
         json!({ "error": self })
     }
@@ -196,15 +196,16 @@ impl From<Key> for Message {
     }
 }
 
-/// The keys of a place, as a setting names them.
+/// The keys of a place, joined by dots.
 fn dotted(place: &Place) -> String {
-    let key = |segment: &Segment| match segment {
-        Segment::Key(key) => Some(key.clone()),
+    let keys = place.0.iter().filter_map(|segment| match segment {
+        Segment::Key(key) => Some(&**key),
         _ => None,
-    };
-    place.0.iter().filter_map(key).collect::<Vec<_>>().join(".")
+    });
+    keys.collect::<Vec<_>>().join(".")
 }
 
+/// The key of an error, which is its code unless the page has a more precise one.
 fn key_of(error: &Error, is_picture: bool) -> Key {
     let Error::Input { place, .. } = error else {
         return match error.code() {
@@ -213,6 +214,7 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
             code => named(code).unwrap_or(Key::NotPossible),
         };
     };
+    // The place of an error tells what it is about: the drawing's file, the word or a setting.
     let is_drawing = place.key() == "drawing"
         || place
             .0
@@ -227,22 +229,23 @@ fn key_of(error: &Error, is_picture: bool) -> Key {
     }
 }
 
-/// The key with a name.
 fn named(name: &str) -> Option<Key> {
     Key::ALL.iter().copied().find(|key| key.name() == name)
 }
 
-/// A text with the names of files in place of their paths, which begin with a slash that no letter
-/// or digit is before.
+/// A text with the names of files in place of their paths. A path begins with a slash that does not
+/// follow a letter or a digit.
 fn without_paths(text: &str) -> String {
-    let name = |word: &str| {
-        let begins = |begin: &usize| !word[..*begin].ends_with(char::is_alphanumeric);
-        match word.match_indices('/').map(|(begin, _)| begin).find(begins) {
+    let mut words = Vec::new();
+    for word in text.split(' ') {
+        let mut slashes = word.match_indices('/').map(|(begin, _)| begin);
+        let begin = slashes.find(|begin| !word[..*begin].ends_with(char::is_alphanumeric));
+        words.push(match begin {
             Some(begin) => word[..begin].to_owned() + word.rsplit('/').next().unwrap_or_default(),
             None => word.to_owned(),
-        }
-    };
-    text.split(' ').map(name).collect::<Vec<_>>().join(" ")
+        });
+    }
+    words.join(" ")
 }
 
 #[cfg(test)]
@@ -303,7 +306,7 @@ mod tests {
                     let words = |table: &Value| {
                         table[group][key.as_str().unwrap()]
                             .as_str()
-                            .is_some_and(|it| !it.is_empty())
+                            .is_some_and(|sentence| !sentence.is_empty())
                     };
                     assert!(tables.iter().any(words), "{name}: {group} {key}");
                 }

@@ -1,7 +1,7 @@
-//! A photo that a visitor asks for: a word or a drawing, and settings.
+//! The request for a photo: a word or a drawing, and settings.
 //!
-//! No path comes from the network: a drawing is a text, which is whose file has a name of ours,
-//! and only keys that name no file can be set.
+//! No path comes from the network: a drawing is text, whose file gets a fixed name, and keys that
+//! name a file cannot be set.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -19,7 +19,7 @@ use noctograph_letters::plain;
 pub const MAX_WORD: usize = 24;
 const MAX_VISITOR: usize = 40;
 
-/// Most bytes of a setting's value: the longest lists the strokes that are left out.
+/// Most bytes of a setting's value. The longest one lists the strokes that are left out.
 const MAX_VALUE: usize = 4096;
 
 /// Name of a log's file.
@@ -28,8 +28,7 @@ pub(crate) const LOG: &str = "log";
 /// Most pixels of a picture's side.
 const MAX_SIDE: u32 = 2000;
 
-/// Keys that can be set: those of the page's controls and those that advice sets; all of a table
-/// that ends with a dot.
+/// Keys that can be set, by the page's controls and by advice. A table ends with a dot.
 const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing camera.framing.fill_frac \
     camera.iso camera.lens camera.metering camera.shutter_close_s camera.shutter_open_s \
     controller. letters.canvas_m letters.cap_height_m letters.corners_px \
@@ -38,7 +37,7 @@ const KEYS: &str = "camera.body camera.f_number camera.focus_m camera.framing ca
     light.letters_wrgb light.ring photo.ambient_cd_m2 plan.drones plan.light_clock \
     plan.lights plan.reference plan.stroke_speed_m_s plan.style preset seed";
 
-/// Those of them that the page of a kiosk sets: the lamp's color, and the pad.
+/// Keys that the page of a kiosk sets: the color of the lamp, and the pad.
 const KIOSK_KEYS: &str = "camera.framing.fill_frac letters.canvas_m letters.pace light.deck \
     light.letters_wrgb plan.lights";
 
@@ -48,11 +47,11 @@ const ASPECTS: std::ops::RangeInclusive<f64> = 0.4..=2.5;
 /// The page that asks for a photo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asker {
-    /// Without a server: the logs of flights are photographed, too.
+    /// Without a server. It also photographs the logs of flights.
     Alone,
-    /// Of a server: what is asked for can be flown.
+    /// Of a server, which can have photos flown.
     Served,
-    /// Of a kiosk: with no settings but those of its controls.
+    /// Of a kiosk, with only the settings of its controls.
     Kiosk,
 }
 
@@ -76,28 +75,28 @@ struct Posted {
     aspect: Option<f64>,
 }
 
-/// A photo that a visitor asks for.
+/// A checked request.
 #[derive(Debug)]
 pub struct PhotoRequest {
     /// Random name of the page that asks.
     pub visitor: String,
-    /// Rises with each change, so that a request that arrives late is known.
+    /// Rises with each change, so that a late request is recognized.
     pub number: Option<u64>,
-    /// Whether changes are flown where a word does not read.
+    /// True if changes are tried for a word that does not read.
     pub advice: bool,
-    /// Whether the large photo comes with its files.
+    /// True if the large photo comes with its files.
     pub files: bool,
-    /// What is written or drawn.
+    /// The word or drawing.
     pub subject: Subject,
 }
 
-/// What is written or drawn, and how: equal subjects make equal photos.
+/// A word or drawing with its settings. Equal subjects make equal photos.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Subject {
-    /// The word; that of a drawing is empty.
+    /// The word. Empty for a drawing.
     pub word: String,
     drawing: Option<Drawing>,
-    /// The log of a flight, in base64; the word is the one that was flown, or empty.
+    /// The log of a flight, in base64. The word is the one that was flown, or empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) log: Option<String>,
     /// Width, depth and height in meters, as `--room` takes them.
@@ -108,24 +107,24 @@ pub struct Subject {
     aspect: Option<f64>,
 }
 
-/// What can be made of a subject.
+/// A product of a subject.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Product {
-    /// The photo while one types, with its verdict.
+    /// The photo while a visitor types, with its verdict.
     Live,
-    /// The large photo, its verdict explained and what stops its flight.
+    /// The large photo, with its verdict explained and the checks that stop its flight.
     Large {
-        /// Whether there is advice where it does not read, which takes some thirty flights.
+        /// True if a word that does not read gets advice, which takes some thirty flights.
         advice: bool,
-        /// Whether its files are there: photo, scene and plans.
+        /// True if its files are made: photo, scene and plans.
         files: bool,
     },
-    /// The scripts that fly it, with what they need.
+    /// The scripts that fly it, with the files that they need.
     Script,
 }
 
-/// A drawing in place of a word. A picture's text is base64.
+/// A drawing instead of a word. The text of a picture is base64.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 struct Drawing {
@@ -142,44 +141,38 @@ enum Kind {
 }
 
 impl Drawing {
-    /// What its file holds.
+    /// The content of its file.
     fn bytes(&self) -> Result<Vec<u8>> {
-        if !matches!(self.kind, Kind::Jpg) {
+        if self.kind != Kind::Jpg {
             return Ok(self.text.clone().into_bytes());
         }
-        let refused = |actual: String| {
-            let wanted = format!("a JPEG of at most {MAX_SIDE} pixels a side, in base64");
-            Error::input("drawing", actual, wanted, "reload the page")
-        };
-        let bytes = BASE64_STANDARD.decode(&self.text).map_err(|e| refused(e.to_string()))?;
-        // The page makes pictures smaller; a small file can hold a huge one.
+        let bytes = BASE64_STANDARD.decode(&self.text).map_err(not_a_picture)?;
+        // The page makes pictures smaller, but a small file can have a huge one.
         let reader = ImageReader::with_format(Cursor::new(&bytes), ImageFormat::Jpeg);
-        let (width, height) = reader.into_dimensions().map_err(|e| refused(e.to_string()))?;
+        let (width, height) = reader.into_dimensions().map_err(not_a_picture)?;
         if width.max(height) > MAX_SIDE {
-            return Err(refused(format!("{width} × {height} pixels")));
+            return Err(not_a_picture(format!("{width} × {height} pixels")));
         }
         Ok(bytes)
     }
 }
 
+fn not_a_picture(actual: impl ToString) -> Error {
+    let wanted = format!("a JPEG of at most {MAX_SIDE} pixels a side, in base64");
+    Error::input("drawing", actual.to_string(), wanted, "reload the page")
+}
+
 impl PhotoRequest {
-    /// Reads and checks a request.
-    ///
-    /// # Errors
-    ///
-    /// The message to its visitor.
+    /// Reads and checks a request, or gives the message to its visitor.
     pub fn parse(body: &[u8], asker: Asker) -> std::result::Result<Self, Message> {
-        let refused = |actual: String| Err(Message::of_old_page(&actual));
-        let posted: Posted = match serde_json::from_slice(body) {
-            Ok(posted) => posted,
-            Err(broken) => return refused(broken.to_string()),
-        };
+        let posted: Posted = serde_json::from_slice(body)
+            .map_err(|broken| Message::of_old_page(&broken.to_string()))?;
         let Posted { visitor, number, advice, files, word, drawing, log, room, settings, aspect } =
             posted;
         if log.is_some() && (asker != Asker::Alone || drawing.is_some()) {
-            return refused("the log of a flight".into());
+            return Err(Message::of_old_page("the log of a flight"));
         }
-        // What a title is made of runs as it is written.
+        // The subject, whose faults a visitor can mend. A title has plain characters.
         let word = plain(&word);
         let n_letters = word.chars().count();
         if n_letters > MAX_WORD {
@@ -194,68 +187,73 @@ impl PhotoRequest {
             return Err(Key::WordEmpty.into());
         }
         if !is_name(&visitor) {
-            return refused(format!("a visitor of {} bytes", visitor.len()));
+            return Err(Message::of_old_page(&format!("a visitor of {} bytes", visitor.len())));
         }
-        let lacks = |keys: &str| settings.keys().find(|key| !lists(keys, key));
-        if let Some(key) = lacks(KEYS) {
+        // The settings, which only another version of the page, or no page, gets wrong.
+        if let Some(key) = unlisted(&settings, KEYS) {
             let values = json!({ "setting": key });
             return Err(Message::of_old_page(&format!("the setting {key}")).with_values(values));
         }
-        if asker == Asker::Kiosk && (advice || room.is_some() || lacks(KIOSK_KEYS).is_some()) {
+        let is_more = advice || room.is_some() || unlisted(&settings, KIOSK_KEYS).is_some();
+        if asker == Asker::Kiosk && is_more {
             return Err(Key::NotHere.into());
         }
         if let Some((key, value)) = settings.iter().find(|(_, value)| value.len() > MAX_VALUE) {
-            return refused(format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len()));
+            let actual = format!("{key} of {} bytes, wanted at most {MAX_VALUE}", value.len());
+            return Err(Message::of_old_page(&actual));
         }
-        // A name with a dot is a file's.
-        if let Some(font) = settings.get("letters.font").filter(|it| it.contains(['.', '/', '\\']))
-        {
-            return refused(format!("letters.font={font}"));
+        // A font with a dot or a slash would be a file.
+        let font = settings.get("letters.font");
+        if let Some(font) = font.filter(|font| font.contains(['.', '/', '\\'])) {
+            return Err(Message::of_old_page(&format!("letters.font={font}")));
         }
         if let Some(aspect) = aspect.filter(|aspect| !ASPECTS.contains(aspect)) {
-            return refused(format!("the proportions {aspect}"));
+            return Err(Message::of_old_page(&format!("the proportions {aspect}")));
         }
         let subject = Subject { word, drawing, log, room, settings, aspect };
         Ok(Self { visitor, number, advice, files, subject })
     }
 }
 
-/// Whether keys have one, or its table.
-fn lists(keys: &str, key: &str) -> bool {
-    keys.split(' ').any(|it| it == key || it.ends_with('.') && key.starts_with(it))
+/// A setting whose key is not in a list, nor in a table of the list.
+fn unlisted<'a>(settings: &'a BTreeMap<String, String>, keys: &str) -> Option<&'a String> {
+    settings.keys().find(|key| {
+        !keys
+            .split(' ')
+            .any(|known| known == *key || known.ends_with('.') && key.starts_with(known))
+    })
 }
 
-/// Whether a visitor may be called so.
+/// True if a text can be the name of a visitor.
 pub fn is_name(visitor: &str) -> bool {
     (1..=MAX_VISITOR).contains(&visitor.len())
         && visitor.bytes().all(|byte| byte.is_ascii_alphanumeric())
 }
 
 impl Subject {
-    /// The word; `None` for a drawing.
+    /// The word. `None` for a drawing.
     pub fn title(&self) -> Option<&str> {
         self.drawing.is_none().then_some(&*self.word)
     }
 
-    /// Whether it is a picture, whose lines are looked for.
+    /// True for a picture, whose lines are looked for.
     pub fn is_picture(&self) -> bool {
         self.drawing.as_ref().is_some_and(|drawing| drawing.kind == Kind::Jpg)
     }
 
-    /// The size of a photo of about as many pixels.
+    /// Width and height of a photo of about `pixels`, both even.
     pub fn size_px(&self, pixels: f64) -> [u32; 2] {
         let aspect = self.aspect.unwrap_or(16.0 / 9.0);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
-        let even = |side: f64| 2 * (side / 2.0).round() as u32;
         let width = (pixels * aspect).sqrt();
-        [even(width), even(width / aspect)]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels")]
+        [width, width / aspect].map(|side| 2 * (side / 2.0).round() as u32)
     }
 
-    /// Name and content of the drawing's file; `None` of a word.
+    /// Name and content of the drawing's file. `None` for a word.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a picture that is none, or too large.
+    /// [`Error::Input`] for a picture that cannot be read, or is too large.
     pub fn drawing(&self) -> Result<Option<(&'static str, Vec<u8>)>> {
         let Some(drawing) = &self.drawing else { return Ok(None) };
         let name = match drawing.kind {

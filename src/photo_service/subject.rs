@@ -1,4 +1,4 @@
-//! A subject as a scene, where no command line reads it.
+//! A subject as a scene, without a command line.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 
@@ -14,7 +14,7 @@ use super::answer::Base;
 use super::request::{LOG, Subject};
 
 impl Subject {
-    /// Brings the log, if there is one; returns the scene that came with it.
+    /// Stores the log, if there is one. Returns the scene that came with it.
     fn carried(&self) -> Result<Option<CarriedScene>> {
         let Some(log) = &self.log else { return Ok(None) };
         let bytes = BASE64_STANDARD.decode(log).map_err(|broken| {
@@ -24,12 +24,8 @@ impl Subject {
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
-    /// The page's scene, or its log's, with the settings of a visitor, for a photo of about as many
-    /// pixels; `face` is the file of another typeface.
-    ///
-    /// # Errors
-    ///
-    /// Those of the scene and its check; [`Error::Input`] for a room that is none.
+    /// The scene of the page or of the log, with the settings of a visitor, for a photo of about
+    /// `pixels`. `face` is the file of another typeface.
     pub(crate) fn prepared(
         &self,
         base: &Base<'_>,
@@ -37,18 +33,17 @@ impl Subject {
         pixels: f64,
     ) -> Result<PreparedScene> {
         let drawing = self.drawing()?;
-        let room = self.room.as_deref().map(|text| (text, parse_room(text)));
-        let room_m = room.map(|(text, room)| {
-            room.map_err(|wanted| {
+        let mut room_m = None;
+        if let Some(text) = &self.room {
+            room_m = Some(parse_room(text).map_err(|wanted| {
                 let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
                 Error::input("room", text, wanted, "reload the page")
-            })
-        });
-        let room_m = room_m.transpose()?;
-        let is_typed = |key: &str| self.settings.contains_key(key);
+            })?);
+        }
+        // 1. Settings, the later ones over the earlier: room, drawing, visitor, typeface.
         let mut settings: Vec<(String, String)> = Vec::new();
+        let is_height_typed = self.settings.contains_key("letters.cap_height_m");
         if let Some(room_m) = room_m {
-            let is_height_typed = is_typed("letters.cap_height_m");
             settings.push(("expose.room_m".into(), format!("{room_m:?}")));
             settings.extend(letters_within(room_m, drawing.is_some(), is_height_typed));
         }
@@ -64,17 +59,19 @@ impl Subject {
             None => base(&settings)?,
         };
         [scene.camera.width_px, scene.camera.height_px] = self.size_px(pixels);
+        // 2. The word, or the file of the drawing, which the scene names already.
         match drawing {
             Some((name, bytes)) => bring(name, bytes)?,
-            // A log may name its own word.
+            // The scene of a log has the word that was flown, which a visitor need not type.
             None if self.word.is_empty() => {}
             None => scene.set_word(&self.word.replace("\\n", "\n")),
         }
         scene.check()?;
+        // 3. The room: stations, the size of the word, and the place of the camera.
         let mut profile = Profile::indoor();
         if let Some(room_m) = room_m {
             hang_stations(&mut scene, room_m);
-            if !["letters.cap_height_m", "letters.canvas_m"].into_iter().any(is_typed) {
+            if !is_height_typed && !self.settings.contains_key("letters.canvas_m") {
                 fit_within(&mut scene, room_m)?;
             }
         }
@@ -86,7 +83,7 @@ impl Subject {
     }
 }
 
-/// Puts a file where the scene finds it: into the present folder, or into memory.
+/// Writes a file into the present folder. A page has only memory.
 pub(crate) fn bring(name: &str, bytes: Vec<u8>) -> Result<()> {
     #[cfg(target_family = "wasm")]
     noctograph_core::files::bring(name, bytes);

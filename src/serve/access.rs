@@ -1,11 +1,11 @@
-//! Who may ask: a browser that was given the address, from a page of this server.
+//! Access: a browser that knows the address, from a page of this server.
 //!
-//! The address holds a secret, so that another user or page of the machine does not know it: one of
-//! the visitors, one of the kiosks, one of the operator, who sits at this machine, and one of each
-//! entry, which leads to that entry alone. A name that is rebound to this machine (DNS rebinding)
-//! is known by its `Host`, and a foreign page that posts by its `Origin`, its `Sec-Fetch-Site`, and
-//! by the content type, for which its browser would ask first (a CORS preflight), which is refused.
-//! There are no cookies.
+//! Each address has a secret: that of visitors, of kiosks, of the operator at this machine, and of
+//! each entry, which leads only to that entry. A name that is rebound to this machine (DNS
+//! rebinding) is recognized by its `Host`. A foreign page that posts is recognized by its `Origin`,
+//! its
+//! `Sec-Fetch-Site`, or the content type, for which a browser asks first (a CORS preflight), and is
+//! refused. There are no cookies.
 
 use std::net::IpAddr;
 
@@ -17,44 +17,44 @@ use super::address::{Address, is_secret};
 use super::http::{HttpError, HttpResult, MAX_BODY};
 use noctograph_photo_service::request::Asker;
 
-/// Why an address without a valid secret is refused: of a browser it opens a page that says so.
+/// Refusal of an address without a valid secret. A browser gets a page that says so.
 pub(crate) const OLD_ADDRESS: &str = "open the address that the program printed";
 
-/// What is let in.
+/// The rules for admitting requests.
 #[derive(Debug)]
 pub(crate) struct Access {
     pub(crate) address: Address,
-    /// Whether other machines are served.
+    /// True if other machines are served.
     pub(crate) network: bool,
 }
 
-/// Whose address was asked for.
+/// The owner of the address of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Base {
     Visitors,
-    /// A screen that stands in the hall: no settings and no downloads.
+    /// A public screen in the hall, without settings and downloads.
     Kiosk,
     Operator,
-    /// That of an entry by its name, which is not known yet to be one.
+    /// The name of an entry, which may not exist.
     Entry(String),
 }
 
-/// A request that was let in.
+/// A request that was admitted.
 #[derive(Debug)]
 pub(crate) struct Request {
     pub(crate) peer: IpAddr,
     pub(crate) base: Base,
     pub(crate) route: String,
-    /// What follows the question mark.
+    /// The text after the question mark.
     pub(crate) query: String,
-    /// The mark of the page's file that the browser has.
+    /// The `ETag` of the file that the browser has.
     pub(crate) known_mark: Option<String>,
-    /// What is sent, read after the request was let in; `None`: something is asked for.
+    /// The body of a POST, read after the request was admitted. `None` for a GET.
     pub(crate) body: Option<Bytes>,
 }
 
 impl Request {
-    /// Whether it comes from this machine, and not from a screen that stands in the hall.
+    /// True if it comes from this machine, and not from a kiosk.
     pub(crate) fn is_home(&self) -> bool {
         self.peer.is_loopback() && self.base != Base::Kiosk
     }
@@ -67,13 +67,12 @@ impl Request {
 
 impl Access {
     pub(crate) fn admit(&self, head: &Parts, peer: IpAddr) -> HttpResult<Request> {
-        if head.headers.get_all("host").iter().count() > 1 || !self.is_own_host(field(head, "host"))
-        {
+        let n_hosts = head.headers.get_all("host").iter().count();
+        if n_hosts > 1 || !self.is_this_server(field(head, "host")) {
             return Err(HttpError(421, "the address names another host"));
         }
-        let unknown = HttpError(403, OLD_ADDRESS);
-        // Nothing is decoded, since no route needs it.
-        let (base, route) = self.base(head.uri.path(), peer).ok_or(unknown)?;
+        // No route has a percent sign, so paths are not decoded.
+        let (base, route) = self.base(head.uri.path(), peer).ok_or(HttpError(403, OLD_ADDRESS))?;
         let body = match head.method {
             Method::GET => None,
             Method::POST => {
@@ -100,58 +99,57 @@ impl Access {
         Some((base, route))
     }
 
-    /// Whether a host is this server by number, or `localhost`: no name that others define.
-    fn is_own_host(&self, host: &str) -> bool {
+    /// True if a host is this server by number, or `localhost`. Other names are defined by others.
+    fn is_this_server(&self, host: &str) -> bool {
         let Some((name, port)) = host.rsplit_once(':') else { return false };
         let name = name.strip_prefix('[').and_then(|name| name.strip_suffix(']')).unwrap_or(name);
-        let is_own = |ip: IpAddr| self.network || ip.is_loopback();
+        let ip = name.parse::<IpAddr>();
         port == self.address.port.to_string()
-            && (name == "localhost" || name.parse::<IpAddr>().is_ok_and(is_own))
+            && (name == "localhost" || ip.is_ok_and(|ip| self.network || ip.is_loopback()))
     }
 }
 
-/// Whether a browser opens an address, and reads a page.
+/// True if a browser opens an address as a page.
 pub(crate) fn wants_page(head: &Parts) -> bool {
     let accept = field(head, "accept");
     head.method == Method::GET && (accept.contains("text/html") || accept == "*/*")
 }
 
-/// The first language of a page that a browser wants, of those that there are.
+/// The first language in a browser's list that the page has.
 pub(crate) fn language<'a>(head: &Parts, known: &[&'a str]) -> Option<&'a str> {
     let wanted = field(head, "accept-language").split(',');
     let wanted = wanted.filter_map(|tag| tag.trim().get(..2));
     wanted.filter_map(|tag| known.iter().find(|code| **code == tag).copied()).next()
 }
 
-/// A field of a request; empty where it is missing or no ASCII.
+/// A field of a request. Empty if it is missing or not ASCII.
 fn field<'a>(head: &'a Parts, name: &str) -> &'a str {
     head.headers.get(name).and_then(|value| value.to_str().ok()).unwrap_or_default()
 }
 
-/// Checks that a page of this server sends it, and that its body is not too long.
+/// Checks that a page of this server posts, and that its body is not too long.
 fn check_post(head: &Parts) -> HttpResult<()> {
-    let has = |name: &str| head.headers.contains_key(name);
-    // A field that is sent twice has two values, and each of them counts.
-    let says_other =
-        |name: &str, own: &str| head.headers.get_all(name).iter().any(|value| value != own);
     let origin = format!("http://{}", field(head, "host"));
-    if says_other("origin", &origin) || says_other("sec-fetch-site", "same-origin") {
-        return Err(HttpError(403, "a page of another origin asks"));
+    for (name, expected) in [("origin", &*origin), ("sec-fetch-site", "same-origin")] {
+        // A field that is sent twice has two values, and each of them counts.
+        if head.headers.get_all(name).iter().any(|value| value != expected) {
+            return Err(HttpError(403, "a page of another origin asks"));
+        }
     }
     if field(head, "content-type") != "application/json" {
         return Err(HttpError(415, "Content-Type: application/json"));
     }
-    if !has("content-length") {
+    if !head.headers.contains_key("content-length") {
         return Err(HttpError(411, "a Content-Length"));
     }
-    // hyper has read it as a number.
+    // It is a number, or hyper would have refused it: only a large one is left.
     match field(head, "content-length").parse() {
         Ok(0..=MAX_BODY) => Ok(()),
         _ => Err(HttpError(413, "at most 256 KiB; simplify the drawing")),
     }
 }
 
-/// Whether two secrets are the same, in a time that does not tell where they differ.
+/// True if two secrets are the same, in a time that does not depend on where they differ.
 fn is_same(a: &str, b: &str) -> bool {
     let differ = a.bytes().zip(b.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b));
     a.len() == b.len() && differ == 0

@@ -1,5 +1,5 @@
-//! The address of the page, which tablets and printed codes keep: with a gallery its secret parts
-//! and its port are kept there, and survive a restart.
+//! The address of the page. A gallery keeps its secrets and its port, so that tablets and printed
+//! codes work after a restart.
 
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, TcpListener, UdpSocket};
@@ -17,17 +17,14 @@ const LIMIT: Limit = Limit { bytes: 4 << 10, what: "an address", hint: "remove i
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Address {
-    /// Of visitors.
     pub(crate) visitors: String,
-    /// Of screens that stand in the hall.
     #[serde(default)]
     pub(crate) kiosk: String,
-    /// Of the operator.
     pub(crate) operator: String,
     pub(crate) port: u16,
 }
 
-/// A name that nobody guesses: 128 bits of the system's random numbers.
+/// A name that cannot be guessed: 128 random bits of the system.
 pub(crate) fn secret() -> Result<String> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes).map_err(|error| {
@@ -36,14 +33,14 @@ pub(crate) fn secret() -> Result<String> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// Whether a name is one that [`secret`] makes.
+/// True for a name in the form of [`secret`].
 pub(crate) fn is_secret(name: &str) -> bool {
     name.len() == 32 && name.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 impl Address {
-    /// The address that a gallery keeps, or a new one, with the listener on its port. `port` is 0
-    /// for the one kept, or any that is free.
+    /// The address that a gallery keeps, or a new one, with the listener on its port. A `port` of 0
+    /// is the one that is kept, or any that is free.
     pub(crate) fn open(
         gallery: Option<&Path>,
         port: u16,
@@ -51,23 +48,16 @@ impl Address {
     ) -> Result<(Self, TcpListener)> {
         let path = gallery.map(|folder| folder.join(FILE)).filter(|path| path.is_file());
         let kept = path.as_deref().map(Self::read).transpose()?;
-        let wanted = match (port, &kept) {
-            (0, Some(kept)) => kept.port,
-            (port, _) => port,
-        };
-        let listener = TcpListener::bind((ip, wanted))
-            .or_else(|error| if port == 0 { TcpListener::bind((ip, 0)) } else { Err(error) });
-        let refused = |source: std::io::Error| {
+        let listener = listen(ip, port, kept.as_ref().map_or(0, |kept| kept.port));
+        let (listener, port) = listener.map_err(|source| {
             let hint = "choose another port, or 0 for one that is free";
             Error::input("--port", format!("{port} ({source})"), "a port that is free", hint)
-        };
-        let listener = listener.map_err(refused)?;
-        let port = listener.local_addr().map_err(refused)?.port();
+        })?;
         let mut address = match kept.clone() {
             Some(kept) => Self { port, ..kept },
             None => Self { visitors: secret()?, kiosk: String::new(), operator: secret()?, port },
         };
-        // Galleries of before have none.
+        // Galleries of earlier versions have none.
         if address.kiosk.is_empty() {
             address.kiosk = secret()?;
         }
@@ -78,41 +68,48 @@ impl Address {
     }
 
     fn read(path: &Path) -> Result<Self> {
-        let wanted = "an address of this program: 32 digits from 0 to f a secret";
-        let refused = |actual: String| Error::input(path.display(), actual, wanted, LIMIT.hint);
-        let address: Self = serde_json::from_str(&LIMIT.read_text(path)?)
-            .map_err(|error| refused(error.to_string()))?;
-        let Self { visitors, kiosk, operator, .. } = &address;
-        let is_weak = |name: &&&String| !is_secret(name);
-        match [visitors, operator].iter().find(is_weak) {
-            Some(secret) => Err(refused(format!("{secret:?}"))),
-            None if !kiosk.is_empty() && !is_secret(kiosk) => Err(refused(format!("{kiosk:?}"))),
-            None => Ok(address),
-        }
+        let text = LIMIT.read_text(path)?;
+        // A weak secret would open the gallery to anybody who guesses it.
+        let wrong = match serde_json::from_str::<Self>(&text) {
+            Err(error) => error.to_string(),
+            Ok(address) => match address.weak_secret() {
+                None => return Ok(address),
+                Some(weak) => format!("{weak:?}"),
+            },
+        };
+        let wanted = "an address of this program, whose secrets have 32 digits from 0 to f";
+        Err(Error::input(path.display(), wrong, wanted, LIMIT.hint))
     }
 
-    /// Writes it where only the host's user can read it.
+    /// A secret that can be guessed. Galleries of earlier versions have none for kiosks.
+    fn weak_secret(&self) -> Option<&String> {
+        let kiosk = Some(&self.kiosk).filter(|kiosk| !kiosk.is_empty());
+        let mut secrets = [&self.visitors, &self.operator].into_iter().chain(kiosk);
+        secrets.find(|secret| !is_secret(secret))
+    }
+
+    /// Writes the address to a file that only the host's user can read.
     fn keep(&self, folder: &Path) -> Result<()> {
         let path = folder.join(FILE);
-        let failed = |source| Error::write(&path, source);
-        // A temporary file of this crate can be read by its owner alone.
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
         let text = serde_json::to_string_pretty(self).expect("it is plain data") + "\n";
-        file.write_all(text.as_bytes()).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
-        file.persist(&path).map(drop).map_err(|error| failed(error.error))
+        // A temporary file of this crate can be read only by its owner.
+        let written = tempfile::NamedTempFile::new_in(folder).and_then(|mut file| {
+            file.write_all(text.as_bytes())?;
+            file.as_file().sync_all()?;
+            Ok(file.persist(&path)?)
+        });
+        written.map(drop).map_err(|source| Error::write(&path, source))
     }
 
-    /// The page of visitors, seen from a machine.
+    /// The page of visitors at an IP address.
     pub(crate) fn of_visitors(&self, ip: IpAddr) -> String {
         format!("http://{ip}:{}/k/{}/", self.port, self.visitors)
     }
 
-    /// The page of a kiosk, seen from a machine.
     pub(crate) fn of_kiosk(&self, ip: IpAddr) -> String {
         format!("http://{ip}:{}/k/{}/", self.port, self.kiosk)
     }
 
-    /// The wall, seen from a machine.
     pub(crate) fn of_wall(&self, ip: IpAddr) -> String {
         self.of_visitors(ip) + "wall.html"
     }
@@ -122,14 +119,23 @@ impl Address {
         format!("http://{}:{}/o/{}/", Ipv4Addr::LOCALHOST, self.port, self.operator)
     }
 
-    /// The page of an entry.
     pub(crate) fn of_entry(&self, ip: IpAddr, id: &str) -> String {
         format!("http://{ip}:{}/e/{id}/", self.port)
     }
 }
 
+/// Listens on a port, with its number. 0 is the port that was kept, or any if that is taken.
+fn listen(ip: Ipv4Addr, port: u16, kept: u16) -> std::io::Result<(TcpListener, u16)> {
+    let listener = match port {
+        0 => TcpListener::bind((ip, kept)).or_else(|_taken| TcpListener::bind((ip, 0))),
+        port => TcpListener::bind((ip, port)),
+    }?;
+    let port = listener.local_addr()?.port();
+    Ok((listener, port))
+}
+
 /// The address of this machine in its network. Nothing is sent: the socket only looks up the route
-/// to an address that is kept free for examples (RFC 5737).
+/// to an address that is reserved for examples (RFC 5737).
 pub(crate) fn own_ip() -> Option<IpAddr> {
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9)).ok()?;

@@ -21,10 +21,10 @@ const LOGO: Limit = Limit { bytes: 256 << 10, what: "a logo", hint: "simplify it
 const MAX_TITLE: usize = 60;
 const MAX_SENTENCE: usize = 240;
 
-/// What a host brings.
+/// The words and the logo of a host.
 #[derive(Debug, Default)]
 pub(crate) struct Brand {
-    /// What the page knows of it.
+    /// The part that pages get as JSON.
     pub(crate) words: Words,
     /// The logo (SVG).
     pub(crate) svg: Option<String>,
@@ -34,20 +34,17 @@ impl Brand {
     /// Reads and checks a folder.
     pub(crate) fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("brand.toml");
-        let refused = |key: &str, actual: String, wanted: String| {
-            Error::input(key, actual, wanted, "see docs/page.md").in_file(path.display(), None)
-        };
-        let mut words: Words = toml::from_str(&TABLE.read_text(&path)?).map_err(|error| {
-            let wanted = "title, [sentence], [consent]".into();
-            refused("table", error.message().to_owned(), wanted)
-        })?;
+        let mut words: Words = toml::from_str(&TABLE.read_text(&path)?)
+            .map_err(|e| refused(&path, "table", e.message(), "title, [sentence], [consent]"))?;
+        // Texts have to fit into the page.
         let titles = words.title.iter().map(|title| ("title", title, MAX_TITLE));
         let sentences = words.sentence.values().chain(words.consent.values());
         let sentences = sentences.map(|sentence| ("sentence", sentence, MAX_SENTENCE));
         for (key, text, most) in titles.chain(sentences) {
             let n = text.chars().count();
             if n > most {
-                return Err(refused(key, format!("{n} characters"), format!("at most {most}")));
+                let (actual, wanted) = (format!("{n} characters"), format!("at most {most}"));
+                return Err(refused(&path, key, &actual, &wanted));
             }
         }
         let path = folder.join("logo.svg");
@@ -59,6 +56,10 @@ impl Brand {
         }
         Ok(Self { words, svg })
     }
+}
+
+fn refused(path: &Path, key: &str, actual: &str, wanted: &str) -> Error {
+    Error::input(key, actual, wanted, "see docs/page.md").in_file(path.display(), None)
 }
 
 #[cfg(test)]

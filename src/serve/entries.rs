@@ -1,6 +1,6 @@
-//! What visitors sent to be flown: the queue, the wall and everybody's own photo.
+//! Entries that visitors sent to be flown: the queue, the wall and the page of each entry.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::net::IpAddr;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -15,28 +15,27 @@ use noctograph_core::error::Result;
 use noctograph_photo_service::messages::{Key, KeyResult};
 use noctograph_photo_service::request::Subject;
 
-/// Most entries that wait: all, and those of an address.
+/// Most entries that wait, in all and from one address.
 const MOST: usize = 1000;
 const MOST_OF_ADDRESS: usize = 500;
 /// Entries that an address may send at once, and the time after which it may send one more.
 const BURST: f64 = 6.0;
 const REFILL_S: f64 = 5.0;
-/// Photos that the wall turns through.
+/// Most photos on the wall.
 const SHOWN: usize = 500;
 /// Longest wait for news.
 const NEWS_TIMEOUT: Duration = Duration::from_secs(20);
-/// Time between two flights, s: batteries, and the way back.
+/// Time between two flights, for changing batteries and carrying the drone back.
 const BETWEEN_S: f64 = 60.0;
 
-/// What the operator does with an entry.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Act {
     Approve,
     Reject,
-    /// Undoes either.
+    /// Undoes both.
     Wait,
-    /// It flies now; the one before is flown.
+    /// It flies now, and the one before has flown.
     Fly,
     Flown,
     /// Takes it down from the wall.
@@ -44,7 +43,7 @@ pub(crate) enum Act {
     Show,
 }
 
-/// An entry as its visitor sees it.
+/// An entry for its visitor.
 #[derive(Debug, Serialize)]
 pub(crate) struct ForVisitor {
     id: String,
@@ -62,7 +61,7 @@ pub(crate) struct ForVisitor {
     ahead_s: f64,
 }
 
-/// What the wall shows.
+/// The photos on the wall.
 #[derive(Debug, Serialize)]
 pub(crate) struct Wall {
     revision: u64,
@@ -74,7 +73,7 @@ struct WallPhoto {
     key: String,
     title: Option<String>,
     flight_s: f64,
-    /// Whether it is in the air.
+    /// True if it is in the air.
     flying: bool,
 }
 
@@ -89,7 +88,6 @@ struct Queue<'a> {
     flying: Option<&'a str>,
 }
 
-/// What the operator did with an entry.
 #[derive(Debug, Serialize)]
 struct Acted<'a> {
     revision: u64,
@@ -100,7 +98,7 @@ struct Acted<'a> {
 struct Stored {
     entry: Entry,
     folder: PathBuf,
-    /// Where it came from; `None`: the server has been started since.
+    /// Its sender. `None` after a restart of the server.
     sender: Option<IpAddr>,
 }
 
@@ -115,7 +113,7 @@ struct List {
 #[derive(Debug)]
 pub(crate) struct Entries {
     gallery: Gallery,
-    /// Whether the wall shows what nobody approved.
+    /// True if the wall shows entries that nobody approved.
     is_open: bool,
     warn: fn(&str),
     list: Mutex<List>,
@@ -123,23 +121,26 @@ pub(crate) struct Entries {
     revision: watch::Sender<u64>,
 }
 
-/// Who sent entries of late: what an address may still send, and since when.
+/// Token buckets of recent senders: entries that an address may still send, and since when.
 #[derive(Debug, Default)]
 struct Senders(HashMap<IpAddr, (f64, Instant)>);
 
 impl Senders {
-    /// Whether an address may send one more.
+    /// True if an address may send one more, which is then counted.
     fn admit(&mut self, address: IpAddr, now: Instant) -> bool {
-        let refilled = |(left, since): (f64, Instant)| {
-            f64::min(BURST, left + now.saturating_duration_since(since).as_secs_f64() / REFILL_S)
-        };
-        self.0.retain(|_, sender| refilled(*sender) < BURST);
-        let left = self.0.get(&address).map_or(BURST, |sender| refilled(*sender));
+        // Full buckets are forgotten.
+        self.0.retain(|_, sender| refilled(*sender, now) < BURST);
+        let left = self.0.get(&address).map_or(BURST, |sender| refilled(*sender, now));
         if left >= 1.0 {
             self.0.insert(address, (left - 1.0, now));
         }
         left >= 1.0
     }
+}
+
+/// Entries that an address may send now, of those that it had left before.
+fn refilled((left, since): (f64, Instant), now: Instant) -> f64 {
+    f64::min(BURST, left + now.saturating_duration_since(since).as_secs_f64() / REFILL_S)
 }
 
 impl Entries {
@@ -158,18 +159,20 @@ impl Entries {
         Ok(Self { gallery, is_open, warn, list, revision: watch::Sender::new(1) })
     }
 
-    /// Admits a photo that is sent from an address, before it is made. Returns name and number of
-    /// the entry that has it already.
+    /// Admits a photo from an address, before it is made. Returns name and number of the entry that
+    /// has it already, if there is one.
     pub(crate) fn admit(&self, photo: &str, sender: IpAddr) -> KeyResult<Option<(String, u32)>> {
         let mut list = self.list();
         if let Some(known) = list.with_photo(photo) {
             return Ok(Some(known));
         }
+        // What was sent before the pause is confirmed again, as above.
         if list.paused {
             return Err(Key::Paused);
         }
-        let waiting = list.entries.iter().filter(|it| it.entry.state == State::Waiting);
-        let n_of_sender = waiting.clone().filter(|it| it.sender == Some(sender)).count();
+        // Limits of the queue, and then of the rate, which counts the request.
+        let waiting = list.entries.iter().filter(|stored| stored.entry.state == State::Waiting);
+        let n_of_sender = waiting.clone().filter(|stored| stored.sender == Some(sender)).count();
         if waiting.count() >= MOST || n_of_sender >= MOST_OF_ADDRESS {
             return Err(Key::QueueFull);
         }
@@ -179,8 +182,8 @@ impl Entries {
         Ok(None)
     }
 
-    /// Keeps a photo that was admitted. Returns the entry's name and number, and whether it is new:
-    /// a photo is kept once.
+    /// Keeps a photo that was admitted, once. Returns the entry's name and number, and `true` for a
+    /// new one.
     pub(crate) fn add(
         &self,
         photo: &Photo,
@@ -191,7 +194,8 @@ impl Entries {
         if let Some((id, number)) = list.with_photo(&photo.id) {
             return Ok((id, number, false));
         }
-        let number = list.entries.iter().map(|it| it.entry.number).max().map_or(1, |n| n + 1);
+        // The list stays locked while the entry is written, so its number is unique.
+        let number = list.entries.iter().map(|s| s.entry.number).max().map_or(1, |n| n + 1);
         let kept = Entry::new(photo, language, number).and_then(|mut entry| {
             let folder = self.gallery.keep(&mut entry, photo)?;
             Ok(Stored { entry, folder, sender: Some(sender) })
@@ -206,17 +210,17 @@ impl Entries {
         Ok((id, number, true))
     }
 
-    /// Does what the operator says; `was` is the state that the operator saw. Returns the JSON of
-    /// [`Acted`].
+    /// Does an action of the operator, who saw the state `was`. Returns the JSON of [`Acted`].
     pub(crate) fn act(&self, id: &str, act: Act, was: Option<State>) -> KeyResult<String> {
         let mut list = self.list();
-        let index = list.entries.iter().position(|it| it.entry.id == id).ok_or(Key::Closed)?;
+        let index = list.index(id)?;
         if was.is_some_and(|was| was != list.entries[index].entry.state) {
             return Err(Key::Conflict);
         }
+        // One drone team: what flew before has flown.
         if act == Act::Fly {
-            let flying = list.entries.iter_mut().filter(|it| it.entry.state == State::Flying);
-            for stored in flying.filter(|it| it.entry.id != id) {
+            let flying = list.entries.iter_mut().filter(|s| s.entry.state == State::Flying);
+            for stored in flying.filter(|stored| stored.entry.id != id) {
                 stored.change(|entry| entry.state = State::Flown)?;
                 self.changed();
             }
@@ -235,12 +239,16 @@ impl Entries {
         Ok(serde_json::to_string(&acted).expect("an entry is plain data"))
     }
 
-    /// Takes back what a visitor sent, as long as it waits.
+    /// Removes an entry for its visitor, as long as it waits.
     pub(crate) fn withdraw(&self, id: &str, visitor: &str) -> KeyResult<()> {
         let mut list = self.list();
-        let is_own = |it: &Stored| it.entry.id == id && it.entry.visitor == visitor;
-        let index = list.entries.iter().position(is_own).ok_or(Key::Closed)?;
-        if list.entries[index].entry.state != State::Waiting {
+        let index = list.index(id)?;
+        // The name of an entry is not enough: others may have seen it on a screen.
+        let entry = &list.entries[index].entry;
+        if entry.visitor != visitor {
+            return Err(Key::Closed);
+        }
+        if entry.state != State::Waiting {
             return Err(Key::Conflict);
         }
         gallery::remove(&list.entries[index].folder).map_err(|_cause| Key::DiskFull)?;
@@ -252,16 +260,15 @@ impl Entries {
     /// Puts entries first, in an order.
     pub(crate) fn reorder(&self, ids: &[String]) -> KeyResult<u64> {
         let mut list = self.list();
-        let place =
-            |it: &Stored| ids.iter().position(|id| *id == it.entry.id).unwrap_or(usize::MAX);
+        // The sort is stable: other entries stay behind them in their order.
         let mut entries: Vec<&Stored> = list.entries.iter().collect();
-        entries.sort_by_key(|it| place(it));
+        entries.sort_by_key(|stored| stored.rank(ids));
         self.write_order(list.paused, entries)?;
-        list.entries.sort_by_key(place);
+        list.entries.sort_by_key(|stored| stored.rank(ids));
         Ok(self.changed())
     }
 
-    /// Takes no more entries, or takes them again.
+    /// Stops taking entries, or takes them again.
     pub(crate) fn pause(&self, paused: bool) -> KeyResult<u64> {
         let mut list = self.list();
         self.write_order(paused, &list.entries)?;
@@ -269,24 +276,23 @@ impl Entries {
         Ok(self.changed())
     }
 
-    /// Writes what is about to be true of the list: the disk comes first.
+    /// Writes the order before it changes in memory.
     fn write_order<'a>(
         &self,
         paused: bool,
         entries: impl IntoIterator<Item = &'a Stored>,
     ) -> KeyResult<()> {
-        let numbers = entries.into_iter().map(|it| it.entry.number).collect();
+        let numbers = entries.into_iter().map(|stored| stored.entry.number).collect();
         self.gallery.write_order(&Order { paused, numbers }).map_err(|_cause| Key::DiskFull)
     }
 
-    /// Waits until there is something new since a revision, or for a while.
+    /// Waits for a change since a revision, for some time at most. Returns the revision.
     pub(crate) async fn news(&self, seen: u64) -> u64 {
         let mut changes = self.revision.subscribe();
         let _ = timeout(NEWS_TIMEOUT, changes.wait_for(|revision| *revision != seen)).await;
         *changes.borrow()
     }
 
-    /// Whether the wall shows what nobody approved.
     pub(crate) fn is_open(&self) -> bool {
         self.is_open
     }
@@ -295,30 +301,31 @@ impl Entries {
         self.list().paused
     }
 
-    /// The whole queue, for the operator.
     pub(crate) fn queue(&self) -> String {
         let list = self.list();
         let queue = Queue {
             revision: *self.revision.borrow(),
             paused: list.paused,
-            entries: list.entries.iter().map(|it| it.entry.for_operator()).collect(),
-            flying: list.first(|it| it.state == State::Flying).map(|it| &*it.entry.id),
+            entries: list.entries.iter().map(|stored| stored.entry.for_operator()).collect(),
+            flying: list.first(|entry| entry.state == State::Flying).map(|s| &*s.entry.id),
         };
         serde_json::to_string(&queue).expect("entries are plain data")
     }
 
-    /// An entry as its visitor sees it.
-    pub(crate) fn own(&self, id: &str) -> KeyResult<ForVisitor> {
+    pub(crate) fn for_visitor(&self, id: &str) -> KeyResult<ForVisitor> {
         let list = self.list();
-        let index = list.entries.iter().position(|it| it.entry.id == id).ok_or(Key::Closed)?;
+        let index = list.index(id)?;
+        // The list is in the order of flight.
+        let (mut ahead, mut ahead_s) = (0, 0.0);
+        for Stored { entry, .. } in &list.entries[..index] {
+            if !matches!(entry.state, State::Flown | State::Rejected) {
+                (ahead, ahead_s) = (ahead + 1, ahead_s + entry.figures.flight_s + BETWEEN_S);
+            }
+        }
         let Entry { id, number, title, made, state, language, figures, .. } =
             list.entries[index].entry.clone();
-        let flies = |it: &&Stored| !matches!(it.entry.state, State::Flown | State::Rejected);
-        let ahead = list.entries[..index].iter().filter(flies);
-        let ahead_s =
-            ahead.clone().fold(0.0, |sum, it| sum + it.entry.figures.flight_s + BETWEEN_S);
+        let Figures { flight_s, read, legible, .. } = figures;
         let made = made.get(..10).unwrap_or_default().to_owned();
-        let (ahead, Figures { flight_s, read, legible, .. }) = (ahead.count(), figures);
         Ok(ForVisitor {
             id,
             number,
@@ -334,34 +341,28 @@ impl Entries {
         })
     }
 
-    /// A file of an entry.
     pub(crate) fn file(&self, id: &str, name: &str) -> Option<PathBuf> {
         regular(self.list().first(|entry| entry.id == id)?.folder.join(name))
     }
 
-    /// What the wall shows, the newest first: of each visitor a word once.
+    /// The photos on the wall, the newest first. Each visitor's word appears once.
     pub(crate) fn wall(&self) -> Wall {
         let list = self.list();
-        let mut shown: Vec<&Entry> = Vec::new();
-        let entries = list.entries.iter().map(|it| &it.entry).filter(|it| self.is_shown(it));
-        let mut entries: Vec<&Entry> = entries.collect();
+        let entries = list.entries.iter().map(|stored| &stored.entry);
+        let mut entries: Vec<&Entry> = entries.filter(|entry| self.is_shown(entry)).collect();
         entries.sort_by_key(|entry| std::cmp::Reverse(entry.number));
-        for entry in entries {
-            let is_same = |it: &&Entry| {
-                it.title.is_some() && it.title == entry.title && it.visitor == entry.visitor
-            };
-            if shown.len() < SHOWN && !shown.iter().any(is_same) {
-                shown.push(entry);
-            }
-        }
-        let photo = |entry: &Entry| WallPhoto {
+        // Drawings have no title, and each of them counts.
+        let mut seen = HashSet::new();
+        entries.retain(|Entry { title, visitor, .. }| {
+            title.as_ref().is_none_or(|title| seen.insert((title, visitor)))
+        });
+        let photos = entries.into_iter().take(SHOWN).map(|entry| WallPhoto {
             key: entry.key.clone(),
             title: entry.title.clone(),
             flight_s: entry.figures.flight_s,
             flying: entry.state == State::Flying,
-        };
-        let photos = shown.into_iter().map(photo).collect();
-        Wall { revision: *self.revision.borrow(), photos }
+        });
+        Wall { revision: *self.revision.borrow(), photos: photos.collect() }
     }
 
     /// A file of a photo on the wall.
@@ -379,22 +380,23 @@ impl Entries {
         is_approved && !entry.hidden
     }
 
-    /// Entries whose scripts are written, in the order of flight: number, title, and what was asked
-    /// for. `id` names one of any state; `None`: those that are approved or in the air.
+    /// Number, title and subject of the entries that are flown, in their order: the one with a
+    /// name, or all that are approved or in the air.
     pub(crate) fn to_fly(&self, id: Option<&str>) -> Vec<(u32, String, Option<Subject>)> {
         let list = self.list();
-        let is_wanted = |it: &&Stored| match id {
-            Some(id) => it.entry.id == id,
-            None => matches!(it.entry.state, State::Approved | State::Flying),
-        };
-        let subject = |it: &Stored| {
-            let title = it.entry.title.clone().unwrap_or_else(|| "drawing".to_owned());
-            (it.entry.number, title, gallery::read_subject(&it.folder))
-        };
-        list.entries.iter().filter(is_wanted).map(subject).collect()
+        let entries = list.entries.iter().filter(|Stored { entry, .. }| match id {
+            Some(id) => entry.id == id,
+            None => matches!(entry.state, State::Approved | State::Flying),
+        });
+        // A request that cannot be read is reported with its entry.
+        let subjects = entries.map(|Stored { entry, folder, .. }| {
+            let title = entry.title.clone().unwrap_or_else(|| "drawing".to_owned());
+            (entry.number, title, gallery::read_subject(folder))
+        });
+        subjects.collect()
     }
 
-    /// Tells all who wait for news. Returns the new revision.
+    /// Wakes all who wait for a change. Returns the new revision.
     fn changed(&self) -> u64 {
         self.revision.send_modify(|revision| *revision += 1);
         *self.revision.borrow()
@@ -412,12 +414,20 @@ impl List {
         Some((entry.id.clone(), entry.number))
     }
 
-    fn first(&self, is_it: impl Fn(&Entry) -> bool) -> Option<&Stored> {
-        self.entries.iter().find(|it| is_it(&it.entry))
+    fn first(&self, is_wanted: impl Fn(&Entry) -> bool) -> Option<&Stored> {
+        self.entries.iter().find(|stored| is_wanted(&stored.entry))
+    }
+
+    fn index(&self, id: &str) -> KeyResult<usize> {
+        self.entries.iter().position(|stored| stored.entry.id == id).ok_or(Key::Closed)
     }
 }
 
 impl Stored {
+    /// Its index in a list of names, or the greatest number.
+    fn rank(&self, ids: &[String]) -> usize {
+        ids.iter().position(|id| *id == self.entry.id).unwrap_or(usize::MAX)
+    }
     /// Changes an entry, on the disk first.
     fn change(&mut self, change: impl FnOnce(&mut Entry)) -> KeyResult<()> {
         let mut entry = self.entry.clone();

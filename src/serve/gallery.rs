@@ -1,10 +1,10 @@
-//! A gallery on the disk: a folder an entry, and the order of flight.
+//! A gallery on the disk: a folder for each entry, and the order of flight.
 //!
-//! An entry is a folder `0012-NOOR` that can be read without the program: photo.png with its scene,
-//! photo.jpg, replay.json, scene.toml, wish.json (what was asked for) and entry.json. It is staged
-//! beside its place, is on the disk, and then has its name: an entry that was confirmed survives a
-//! kill at any moment, and one that was not leaves nothing. A gallery belongs to one server at a
-//! time. Links in it are not followed.
+//! An entry is a folder `0012-NOOR` that can be used without the program: photo.png with its scene,
+//! photo.jpg, replay.json, scene.toml, wish.json (the request) and entry.json. It is written under
+//! another name, synced to the disk and then renamed: a confirmed entry survives a kill at any
+//! moment, and another one leaves nothing. A gallery belongs to one server at a time. Links in it
+//! are not followed.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ pub(crate) const PNG: &str = "photo.png";
 pub(crate) const REPLAY: &str = "replay.json";
 const SCENE: &str = "scene.toml";
 
-/// Greatest number of an entry: a folder above it was put there by hand.
+/// Greatest number of an entry. A folder with a greater one was put there by hand.
 const MAX_NUMBER: u32 = 999_999_999;
 
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
@@ -45,34 +45,33 @@ pub(crate) enum State {
     Rejected,
 }
 
-/// A large photo that a visitor sent.
 #[derive(Debug)]
 pub(crate) struct Photo {
-    /// Name of the wish that it was made of.
+    /// Name of its request.
     pub(crate) id: String,
     pub(crate) visitor: String,
     pub(crate) subject: Subject,
     pub(crate) figures: Figures,
-    /// Its files with some that an entry does not keep.
+    /// Its files. An entry does not keep all of them.
     pub(crate) files: Vec<noctograph_export::File>,
 }
 
-/// What an entry keeps of the facts of its photo.
+/// Facts about a photo that its entry keeps.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 pub(crate) struct Figures {
-    /// Number of drones; 0 in an entry of an earlier version.
+    /// Number of drones. 0 in an entry of an earlier version.
     drones: usize,
     /// Seconds of the longest flight.
     pub(crate) flight_s: f64,
-    /// Whether the word is read; null of a drawing, as the next three.
+    /// True if the word is read. Null for a drawing, as its letters, text and reason.
     pub(crate) legible: Option<bool>,
     letters: Option<Vec<LetterVerdict>>,
-    /// What makes any word unreadable.
+    /// Problems that make any word unreadable.
     obstacles: Vec<Message>,
     pub(crate) read: Option<String>,
     reason: Option<Reason>,
-    /// What stops its flight: nothing, or it would not have been kept.
+    /// Checks that stop its flight: none, or it would not have been kept.
     stops: Vec<Message>,
 }
 
@@ -91,31 +90,30 @@ impl Figures {
     }
 }
 
-/// An entry as its file has it.
+/// An entry as in its file.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Entry {
-    /// Secret name of its own page.
+    /// Secret name of its page.
     pub(crate) id: String,
-    /// Name on the wall, which leads to nothing else.
+    /// Name on the wall, which gives no other access.
     pub(crate) key: String,
     pub(crate) number: u32,
-    /// The word; `None` for a drawing.
+    /// The word. `None` for a drawing.
     pub(crate) title: Option<String>,
-    /// When it was sent (RFC 3339).
+    /// Time of its arrival (RFC 3339).
     pub(crate) made: String,
     pub(crate) state: State,
     #[serde(default)]
     pub(crate) hidden: bool,
     pub(crate) visitor: String,
-    /// The wish that it was made of.
     pub(crate) photo: String,
     pub(crate) language: String,
     #[serde(rename = "found")]
     pub(crate) figures: Figures,
 }
 
-/// An entry as the operator sees it. It borrows, as a queue of hundreds is asked for often.
+/// An entry for the operator. It borrows, since a queue of hundreds is requested often.
 #[derive(Debug, Serialize)]
 pub(crate) struct ForOperator<'a> {
     id: &'a str,
@@ -129,7 +127,7 @@ pub(crate) struct ForOperator<'a> {
     figures: &'a Figures,
 }
 
-/// Order of flight and whether entries are taken, as the file has it.
+/// The file with the order of flight and the state of the queue.
 #[derive(Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Order {
@@ -140,18 +138,18 @@ pub(crate) struct Order {
 #[derive(Debug)]
 pub(crate) struct Gallery {
     folder: PathBuf,
-    /// Shows other servers that the gallery is in use.
+    /// Locks the gallery for other servers.
     _lock: Option<File>,
 }
 
 impl Gallery {
-    /// Opens a gallery, making it where it does not exist.
+    /// Opens a gallery, or makes it.
     pub(crate) fn open(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
         Ok(Self { folder: folder.to_owned(), _lock: lock(folder)? })
     }
 
-    /// Reads all entries with their folders; warns of unreadable ones and leaves them alone.
+    /// Reads all entries with their folders. Unreadable ones stay, with a warning.
     pub(crate) fn read(&self, warn: fn(&str)) -> Result<Vec<(Entry, PathBuf)>> {
         let mut entries = Vec::new();
         for path in entries_in(&self.folder)? {
@@ -173,11 +171,11 @@ impl Gallery {
         write(&self.folder.join(ORDER), &pretty(order))
     }
 
-    /// Writes an entry's folder: whole, on the disk, and then under its name. Its number rises
-    /// until it is free.
+    /// Writes an entry's folder, and renames it when it is complete. Its number rises until it is
+    /// free.
     pub(crate) fn keep(&self, entry: &mut Entry, photo: &Photo) -> Result<PathBuf> {
-        let failed = |source| Error::write(&self.folder, source);
-        let (staging, mut lock) = folder_in(&self.folder).map_err(failed)?;
+        let (staging, mut lock) = folder_in(&self.folder).map_err(|e| self.failed(e))?;
+        // The files that can be used without the program. The drawing is named by the scene.
         for noctograph_export::File { name, bytes } in &photo.files {
             if [PNG, SCENE, JPEG, REPLAY].contains(&&**name) || name.starts_with("drawing.") {
                 write(&staging.path().join(name), bytes)?;
@@ -187,30 +185,34 @@ impl Gallery {
         write(&staging.path().join(SUBJECT), &subject)?;
         loop {
             write(&staging.path().join(ENTRY), &pretty(entry))?;
-            synced(staging.path()).map_err(failed)?;
+            sync(staging.path()).map_err(|e| self.failed(e))?;
             let folder = self.folder.join(entry.folder_name());
             if cfg!(windows) {
-                // It renames no folder in which a file is open.
+                // Windows does not rename a folder with an open file.
                 lock = None;
             }
             match std::fs::rename(staging.path(), &folder) {
                 Ok(()) => {}
-                // Something that was put there by hand has the name.
+                // A folder that was put there by hand has the name.
                 Err(_) if folder.symlink_metadata().is_ok() => {
                     entry.number += 1;
                     continue;
                 }
                 Err(source) => return Err(Error::write(&folder, source)),
             }
-            // It has its name: nothing is left to remove.
+            // The folder is renamed, so there is no temporary one to remove.
             let _ = staging.keep();
             drop(lock);
-            if let Err(source) = synced(&self.folder) {
+            if let Err(source) = sync(&self.folder) {
                 let _ = remove(&folder);
-                return Err(failed(source));
+                return Err(self.failed(source));
             }
             return Ok(folder);
         }
+    }
+
+    fn failed(&self, source: std::io::Error) -> Error {
+        Error::write(&self.folder, source)
     }
 }
 
@@ -244,39 +246,35 @@ impl Entry {
     }
 }
 
-/// Reads an entry; `None` for what is none.
+/// Reads an entry. `None` for another file or folder.
 fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
-    // What a killed server was writing has a name with a dot.
-    let is_folder = folder.symlink_metadata().is_ok_and(|it| it.is_dir()) && !name.starts_with('.');
+    // The unfinished entry of a killed server has a name with a dot.
+    let is_folder =
+        folder.symlink_metadata().is_ok_and(|metadata| metadata.is_dir()) && !name.starts_with('.');
     let Some(path) = regular(folder.join(ENTRY)).filter(|_| is_folder) else { return Ok(None) };
-    let refused = |actual: String| {
-        Error::input(path.display(), actual, "an entry of this program", TABLE.hint)
+    let wrong = match serde_json::from_str::<Entry>(&TABLE.read_text(&path)?) {
+        Ok(entry) if (1..=MAX_NUMBER).contains(&entry.number) => return Ok(Some(entry)),
+        Ok(entry) => format!("the number {}", entry.number),
+        Err(error) => error.to_string(),
     };
-    let entry: Entry = serde_json::from_str(&TABLE.read_text(&path)?)
-        .map_err(|error| refused(error.to_string()))?;
-    match entry.number {
-        1..=MAX_NUMBER => Ok(Some(entry)),
-        number => Err(refused(format!("the number {number}"))),
-    }
+    Err(Error::input(path.display(), wrong, "an entry of this program", TABLE.hint))
 }
 
-/// Writes what became of an entry.
 pub(crate) fn write_entry(folder: &Path, entry: &Entry) -> Result<()> {
     write(&folder.join(ENTRY), &pretty(entry))
 }
 
-/// What was asked for with an entry.
 pub(crate) fn read_subject(folder: &Path) -> Option<Subject> {
     serde_json::from_str(&TABLE.read_text(&regular(folder.join(SUBJECT))?).ok()?).ok()
 }
 
-/// A path that is a file itself, not a link to one.
+/// A path, if it is a file and not a link.
 pub(crate) fn regular(path: PathBuf) -> Option<PathBuf> {
-    path.symlink_metadata().is_ok_and(|it| it.is_file()).then_some(path)
+    path.symlink_metadata().is_ok_and(|metadata| metadata.is_file()).then_some(path)
 }
 
-/// Removes an entry's folder: first what makes it one.
+/// Removes an entry's folder, first the file that makes it an entry.
 pub(crate) fn remove(folder: &Path) -> Result<()> {
     let path = folder.join(ENTRY);
     std::fs::remove_file(&path).map_err(|source| Error::write(&path, source))?;
@@ -292,13 +290,13 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Output::create(path)?.keep_on_disk(bytes).map(drop)
 }
 
-/// Brings a folder's names to the disk, where the system can.
+/// Writes the names in a folder to the disk, if the system can.
 #[expect(clippy::disallowed_methods, reason = "a folder")]
-fn synced(folder: &Path) -> std::io::Result<()> {
+fn sync(folder: &Path) -> std::io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }
 
-/// Locks a gallery as long as the file returned is open; `None` where the system has no such locks.
+/// Locks a gallery as long as the returned file is open. `None` if the system has no such locks.
 #[expect(clippy::disallowed_methods, reason = "a folder")]
 fn lock(folder: &Path) -> Result<Option<File>> {
     let Ok(file) = File::open(folder) else { return Ok(None) };
@@ -307,7 +305,7 @@ fn lock(folder: &Path) -> Result<Option<File>> {
         Err(std::fs::TryLockError::WouldBlock) => {
             let hint = "end it, or name another gallery";
             let actual = "in use by another server";
-            Err(Error::input(folder.display(), actual, "a gallery of one's own", hint))
+            Err(Error::input(folder.display(), actual, "a gallery that no server uses", hint))
         }
         Err(std::fs::TryLockError::Error(_)) => Ok(None),
     }

@@ -1,8 +1,8 @@
-//! Connections and answers, on hyper: a connection is a task, has one request, and ends with it.
+//! Connections and answers, on hyper. A connection is a task with one request, and ends with it.
 //!
-//! A silent client is closed by a timeout, and one that reads slowly costs a task. Where all places
-//! are taken, the oldest connection of the address that has most gives way, unless its request is
-//! being worked on: a stranger who opens many connections locks nobody out.
+//! A silent client is closed by a timeout, and a slow reader costs a task. If there are too many
+//! connections, the oldest one of the address with the most is closed, unless its request is being
+//! worked on: a stranger with many connections locks nobody out.
 
 use std::convert::Infallible;
 use std::fs::File;
@@ -37,36 +37,35 @@ const MAX_FIELDS: usize = 64;
 pub(crate) const MAX_BODY: usize = 256 << 10;
 /// Time within which the head and the body of a request must be here, each.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// Longest time of a connection: what an evening's scripts take, or the slowest reader.
+/// Longest time of a connection, for the scripts of an evening, or for the slowest reader.
 const CONNECTION_TIMEOUT: Duration = Duration::from_secs(600);
-/// What is read, and how long in all, of a body that was refused.
+/// Most bytes of a refused body that are read, and the longest time for it.
 const MAX_REFUSED_BODY: usize = 1 << 20;
 const REFUSED_TIMEOUT: Duration = Duration::from_millis(500);
-/// What is read of a file at a time.
+/// Bytes of a file that are read at a time.
 const CHUNK: usize = 64 << 10;
-/// Pause after a connection could not be accepted, as where there are no more file handles.
+/// Pause after a failure to accept a connection, for instance without file handles.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 
 pub(crate) type Reply = hyper::Response<ReplyBody>;
 
-/// Why a request is refused before it is looked into.
+/// Status and reason of a request that is refused before it is routed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct HttpError(pub(crate) u16, pub(crate) &'static str);
 
 pub(crate) type HttpResult<T> = Result<T, HttpError>;
 
-/// A connection that is open.
 struct Connection {
     peer: IpAddr,
-    /// Whether its request is being worked on, so that it gives way to nobody.
+    /// True if its request is being worked on, so that it is not closed.
     is_working: Arc<AtomicBool>,
     task: AbortHandle,
 }
 
-/// A request with its sender, and whether it is being worked on.
+/// A request with its sender, and the flag that it is being worked on.
 pub(crate) type Arrival = (IpAddr, hyper::Request<Incoming>, Arc<AtomicBool>);
 
-/// Accepts connections for ever, and has their requests answered.
+/// Accepts connections forever, and answers their requests.
 pub(crate) async fn accept<F, R>(listener: TcpListener, answer: F) -> Infallible
 where
     F: Fn(Arrival) -> R + Clone + Send + 'static,
@@ -80,7 +79,7 @@ where
         };
         connections.retain(|connection| !connection.task.is_finished());
         if connections.len() >= MAX_CONNECTIONS {
-            // Fewer requests than connections are worked on at a time.
+            // There is one: fewer requests than connections are worked on at a time.
             let Some(index) = gives_way(&connections) else { continue };
             connections.remove(index).task.abort();
         }
@@ -90,7 +89,7 @@ where
             let reply = answer((peer, request, working.clone()));
             async { Ok::<_, Infallible>(reply.await) }
         });
-        // Without it the end of an answer waits for a sign that its beginning has arrived.
+        // Otherwise the end of an answer waits for the acknowledgment of its beginning.
         let _ = stream.set_nodelay(true);
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
@@ -105,12 +104,14 @@ where
     }
 }
 
-/// The oldest connection that is not worked on, of the address with most connections.
+/// The oldest connection that is not worked on, of the address with the most connections.
 fn gives_way(connections: &[Connection]) -> Option<usize> {
-    let n_of = |peer: IpAddr| connections.iter().filter(|it| it.peer == peer).count();
-    let idle = connections.iter().enumerate();
-    let idle = idle.filter(|(_, it)| !it.is_working.load(Ordering::Relaxed));
-    idle.rev().max_by_key(|(_, it)| n_of(it.peer)).map(|(index, _)| index)
+    let idle = connections.iter().enumerate().rev();
+    let idle = idle.filter(|(_, connection)| !connection.is_working.load(Ordering::Relaxed));
+    let most = idle.max_by_key(|(_, Connection { peer, .. })| {
+        connections.iter().filter(|other| other.peer == *peer).count()
+    });
+    most.map(|(index, _)| index)
 }
 
 /// Reads a body that is at most [`MAX_BODY`] long.
@@ -120,12 +121,11 @@ pub(crate) async fn read(body: Incoming) -> HttpResult<Bytes> {
     Ok(read.map_err(|_gone| HttpError(400, "the request was cut off"))?.to_bytes())
 }
 
-/// Reads a body that was refused: a connection that is closed on unread bytes may lose its answer.
+/// Reads a refused body: a connection that is closed with unread bytes may lose its answer.
 pub(crate) async fn skip(body: Incoming) {
     let _ = timeout(REFUSED_TIMEOUT, Limited::new(body, MAX_REFUSED_BODY).collect()).await;
 }
 
-/// Adds the fields that every answer has.
 pub(crate) fn finished(reply: Reply) -> Reply {
     let reply = match reply.status().as_u16() {
         429 | 503 => with_field(reply, "Retry-After", "2"),
@@ -136,7 +136,7 @@ pub(crate) fn finished(reply: Reply) -> Reply {
     with_field(reply, "Referrer-Policy", "no-referrer")
 }
 
-/// What is sent: bytes, or a file, so that what a slow reader takes does not wait in memory.
+/// The body of an answer: bytes, or a file, which a slow reader does not keep in memory.
 #[derive(Debug)]
 pub(crate) struct ReplyBody {
     bytes: Bytes,
@@ -181,7 +181,7 @@ pub(crate) fn json(value: &impl Serialize) -> Reply {
     whole("application/json", json!(value).to_string())
 }
 
-/// A file that does not change, and the browser may keep.
+/// A file that does not change, so that the browser may keep it.
 #[expect(clippy::disallowed_methods, reason = "a file of the gallery, and no link")]
 pub(crate) fn file(kind: &'static str, path: &Path) -> std::io::Result<Reply> {
     let file = File::open(path)?;
@@ -191,7 +191,7 @@ pub(crate) fn file(kind: &'static str, path: &Path) -> std::io::Result<Reply> {
     Ok(with_field(reply, "Cache-Control", "private, max-age=86400, immutable"))
 }
 
-/// A file of the page, which the browser may keep as long as its mark is the same.
+/// A file of the page, which the browser may keep as long as its `ETag` is the same.
 pub(crate) fn marked(
     kind: &'static str,
     body: impl Into<Bytes>,
@@ -215,7 +215,7 @@ pub(crate) fn with_field(mut reply: Reply, name: &'static str, value: &str) -> R
     reply
 }
 
-/// What is answered where something was refused.
+/// The answer to a refused request.
 pub(crate) fn refused(message: impl Into<Message>) -> Reply {
     let message = message.into();
     let status = Key::ALL.iter().find(|key| key.name() == message.key).map(|key| key.status());

@@ -1,10 +1,10 @@
-//! Serve: a page on which a word becomes a photo while one types or draws it, and from which it is
-//! sent to be flown.
+//! Serve: a page on which a word becomes a photo while a visitor types or draws it, and from which
+//! it is sent to be flown.
 //!
-//! A connection comes in by `http`, and its request is admitted by `access`; `routes` answer it,
-//! and those of the `operator`. Visitors' browsers make photos by a `module`; for browsers that
-//! cannot, for the host and for what is sent, a `worker` makes them here. What is sent is kept in
-//! `entries` of a `gallery`. The page itself is the folder `page`.
+//! A connection arrives in `http`, and its request is admitted by `access` and answered by `routes`
+//! or by the `operator`. Visitors' browsers make photos with a `module`. A `worker` makes them here
+//! for other browsers, for the host and for entries, which are kept in `entries` of a `gallery`.
+//! The page itself is the folder `page`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -44,40 +44,40 @@ mod worker;
 pub use qr::printed as printed_code;
 pub use worker::work;
 
-/// Most threads for what waits for the disk.
+/// Most threads that wait for the disk.
 const DISK_THREADS: usize = 8;
 
-/// What the server needs of the program around it.
+/// Functions of the program that the server calls.
 #[derive(Clone, Copy, Debug)]
 pub struct Program {
     /// Starts the program as a worker, in which [`work`] runs.
     pub worker: fn() -> std::io::Result<Command>,
-    /// Changes that help where a word does not read.
+    /// Changes that help a word that does not read.
     pub advice: fn(&Shot) -> Result<Vec<Suggestion>>,
-    /// File of a typeface of this machine that has all of some letters.
+    /// File of a typeface of this machine with all of some letters.
     pub typeface: fn(&[char]) -> Option<PathBuf>,
     /// Prints a warning for the host.
     pub warn: fn(&str),
 }
 
-/// How the page is served.
+/// Options of the server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
     /// The scene that the controls begin with.
     pub scene: Scene,
-    /// The text of its file, which visitors' browsers lay their settings over.
+    /// The text of its file, for visitors' browsers, which lay their settings over it.
     pub base: String,
-    /// The page's WebAssembly module; `None`: all photos are made here.
+    /// The page's WebAssembly module. Without it all photos are made here.
     pub module: Option<PathBuf>,
-    /// Folder that keeps the address and what visitors send; `None`: as long as the program runs.
+    /// Folder that keeps the address and the entries. Without it they end with the program.
     pub gallery: Option<PathBuf>,
-    /// Folder for what is made.
+    /// Folder for temporary files.
     pub temporary: PathBuf,
-    /// Port; 0: that of the gallery's address, or one that is free.
+    /// Port. 0 is that of the gallery's address, or any free one.
     pub port: u16,
-    /// Whether other machines are served.
+    /// True if other machines are served.
     pub network: bool,
-    /// Whether the wall shows what nobody has approved yet.
+    /// True if the wall shows entries that nobody has approved yet.
     pub open_wall: bool,
     /// Folder of the host's words and logo.
     pub brand: Option<PathBuf>,
@@ -88,33 +88,34 @@ pub struct ServerConfig {
 pub struct Addresses {
     /// Of visitors, here.
     pub visitors: String,
-    /// Of a screen that stands in the hall, here.
+    /// Of a kiosk, here.
     pub kiosk: String,
     /// Of the operator, who sits here.
     pub operator: String,
-    /// Of visitors and of kiosks in the network; `None`: it is not served, or there is none.
+    /// Of visitors and of kiosks in the network. `None` without a network.
     pub network: Option<[String; 2]>,
 }
 
-/// Serves the page until the program is ended; `announce` is told the addresses.
+/// Serves the page until the program ends. `announce` gets the addresses.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a gallery, an address, a brand or a port that cannot be used;
-/// [`Error::Io`] where nothing can be written; what `announce` returns.
+/// [`Error::Input`] for a gallery, an address, a brand or a port that cannot be used, [`Error::Io`]
+/// if nothing can be written, and the errors of `announce`.
 pub fn serve(
     config: ServerConfig,
     program: Program,
     announce: impl FnOnce(&Addresses) -> Result<()>,
 ) -> Result<()> {
+    // Everything that can be refused comes before the first connection.
     let module = config.module.as_deref().map(Module::read).transpose()?;
     let brand = config.brand.as_deref().map(Brand::read).transpose()?.unwrap_or_default();
     let temporary = &config.temporary;
     let (scratch, _lock) =
         folder_in(temporary).map_err(|source| Error::write(temporary, source))?;
-    let nowhere = scratch.path().join("gallery");
+    let unkept = scratch.path().join("gallery");
     let gallery = config.gallery.as_deref();
-    let entries = Entries::open(gallery.unwrap_or(&nowhere), config.open_wall, program.warn)?;
+    let entries = Entries::open(gallery.unwrap_or(&unkept), config.open_wall, program.warn)?;
     let ip = if config.network { Ipv4Addr::UNSPECIFIED } else { Ipv4Addr::LOCALHOST };
     let (address, listener) = Address::open(gallery, config.port, ip)?;
     let outside = config.network.then(own_ip).flatten();
@@ -141,7 +142,7 @@ pub fn serve(
     run(listener, server)
 }
 
-/// Answers all connections on one thread, and what waits for the disk on a few others.
+/// Answers all connections on one thread, with a few others that wait for the disk.
 fn run(listener: TcpListener, server: Server) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()

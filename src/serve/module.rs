@@ -1,4 +1,4 @@
-//! The page's WebAssembly module, by which visitors' browsers make photos themselves.
+//! The page's WebAssembly module, with which visitors' browsers make photos.
 
 use std::io::Read;
 use std::path::Path;
@@ -24,11 +24,7 @@ pub(crate) struct Module {
 }
 
 impl Module {
-    /// Reads a module.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`] for a file that is none; [`Error::Io`] for one that cannot be read.
+    /// Reads a module and checks its first bytes.
     pub(crate) fn read(path: &Path) -> Result<Self> {
         let bytes = LIMIT.read(path)?;
         let mut head = [0; 4];

@@ -1,4 +1,4 @@
-//! What the operator sees and does.
+//! Routes of the operator.
 
 use serde::Serialize;
 use serde_json::json;
@@ -13,7 +13,7 @@ use noctograph_export::{File, stem, zip::zip};
 use noctograph_photo_service::messages::{Key, KeyResult, Message};
 use noctograph_photo_service::request::Product;
 
-/// Longest text of a code, bytes: name and password of a WLAN have 32 and 63, each escaped at most.
+/// Longest text of a code, bytes: name and password of a WLAN have 32 and 63, with escapes.
 const MAX_TEXT: usize = 256;
 
 impl Server {
@@ -24,7 +24,7 @@ impl Server {
             ["visitors.svg"] => self.code(Address::of_visitors),
             ["kiosk.svg"] => self.code(Address::of_kiosk),
             ["wall.svg"] => self.code(Address::of_wall),
-            // The code of the hall's WLAN, whose text only this page knows.
+            // The code of the hall's WLAN. Its text is known only to the operator's page.
             ["text.svg"] => Ok(code_of(&text_of(&request.query).ok_or(Key::PageOld)?)),
             ["address.json"] => {
                 let address = &self.access.address;
@@ -41,6 +41,7 @@ impl Server {
     }
 
     pub(crate) fn operate(&self, parts: &[&str], body: &[u8]) -> KeyResult<Reply> {
+        // Every change has a new revision, so that the page knows whether it is up to date.
         let revision = match *parts {
             ["entries", id] => {
                 let posted = Posted::parse(body, &["do", "was"])?;
@@ -59,61 +60,68 @@ impl Server {
 
     /// The script of one entry.
     pub(crate) async fn script(&self, id: &str) -> KeyResult<Reply> {
-        let (told, archive) = self.export(Some(id)).await?;
-        match told.into_iter().flat_map(|exported| exported.refused).next() {
+        let (results, archive) = self.export(Some(id)).await?;
+        match results.into_iter().flat_map(|exported| exported.refused).next() {
             Some(refused) => Ok(http::refused(refused)),
             None => Ok(http::whole(ZIP, archive)),
         }
     }
 
-    /// What became of one entry, or of those that are to be flown in their order, and the archive
-    /// of their scripts.
+    /// The archive of the scripts of one entry, or of all that are to be flown in their order, with
+    /// the result for each entry.
     pub(crate) async fn export(&self, id: Option<&str>) -> KeyResult<(Vec<Exported>, Vec<u8>)> {
         let entries = self.entries.to_fly(id);
         if id.is_some() && entries.is_empty() {
             return Err(Key::Closed);
         }
-        let (mut told, mut files) = (Vec::new(), Vec::new());
+        let (mut results, mut files) = (Vec::new(), Vec::new());
         for (index, (number, title, subject)) in entries.into_iter().enumerate() {
             let name = format!("{:02}-{}", index + 1, stem(&title));
-            let job = subject.map(|subject| Job { product: Product::Script, subject, page: None });
-            let made = match job {
+            let made = match subject {
                 None => Err(Key::Broken.into()),
-                Some(job) => self.operator.make(job).await,
+                Some(subject) => {
+                    let product = Product::Script;
+                    self.operator.make(Job { product, subject, page: None }).await
+                }
             };
+            // An entry that is refused does not stop the others.
             let (folder, refused) = match made {
                 Ok(parcel) => {
-                    let within =
-                        |file: File| File { name: format!("{name}/{}", file.name), ..file };
-                    files.extend(parcel.files.into_iter().map(within));
+                    for File { name: file, bytes } in parcel.files {
+                        files.push(File { name: format!("{name}/{file}"), bytes });
+                    }
                     (Some(name), Vec::new())
                 }
                 Err(message) => (None, vec![message]),
             };
-            told.push(Exported { folder, number, refused, title });
+            results.push(Exported { folder, number, refused, title });
         }
-        let bytes = format!("{:#}\n", json!(told)).into_bytes();
+        let bytes = format!("{:#}\n", json!(results)).into_bytes();
         files.push(File { name: "export.json".into(), bytes });
-        Ok((told, zip(&files)))
+        Ok((results, zip(&files)))
     }
 }
 
-/// A text whose bytes stand in hexadecimal, as long as a code may have it.
+/// The text of a code from the hexadecimal digits of its bytes, if it is short enough.
 fn text_of(query: &str) -> Option<String> {
-    let is_short = query.len() <= 2 * MAX_TEXT && query.len().is_multiple_of(2);
-    let digits =
-        Some(query).filter(|it| is_short && it.bytes().all(|it| it.is_ascii_hexdigit()))?;
-    let byte = |index| u8::from_str_radix(&digits[index..index + 2], 16).ok();
-    String::from_utf8((0..digits.len()).step_by(2).map(byte).collect::<Option<_>>()?).ok()
+    let (pairs, rest) = query.as_bytes().as_chunks::<2>();
+    if pairs.len() > MAX_TEXT || !rest.is_empty() {
+        return None;
+    }
+    let bytes = pairs.iter().map(|[high, low]| {
+        let digits = [high, low].map(|digit| char::from(*digit).to_digit(16));
+        u8::try_from(16 * digits[0]? + digits[1]?).ok()
+    });
+    String::from_utf8(bytes.collect::<Option<_>>()?).ok()
 }
 
-/// What became of the scripts of an entry.
+/// The result of exporting an entry.
 #[derive(Debug, Serialize)]
 pub(crate) struct Exported {
     /// Folder of its scripts in the archive.
     folder: Option<String>,
     number: u32,
-    /// Why it has none: one message.
+    /// The message, if it has no scripts.
     refused: Vec<Message>,
     title: String,
 }

@@ -1,10 +1,10 @@
-//! The page's files, served as they stand, and the page of an address that is no longer one.
+//! The page's files, and the page for an old address.
 
 use hyper::http::request::Parts;
 use serde_json::Value;
 
 use super::access::language;
-use super::http::{Reply, whole};
+use super::http::{Reply, whole, with_field, with_status};
 
 /// Files of two folders under their own names.
 macro_rules! files {
@@ -28,20 +28,21 @@ pub(crate) const FILES: &[(&str, &str)] = files! {
     "here.js" "maker.js" "worker.js"
 };
 
-/// What changes with the program, so that browsers know when the page did.
+/// The `ETag` of all files, which changes with the program.
 pub(crate) fn mark() -> String {
-    let all: Vec<u8> = FILES.iter().flat_map(|(_, text)| text.bytes()).collect();
-    format!("\"{}\"", &noctograph_core::digest::sha256(&all)[..16])
+    let bytes: Vec<u8> = FILES.iter().flat_map(|(_, text)| text.bytes()).collect();
+    format!("\"{}\"", &noctograph_core::digest::sha256(&bytes)[..16])
 }
 
-/// Languages of the page, the first for everybody else.
+/// Languages of the page. The first is the default.
 const LANGUAGES: [&str; 4] = ["en", "de", "fr", "es"];
 
-/// What a visitor reads whose address has another secret: one sentence, in the browser's language.
+/// The page for an address with another secret: one sentence, in the browser's language.
 pub(crate) fn of_old_address(head: &Parts) -> Reply {
     let code = language(head, &LANGUAGES).unwrap_or(LANGUAGES[0]);
     let name = format!("words/{code}.json");
     let words = FILES.iter().find(|(known, _)| *known == name).map_or("", |(_, text)| text);
+    // The page has no script and no file, since nothing at this address is served.
     let words: Value = serde_json::from_str(words).expect("a table of words");
     let sentence = words["moved"].as_str().expect("it is in every table");
     let page = format!(
@@ -52,5 +53,7 @@ pub(crate) fn of_old_address(head: &Parts) -> Reply {
          text-align: center }} p {{ max-width: 22em; padding: 1em }}</style>\n\
          <main><p>{sentence}</p></main>\n"
     );
-    whole("text/html; charset=utf-8", page)
+    let policy = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'";
+    let reply = with_status(whole("text/html; charset=utf-8", page), 403);
+    with_field(reply, "Content-Security-Policy", policy)
 }

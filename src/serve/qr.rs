@@ -5,21 +5,23 @@ use qrcode::{Color, EcLevel, QrCode};
 /// White modules around a code, which its readers need.
 const QUIET: usize = 4;
 
-/// The modules of a code, row by row with its quiet zone; `true` is dark.
+/// The modules of a code, row by row with its quiet zone, `true` if dark.
 fn modules(text: &str) -> Vec<Vec<bool>> {
     // An address is far below the 2.3 kB that a code takes.
     let Ok(code) = QrCode::with_error_correction_level(text, EcLevel::M) else { return Vec::new() };
-    let width = code.width();
-    let is_dark = |x: usize, y: usize| {
-        let inside = (QUIET..QUIET + width).contains(&x) && (QUIET..QUIET + width).contains(&y);
-        inside && code[(x - QUIET, y - QUIET)] == Color::Dark
-    };
-    let all = 0..width + 2 * QUIET;
-    all.clone().map(|y| all.clone().map(|x| is_dark(x, y)).collect()).collect()
+    let n = code.width() + 2 * QUIET;
+    let mut rows = vec![vec![false; n]; n];
+    for y in 0..code.width() {
+        for x in 0..code.width() {
+            rows[y + QUIET][x + QUIET] = code[(x, y)] == Color::Dark;
+        }
+    }
+    rows
 }
 
 /// A code as a picture (SVG), dark on white.
 pub(crate) fn svg(text: &str) -> String {
+    // One path for all dark modules, over a white square.
     let rows = modules(text);
     let mut path = String::new();
     for (y, row) in rows.iter().enumerate() {
@@ -35,18 +37,19 @@ pub(crate) fn svg(text: &str) -> String {
     )
 }
 
-/// A code for a terminal, two rows in a line: white is printed, so that it is right on black.
+/// A code for a terminal, two rows in a line. White is printed, for a black background.
 pub fn printed(text: &str) -> String {
     let mut lines = String::new();
+    // A character cell is twice as high as wide: half blocks make the modules square.
     for rows in modules(text).chunks(2) {
-        let below = |x: usize| rows.get(1).is_some_and(|row| row[x]);
-        let cell = |(x, dark): (usize, &bool)| match (*dark, below(x)) {
-            (false, false) => '█',
-            (false, true) => '▀',
-            (true, false) => '▄',
-            (true, true) => ' ',
-        };
-        lines.extend(rows[0].iter().enumerate().map(cell));
+        for (x, dark) in rows[0].iter().enumerate() {
+            lines.push(match (*dark, rows.get(1).is_some_and(|below| below[x])) {
+                (false, false) => '█',
+                (false, true) => '▀',
+                (true, false) => '▄',
+                (true, true) => ' ',
+            });
+        }
         lines.push('\n');
     }
     lines

@@ -1,4 +1,4 @@
-//! What is answered at which address.
+//! Routes: the answer to each address.
 
 use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
@@ -25,42 +25,42 @@ use noctograph_photo_service::messages::{Key, KeyResult, Message};
 use noctograph_photo_service::request::{MAX_WORD, PhotoRequest, Product};
 use noctograph_pipeline::scene::Scene;
 
-/// What answers the requests.
 #[derive(Debug)]
 pub(crate) struct Server {
     pub(crate) access: Access,
     pub(crate) brand: Brand,
-    /// Values that the controls begin with.
+    /// The scene that the controls begin with.
     pub(crate) scene: Scene,
     /// The text of its file.
     pub(crate) base: String,
-    /// What visitors' browsers make photos by.
+    /// The module with which visitors' browsers make photos.
     pub(crate) module: Option<Module>,
-    /// This machine, as others in its network see it.
+    /// The address of this machine in its network.
     pub(crate) outside: Option<IpAddr>,
     /// Name of this run of the program.
     pub(crate) boot: String,
-    /// Makes what visitors send, and photos for browsers that cannot make them.
+    /// Makes entries, and photos for browsers that cannot make them.
     pub(crate) visitors: Maker,
-    /// Makes what the host asks for, who waits for no visitor.
+    /// Makes photos for the host, who waits for no visitor.
     pub(crate) host: Maker,
-    /// Makes what the operator flies, and waits for neither.
+    /// Makes scripts for the operator, who waits for neither.
     pub(crate) operator: Maker,
     pub(crate) entries: Entries,
-    /// Changes with the program, so that browsers know when the page did.
     pub(crate) mark: String,
 }
 
 impl Server {
-    /// Answers a request; a connection whose request is being worked on gives way to no other.
+    /// Answers a request. While it is worked on, its connection is not closed for another one.
     pub(crate) async fn answer(self: Arc<Self>, (peer, request, working): Arrival) -> Reply {
         let (head, body) = request.into_parts();
         let reply = match self.access.admit(&head, peer) {
             Ok(mut request) => {
+                // A body is read only after the request was admitted.
                 let read = match &request.body {
                     Some(_) => http::read(body).await.map(Some),
                     None => Ok(None),
                 };
+                // Visitors who wait for news may have to wait again.
                 let waits = request.route == "news" && request.base != Base::Operator;
                 working.store(!waits, Ordering::Relaxed);
                 match read {
@@ -73,14 +73,8 @@ impl Server {
             }
             Err(error) => {
                 http::skip(body).await;
-                match error == HttpError(403, OLD_ADDRESS) && wants_page(&head) {
-                    true => with_field(
-                        with_status(page::of_old_address(&head), 403),
-                        "Content-Security-Policy",
-                        "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
-                    ),
-                    false => error.into(),
-                }
+                let is_page = error == HttpError(403, OLD_ADDRESS) && wants_page(&head);
+                if is_page { page::of_old_address(&head) } else { error.into() }
             }
         };
         working.store(false, Ordering::Relaxed);
@@ -90,6 +84,8 @@ impl Server {
     async fn route(self: &Arc<Self>, request: Request) -> KeyResult<Reply> {
         let request = Arc::new(request);
         let parts: Vec<&str> = request.route.split('/').collect();
+        // Here are the routes that wait for a change or a worker. All others may wait for the disk,
+        // on another thread.
         match (&request.base, &request.body, &*parts) {
             (_, None, ["news"]) => {
                 let seen = request.query.strip_prefix("seen=");
@@ -119,13 +115,12 @@ impl Server {
             (Base::Operator, None, ["entries", id, "flight.zip"]) => self.script(id).await,
             _ => {
                 let (server, request) = (self.clone(), request.clone());
-                let answer = move || server.with_disk(&request);
-                tokio::task::spawn_blocking(answer).await.unwrap_or(Err(Key::Broken))
+                let answer = tokio::task::spawn_blocking(move || server.with_disk(&request));
+                answer.await.unwrap_or(Err(Key::Broken))
             }
         }
     }
 
-    /// Answers what may wait for the disk.
     fn with_disk(&self, request: &Request) -> KeyResult<Reply> {
         let parts: Vec<&str> = request.route.split('/').collect();
         match (&request.base, &request.body) {
@@ -138,7 +133,7 @@ impl Server {
         }
     }
 
-    /// What every address has: the page, and who one is.
+    /// Routes of all addresses: the page, and the facts that it needs.
     pub(crate) fn common(&self, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
             ["alive"] => Ok(http::json(&json!({ "boot": self.boot }))),
@@ -163,7 +158,7 @@ impl Server {
         Ok(with_field(reply, "Content-Security-Policy", POLICY))
     }
 
-    /// What the page has to know, as JSON.
+    /// Facts that the page needs.
     fn about(&self, request: &Request) -> Value {
         let Self { brand, scene, boot, entries, .. } = self;
         let role = match request.base {
@@ -176,7 +171,7 @@ impl Server {
         if role == Role::Entry {
             return json!(host);
         }
-        // The host's own machine is faster without.
+        // The program is faster than the module on the host's machine.
         let makes_there = self.module.is_some() && !request.peer.is_loopback();
         json!(About {
             host,
@@ -202,7 +197,7 @@ impl Server {
                 _ => Err(Key::Closed),
             },
             ["qr.svg"] => self.code(Address::of_visitors),
-            ["entries", id] => Ok(http::json(&self.entries.own(id)?)),
+            ["entries", id] => Ok(http::json(&self.entries.for_visitor(id)?)),
             ["entries", id, "qr.svg"] => self.code_of(id),
             _ => self.common(parts, request),
         }
@@ -210,11 +205,13 @@ impl Server {
 
     fn take_home(&self, id: &str, parts: &[&str], request: &Request) -> KeyResult<Reply> {
         match *parts {
-            ["entry.json"] => Ok(http::json(&self.entries.own(id)?)),
+            ["entry.json"] => Ok(http::json(&self.entries.for_visitor(id)?)),
             ["qr.svg"] => self.code_of(id),
             [name @ (PNG | JPEG | REPLAY)] => sent(self.entries.file(id, name)),
-            // The page itself says that a photo is gone.
-            [""] if self.entries.own(id).is_err() => Ok(with_status(self.page(request)?, 404)),
+            // The page says that a photo is gone.
+            [""] if self.entries.for_visitor(id).is_err() => {
+                Ok(with_status(self.page(request)?, 404))
+            }
             _ => self.common(parts, request),
         }
     }
@@ -233,19 +230,19 @@ impl Server {
         }
     }
 
-    /// What somebody asks to be made here: the host, or a browser that cannot.
+    /// Makes a photo or scripts here, for the host or a browser without the module.
     async fn photo(&self, photo: PhotoRequest, name: &str, request: &Request) -> KeyResult<Reply> {
         let product = match name {
             "live" => Product::Live,
             "photos" => Product::Large { advice: photo.advice, files: photo.files },
-            // Who flies sits at this machine, and not at a screen of the hall.
+            // Scripts are for a pilot at this machine, and not at a kiosk.
             _ if request.is_home() => Product::Script,
             _ => return Err(Key::NotHere),
         };
         let maker = if request.peer.is_loopback() { &self.host } else { &self.visitors };
-        // The server keeps no photo: what asked for it sends it.
-        let text = || String::from_utf8_lossy(request.body.as_deref().unwrap_or_default());
-        let id = (name == "photos").then(|| text().into_owned());
+        // The server keeps no photo: the page sends the request again to have it flown.
+        let body = request.body.as_deref().unwrap_or_default();
+        let id = (name == "photos").then(|| String::from_utf8_lossy(body).into_owned());
         let (number, subject) = (photo.number, photo.subject);
         let page = Some(Asked { id, number });
         let answer = match maker.make(Job { product, subject, page }).await {
@@ -256,8 +253,7 @@ impl Server {
         Ok(http::whole("application/json", answer))
     }
 
-    /// Keeps the photo that a visitor sends to be flown, made large here by the text that asked for
-    /// it.
+    /// Makes the photo that a visitor sends to be flown, by its request, and keeps it as an entry.
     async fn send(self: &Arc<Self>, body: &[u8], request: &Request) -> Result<Reply, Message> {
         let posted = Posted::parse(body, &["visitor", "photo", "language"])?;
         let language = posted.member::<Option<String>>("language")?.unwrap_or_default();
@@ -290,27 +286,27 @@ impl Server {
         let job = Job { product, subject: subject.clone(), page: None };
         let Parcel { figures, files } = self.visitors.make(job).await?;
         let (server, photo) = (self.clone(), Photo { id, visitor, subject, figures, files });
-        let add = move || server.entries.add(&photo, &language, sender);
-        Ok(tokio::task::spawn_blocking(add).await.unwrap_or(Err(Key::Broken))?)
+        let added =
+            tokio::task::spawn_blocking(move || server.entries.add(&photo, &language, sender));
+        Ok(added.await.unwrap_or(Err(Key::Broken))?)
     }
 
-    /// This machine, as its pages name it.
+    /// The IP address in the pages' addresses.
     pub(crate) fn ip(&self) -> IpAddr {
         self.outside.unwrap_or(Ipv4Addr::LOCALHOST.into())
     }
 
-    /// The code of a page, for telephones; none where they cannot reach this machine.
+    /// The code of a page, for telephones, if they can reach this machine.
     pub(crate) fn code(&self, page: impl Fn(&Address, IpAddr) -> String) -> KeyResult<Reply> {
         Ok(code_of(&page(&self.access.address, self.outside.ok_or(Key::Closed)?)))
     }
 
     fn code_of(&self, id: &str) -> KeyResult<Reply> {
-        self.entries.own(id)?;
+        self.entries.for_visitor(id)?;
         self.code(|address, ip| address.of_entry(ip, id))
     }
 }
 
-/// What the page posts: an object of known members.
 pub(crate) struct Posted(Map<String, Value>);
 
 impl Posted {
@@ -321,7 +317,7 @@ impl Posted {
         if is_known { Ok(Self(members)) } else { Err(Key::PageOld) }
     }
 
-    /// A member; null where it is left out.
+    /// A member, null if it is left out.
     pub(crate) fn member<T: DeserializeOwned>(&self, name: &str) -> KeyResult<T> {
         let member = self.0.get(name).cloned().unwrap_or_default();
         serde_json::from_value(member).map_err(|_other| Key::PageOld)
@@ -331,7 +327,7 @@ impl Posted {
 const SVG: &str = "image/svg+xml";
 pub(crate) const ZIP: &str = "application/zip";
 
-/// The page asks nobody else for anything, and runs no script but its files and its module.
+/// The page loads nothing from elsewhere, and runs only its scripts and its module.
 const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' \
                       data: blob:; connect-src 'self'; worker-src 'self'; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
@@ -341,7 +337,7 @@ pub(crate) fn code_of(text: &str) -> Reply {
     drawing(http::whole(SVG, qr::svg(text)))
 }
 
-/// A drawing that is opened by itself runs no script and asks for nothing.
+/// The answer with a drawing, which runs no script and loads nothing when it is opened.
 fn drawing(reply: Reply) -> Reply {
     let policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox";
     with_field(reply, "Content-Security-Policy", policy)
@@ -359,7 +355,7 @@ fn kind_of(name: &str) -> &'static str {
     }
 }
 
-/// A file that is there.
+/// The answer with a file, if it exists.
 pub(crate) fn sent(path: Option<PathBuf>) -> KeyResult<Reply> {
     let path = path.ok_or(Key::Closed)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();

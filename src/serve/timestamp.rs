@@ -19,7 +19,7 @@ fn rfc3339(since_1970_s: u64) -> String {
 /// Year, month and day of a day since 1970-01-01, in the Gregorian calendar (Hinnant,
 /// "chrono-Compatible Low-Level Date Algorithms").
 fn date(days: u64) -> [u64; 3] {
-    // Years begin in March, so that the leap day is the last.
+    // Years begin in March, so that the leap day is the last one. An era has 400 years.
     let days = days + 719_468;
     let (era, of_era) = (days / 146_097, days % 146_097);
     let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;

@@ -1,9 +1,8 @@
-//! Workers: processes of their own, in which photos and files are made one after another.
+//! Workers: processes that make photos and files one after another.
 //!
-//! One that is too slow, too large or broken is ended and takes nothing with it. It lives as long
-//! as its pipe: where the server is killed, it ends by itself, whatever it does. A worker is the
-//! program once more; a job is a line of JSON, and so is an answer, which the bytes of its files
-//! follow.
+//! A worker that is too slow, too large or broken is killed, and the server goes on. A worker ends
+//! when its pipe is closed, so it does not survive the server. It is another process of the same
+//! program. A job is a line of JSON, and so is an answer, followed by the bytes of its files.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -35,19 +34,18 @@ use noctograph_pipeline::scene::Scene;
 
 /// Most jobs that wait for a worker.
 const MAX_WAITING: usize = 64;
-/// Most memory of a worker, beside its code: what a large picture takes, and a little more.
+/// Most memory of a worker, without its code: enough for a large picture.
 #[cfg(unix)]
 const MEMORY: u64 = 1 << 30;
-/// Longest time of a photo while one types, and of a large one: a word that does not read is flown
-/// some thirty times for advice. What a wish may ask for is bounded by its work; these end what
-/// hangs, and are long enough for a busy machine.
+/// Longest time of a photo while a visitor types, and of a large one, for whose advice a word is
+/// flown some thirty times. They end a worker that hangs, and suffice on a busy machine.
 const LIVE_TIMEOUT: Duration = Duration::from_secs(30);
 const LARGE_TIMEOUT: Duration = Duration::from_secs(300);
 /// Longest wait for a killed worker's end, which takes a millisecond unless its disk hangs.
 const END_TRIES: usize = 100;
 const END_PAUSE: Duration = Duration::from_millis(1);
-/// Longest line of an answer, and most bytes of its files: a photo of two megapixels with its files
-/// in base64, or as they are.
+/// Longest line of an answer, and most bytes of its files: a photo of two megapixels with its
+/// files, also in base64.
 const MAX_LINE: u64 = 1 << 20;
 const MAX_BYTES: usize = 32 << 20;
 
@@ -56,14 +54,13 @@ const MAX_BYTES: usize = 32 << 20;
 pub(crate) struct Job {
     pub(crate) product: Product,
     pub(crate) subject: Subject,
-    /// Of a job for a page: the answer is one file, which the page reads. Else it is the files.
+    /// What a page gets back. Its answer is one file, otherwise the answer is all files.
     pub(crate) page: Option<Asked>,
 }
 
-/// What a worker made.
 #[derive(Debug)]
 pub(crate) struct Parcel {
-    /// Those of a large photo that is kept.
+    /// Figures of a large photo that is kept.
     pub(crate) figures: Figures,
     pub(crate) files: Vec<File>,
 }
@@ -71,17 +68,17 @@ pub(crate) struct Parcel {
 /// The line of an answer: figures, and names and lengths of the files that follow.
 type Head = std::result::Result<(Figures, Vec<(String, usize)>), Message>;
 
-/// Has jobs done one after another, in the order in which they come.
+/// Queues jobs for one worker.
 #[derive(Debug)]
 pub(crate) struct Maker {
     program: Program,
-    /// Where workers have their folders.
+    /// Folder of the workers' folders.
     scratch: PathBuf,
     worker: Arc<Mutex<Option<Worker>>>,
     places: Semaphore,
 }
 
-/// A job whose worker ends with it, unless it is done.
+/// A task that is aborted when this is dropped, and its worker killed with it.
 struct Ending<T>(JoinHandle<T>);
 
 impl<T> Drop for Ending<T> {
@@ -96,13 +93,14 @@ impl Maker {
         Self { program, scratch: scratch.to_owned(), worker: Arc::default(), places }
     }
 
-    /// Does a job. Dropped while it waits, it is not begun; dropped later, it ends, but for the
-    /// photo of a keystroke, which is soon done.
+    /// Does a job. If it is dropped while it waits, it is not begun. If it is dropped later, it is
+    /// ended, except for the photo of a keystroke, which is soon done.
     pub(crate) async fn make(&self, job: Job) -> std::result::Result<Parcel, Message> {
         let _place = self.places.try_acquire().map_err(|_full| Key::Busy)?;
         let mut slot = self.worker.clone().lock_owned().await;
         let (program, scratch) = (self.program, self.scratch.clone());
         let is_live = job.product == Product::Live;
+        // The worker is put back only after an answer: a job that fails kills it.
         let made = tokio::spawn(async move {
             let mut worker = match slot.take() {
                 Some(worker) => worker,
@@ -138,7 +136,7 @@ impl Worker {
     fn start(program: Program, scratch: &Path) -> std::io::Result<Self> {
         let folder = tempfile::Builder::new().prefix("worker-").tempdir_in(scratch)?;
         let mut command = Command::from((program.worker)()?);
-        // A group of its own: the terminal's Ctrl-C is the server's, with which its workers end.
+        // In another process group, Ctrl-C in the terminal ends only the server, and then the pipe.
         #[cfg(unix)]
         command.process_group(0);
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
@@ -153,6 +151,7 @@ impl Worker {
         self.jobs.write_all(line.as_bytes()).await?;
         let mut line = String::new();
         (&mut self.answers).take(MAX_LINE).read_line(&mut line).await?;
+        // A worker that was taken over by a drawing could announce any size.
         let (figures, sizes) = match serde_json::from_str::<Head>(&line)? {
             Ok(head) => head,
             Err(message) => return Ok(Err(message)),
@@ -173,7 +172,7 @@ impl Worker {
 impl Drop for Worker {
     fn drop(&mut self) {
         let _ = self.child.start_kill();
-        // Windows removes no folder that is the present one of a process.
+        // Windows does not remove the present folder of a process.
         for _ in 0..END_TRIES {
             match self.child.try_wait() {
                 Ok(None) => std::thread::sleep(END_PAUSE),
@@ -183,8 +182,8 @@ impl Drop for Worker {
     }
 }
 
-/// The worker's own side: makes what it is told to in the present folder, until nobody tells it any
-/// more. `scene` names the scene that the page begins with.
+/// Runs a worker in the present folder until its pipe is closed. `scene` names the scene that the
+/// page begins with.
 ///
 /// # Errors
 ///
@@ -197,15 +196,15 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
         for job in lines.map_while(|line| serde_json::from_str::<Job>(&line).ok()) {
             let _ = sender.send(job);
         }
-        // The server is gone, and nobody wants what is being made.
+        // The server has ended, and the present job with it.
         std::process::exit(0);
     });
     listening.map_err(no_thread)?;
-    let own = std::env::current_dir().map_err(|source| Error::read(".".as_ref(), source))?;
+    let folder = std::env::current_dir().map_err(|source| Error::read(".".as_ref(), source))?;
     let maker = JobMaker { program, scene, faces: RefCell::default() };
     for job in jobs {
-        // A job has nothing that outlives it: what a panic leaves broken is dropped.
-        let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&own, &job)));
+        // Only the cache of typefaces survives a job, and a panic does not break it.
+        let made = catch_unwind(AssertUnwindSafe(|| maker.make_in(&folder, &job)));
         let made = made.unwrap_or_else(|_| Err(Key::Broken.into()));
         if hand_over(made.and_then(|answer| packed(answer, job.page))).is_err() {
             break;
@@ -214,7 +213,7 @@ pub fn work(program: Program, scene: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// What the server is sent of an answer. Of a photo that is kept, its flight is safe.
+/// The part of an answer that the server gets. A photo is kept only if its flight is safe.
 fn packed(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Message> {
     if let Some(asked) = page {
         let bytes = PageAnswer::new(asked, Ok(answer)).json().into_bytes();
@@ -228,12 +227,12 @@ fn packed(answer: Answer, page: Option<Asked>) -> std::result::Result<Parcel, Me
     if !facts.stops.is_empty() {
         return Err(Message::of_stops(&facts.stops));
     }
+    // The wall exposes the photo again by the map of its light.
     let replay = json!(facts.photo.replay).to_string().into_bytes();
     files.push(File { name: REPLAY.into(), bytes: replay });
     Ok(Parcel { figures: Figures::new(*facts), files })
 }
 
-/// Writes what was made for the server.
 fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> {
     let (head, files): (Head, _) = match made {
         Ok(Parcel { figures, files }) => {
@@ -242,6 +241,7 @@ fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> 
         }
         Err(message) => (Err(message), Vec::new()),
     };
+    // The line says how many bytes follow it.
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", json!(head))?;
     for file in files {
@@ -250,27 +250,27 @@ fn hand_over(made: std::result::Result<Parcel, Message>) -> std::io::Result<()> 
     out.flush()
 }
 
-/// Most words whose typefaces are known: an evening's, letter by letter.
+/// Most words whose typefaces are cached: those of an evening, letter by letter.
 const MOST_FACES: usize = 4096;
 
-/// The folder of a job, which is the present folder while this lives.
+/// The folder of a job, which is the present folder as long as this exists.
 struct JobFolder<'a> {
     _folder: TempDir,
-    own: &'a Path,
+    parent: &'a Path,
 }
 
 impl<'a> JobFolder<'a> {
-    fn in_folder(own: &'a Path) -> std::io::Result<Self> {
-        let folder = tempfile::tempdir_in(own)?;
+    fn enter(parent: &'a Path) -> std::io::Result<Self> {
+        let folder = tempfile::tempdir_in(parent)?;
         std::env::set_current_dir(folder.path())?;
-        Ok(Self { _folder: folder, own })
+        Ok(Self { _folder: folder, parent })
     }
 }
 
 impl Drop for JobFolder<'_> {
     fn drop(&mut self) {
-        // Windows removes no folder that is a present one.
-        let _ = std::env::set_current_dir(self.own);
+        // Windows does not remove a present folder.
+        let _ = std::env::set_current_dir(self.parent);
     }
 }
 
@@ -282,16 +282,16 @@ struct JobMaker<'a> {
 }
 
 impl JobMaker<'_> {
-    /// Does a job in a folder of its own, in which all its files stand by their names: no path of
-    /// this machine gets into what is made.
-    fn make_in(&self, own: &Path, Job { product, subject, .. }: &Job) -> Made {
-        let Ok(_folder) = JobFolder::in_folder(own) else { return Err(Key::DiskFull.into()) };
+    /// Does a job in a new folder with all its files, so that no path of this machine gets into the
+    /// answer.
+    fn make_in(&self, parent: &Path, Job { product, subject, .. }: &Job) -> Made {
+        let Ok(_folder) = JobFolder::enter(parent) else { return Err(Key::DiskFull.into()) };
         let studio = Studio {
             scene: &|settings| self.base(settings),
             typeface: &|word| self.face(word).map(|face| brought_here(&face)).transpose(),
             advice: &self.program.advice,
             has_audience: true,
-            watch: &|_stage, _share| {},
+            watch: &|_stage, _fraction| {},
         };
         studio.make(*product, subject)
     }
@@ -313,8 +313,10 @@ impl JobMaker<'_> {
         if faces.len() == MOST_FACES {
             faces.clear();
         }
-        let find = || (self.program.typeface)(&letters.iter().copied().collect::<Vec<_>>());
-        faces.entry(letters.clone()).or_insert_with(find).clone()
+        let face = faces.entry(letters).or_insert_with_key(|letters| {
+            (self.program.typeface)(&letters.iter().copied().collect::<Vec<_>>())
+        });
+        face.clone()
     }
 }
 
@@ -329,14 +331,14 @@ fn brought_here(path: &Path) -> Result<String> {
     while Path::new(&name).exists() {
         name.insert(0, '_');
     }
+    // A link is not possible from another disk.
     let linked = std::fs::hard_link(path, &name);
     let brought = linked.or_else(|_| std::fs::copy(path, &name).map(drop));
     brought.map_err(|source| Error::read(name.as_ref(), source))?;
     Ok(name)
 }
 
-/// Limits the memory of this process. Where a system has no such limit, the timeout is what is
-/// left.
+/// Limits the memory of this process, if the system can. Otherwise only the timeout ends it.
 fn limit_memory() {
     #[cfg(unix)]
     {

@@ -24,7 +24,7 @@ pub struct ExportOptions {
     pub tolerance_m: f64,
     /// Limits of the flight.
     pub profile: Profile,
-    /// Whether unsafe flights are written, too.
+    /// True if unsafe flights are written, too.
     pub is_unchecked: bool,
 }
 
@@ -33,10 +33,10 @@ pub struct ExportOptions {
 pub struct CheckedExport {
     options: ExportOptions,
     shoot: Shoot,
-    /// The trajectory that is exported in place of the plans.
+    /// The trajectory that is exported instead of the plans.
     trajectory: Option<Shoot>,
     checks: Checks,
-    /// The findings of all checks; empty for a format that does not fly.
+    /// The findings of all checks. Empty for a format that does not fly.
     pub findings: Vec<Diagnostic>,
 }
 
@@ -49,13 +49,13 @@ pub struct ExportedFiles {
     pub deviation_m: Option<f64>,
 }
 
-/// Makes a scene the one that an export flies: as slow as a profile where one is given, paced by a
-/// clock that its script can set, and with the setpoints of the script. Returns the script's mode:
-/// the given one, or that of the setpoints that `check` flies.
+/// Makes a scene the one that an export flies: as slow as a profile, if one is given, paced by a
+/// clock that its script can set, and with the setpoints of the script. Returns the mode of the
+/// script, by default that of the setpoints that `check` flies.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for setpoints with which no flight under the scene's controller is checked.
+/// [`Error::Input`] for setpoints that the scene's controller does not fly.
 pub fn make_exportable(
     scene: &mut Scene,
     slow: Option<&Profile>,
@@ -81,9 +81,10 @@ fn mode_of(kind: SetpointKind) -> Mode {
     kind.name().parse().expect("setpoints have the names of modes")
 }
 
-/// Gives a scene the setpoints that a script sends, where its controller flies them.
+/// Gives a scene the setpoints that a script sends, if its controller flies them.
 fn send(scene: &mut Scene, kind: SetpointKind) -> Result<()> {
     let controller = &mut scene.controller;
+    // Only the cascade takes setpoints of several kinds.
     if controller.kind.law() == Law::Cascade {
         controller.setpoints = kind;
     }
@@ -103,12 +104,15 @@ impl CheckedExport {
     ///
     /// # Errors
     ///
-    /// As [`Shoot::as_exported`] and [`preflight`]; [`Error::Input`] for a script that needs what
-    /// the scene's release of the firmware lacks.
+    /// As [`Shoot::as_exported`] and [`preflight`], and [`Error::Input`] for a script that needs
+    /// what the scene's release of the firmware lacks.
     pub fn new(shoot: Shoot, options: ExportOptions) -> Result<Self> {
         check_release(&shoot, options.format)?;
-        let fly = |(form, length)| shoot.as_exported(form, options.tolerance_m, length);
-        let trajectory = options.format.trajectory(options.mode).map(fly).transpose()?;
+        let trajectory = options.format.trajectory(options.mode);
+        let trajectory = trajectory
+            .map(|(form, length)| shoot.as_exported(form, options.tolerance_m, length))
+            .transpose()?;
+        // What is judged is what the file flies: the decoded trajectory, or the plans.
         let flies = trajectory.as_ref().unwrap_or(&shoot);
         let flights = if options.format.flies() { flown(flies)? } else { Vec::new() };
         let checks = checks(flies, &flights, &options.profile);
@@ -130,15 +134,11 @@ impl CheckedExport {
         strokes.map_or("drawing", |strokes| strokes.word.as_str())
     }
 
-    /// The files; scripts say why they are not safe, where that is given.
-    ///
-    /// # Errors
-    ///
-    /// As [`export`].
+    /// The files. Scripts say why they are not safe, if a reason is given.
     pub fn files(&self, unsafe_because: Option<&str>) -> Result<ExportedFiles> {
         let Self { options, shoot, trajectory, checks, .. } = self;
         let ExportOptions { format, mode, tolerance_m, .. } = options;
-        // The script of setpoints can be told to fly the trajectory, if that is safe as well.
+        // A script of setpoints offers the trajectory, too, if it is safe as well.
         let on_board = match format {
             Format::Cflib if trajectory.is_none() => {
                 let on_board = shoot.as_exported(Form::Compressed, *tolerance_m, Length::OnBoard);
@@ -148,6 +148,7 @@ impl CheckedExport {
         };
         let refused = if *format == Format::Cflib { self.refused() } else { Vec::new() };
         let plans = plans_of(shoot);
+        // A show has the light of the design: no lamp delays it in a viewer.
         let flown = match format {
             Format::Skyc | Format::Vviz => shoot.as_shown(*tolerance_m)?,
             _ => on_board.as_ref().map(plans_of).unwrap_or_default(),
@@ -172,53 +173,58 @@ impl CheckedExport {
         })
     }
 
-    /// Setpoints that the script must not be told to send, and why: those that its controller does
-    /// not fly, and those that are not safe.
+    /// Kinds of setpoints that the script refuses to send, each with its reason.
     fn refused(&self) -> Vec<(&'static str, String)> {
-        let reason = |kind: &SetpointKind| {
-            let mut shoot = self.shoot.clone();
-            if let Err(error) = send(&mut shoot.scene, *kind) {
-                return Some(error.hint().to_owned());
-            }
-            let is_unsafe = mode_of(*kind) != self.options.mode && !self.may_fly(&shoot);
-            let reason =
-                "the flight is not safe with these setpoints: export it with them to see why";
-            is_unsafe.then(|| reason.to_owned())
-        };
         let kinds = SetpointKind::ALL.iter();
-        kinds.filter_map(|kind| Some((kind.name(), reason(kind)?))).collect()
+        kinds.filter_map(|kind| Some((kind.name(), self.refusal(*kind)?))).collect()
     }
 
-    /// Whether nothing stops another flight of the plans, where that is asked for.
+    /// The reason why the script refuses setpoints of a kind: its controller does not fly them, or
+    /// the flight is not safe.
+    fn refusal(&self, kind: SetpointKind) -> Option<String> {
+        let mut shoot = self.shoot.clone();
+        if let Err(error) = send(&mut shoot.scene, kind) {
+            return Some(error.hint().to_owned());
+        }
+        let is_unsafe = mode_of(kind) != self.options.mode && !self.may_fly(&shoot);
+        let reason = "the flight is not safe with these setpoints: export it with them to see why";
+        is_unsafe.then(|| reason.to_owned())
+    }
+
+    /// True if no check stops another flight of the plans, or if flights are not checked.
     fn may_fly(&self, shoot: &Shoot) -> bool {
-        let findings = || preflight(shoot, &self.options.profile).map(|it| it.findings);
         self.options.is_unchecked
-            || findings().is_ok_and(|rows| !rows.iter().any(Diagnostic::is_stop))
+            || preflight(shoot, &self.options.profile)
+                .is_ok_and(|checked| !checked.findings.iter().any(Diagnostic::is_stop))
     }
 }
 
 /// Refuses a script for a controller, a lamp or a drone that the scene's release does not have.
 fn check_release(shoot: &Shoot, format: Format) -> Result<()> {
+    if !matches!(format, Format::Cflib | Format::Crazyswarm2) {
+        return Ok(());
+    }
     let (scene, release) = (&shoot.scene, shoot.scene.vehicle.firmware);
     let mut lamps = shoot.plans.iter().flat_map(|planned| planned.plan.lamps());
     let is_lee = scene.controller.kind.law() == Law::Geometric;
     let has_color_led = lamps.any(|(lamp, _)| lamp == COLOR_LED.name);
     let is_brushless = platform(scene) == Some(Platform::Brushless);
+    // Without the feature, the drone would ignore a parameter of the script, or fail in flight.
     let needs = [
         (is_lee, Feature::LEE, "fly PID (controller.kind)"),
         (has_color_led, Feature::COLOR_LED, "light the ring (light.deck)"),
         (is_brushless, Feature::BRUSHLESS, "name the preset of the drone that flies"),
     ];
-    let is_script = matches!(format, Format::Cflib | Format::Crazyswarm2);
-    let mut lacking =
-        needs.iter().filter(|(is_needed, feature, _)| *is_needed && !release.has(feature));
-    let Some((_, feature, hint)) = lacking.next().filter(|_| is_script) else { return Ok(()) };
+    let mut needs = needs.iter().filter(|(is_needed, ..)| *is_needed);
+    let Some((_, feature, hint)) = needs.find(|(_, feature, _)| !release.has(feature)) else {
+        return Ok(());
+    };
     let wanted = format!("{} or newer for {}", feature.since.name(), feature.what);
     let hint = format!("{hint}, or set vehicle.firmware to what the drone has");
     Err(Error::input("vehicle.firmware", release.name(), wanted, hint))
 }
 
-fn plans_of(shoot: &Shoot) -> Vec<Plan> {
+pub(super) fn plans_of(shoot: &Shoot) -> Vec<Plan> {
     shoot.plans.iter().map(|planned| planned.plan.clone()).collect()
 }
 

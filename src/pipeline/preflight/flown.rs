@@ -1,7 +1,9 @@
 //! Checks of a simulated flight: its path, its demands on the drone, and its light.
 
 use super::picture::{Picture, Piece, painted};
-use super::{CAP_HEIGHT_M, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if};
+use super::{
+    CAP_HEIGHT_M, GRAVITY_M_S2, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if,
+};
 use crate::scene::Scene;
 use crate::shoot::{CHECK_LIGHT, Shoot, ends};
 use noctograph_core::diagnostic::{Diagnostic, Severity};
@@ -19,15 +21,15 @@ use noctograph_sim::sensors::Positioning;
 const DWELL: f64 = 4.0;
 /// Longest lit dwell.
 const MAX_DWELL_S: f64 = 0.1;
-/// Largest streak at a stroke's end, as a share of the cap height: it is seen as a hook, and the
-/// letter is still read. The drone's own wobble leaves up to 46 mm in the default scene.
+/// Largest streak at a stroke's end, as a fraction of the cap height. The letter has a hook and is
+/// still read. The wobble of the drone leaves up to 46 mm in the default scene.
 const MAX_STREAK_FRAC: f64 = 0.1;
-/// Largest range of the exposure along a trail, stops: a Gaussian spot's trail from one to four
-/// stops over saturation is white over a width of `2σ √(2 ln 2)` to twice that, to five stops over
-/// 2.2 times, and looks of two pens. The headlights measure 4.2 in NOOR, which reads.
+/// Largest range of the exposure along a trail, stops. The trail of a Gaussian spot is white over a
+/// width of `2σ √(2 ln 2)` at one stop over saturation, twice that at four stops and 2.2 times at
+/// five, which looks like two pens. The headlights measure 4.2 in NOOR, which reads.
 const MAX_UNEVEN_STOPS: f64 = 4.5;
-/// Time at a motor's limit that no flight shows: the motors of a Crazyflie follow in 0.07 s or
-/// more.
+/// Time at a motor's limit without an effect on the flight: the time constant of a Crazyflie's
+/// motors is 0.07 s or more.
 const BRIEF_SATURATED_S: f64 = 0.07;
 /// Duration at a motor's limit that stops the flight.
 pub const MAX_SATURATED_S: f64 = 0.5;
@@ -41,6 +43,7 @@ pub(super) fn check_flight(
     profile: &Profile,
 ) -> Result<Vec<Diagnostic>> {
     let (scene, strokes) = (&shoot.scene, shoot.strokes.as_ref());
+    // The light of the picture is that of this flight, and is computed only once.
     let trace = match picture.and_then(|picture| picture.light_of(drone)) {
         Some(trace) => trace,
         None => shoot.light_drone(drone, flight)?,
@@ -61,13 +64,14 @@ pub(super) fn check_flight(
     ])
 }
 
-/// Whether the letters are high enough for the error of the height.
+/// Checks that the letters are high enough for the error of the height.
 fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
     fn unchecked(why: &str, advice: &'static str) -> Diagnostic {
         let wanted = "letters of a known height, not a drawing";
         Diagnostic::unchecked("altitude hold", why, wanted, advice)
     }
     let of_plans = "name the word of the plans: {word}";
+    // The error of the height is judged by the cap height, which a drawing does not have.
     let Some(cap_height_m) = strokes.and_then(cap_height_m) else {
         return match strokes.is_some_and(|strokes| strokes.font.is_none()) {
             true => unchecked("a drawing has no letters", "look at its preview"),
@@ -92,10 +96,10 @@ fn altitude_hold(flight: &Flight, strokes: Option<&Strokes>) -> Diagnostic {
 
 /// Check of the deviation in depth against the profile's corridor.
 fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
-    let strays = flight.samples.iter().map(|s| (s.position_m.y - s.design_m.y, s.time_s));
-    let farthest = strays.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let ((y_m, time_s), most_m) = (farthest.unwrap_or_default(), profile.corridor_m);
-    let mean_m = strays.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
+    let errors = flight.samples.iter().map(|s| (s.position_m.y - s.design_m.y, s.time_s));
+    let largest = errors.clone().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+    let ((y_m, time_s), most_m) = (largest.unwrap_or_default(), profile.corridor_m);
+    let mean_m = errors.map(|(y_m, _)| y_m).sum::<f64>() / flight.samples.len().max(1) as f64;
     let (room, beacons) = (&scene.sensors.lighthouse, &scene.sensors.positioning);
     let by_light = matches!(beacons, Positioning::CrossingBeams | Positioning::Sweeps);
     Diagnostic::check("corridor", stop_if(y_m.abs() > most_m), y_m)
@@ -104,6 +108,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
         .say(
             format!("strays by {y_m:+.2} m in depth{}", at_time(time_s)),
             format!("within ±{most_m} m of the design"),
+            // The likeliest cause first: what disturbs the light of the stations.
             match beacons {
                 _ if by_light && !room.people_m.is_empty() => {
                     "let people stand out of the light ({sensors.lighthouse.people_m})"
@@ -119,7 +124,7 @@ fn corridor(flight: &Flight, scene: &Scene, profile: &Profile) -> Diagnostic {
                  ({sensors.uwb.anchors_m})"
                 }
                 Positioning::Gnss => "fly in calmer air, or with a better receiver",
-                // A mean error can be planned for; a varying one cannot.
+                // A mean error can be planned for. A varying one cannot.
                 _ if mean_m.abs() > 0.5 * y_m.abs() => {
                     "take the mean error off ({plan.mean_error_m})"
                 }
@@ -149,7 +154,7 @@ fn tilt(flight: &Flight, profile: &Profile) -> Diagnostic {
 fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     let first = flight.samples.iter().find(|sample| sample.is_saturated(motor_max));
     let time_s = first.map(|sample| sample.time_s);
-    // A flight of ours counts the controller's own ticks.
+    // A simulated flight counts the ticks of the controller, which are shorter than its samples.
     let counted_s = flight.at_end(SATURATED_S);
     let lasts_s = counted_s.unwrap_or_else(|| saturated_s(&flight.samples, motor_max));
     let severity = match lasts_s > MAX_SATURATED_S {
@@ -166,24 +171,25 @@ fn motors(flight: &Flight, motor_max: f64) -> Diagnostic {
     )
 }
 
-/// Greatest share of the thrust for hovering: the rest controls attitude and climbs (an assumption;
-/// a Crazyflie 2.1 with two decks takes two thirds).
+/// Greatest fraction of the thrust for hovering (an assumption): the rest controls attitude and
+/// climbs. A Crazyflie 2.1 with two decks takes two thirds.
 const MAX_HOVER_FRAC: f64 = 0.85;
 
 /// Thrust to hover, of the greatest thrust at the voltage of the flight's end.
 fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
-    let [t0, t1, t2, t3] = scene.battery.thrust_from_v_n;
-    let weight_n = scene.vehicle.mass_kg * 9.806_65;
+    let weight_n = scene.vehicle.mass_kg * GRAVITY_M_S2;
     let full_n = weight_n / scene.vehicle.hover_throttle();
     let has_battery = scene.battery.capacity_ah > 0.0;
     // The last sample with the motors on: a resting battery recovers.
     let volts = flight.extra.get(BATTERY_V).filter(|_| has_battery);
     let last = flight.samples.iter().rposition(|sample| sample.position_m.z > AIRBORNE_M);
     let volts = volts.and_then(|volts| volts.get(last?)).copied();
+    // Four rotors, each with the thrust polynomial of the battery's voltage.
+    let [t0, t1, t2, t3] = scene.battery.thrust_from_v_n;
     let at_end_n = volts.map_or(full_n, |v| 4.0 * (t0 + v * (t1 + v * (t2 + v * t3))));
-    let share = weight_n / at_end_n.min(full_n);
-    Diagnostic::check("thrust", warn_if(share > MAX_HOVER_FRAC), share).within(MAX_HOVER_FRAC).say(
-        format!("hovering takes {:.0} % of the greatest thrust", 100.0 * share),
+    let frac = weight_n / at_end_n.min(full_n);
+    Diagnostic::check("thrust", warn_if(frac > MAX_HOVER_FRAC), frac).within(MAX_HOVER_FRAC).say(
+        format!("hovering takes {:.0} % of the greatest thrust", 100.0 * frac),
         format!("up to {:.0} %: the rest steers and climbs", 100.0 * MAX_HOVER_FRAC),
         "take weight off ({vehicle.mass_kg}), or fly a drone with more thrust",
     )
@@ -192,7 +198,7 @@ fn thrust(flight: &Flight, scene: &Scene) -> Diagnostic {
 /// Height above which a drone counts as flying, with its battery under load.
 const AIRBORNE_M: f64 = 0.2;
 
-/// The flight's load of the battery, for the check and for exported scripts alike.
+/// Check of the flight's load on the battery, by the rule that exported scripts apply.
 fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     if scene.battery.capacity_ah <= 0.0 {
         let why = "the scene's drone has no battery model";
@@ -201,11 +207,12 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
     }
     let low_v =
         platform(scene).map_or(scene.battery.cut_off_v, |platform| platform.low_battery_v());
-    let warning = flight.warnings.iter().find(|it| warning::BATTERY.contains(&it.code));
-    let taken = Battery::new(&scene.battery, flight, low_v);
-    let lasts = taken.as_ref().is_none_or(Battery::lasts);
+    let warning = flight.warnings.iter().find(|w| warning::BATTERY.contains(&w.code));
+    let load = Battery::new(&scene.battery, flight, low_v);
+    let lasts = load.as_ref().is_none_or(Battery::lasts);
     let never = format!("never {LOW_BATTERY_S} s under {low_v} V, which the firmware calls low");
-    let (volts, wanted) = match &taken {
+    // The voltage at rest, before take-off, is what a script can measure.
+    let (volts, wanted) = match &load {
         None => ("lasts".to_owned(), never),
         Some(Battery { rest_v, sag_v, least_rest_v, .. }) => {
             let verdict = if lasts { "lasts" } else { "does not last" };
@@ -219,13 +226,11 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
             (volts, wanted)
         }
     };
+    // A warning of the flight itself, such as a cut-off, goes before the voltages.
     let detail = warning.map(ToString::to_string).unwrap_or_default();
-    let actual = match detail.as_str() {
-        "" => volts,
-        warned => format!("{warned} ({volts})"),
-    };
-    let rest_v = taken.as_ref().map(|taken| taken.rest_v);
-    let limit_v = taken.and_then(|taken| taken.least_rest_v).unwrap_or(0.0);
+    let actual = if detail.is_empty() { volts } else { format!("{detail} ({volts})") };
+    let rest_v = load.as_ref().map(|load| load.rest_v);
+    let limit_v = load.and_then(|load| load.least_rest_v).unwrap_or(0.0);
     let severity = stop_if(warning.is_some() || !lasts);
     Diagnostic::check("battery", severity, rest_v).within(limit_v).detailed(detail).say(
         actual,
@@ -236,12 +241,12 @@ fn battery(flight: &Flight, scene: &Scene) -> Diagnostic {
 
 const NO_LAMP: &str = "no lamp follows the plan's light";
 
-/// A check of the light that there is none for.
+/// A check of the light of a flight that has none.
 fn without_light(check: &'static str, why: &str) -> Diagnostic {
     Diagnostic::unchecked(check, why, "light along the strokes", CHECK_LIGHT)
 }
 
-/// How far the light is off at the end of a stroke where it is farthest.
+/// Check of the light at the ends of strokes, by its largest distance from one.
 fn lit_transit(
     ends: &[StrokeEnd],
     painted: &[Piece],
@@ -257,6 +262,7 @@ fn lit_transit(
     }
     let cap_height_m = strokes.and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
     let most_m = MAX_STREAK_FRAC * cap_height_m;
+    // A positive streak is too much light, a negative one too little.
     let what = match (streak_m > 0.0, on) {
         (true, true) => "light before a stroke begins",
         (true, false) => "light after a stroke ends",
@@ -265,9 +271,9 @@ fn lit_transit(
     };
     let row = Diagnostic::check("lit transit", warn_if(streak_m.abs() > most_m), streak_m);
     let row = row.within(most_m).timed(time_s).detailed(if on { "beginning" } else { "end" });
-    let (off_mm, when, x, z) = (1e3 * streak_m.abs(), at_time(time_s), at_m.x, at_m.z);
+    let (streak_mm, when, x, z) = (1e3 * streak_m.abs(), at_time(time_s), at_m.x, at_m.z);
     row.positioned(<[f64; 3]>::from(at_m)).say(
-        format!("up to {off_mm:.0} mm of {what}{when} ({x:.2}, {z:.2})"),
+        format!("up to {streak_mm:.0} mm of {what}{when} ({x:.2}, {z:.2})"),
         format!("within {:.0} mm of strokes' ends, a tenth of the letters", 1e3 * most_m),
         match clock {
             LightClock::Light => "slow down ({plan.stroke_speed_m_s})",
@@ -283,11 +289,12 @@ fn dwell(painted: &[Piece], plan: &PlanOptions) -> Diagnostic {
     if painted.is_empty() {
         return without_light("lit dwell", NO_LAMP);
     }
-    // By length.
+    // The usual dose is the median of light per length, weighted by length.
     let pieces = painted.iter().filter(|(_, length_m, _)| *length_m > 0.0);
     let mut doses: Vec<(f64, f64)> =
         pieces.map(|(_, length_m, light_s)| (light_s / length_m, *length_m)).collect();
     let median = weighted_quantile(&mut doses, 0.5).unwrap_or(0.0);
+    // The longest run of pieces with much more light: its seconds of light, and its beginning.
     let (mut longest, mut run) = ((0.0, 0.0), (0.0, 0.0));
     for (time_s, length_m, light_s) in painted {
         if *light_s > DWELL * median * length_m && *light_s > 0.0 {
@@ -318,7 +325,7 @@ fn dwell(painted: &[Piece], plan: &PlanOptions) -> Diagnostic {
     )
 }
 
-/// Range of the exposure along the brightest trail in the picture; `None` where there is none.
+/// Check of the range of the exposure along the brightest trail in the picture, if there is one.
 fn evenness(stops: Option<f64>) -> Diagnostic {
     let Some(stops) = stops else {
         return without_light("evenness", "no light of the plan is in the picture");

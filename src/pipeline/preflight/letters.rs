@@ -8,14 +8,15 @@ use noctograph_core::geometry::distance;
 use noctograph_letters::{DRAWING, Glyph, Move, Strokes};
 use noctograph_plan::Style;
 
-/// Two lit moves nearer to each other than this, and as parallel, draw one line.
+/// Largest distance between two lit moves that count as one line drawn twice.
 const SAME_LINE_M: f64 = 0.002;
-/// Longest doubled stroke and jump that are no fault.
+/// Longest doubled stroke, and longest jump, without a warning.
 const SHORT_M: f64 = 0.02;
 
-/// Checks the letters of a drawing. The beginning and end of the light matter only where the plan
-/// follows the letters' own moves, as in style `team`.
+/// Checks the letters of a drawing. The beginning and end of the light matter only in style `team`,
+/// whose plan follows the dark moves of the letters.
 pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic> {
+    // Equal letters are neighbors, so that each is named once.
     let mut glyphs: Vec<&Glyph> = strokes.glyphs.iter().collect();
     glyphs.sort_by_key(|glyph| glyph.character);
     let mut findings = vec![lengths(
@@ -29,13 +30,12 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
         },
     )];
     if strokes.font.is_some() {
-        let lost_m = |glyph: &Glyph| {
-            let lost = strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
-            lost * glyph.cell.cap_height_m
-        };
         findings.push(lengths(
             "lost stroke",
-            glyphs.iter().map(|glyph| (glyph.character, lost_m(glyph))),
+            glyphs.iter().map(|glyph| {
+                let lost_h = strokes.lost.get(&glyph.character).copied().unwrap_or(0.0);
+                (glyph.character, lost_h * glyph.cell.cap_height_m)
+            }),
             0.0,
             "every stroke of the typeface drawn",
             "write with {letters.font=simplex} or a plainer typeface",
@@ -48,7 +48,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
             faulty.dedup();
             let (is_bad, detail) = (!faulty.is_empty(), named(faulty));
             let actual = if is_bad { detail.clone() } else { "none".to_owned() };
-            // Style `even`, whose plan follows no dark move, mends it as well.
+            // Style `even` helps as well: its plan follows no dark move.
             let advice = "write with {letters.font=ae483-fixed}, or plan with {plan.style=even}";
             let row = Diagnostic::check(check, warn_if(is_bad), f64::from(is_bad));
             findings.push(row.detailed(detail).say(actual, wanted, advice));
@@ -57,7 +57,7 @@ pub(super) fn check_letters(strokes: &Strokes, style: &Style) -> Vec<Diagnostic>
     findings
 }
 
-/// A fault of a font: the check, whether a letter has it, and what is wanted.
+/// A fault of a font: its check, the test of a letter, and what is wanted.
 type Fault = (&'static str, fn(&Glyph) -> bool, &'static str);
 
 const FAULTS: [Fault; 3] = [
@@ -66,12 +66,12 @@ const FAULTS: [Fault; 3] = [
     ("pen jump", jumps, "moves that begin where the last one ended"),
 ];
 
-/// The light is on before the drone has reached the letter.
+/// True if the light is on before the drone has reached the letter.
 fn has_tail(glyph: &Glyph) -> bool {
     glyph.moves.first().is_some_and(|first| first.lit)
 }
 
-/// The light is on at both ends of the letter.
+/// True if the light is on at both ends of the letter.
 fn never_off(glyph: &Glyph) -> bool {
     has_tail(glyph) && glyph.moves.last().is_some_and(|last| last.lit)
 }
@@ -84,8 +84,8 @@ fn jumps(glyph: &Glyph) -> bool {
 fn doubled_m(moves: &[Move]) -> f64 {
     let lit: Vec<[Vector2<f64>; 2]> = moves
         .iter()
-        .filter(|leg| leg.lit && leg.from_m != leg.to_m)
-        .map(|leg| [leg.from_m.into(), leg.to_m.into()])
+        .filter(|step| step.lit && step.from_m != step.to_m)
+        .map(|step| [step.from_m.into(), step.to_m.into()])
         .collect();
     let pairs = lit.iter().enumerate().flat_map(|(i, a)| lit[i + 1..].iter().map(move |b| (a, b)));
     pairs.map(|(a, b)| shared_m(a, b)).sum()
@@ -95,10 +95,10 @@ fn doubled_m(moves: &[Move]) -> f64 {
 fn shared_m(a: &[Vector2<f64>; 2], b: &[Vector2<f64>; 2]) -> f64 {
     let length_m = (a[1] - a[0]).norm();
     let along = (a[1] - a[0]) / length_m;
-    let beside = |p: &Vector2<f64>| (p - a[0]).perp(&along).abs();
-    if b.iter().any(|p| beside(p) > SAME_LINE_M) {
+    if b.iter().any(|p| (p - a[0]).perp(&along).abs() > SAME_LINE_M) {
         return 0.0;
     }
+    // The overlap of the projections onto the first move.
     let [from, to] = [&b[0], &b[1]].map(|p| (p - a[0]).dot(&along).clamp(0.0, length_m));
     (to - from).abs()
 }
@@ -124,12 +124,13 @@ fn lengths(
     row.detailed(detail).say(actual, wanted, advice)
 }
 
+/// Letters in a sentence.
 fn named(letters: impl IntoIterator<Item = char>) -> String {
-    let name = |letter| match letter {
+    let names = letters.into_iter().map(|letter| match letter {
         DRAWING => "the drawing".to_owned(),
         letter => letter.to_string(),
-    };
-    letters.into_iter().map(name).collect::<Vec<_>>().join(", ")
+    });
+    names.collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -152,8 +153,7 @@ mod tests {
         assert_eq!(team("W", "ae483"), [("doubled stroke", "W".into())]);
         assert_eq!(team("X", "ae483"), [("tail", "X".into()), ("light never off", "X".into())]);
         assert!(team("I", "ae483").contains(&("pen jump", "I".into())));
-        let all = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
-        assert_eq!(team(all, "ae483-fixed"), []);
+        assert_eq!(team("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789", "ae483-fixed"), []);
     }
 
     #[test]

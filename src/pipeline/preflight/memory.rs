@@ -4,7 +4,7 @@ use super::warn_if;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::{RING_TIMING_ENTRIES, TRAJECTORY_MEMORY_BYTES};
 use noctograph_core::diagnostic::Diagnostic;
-use noctograph_core::error::Error;
+use noctograph_core::error::{Error, Result};
 use noctograph_core::lamps::RING;
 use noctograph_export::lights::timing_entries;
 use noctograph_export::poly4d::MAX_PIECES;
@@ -19,8 +19,8 @@ fn not_exported(check: &'static str, error: &Error) -> Diagnostic {
     Diagnostic::unchecked(check, error, wanted, "change what the export refuses")
 }
 
-/// Whether the plan fits the memory on board as a trajectory of either form: bytes and pieces, each
-/// with the memory's capacity.
+/// Checks that the plan fits the memory on board as a trajectory of either form, by its bytes and
+/// pieces.
 pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     let release = shoot.scene.vehicle.firmware;
     let memory = match memory(release, &shoot.designs()[drone]) {
@@ -28,9 +28,10 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         Err(error) => return not_exported("memory", &error),
     };
     let Memory { bytes, flies_heading, pieces, formats, fits_all } = memory;
-    let detail = formats.join(", ");
+    // Each limit that is exceeded is marked beside its figure, and the heading after the bytes.
     let [bytes_beyond, pieces_beyond] = [bytes > TRAJECTORY_MEMORY_BYTES, pieces > MAX_PIECES]
-        .map(|is| if is { ", too many" } else { "" });
+        .map(|is_beyond| if is_beyond { ", too many" } else { "" });
+    let detail = formats.join(", ");
     let forms = match detail.as_str() {
         "" => "no form of export takes it".to_owned(),
         formats => format!("it can be exported as {formats}"),
@@ -52,19 +53,10 @@ pub(super) fn check_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     )
 }
 
-/// Whether the LED timing memory plays the lights of the plan, where a ring alone writes: as they
-/// are timed on the exported trajectory.
+/// Checks that the LED timing memory can play the lights of a plan that writes with the ring only.
 pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
     const MOST: usize = RING_TIMING_ENTRIES;
-    let form = Form::Compressed;
-    let flown = || match shoot.designs.is_empty() {
-        true => shoot.as_exported(form, form.tolerance_m(), Length::Any),
-        false => Ok(shoot.clone()),
-    };
-    let used = shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]);
-    let entries = || timing_entries(&flown()?.plans[drone].plan, &shoot.lamps());
-    // `None` of lamps that it does not play.
-    let entries = match if used { entries() } else { Ok(None) } {
+    let entries = match timing_entries_of(shoot, drone) {
         Ok(entries) => entries,
         Err(error) => return not_exported(LED_MEMORY, &error),
     };
@@ -75,4 +67,18 @@ pub(super) fn check_led_memory(shoot: &Shoot, drone: usize) -> Diagnostic {
         "nothing where the radio sends the lights, as the script then does; else build firmware \
          with a larger LEDRING_TIME_MEM_SIZE",
     )
+}
+
+/// Entries of the LED timing memory for the lights of a drone, as they are timed on the exported
+/// trajectory. `None` for lamps that it does not play.
+fn timing_entries_of(shoot: &Shoot, drone: usize) -> Result<Option<usize>> {
+    if !shoot.plans[drone].plan.lamps().map(|(lamp, _)| lamp).eq([RING.name]) {
+        return Ok(None);
+    }
+    let form = Form::Compressed;
+    let exported = match shoot.designs.is_empty() {
+        true => &shoot.as_exported(form, form.tolerance_m(), Length::Any)?,
+        false => shoot,
+    };
+    timing_entries(&exported.plans[drone].plan, &shoot.lamps())
 }

@@ -1,10 +1,9 @@
 //! Preflight: checks of a flight before it is flown.
 //!
-//! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room where its size is
-//! known. Product out: a [`Diagnostic`] for each check of letters, plans, simulated flights, lamps,
-//! base stations and picture: its figures, its sentences, and help as keys of the scene. Problems
-//! of the picture are the shoot's own ([`crate::shoot::problems`]), found where its light meets its
-//! camera. Not known: what no key of the scene names, such as doors.
+//! Products in: a [`Shoot`], and the limits of a [`Profile`], within a room if its size is known.
+//! Product out: a [`Diagnostic`] for each check of letters, plans, simulated flights, lamps, base
+//! stations and picture. Problems of the picture are those of [`crate::shoot::problems`]. Not
+//! known: what no key of the scene names, such as doors.
 
 use crate::scene::{Preset, Scene};
 use crate::shoot::{Shoot, Shot};
@@ -14,7 +13,7 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::flight::{DroneIndex, Flight};
 use noctograph_export::safety::{Battery, Checks, Platform};
 use noctograph_letters::Strokes;
-use noctograph_plan::{Approach, Plan, Style};
+use noctograph_plan::{Approach, Style};
 use noctograph_sim::vehicle::Downwash;
 
 mod checked_export;
@@ -29,6 +28,7 @@ mod profile;
 mod room;
 mod surroundings;
 
+use checked_export::plans_of;
 pub use checked_export::{CheckedExport, ExportOptions, ExportedFiles, make_exportable};
 pub use flown::MAX_SATURATED_S;
 use flown::check_flight;
@@ -36,21 +36,24 @@ use letters::check_letters;
 pub use memory::LED_MEMORY;
 use memory::{check_led_memory, check_memory};
 pub use obstacles::stations;
-use obstacles::{Ways, check_obstacles, check_people};
+use obstacles::{Paths, check_obstacles, check_people};
 pub use picture::PICTURE;
 use picture::{Picture, check_picture};
-pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, canvas_within, frame_within};
+pub use placement::{CAMERA_PLACE, CameraPlace, ShotPlan, fit_within, frame_within};
 use placement::{camera_place, outside_of, place};
 pub use plans::check_written;
 use plans::{check_plan, check_separation};
 pub use profile::Profile;
-pub use room::{fit_within, hang_stations, letters_within, parse_room};
+pub use room::{hang_stations, letters_within, parse_room};
 use surroundings::{check_coverage, check_surroundings};
 
-/// Error of a position that letters bear, in cap heights, and their cap height where there is no
-/// word.
+/// Largest error of a position in readable letters, in cap heights, and the cap height that is
+/// assumed without a word.
 const MAX_ERROR_H: f64 = 0.05;
 const CAP_HEIGHT_M: f64 = 0.5;
+
+/// Standard gravity, m/s².
+const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// Findings of flights, and the placement of things in their room.
 #[derive(Clone, Debug)]
@@ -65,7 +68,7 @@ pub struct Preflight {
 ///
 /// # Errors
 ///
-/// Those of the stages, except that of an infeasible flight: it is a finding.
+/// Those of the stages. An infeasible flight is a finding instead.
 pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
     of_flights(shoot, flown(shoot)?, profile)
 }
@@ -74,34 +77,33 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
 ///
 /// # Errors
 ///
-/// As [`preflight`]; an infeasible flight's is in its place.
+/// As [`preflight`]. The error of an infeasible flight takes its place in the list.
 pub fn flown(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
-    let n = shoot.plans.len();
-    Ok(match shoot.in_step() {
-        false => (0..n).map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect(),
-        true => match shoot.fly(&|_, _| {}) {
-            Ok(flights) => flights.into_iter().map(Ok).collect(),
-            Err(Error::Infeasible { what, hint, .. }) => {
-                (0..n).map(|_| Err(Error::infeasible(what.clone(), hint.clone()))).collect()
-            }
-            Err(error) => return Err(error),
-        },
-    })
+    let drones = 0..shoot.plans.len();
+    if !shoot.in_step() {
+        return Ok(drones.map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect());
+    }
+    match shoot.fly(&|_, _| {}) {
+        Ok(flights) => Ok(flights.into_iter().map(Ok).collect()),
+        // Drones that act on each other have one simulation, which fails for all of them.
+        Err(Error::Infeasible { what, hint, .. }) => {
+            Ok(drones.map(|_| Err(Error::infeasible(what.clone(), hint.clone()))).collect())
+        }
+        Err(error) => Err(error),
+    }
 }
 
-/// The same of flights that were flown already.
-///
-/// # Errors
-///
-/// As [`preflight`].
+/// Checks flights that were simulated already.
 pub fn of_flights(
     shoot: &Shoot,
     flown: Vec<Result<Flight>>,
     profile: &Profile,
 ) -> Result<Preflight> {
-    let ways = Ways::new(shoot, flown.iter().flatten());
-    let mut findings = check_design(shoot, profile, &ways);
-    findings.extend(numbered(shoot, None, check_wakes(shoot, &flown)));
+    // First the design: letters, plans, and their distance from people and things.
+    let paths = Paths::new(shoot, flown.iter().flatten());
+    let mut findings = check_design(shoot, profile, &paths);
+    findings.extend(check_downwash(shoot, &flown));
+    // Then each drone: its memories, its flight, and the base stations that it sees.
     let picture = Picture::new(shoot, &flown);
     for (drone, flight) in flown.into_iter().enumerate().take(shoot.plans.len()) {
         let mut checks = vec![check_memory(shoot, drone), check_led_memory(shoot, drone)];
@@ -117,32 +119,26 @@ pub fn of_flights(
             Err(error) => return Err(error),
         }
         checks.push(check_coverage(&shoot.plans[drone].plan, &shoot.scene)?);
-        findings.extend(numbered(shoot, Some(drone), checks));
+        findings.extend(numbered(shoot, drone, checks));
     }
-    let stands = room_of(shoot, profile)?;
-    let nowhere = stands.iter().any(|row| row.severity != Severity::Fine);
-    // No picture is taken from a place outside of the room.
-    let shown = |row: &Diagnostic| !(nowhere && row.severity == Severity::Fine);
-    let pictures = check_picture(shoot, picture.as_ref());
-    findings.extend(numbered(shoot, None, pictures.into_iter().filter(shown)));
-    findings.extend(numbered(shoot, None, stands));
+    // Last the room. A picture from a place outside of it is not taken, so it cannot pass.
+    let in_room = check_room(shoot, profile)?;
+    let is_inside = in_room.iter().all(|row| row.severity == Severity::Fine);
+    let mut pictures = check_picture(shoot, picture.as_ref());
+    pictures.retain(|row| is_inside || row.severity != Severity::Fine);
+    findings.extend(pictures.into_iter().chain(in_room));
     let lit = picture.as_ref().and_then(|picture| picture.lit.as_ref());
     let placement =
-        lit.map(|(trace, camera)| place(shoot, trace, camera.shutter_close_s, profile, &ways));
+        lit.map(|(trace, camera)| place(shoot, trace, camera.shutter_close_s, profile, &paths));
     Ok(Preflight { findings, placement: placement.transpose()?.flatten() })
 }
 
 /// Findings of a room: things outside of it, and the place of the camera.
-fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
+fn check_room(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
     let Some(room_m) = profile.room_m else {
-        let why = "no room is named";
         let wanted = "the room's size, its middle at x = y = 0";
-        return Ok(vec![Diagnostic::unchecked(
-            "frame",
-            why,
-            wanted,
-            "name the room: {expose.room_m}",
-        )]);
+        let help = "name the room: {expose.room_m}";
+        return Ok(vec![Diagnostic::unchecked("frame", "no room is named", wanted, help)]);
     };
     let camera = camera_place(shoot, room_m)?;
     Ok([Some(outside_of(shoot, room_m)), camera].into_iter().flatten().collect())
@@ -150,56 +146,43 @@ fn room_of(shoot: &Shoot, profile: &Profile) -> Result<Vec<Diagnostic>> {
 
 impl Shot {
     /// Findings of its flights by the checks that can stop one, without memory and picture.
-    ///
-    /// # Errors
-    ///
-    /// As [`preflight`].
     pub fn findings(&self, profile: &Profile) -> Result<Vec<Diagnostic>> {
         let shoot = &self.shoot;
-        let mut findings = check_design(shoot, profile, &Ways::new(shoot, &self.flights));
-        let outside = profile.room_m.map(|room_m| outside_of(shoot, room_m));
-        findings.extend(numbered(shoot, None, outside));
+        let mut findings = check_design(shoot, profile, &Paths::new(shoot, &self.flights));
+        findings.extend(profile.room_m.map(|room_m| outside_of(shoot, room_m)));
         for (drone, (planned, flight)) in shoot.plans.iter().zip(&self.flights).enumerate() {
             let mut checks = check_flight(shoot, drone, flight, None, profile)?;
             checks.push(check_coverage(&planned.plan, &shoot.scene)?);
-            findings.extend(numbered(shoot, Some(drone), checks));
+            findings.extend(numbered(shoot, drone, checks));
         }
         Ok(findings)
     }
 
     /// Every check of its flights.
-    ///
-    /// # Errors
-    ///
-    /// As [`preflight`].
     pub fn preflight(&self, profile: &Profile) -> Result<Preflight> {
         of_flights(&self.shoot, self.flights.iter().cloned().map(Ok).collect(), profile)
     }
 
-    /// Where everything stands in the room; `None` without a room or without strokes.
-    ///
-    /// # Errors
-    ///
-    /// As [`preflight`].
+    /// The places of all things in the room. `None` without a room or without strokes.
     pub fn placement(&self, profile: &Profile) -> Result<Option<ShotPlan>> {
-        let ways = Ways::new(&self.shoot, &self.flights);
-        place(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &ways)
+        let paths = Paths::new(&self.shoot, &self.flights);
+        place(&self.shoot, &self.trace, self.camera.shutter_close_s, profile, &paths)
     }
 }
 
-/// The findings of one drone, or of all.
+/// The findings of a drone, with its number if there are several drones.
 fn numbered(
     shoot: &Shoot,
-    drone: Option<usize>,
-    rows: impl IntoIterator<Item = Diagnostic>,
+    drone: usize,
+    rows: Vec<Diagnostic>,
 ) -> impl Iterator<Item = Diagnostic> {
-    let drone = drone.filter(|_| shoot.plans.len() > 1).map(DroneIndex);
-    rows.into_iter().map(move |row| row.of_drone(drone))
+    let number = (shoot.plans.len() > 1).then_some(DroneIndex(drone));
+    rows.into_iter().map(move |row| row.of_drone(number))
 }
 
-/// Letters and plans, and what their ways come near to.
-fn check_design(shoot: &Shoot, profile: &Profile, ways: &Ways) -> Vec<Diagnostic> {
-    let letters = match &shoot.strokes {
+/// Checks letters and plans, and their distance from people and things.
+fn check_design(shoot: &Shoot, profile: &Profile, paths: &Paths) -> Vec<Diagnostic> {
+    let mut findings = match &shoot.strokes {
         Some(strokes) => check_letters(strokes, &shoot.scene.plan.style),
         None => vec![Diagnostic::unchecked(
             "doubled stroke",
@@ -208,23 +191,22 @@ fn check_design(shoot: &Shoot, profile: &Profile, ways: &Ways) -> Vec<Diagnostic
             "name it: {word}",
         )],
     };
-    let mut findings: Vec<Diagnostic> = numbered(shoot, None, letters).collect();
     let is_even = matches!(shoot.scene.plan.style, Style::Even(_));
     let lamps = shoot.lamps();
     for (drone, design) in shoot.designs().iter().enumerate() {
         let checks = check_plan(design, &lamps, is_even, profile);
-        findings.extend(numbered(shoot, Some(drone), checks));
+        findings.extend(numbered(shoot, drone, checks));
     }
-    // Drones with trajectories on board wait for their turn in the air.
-    let flown: Vec<Plan> = shoot.plans.iter().map(|planned| planned.plan.clone()).collect();
-    findings.extend(numbered(shoot, None, check_separation(&flown)));
-    findings.extend(numbered(shoot, None, check_people(shoot, ways)));
-    findings.extend(numbered(shoot, None, [check_obstacles(shoot, profile)]));
-    findings.extend(numbered(shoot, None, check_surroundings(&shoot.scene, profile)));
+    // Drones with trajectories on board wait for their turn in the air: the plans count, not the
+    // designs.
+    findings.extend(check_separation(&plans_of(shoot)));
+    findings.extend(check_people(shoot, paths));
+    findings.push(check_obstacles(shoot, profile));
+    findings.extend(check_surroundings(&shoot.scene, profile));
     findings
 }
 
-/// The largest of some values, with its time; zeros where there are none.
+/// The largest of some values, with its time. Zeros if there are none.
 fn largest(values: impl IntoIterator<Item = (f64, f64)>) -> (f64, f64) {
     values.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or_default()
 }
@@ -242,40 +224,34 @@ fn stop_if(bad: bool) -> Severity {
     if bad { Severity::Stop } else { Severity::Fine }
 }
 
-/// Position error by the wakes of other drones; `None` for a single drone.
-fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
+/// Position error by the downwash of other drones. `None` for a single drone.
+fn check_downwash(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
     if shoot.plans.len() < 2 || shoot.scene.air.downwash == Downwash::None {
         return None;
     }
     let most_m =
         MAX_ERROR_H * shoot.strokes.as_ref().and_then(cap_height_m).unwrap_or(CAP_HEIGHT_M);
-    // A drone is flown alone once, however many are above it: by the nearest of them.
-    let mut wakes = shoot.wakes();
-    wakes.sort_by(|([_, a], above_a), ([_, b], above_b)| {
+    // However many drones are above one, it is compared once, and the nearest is named.
+    let mut pairs = shoot.downwash_pairs();
+    pairs.sort_by(|([_, a], above_a), ([_, b], above_b)| {
         a.cmp(b).then(above_a.vertical_m.abs().total_cmp(&above_b.vertical_m.abs()))
     });
-    wakes.dedup_by_key(|([_, lower], _)| *lower);
-    let costs = wakes.into_iter().map(|([_, lower], nearest)| {
-        let off_m_and_time = match (shoot.fly_drone(lower, &mut |_| {}), &flown[lower]) {
-            (Ok(alone), Ok(flown)) => {
-                let both = alone.samples.iter().zip(&flown.samples);
-                largest(both.map(|(a, b)| ((a.position_m - b.position_m).norm(), b.time_s)))
-            }
-            // How it is lost is a finding of its own.
-            _ => (f64::INFINITY, nearest.time_s),
-        };
-        (off_m_and_time, lower + 1, nearest)
+    pairs.dedup_by_key(|([_, lower], _)| *lower);
+    let errors = pairs.into_iter().map(|([_, lower], nearest)| {
+        let error = downwash_error(shoot, lower, &flown[lower]);
+        let (error_m, time_s) = error.unwrap_or((f64::INFINITY, nearest.time_s));
+        (error_m, time_s, lower + 1, nearest)
     });
-    let worst = costs.max_by(|(a, ..), (b, ..)| a.0.total_cmp(&b.0));
-    let off_m = worst.map_or(0.0, |((off_m, _), ..)| off_m);
-    let row = Diagnostic::check("wake", warn_if(off_m > most_m), off_m).within(most_m);
-    Some(row.timed(worst.map(|((_, time_s), ..)| time_s)).say(
+    let worst = errors.max_by(|a, b| a.0.total_cmp(&b.0));
+    let error_m = worst.map_or(0.0, |(error_m, ..)| error_m);
+    let row = Diagnostic::check("wake", warn_if(error_m > most_m), error_m).within(most_m);
+    Some(row.timed(worst.map(|(_, time_s, ..)| time_s)).say(
         match worst {
             None => "no drone is planned into another's wake".to_owned(),
-            Some(((_, time_s), lower, Approach { vertical_m, horizontal_m, time_s: near_s })) => {
+            Some((_, time_s, lower, Approach { vertical_m, horizontal_m, time_s: near_s })) => {
                 format!(
                     "drone {lower} comes {:.2} m below and {horizontal_m:.2} m beside another at \
-                     {near_s:.1} s; off by up to {off_m:.3} m{}",
+                     {near_s:.1} s; off by up to {error_m:.3} m{}",
                     vertical_m.abs(),
                     at_time(time_s)
                 )
@@ -286,13 +262,21 @@ fn check_wakes(shoot: &Shoot, flown: &[Result<Flight>]) -> Option<Diagnostic> {
     ))
 }
 
-/// Cap height of a word's letters; `None` of a drawing.
+/// The largest distance between a drone's flight below others and its flight without them, with its
+/// time. `None` if one of them fails, which has its own finding.
+fn downwash_error(shoot: &Shoot, drone: usize, flown: &Result<Flight>) -> Option<(f64, f64)> {
+    let undisturbed = shoot.fly_drone(drone, &mut |_| {}).ok()?;
+    let pairs = undisturbed.samples.iter().zip(&flown.as_ref().ok()?.samples);
+    Some(largest(pairs.map(|(a, b)| ((a.position_m - b.position_m).norm(), b.time_s))))
+}
+
+/// Cap height of a word's letters. `None` for a drawing.
 fn cap_height_m(strokes: &Strokes) -> Option<f64> {
     let letter = strokes.font.as_ref().and(strokes.glyphs.first())?;
     Some(letter.cell.cap_height_m)
 }
 
-/// The firmware's name of the scene's drone; `None` for other makers' drones.
+/// The firmware's name of the scene's drone. `None` for other makers' drones.
 pub fn platform(scene: &Scene) -> Option<Platform> {
     match scene.preset {
         Preset::Cf21 | Preset::Cf21ThrustKit | Preset::Ae4832022 => Some(Platform::Crazyflie2),
@@ -304,18 +288,21 @@ pub fn platform(scene: &Scene) -> Option<Platform> {
 /// The facts behind the checks of flights within a profile.
 pub fn checks(shoot: &Shoot, flown: &[Result<Flight>], profile: &Profile) -> Checks {
     let (scene, platform) = (&shoot.scene, platform(&shoot.scene));
-    let battery = |flight: &Result<Flight>| {
-        let low_v = platform?.low_battery_v();
-        Battery::new(&scene.battery, flight.as_ref().ok()?, low_v)
-    };
+    let low_v = platform.map(|platform| platform.low_battery_v());
+    let batteries = flown
+        .iter()
+        .map(|flight| Battery::new(&scene.battery, flight.as_ref().ok()?, low_v?))
+        .collect();
+    // The scene goes into the script, and from there into its log, without paths of this machine.
+    let portable = scene.portable();
     Checks {
         platform,
         positioning: scene.sensors.positioning,
         volume_m: profile.volume_m,
         room_m: profile.room_m,
-        batteries: flown.iter().map(battery).collect(),
-        scene_sha256: sha256(scene.portable().to_toml().as_bytes()),
-        scene_toml: scene.to_portable_toml(),
+        batteries,
+        scene_sha256: sha256(portable.to_toml().as_bytes()),
+        scene_toml: toml::to_string(&portable).expect("a checked scene is a TOML table"),
     }
 }
 
@@ -324,9 +311,10 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
+    use noctograph_plan::Plan;
 
     #[test]
-    fn a_drone_that_is_planned_through_a_wake_is_told_what_it_costs() {
+    fn a_drone_that_is_planned_into_a_downwash_has_its_error_measured() {
         let mut scene = Scene { word: "O".to_owned(), ..Scene::preset(Preset::Cf21) };
         let lower = Shoot::new(scene.clone()).unwrap().plans.remove(0).plan;
         let mut upper = lower.clone();
@@ -339,7 +327,7 @@ mod tests {
         fn wake_of(scene: &Scene, plans: Vec<Plan>) -> Option<Diagnostic> {
             let shoot = Shoot::with_plans(scene.clone(), plans).unwrap();
             let flown = shoot.fly(&|_, _| {}).unwrap().into_iter().map(Ok);
-            check_wakes(&shoot, &flown.collect::<Vec<_>>())
+            check_downwash(&shoot, &flown.collect::<Vec<_>>())
         }
         let wake = wake_of(&scene, vec![upper.clone(), lower.clone()]).unwrap();
         assert!(wake.message.starts_with("drone 2 comes 0.50 m below"), "{wake:?}");

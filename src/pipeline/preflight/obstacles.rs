@@ -1,10 +1,10 @@
 //! People and things in the room: how near a flight comes to them.
 //!
 //! In: a [`Shoot`], and its flights. Out: the distance of an audience, and the rows `people` and
-//! `obstacles`. People keep as far off as a drone without commands may come. Things keep from the
-//! design what a wall does, and the drone's reach. What stands on the floor keeps it at any height:
-//! a drone that lands in an emergency comes straight down. Not known: doors, cables, and all that
-//! no key of the scene names.
+//! `obstacles`. People keep as far away as a drone without commands may come. Things keep the
+//! margin of a wall and the drone's reach. A thing on the floor keeps it at any height: a drone
+//! that lands in an emergency comes straight down. Not known: doors, cables, and all that no key
+//! of the scene names.
 
 use std::f64::consts::SQRT_2;
 
@@ -14,7 +14,7 @@ use super::Profile;
 use super::checked_export::bounds_m;
 use super::plans::greatest_speed_m_s;
 use super::profile::ROOM_MARGIN_M;
-use super::{at_time, stop_if};
+use super::{GRAVITY_M_S2, at_time, stop_if};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use noctograph_core::crazyflie::MOTORS_STOP_S;
@@ -26,34 +26,31 @@ use noctograph_export::safety::{LEAST_PEOPLE_M, START_RADIUS_M};
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::FloorStep;
 
-/// Standard gravity, m/s².
-const GRAVITY_M_S2: f64 = 9.806_65;
-
-/// Radius of a tripod with its camera at the height of a flight, an assumption: less hides a long
-/// lens or a leg, more leaves no place for a camera in the smallest room.
+/// Radius of a tripod with its camera at the height of a flight, an assumption. Less ignores a long
+/// lens, more leaves no place for a camera in the smallest room.
 const TRIPOD_M: f64 = 0.15;
 
 /// Radius of a base station or an anchor with its stand, an assumption: a station is 75 mm wide.
 const BEACON_M: f64 = 0.05;
 
-/// Least slope of the normal of a plane that is no wall: a floor that reflects is flown above.
+/// Least vertical part of the normal of a plane that counts as a floor, which is flown above.
 const LEVEL_COS: f64 = 0.7;
 
-/// The ways of all drones: as planned and, where they are known, as flown.
-pub(super) struct Ways {
-    /// Straight pieces, with their beginning's time.
+/// The paths of all drones: as planned and, if they are known, as flown.
+pub(super) struct Paths {
+    /// Straight pieces, each with the time of its beginning.
     pieces: Vec<([Vector3<f64>; 2], f64)>,
     /// See [`super::ShotPlan::audience_from_m`].
     pub(super) audience_from_m: f64,
 }
 
-impl Ways {
+impl Paths {
     /// The plans of a shoot, and flights of them.
     pub(super) fn new<'a>(shoot: &Shoot, flights: impl IntoIterator<Item = &'a Flight>) -> Self {
-        let plans = || shoot.plans.iter().map(|planned| &planned.plan);
-        // A file's columns of velocities are not asked: they may be of another flight.
-        let mut speed_m_s = plans().map(greatest_speed_m_s).fold(0.0, f64::max);
-        let mut pieces: Vec<_> = plans().flat_map(pieces).collect();
+        // Speeds are those of the positions: the velocities of a file may be of another flight.
+        let plans = shoot.plans.iter().map(|planned| &planned.plan);
+        let mut speed_m_s = plans.clone().map(greatest_speed_m_s).fold(0.0, f64::max);
+        let mut pieces: Vec<_> = plans.flat_map(pieces).collect();
         for sample in flights.into_iter().flat_map(|flight| &flight.samples) {
             let velocity_m_s = sample.attitude.world_from_body() * sample.velocity_body_m_s;
             speed_m_s = speed_m_s.max(velocity_m_s.xy().norm());
@@ -61,15 +58,17 @@ impl Ways {
         }
         let word_m = shoot.strokes.as_ref().map_or(0.0, |strokes| strokes.bounds_m()[3]);
         let top_m = pieces.iter().map(|([from_m, _], _)| from_m.z).fold(word_m, f64::max);
+        // A drone without commands flies on until its motors stop, and then falls from the top:
+        // v (t + √(2 h / g)).
         let comes_m = speed_m_s * (MOTORS_STOP_S + (2.0 * top_m / GRAVITY_M_S2).sqrt());
         // Rounded up to what is printed, so that sentence and check agree.
         Self { pieces, audience_from_m: ((10.0 * comes_m).ceil() / 10.0).max(LEAST_PEOPLE_M) }
     }
 
-    /// Least y: nearest to the camera.
+    /// Least y, nearest to the camera.
     pub(super) fn front_m(&self) -> f64 {
-        let ends = self.pieces.iter().flat_map(|(ends, _)| ends);
-        ends.map(|end| end.y).fold(0.0, f64::min)
+        let points = self.pieces.iter().flat_map(|(points, _)| points);
+        points.map(|point| point.y).fold(0.0, f64::min)
     }
 }
 
@@ -79,18 +78,19 @@ fn pieces(plan: &Plan) -> impl Iterator<Item = ([Vector3<f64>; 2], f64)> {
     pairs.map(|pair| ([pair[0].position_m, pair[1].position_m], pair[0].time_s))
 }
 
-/// How near a flight comes to people, from take-off to landing, at any height: a drone that fails
-/// falls; `None` where the scene has none.
-pub(super) fn check_people(shoot: &Shoot, ways: &Ways) -> Option<Diagnostic> {
+/// Check of the distance of people from a flight, at any height: a drone that fails falls. `None`
+/// if the scene has no people.
+pub(super) fn check_people(shoot: &Shoot, paths: &Paths) -> Option<Diagnostic> {
+    // A person is a circle on the floor.
     let people = &shoot.scene.sensors.lighthouse.people_m;
     let distances_m = people.iter().enumerate().flat_map(|(person, [x, y, radius_m])| {
-        ways.pieces.iter().map(move |([from, to], time_s)| {
+        paths.pieces.iter().map(move |([from, to], time_s)| {
             let beside_m = segment_distance([*x, *y], [[from.x, from.y], [to.x, to.y]]);
             ((beside_m - radius_m).max(0.0), person + 1, *time_s)
         })
     });
     let (least_m, person, time_s) = distances_m.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let wanted_m = ways.audience_from_m;
+    let wanted_m = paths.audience_from_m;
     let row = Diagnostic::check("people", stop_if(least_m < wanted_m), least_m).within(wanted_m);
     Some(row.timed(time_s).say(
         format!("person {person} is {least_m:.2} m beside the flight{}", at_time(time_s)),
@@ -104,12 +104,12 @@ pub(super) fn check_people(shoot: &Shoot, ways: &Ways) -> Option<Diagnostic> {
 struct Thing {
     name: String,
     shape: Solid,
-    /// Whether a drone takes off from it, and may fly above it.
+    /// True if a drone takes off from it, and may fly above it.
     is_stand: bool,
     advice: &'static str,
 }
 
-/// How near the plans come to the camera and to the things that the scene names.
+/// Check of the distance of the camera, and of the things that the scene names, from the plans.
 pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
     // Motors are at the corners of a square, and propellers that do not overlap reach half of its
     // side beyond them.
@@ -118,39 +118,41 @@ pub(super) fn check_obstacles(shoot: &Shoot, profile: &Profile) -> Diagnostic {
         format!("{limit_m:.2} m or more from take-off to landing, and straight down from there");
     let (mut least_m, mut nearest) = (f64::INFINITY, None);
     for plan in shoot.plans.iter().map(|planned| &planned.plan) {
-        let ramps = ramps(&plan.setpoints);
+        let away = away_from_mark(&plan.setpoints);
         for thing in things(shoot, plan, profile) {
             for (row, (piece, time_s)) in pieces(plan).enumerate() {
-                let is_left = thing.is_stand && ramps(row);
-                if let Some(m) = thing.shape.nearer_m(piece, least_m).filter(|_| !is_left) {
+                // The stand of a drone is near while it takes off and lands.
+                if thing.is_stand && !away.contains(&row) {
+                    continue;
+                }
+                if let Some(m) = thing.shape.nearer_m(piece, least_m) {
                     (least_m, nearest) = (m, Some((thing.name.clone(), time_s, thing.advice)));
                 }
             }
         }
     }
     let Some((name, time_s, advice)) = nearest else {
-        return Diagnostic::check("obstacles", Severity::Fine, None).say(
-            "none is named",
-            wanted,
-            "",
-        );
+        let row = Diagnostic::check("obstacles", Severity::Fine, None);
+        return row.say("none is named", wanted, "");
     };
     let row = Diagnostic::check("obstacles", stop_if(least_m < limit_m), least_m).within(limit_m);
     let (row, when) = (row.timed(time_s).detailed(name.as_str()), at_time(time_s));
     row.say(format!("{name} is {least_m:.2} m from the flight, nearest{when}"), wanted, advice)
 }
 
-/// Whether the piece after a setpoint is of the take-off or the landing: before and after the
-/// letters, above the mark.
-fn ramps(setpoints: &[Setpoint]) -> impl Fn(usize) -> bool + use<> {
-    fn length<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
-        let Some(mark) = setpoints.clone().next() else { return 0 };
-        let above = |s: &&Setpoint| (s.position_m - mark.position_m).xy().norm() <= START_RADIUS_M;
-        setpoints.by_ref().take_while(|s| s.letter.is_none() && above(s)).count()
-    }
-    let (rise, sink) = (length(setpoints.iter()), length(setpoints.iter().rev()));
-    let n = setpoints.len();
-    move |row| row + 1 < rise || row + sink >= n
+/// The pieces between take-off and landing, by the index of the setpoint before each.
+fn away_from_mark(setpoints: &[Setpoint]) -> std::ops::Range<usize> {
+    let (rise, descent) = (n_above_mark(setpoints.iter()), n_above_mark(setpoints.iter().rev()));
+    rise.saturating_sub(1)..setpoints.len() - descent
+}
+
+/// Number of setpoints without a letter above the first one.
+fn n_above_mark<'a>(mut setpoints: impl Iterator<Item = &'a Setpoint> + Clone) -> usize {
+    let Some(mark) = setpoints.clone().next() else { return 0 };
+    let above = setpoints.by_ref().take_while(|s| {
+        s.letter.is_none() && (s.position_m - mark.position_m).xy().norm() <= START_RADIUS_M
+    });
+    above.count()
 }
 
 /// The camera, and what the scene puts into the room of a plan.
@@ -160,49 +162,57 @@ fn things(shoot: &Shoot, plan: &Plan, profile: &Profile) -> Vec<Thing> {
     let mark_m = plan.setpoints.first().map_or(Vector3::zeros(), |first| first.position_m);
     let stand_m = scene.floor.height_m(mark_m.x, mark_m.y);
     let mut things = Vec::new();
-    let mut add = |name: String, shape, is_stand, advice| {
-        things.push(Thing { name, shape, is_stand, advice });
-    };
     if let Ok(camera) = scene.camera.camera(bounds_m(shoot), 0.0) {
         let shape = Solid::pillar([camera.position_m.x, camera.position_m.y], TRIPOD_M);
         let advice = "stand the camera farther off ({camera.framing})";
-        add("the camera on its tripod".to_owned(), shape, false, advice);
+        let name = "the camera on its tripod".to_owned();
+        things.push(Thing { name, shape, is_stand: false, advice });
     }
-    let (beacon, places_m) = stations(scene);
-    for (index, [x, y, z]) in places_m.into_iter().enumerate() {
-        // In the lower half of a room they stand, above it they hang.
+    let (beacon, positions_m) = stations(scene);
+    for (index, [x, y, z]) in positions_m.into_iter().enumerate() {
+        // In the lower half of a room they are on stands, in the upper half they hang.
         let shape = match z < 0.5 * ceiling_m {
             true => Solid::pillar([x, y], BEACON_M),
             false => Solid::Block { ends_m: [[x; 2], [y; 2], [z; 2]], radius_m: BEACON_M },
         };
         let advice = "put it elsewhere ({sensors.lighthouse.stations}, {sensors.uwb.anchors_m})";
-        add(format!("{beacon} {}", index + 1), shape, false, advice);
+        let name = format!("{beacon} {}", index + 1);
+        things.push(Thing { name, shape, is_stand: false, advice });
     }
     for (number, FloorStep { x_m, y_m, height_m }) in scene.floor.steps.iter().enumerate() {
+        // The step with the mark may be flown above, others may not.
         let is_stand = *height_m == stand_m;
         let top_m = if is_stand { *height_m } else { f64::INFINITY };
         let ends_m = [*x_m, *y_m, [f64::NEG_INFINITY, top_m]];
         let advice = "move it out of the flight's way ({floor.steps}), or write smaller or higher \
                       ({letters.canvas_m}, {letters.baseline_m})";
         let shape = Solid::Block { ends_m, radius_m: 0.0 };
-        add(format!("floor.steps[{number}]"), shape, is_stand, advice);
+        things.push(Thing { name: format!("floor.steps[{number}]"), shape, is_stand, advice });
     }
+    things.extend(reflectors(scene));
+    things
+}
+
+/// Mirrors and panes that are not level: a floor is flown above.
+fn reflectors(scene: &Scene) -> Vec<Thing> {
+    let mut things = Vec::new();
     let lighthouse = &scene.sensors.lighthouse;
     for (key, planes) in [("mirrors_m", &lighthouse.mirrors_m), ("panes_m", &lighthouse.panes_m)] {
         for (number, [point_m, normal]) in planes.iter().enumerate() {
+            // A normal of zero becomes NaN here, and is not a plane.
             let normal = Vector3::from(*normal).normalize();
-            // One on the floor is flown above; a normal of zero is no plane and no number here.
             if normal.z.abs() < LEVEL_COS {
                 let name = format!("sensors.lighthouse.{key}[{number}]");
+                let shape = Solid::Plane(Vector3::from(*point_m), normal);
                 let advice = "fly in front of it ({sensors.lighthouse.mirrors_m})";
-                add(name, Solid::Plane(Vector3::from(*point_m), normal), false, advice);
+                things.push(Thing { name, shape, is_stand: false, advice });
             }
         }
     }
     things
 }
 
-/// Beacons of the scene's positioning in the room: names and places.
+/// Beacons of the scene's positioning: what they are called, and their positions.
 pub fn stations(scene: &Scene) -> (&'static str, Vec<[f64; 3]>) {
     let stations = &scene.sensors.lighthouse.stations;
     match scene.sensors.positioning {

@@ -2,13 +2,13 @@
 //! cameras show the whole word from within it.
 //!
 //! In: a [`Shoot`], the light of its flights, and the [`Profile`] of a room. Out: a [`ShotPlan`],
-//! in meters of the world: the room's middle is at x = y = 0 and the word stands at y = 0. A camera
-//! stands square in front of the word, where the word fills half of the picture, or nearer as the
-//! room asks. Not known: doors.
+//! in meters of the world, with the middle of the room at x = y = 0 and the word in the plane
+//! y = 0. A camera is centered in front of the word, which fills half of the picture, or more in a
+//! small room. Not known: doors.
 
 use serde::Serialize;
 
-use super::obstacles::{Ways, stations};
+use super::obstacles::{Paths, stations};
 use super::{Profile, cap_height_m};
 use crate::scene::Scene;
 use crate::shoot::{Metered, Shoot, recommended};
@@ -20,22 +20,22 @@ use noctograph_core::error::Result;
 use noctograph_export::safety::FRAME_M;
 use noctograph_picture::light::LightTrace;
 
-/// Least distance of a tripod from the wall behind it, an assumption: its legs, and a hand at the
-/// release. Less would show more of the word from a small room.
+/// Least distance of a lens from the wall behind it, an assumption: half a tripod, and a hand at
+/// the release. Less would show larger words in a small room.
 const TRIPOD_FROM_WALL_M: f64 = 0.3;
 
-/// Least distance of a camera from the word, where the room has it: small letters in a small room
-/// would else be taken from within the flight's way.
+/// Least distance of a camera from the word, if the room is deep enough. Nearer, it would be in the
+/// way of the flight.
 const TRIPOD_FROM_WORD_M: f64 = 0.5;
 
 /// Most of the picture's width or height that the word may fill: the rest is for its glow, and for
-/// a tripod that stands a little aside.
+/// a tripod that is not quite centered.
 const MOST_FILLED: f64 = 0.9;
 
-/// The check of the camera's place in a room, which a preview does without.
+/// The check of the camera's place in a room. A preview does not make it.
 pub const CAMERA_PLACE: &str = "camera";
 
-/// Where things stand in a room, and which cameras show the word from within it.
+/// The places of things in a room, and the cameras that show the word from within it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShotPlan {
     /// Width, depth and height of the room.
@@ -47,11 +47,9 @@ pub struct ShotPlan {
     /// Base stations or anchors.
     pub stations_m: Vec<[f64; 3]>,
     /// Distance that people keep from the flight, in tenths of a meter: a drone that hears no more
-    /// commands flies on until its motors stop, and falls. Its speed is the greatest of the plans'
-    /// places, or that at which it is flown sideways.
+    /// commands flies on at its greatest speed until its motors stop, and falls.
     pub audience_from_m: f64,
-    /// Greatest y of the audience, in front of the flight; `None`: no place in the room is far
-    /// enough.
+    /// Greatest y of the audience, in front of the flight. `None` if the room is not deep enough.
     pub audience_y_m: Option<f64>,
     /// The scene's camera, then others that people own.
     pub cameras: Vec<CameraPlace>,
@@ -66,65 +64,72 @@ pub struct CameraPlace {
     pub equivalent_m: f64,
     /// Least camera distance with the whole word in the picture.
     pub least_m: f64,
-    /// Place of the lens; `None`: the room is not deep enough.
+    /// Position of the lens. `None` if the room is not deep enough.
     pub tripod_m: Option<[f64; 3]>,
     /// Longest equivalent focal length that shows the word from within the room.
     pub longest_equivalent_m: f64,
-    /// Height of capitals that it would show from there; `None` of a drawing.
+    /// Height of capitals that it would show from there. `None` for a drawing.
     pub largest_cap_height_m: Option<f64>,
     /// Duration of the exposure.
     pub shutter_s: f64,
-    /// Aperture and sensitivity; `None` where it has no place, and in darkness.
+    /// Aperture and sensitivity. `None` without a place, and in darkness.
     #[serde(rename = "recommended")]
     pub metered: Option<Metered>,
 }
 
-/// Bodies and lenses that people own: the widest usual one of each.
-fn owned() -> [(&'static str, BodyModel, LensModel); 7] {
-    let zoom =
-        |focal_length_m| LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() });
-    let own = LensModel::default;
-    [
+/// Cameras that people own, with the widest usual lens of each, instead of the scene's camera.
+fn usual_cameras(scene: &Scene) -> [(&'static str, CameraOptions); 7] {
+    let [zoom_18, zoom_9] = [0.018, 0.009].map(|focal_length_m| {
+        LensModel::Custom(CustomLens { focal_length_m, ..CustomLens::default() })
+    });
+    let cameras = [
         ("full frame, 28 mm", BodyModel::FullFrame24Mp, LensModel::Wide28),
         ("Sony α6400, 16 mm", BodyModel::A6400, LensModel::Kit16),
-        ("Canon EOS 2000D, 18 mm", BodyModel::CanonEos2000D, zoom(0.018)),
+        ("Canon EOS 2000D, 18 mm", BodyModel::CanonEos2000D, zoom_18),
         // The short end of the Sony DSC-RX100M7: 9 mm.
-        ("compact, 1 inch, 9 mm", BodyModel::OneInch, zoom(0.009)),
-        ("iPhone 15 Pro", BodyModel::IPhone15Pro, own()),
-        ("Pixel 8 Pro", BodyModel::Pixel8Pro, own()),
-        ("Galaxy S24", BodyModel::GalaxyS24, own()),
-    ]
+        ("compact, 1 inch, 9 mm", BodyModel::OneInch, zoom_9),
+        ("iPhone 15 Pro", BodyModel::IPhone15Pro, LensModel::default()),
+        ("Pixel 8 Pro", BodyModel::Pixel8Pro, LensModel::default()),
+        ("Galaxy S24", BodyModel::GalaxyS24, LensModel::default()),
+    ];
+    cameras.map(|(name, body, lens)| {
+        let metering = Metering::Trail(TrailMetering::default());
+        let framing = Framing::Word(WordFraming::default());
+        let usual = scene.camera.clone();
+        (name, CameraOptions { body, lens, metering, framing, f_number: 8.0, ..usual })
+    })
 }
 
-/// Places everything in the room of a profile; `None` without a room or without strokes. The light
+/// Places all things in the room of a profile. `None` without a room or without strokes. The light
 /// is that of all drones, until `end_s`.
-///
-/// # Errors
-///
-/// As [`CameraOptions::camera`].
 pub(super) fn place(
     shoot: &Shoot,
     trace: &LightTrace,
     end_s: f64,
     profile: &Profile,
-    ways: &Ways,
+    paths: &Paths,
 ) -> Result<Option<ShotPlan>> {
     let (Some(room_m), Some(strokes)) = (profile.room_m, &shoot.strokes) else { return Ok(None) };
     let scene = &shoot.scene;
     let word_m = strokes.bounds_m();
-    let audience_from_m = ways.audience_from_m;
-    let audience_y_m = Some(ways.front_m() - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
-
-    let place = |name: String, options: CameraOptions| -> Result<CameraPlace> {
+    let audience_from_m = paths.audience_from_m;
+    let audience_y_m =
+        Some(paths.front_m() - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
+    let most_m = most_m(room_m);
+    let of_scene = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
+    let usual = usual_cameras(scene).map(|(name, options)| (name.to_owned(), options));
+    let mut cameras = Vec::new();
+    for (name, options) in [(of_scene, scene.camera.clone())].into_iter().chain(usual) {
+        // A camera with a given pose stays there, in the room or not.
         let is_fixed = matches!(options.framing, Framing::Fixed(_));
         let (square, least_m) = framed(options.clone(), word_m, room_m)?;
         let options = if is_fixed { options } else { square };
         let camera = options.camera(word_m, end_s)?;
-        let most_m = most_m(room_m);
         let equivalent_m = camera.focal_length_m * 0.036 / camera.sensor_width_m;
         let fits = is_fixed || least_m <= most_m;
         let metered = fits.then(|| recommended(trace, &camera, &options, &scene.photo));
-        Ok(CameraPlace {
+        // The focal length and the letters that just fit are proportional to the distance.
+        cameras.push(CameraPlace {
             name,
             equivalent_m,
             least_m,
@@ -133,12 +138,7 @@ pub(super) fn place(
             largest_cap_height_m: cap_height_m(strokes).map(|cap_m| cap_m * most_m / least_m),
             shutter_s: camera.shutter_close_s - camera.shutter_open_s,
             metered: metered.flatten(),
-        })
-    };
-    let own = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
-    let mut cameras = vec![place(own, scene.camera.clone())?];
-    for (name, body, lens) in owned() {
-        cameras.push(place(name.to_owned(), usual(scene, body, lens))?);
+        });
     }
     Ok(Some(ShotPlan {
         room_m,
@@ -151,46 +151,52 @@ pub(super) fn place(
     }))
 }
 
-/// Where each drone takes off.
+/// The take-off marks of the drones.
 fn take_off_m(shoot: &Shoot) -> impl Iterator<Item = [f64; 2]> {
     let starts = shoot.plans.iter().filter_map(|planned| planned.plan.setpoints.first());
     starts.map(|start| [start.position_m.x, start.position_m.y])
 }
 
-/// Things outside the room: either the origin or the room is wrong, and then so is the place of the
-/// flight.
+/// Distance of a point outside a room from the room. 0 inside.
+fn outside_m([x, y, z]: [f64; 3], [width_m, depth_m, height_m]: [f64; 3]) -> f64 {
+    let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
+    sides.into_iter().fold(0.0, f64::max)
+}
+
+/// Check for things outside the room. Either the origin or the room is wrong then, and the place of
+/// the flight with it.
 pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
-    let [width_m, depth_m, height_m] = room_m;
-    let (name, stations_m) = stations(&shoot.scene);
-    let station = |(index, place_m)| (format!("{name} {}", index + 1), place_m, Severity::Stop);
-    let mut places: Vec<(String, [f64; 3], Severity)> =
-        stations_m.into_iter().enumerate().map(station).collect();
-    let marks = take_off_m(shoot).map(|[x, y]| [x, y, 0.0]);
-    places.extend(marks.map(|place_m| ("take-off mark".to_owned(), place_m, Severity::Stop)));
+    let mut things: Vec<(String, [f64; 3], Severity)> = Vec::new();
+    let (beacon, stations_m) = stations(&shoot.scene);
+    for (index, position_m) in stations_m.into_iter().enumerate() {
+        things.push((format!("{beacon} {}", index + 1), position_m, Severity::Stop));
+    }
+    for [x, y] in take_off_m(shoot) {
+        things.push(("take-off mark".to_owned(), [x, y, 0.0], Severity::Stop));
+    }
     if let Framing::Fixed(pose) = &shoot.scene.camera.framing {
         // It may look in through a door.
-        places.push(("camera".to_owned(), pose.position_m, Severity::Warning));
+        things.push(("camera".to_owned(), pose.position_m, Severity::Warning));
     }
-    let by_m = |[x, y, z]: [f64; 3]| {
-        let sides = [x.abs() - 0.5 * width_m, y.abs() - 0.5 * depth_m, z - height_m, -z];
-        sides.into_iter().fold(0.0, f64::max)
-    };
-    let n = places.len();
-    places.retain(|(_, place_m, _)| by_m(*place_m) > FRAME_M);
-    let farthest_m = places.iter().map(|(_, place_m, _)| *place_m);
-    let farthest_m = farthest_m.max_by(|a, b| by_m(*a).total_cmp(&by_m(*b)));
-    let severity = places.iter().map(|(.., severity)| *severity).max().unwrap_or_default();
-    let named: Vec<&str> = places.iter().map(|(what, ..)| what.as_str()).collect();
-    let sentence = |(what, place_m, _): &(String, [f64; 3], Severity)| {
-        let ([x, y, z], by_m) = (*place_m, by_m(*place_m));
-        format!("{what} at ({x:.2}, {y:.2}, {z:.2}), {by_m:.2} m outside")
-    };
-    let actual = match places.is_empty() {
+    let n = things.len();
+    things.retain(|(_, position_m, _)| outside_m(*position_m, room_m) > FRAME_M);
+    let severity = things.iter().map(|(.., severity)| *severity).max().unwrap_or_default();
+    let (mut farthest_m, mut most_m, mut names, mut sentences) =
+        (None, 0.0, Vec::new(), Vec::new());
+    for (name, position_m, _) in things {
+        let ([x, y, z], by_m) = (position_m, outside_m(position_m, room_m));
+        if by_m >= most_m {
+            (farthest_m, most_m) = (Some(position_m), by_m);
+        }
+        sentences.push(format!("{name} at ({x:.2}, {y:.2}, {z:.2}), {by_m:.2} m outside"));
+        names.push(name);
+    }
+    let actual = match names.is_empty() {
         true => format!("all {n} places of stations, anchors, drones and camera are in the room"),
-        false => places.iter().map(sentence).collect::<Vec<_>>().join("; "),
+        false => sentences.join("; "),
     };
-    let row = Diagnostic::check("frame", severity, farthest_m.map_or(0.0, by_m)).within(FRAME_M);
-    row.positioned(farthest_m).detailed(named.join(", ")).say(
+    let row = Diagnostic::check("frame", severity, most_m).within(FRAME_M);
+    row.positioned(farthest_m).detailed(names.join(", ")).say(
         actual,
         "stations, anchors, take-off marks and camera in the room, whose middle is x = y = 0",
         "the origin or the room is wrong: set the origin of the geometry to the middle of the floor, \
@@ -199,8 +205,8 @@ pub(super) fn outside_of(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
     )
 }
 
-/// Whether the room has a place centered in front of the word for the scene's camera, or else for a
-/// usual camera. `None` for a camera with a given pose, and without a word.
+/// Checks that the room has a place centered in front of the word for the scene's camera, or else
+/// for a usual camera. `None` for a camera with a given pose, and without a word.
 pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Diagnostic>> {
     let scene = &shoot.scene;
     let (Some(strokes), Framing::Word(_)) = (&shoot.strokes, &scene.camera.framing) else {
@@ -208,9 +214,10 @@ pub(super) fn camera_place(shoot: &Shoot, room_m: [f64; 3]) -> Result<Option<Dia
     };
     let (word_m, most_m) = (strokes.bounds_m(), most_m(room_m));
     let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
+    // The first of the usual cameras that fits is named.
     let mut other = None;
-    for (name, body, lens) in owned() {
-        if other.is_none() && framed(usual(scene, body, lens), word_m, room_m)?.1 <= most_m {
+    for (name, options) in usual_cameras(scene) {
+        if other.is_none() && framed(options, word_m, room_m)?.1 <= most_m {
             other = Some(name);
         }
     }
@@ -233,16 +240,9 @@ fn most_m([_, depth_m, _]: [f64; 3]) -> f64 {
     0.5 * depth_m - TRIPOD_FROM_WALL_M
 }
 
-/// A camera that people own in the place of the scene's.
-fn usual(scene: &Scene, body: BodyModel, lens: LensModel) -> CameraOptions {
-    let metering = Metering::Trail(TrailMetering::default());
-    let (framing, f_number) = (Framing::Word(WordFraming::default()), 8.0);
-    CameraOptions { body, lens, metering, framing, f_number, ..scene.camera.clone() }
-}
-
-/// A camera square in front of the word, moved nearer where it would stand behind the wall of the
-/// room and the whole word stays in the picture, and farther off where it would stand in the
-/// flight's way; and its least distance from the word.
+/// A camera centered in front of the word, and its least distance from the word. It is moved nearer
+/// if it would be behind the wall and still shows the whole word, and farther away if it would be
+/// in the way of the flight.
 fn framed(
     options: CameraOptions,
     word_m: [f64; 4],
@@ -252,22 +252,21 @@ fn framed(
         Framing::Word(framing) => framing.clone(),
         Framing::Fixed(_) => WordFraming::default(),
     };
-    let filled = |fill_frac| {
-        let framing = Framing::Word(WordFraming { fill_frac, ..word.clone() });
-        CameraOptions { framing, ..options.clone() }
-    };
-    let (least_m, most_m) =
-        (-filled(MOST_FILLED).camera(word_m, 0.0)?.position_m.y, most_m(room_m));
-    if least_m > most_m {
-        return Ok((filled(word.fill_frac), least_m));
+    let nearest = Framing::Word(WordFraming { fill_frac: MOST_FILLED, ..word.clone() });
+    let nearest = CameraOptions { framing: nearest, ..options.clone() }.camera(word_m, 0.0)?;
+    let (least_m, most_m) = (-nearest.position_m.y, most_m(room_m));
+    let mut fill_frac = word.fill_frac;
+    if least_m <= most_m {
+        // The word fills the picture in inverse proportion to the distance.
+        let [most_frac, least_frac] = [TRIPOD_FROM_WORD_M.min(most_m), most_m]
+            .map(|distance_m| MOST_FILLED * least_m / distance_m);
+        fill_frac = fill_frac.min(most_frac).max(least_frac);
     }
-    let fill_from = |distance_m: f64| MOST_FILLED * least_m / distance_m;
-    let [most_frac, least_frac] = [TRIPOD_FROM_WORD_M.min(most_m), most_m].map(fill_from);
-    Ok((filled(word.fill_frac.min(most_frac).max(least_frac)), least_m))
+    let framing = Framing::Word(WordFraming { fill_frac, ..word });
+    Ok((CameraOptions { framing, ..options }, least_m))
 }
 
-/// Frames the scene's word from within a room, where the scene's camera stands square in front of
-/// it and can.
+/// Moves the scene's camera into a room, if it frames the word and the room is deep enough.
 ///
 /// # Errors
 ///
@@ -280,42 +279,37 @@ pub fn frame_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
     Ok(())
 }
 
-/// The part of a scene's canvas that its camera shows whole from within a room, where it stands
-/// square in front of the word; `None` where there is no canvas or another camera.
-///
-/// # Errors
-///
-/// As [`CameraOptions::camera`].
-pub fn canvas_within(scene: &Scene, room_m: [f64; 3]) -> Result<Option<[f64; 2]>> {
-    let (Framing::Word(_), Some(canvas_m)) = (&scene.camera.framing, scene.letters.canvas_m) else {
-        return Ok(None);
+/// Fits a scene's canvas to the view of its camera inside a room, if the camera frames the word.
+pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
+    let (Framing::Word(_), Some([width_m, height_m])) =
+        (&scene.camera.framing, scene.letters.canvas_m)
+    else {
+        return Ok(());
     };
+    // Each side is limited by its own side of the picture: the other one is made thin.
+    let flat_frac = shown_frac(scene, [width_m, 0.01 * width_m], room_m)?;
+    let thin_frac = shown_frac(scene, [0.01 * height_m, height_m], room_m)?;
+    scene.letters.canvas_m = Some([width_m * flat_frac, height_m * thin_frac]);
+    Ok(())
+}
+
+/// The fraction of a word's size that the scene's camera shows from within a room, 1 at most.
+fn shown_frac(scene: &Scene, [width_m, height_m]: [f64; 2], room_m: [f64; 3]) -> Result<f64> {
     let low_m = scene.letters.baseline_m;
-    let most_m = most_m(room_m);
-    let shown = |size_m: [f64; 2], side_m: f64| -> Result<f64> {
-        let word_m = [-0.5 * size_m[0], low_m, 0.5 * size_m[0], low_m + size_m[1]];
-        let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
-        // A hair less, so that rounding leaves the camera its place.
-        Ok(side_m * (most_m / least_m * (1.0 - 1e-6)).min(1.0))
-    };
-    let [width_m, height_m] = canvas_m;
-    let (thin_m, flat_m) = ([0.01 * height_m, height_m], [width_m, 0.01 * width_m]);
-    Ok(Some([shown(flat_m, width_m)?, shown(thin_m, height_m)?]))
+    let word_m = [-0.5 * width_m, low_m, 0.5 * width_m, low_m + height_m];
+    let least_m = framed(scene.camera.clone(), word_m, room_m)?.1;
+    // A millionth less, so that rounding does not move the camera into the wall.
+    Ok((most_m(room_m) / least_m * (1.0 - 1e-6)).min(1.0))
 }
 
 impl ShotPlan {
-    /// The answer as rows of a table: what, and where.
+    /// The plan as rows of a table, each a thing and its place.
     pub fn rows(&self) -> Vec<[String; 2]> {
         let Self { room_m: [w, d, h], word_m: [left, bottom, right, top], .. } = self;
-        let flat = |[x, y]: [f64; 2]| format!("({}, {})", meters(x), meters(y));
-        let solid = |place: [f64; 3]| format!("({})", place.map(meters).join(", "));
-        let list = |places: Vec<String>| match places.is_empty() {
-            true => "none".to_owned(),
-            false => places.join(", "),
-        };
         let from_m = self.audience_from_m;
         let tripod_m = self.cameras.first().and_then(|camera| camera.tripod_m);
         let audience = match self.audience_y_m {
+            // A tripod in front of the audience's line gets no neighbors.
             Some(y_m) => {
                 let beside = match tripod_m {
                     Some([_, tripod_y_m, _]) if tripod_y_m > y_m => {
@@ -336,8 +330,8 @@ impl ShotPlan {
         let rows = [
             ("room", room),
             ("word", format!("{:.2} x {:.2} m, at y = 0", right - left, top - bottom)),
-            ("take-off", list(self.take_off_m.iter().copied().map(flat).collect())),
-            ("stations", list(self.stations_m.iter().copied().map(solid).collect())),
+            ("take-off", positions(&self.take_off_m)),
+            ("stations", positions(&self.stations_m)),
             ("audience", audience),
         ];
         let rows = rows.into_iter().map(|(what, place)| [what.to_owned(), place]);
@@ -347,16 +341,17 @@ impl ShotPlan {
 }
 
 impl CameraPlace {
-    /// Where it stands and how it is set, or what would.
+    /// Its place and its settings, or what would have a place.
     pub fn sentence(&self) -> String {
         let Some(place) = self.tripod_m else {
             let letters = self.largest_cap_height_m.map_or_else(String::new, |cap_m| {
                 format!(", or letters of {:.2} m", (100.0 * cap_m).floor() / 100.0)
             });
-            let (least_m, own_mm) = (self.least_m, 1e3 * self.equivalent_m);
+            let (least_m, equivalent_mm) = (self.least_m, 1e3 * self.equivalent_m);
+            // Rounded down, so that a lens of that length does fit.
             let longest_mm = (1e3 * self.longest_equivalent_m).floor();
             return format!(
-                "nowhere: the room is not deep enough for {least_m:.1} m with {own_mm:.0} mm \
+                "nowhere: the room is not deep enough for {least_m:.1} m with {equivalent_mm:.0} mm \
                  (full-frame equivalent); {longest_mm:.0} mm would do{letters}"
             );
         };
@@ -368,7 +363,13 @@ impl CameraPlace {
     }
 }
 
-/// To centimeters, without a negative zero.
+/// Positions in a sentence.
+fn positions<const N: usize>(positions_m: &[[f64; N]]) -> String {
+    let texts = positions_m.iter().map(|m| format!("({})", m.map(meters).join(", ")));
+    if positions_m.is_empty() { "none".to_owned() } else { texts.collect::<Vec<_>>().join(", ") }
+}
+
+/// Meters to centimeters, without a negative zero.
 fn meters(value_m: f64) -> String {
     format!("{:.2}", (100.0 * value_m).round() / 100.0 + 0.0)
 }
@@ -387,8 +388,8 @@ mod tests {
         let shoot = Shoot::new(scene).unwrap();
         let lighting = shoot.clone().lighting(&|_, _| {}).unwrap();
         let end_s = lighting.camera.shutter_close_s;
-        let ways = Ways::new(&shoot, &lighting.flights);
-        let placement = place(&shoot, &lighting.trace, end_s, &profile, &ways).unwrap().unwrap();
+        let paths = Paths::new(&shoot, &lighting.flights);
+        let placement = place(&shoot, &lighting.trace, end_s, &profile, &paths).unwrap().unwrap();
         (shoot, lighting, placement)
     }
 
@@ -398,25 +399,25 @@ mod tests {
         for room_m in [[4.0, 3.0, 2.5], [5.0, 6.0, 2.5], [9.0, 12.0, 3.0]] {
             let (shoot, _, placement) = placed("NO", 1.2, room_m);
             let [left, bottom, right, top] = placement.word_m;
-            let all = [(BodyModel::default(), LensModel::default())];
-            let all = all.into_iter().chain(owned().map(|(_, body, lens)| (body, lens)));
-            for (actual, (body, lens)) in placement.cameras.iter().zip(all) {
+            let usual = usual_cameras(&shoot.scene).map(|(_, options)| options);
+            let options = [shoot.scene.camera.clone()].into_iter().chain(usual);
+            for (actual, options) in placement.cameras.iter().zip(options) {
                 // Whatever the formula says: the corners of the word, seen by that camera.
                 let y_m = actual.tripod_m.map_or(0.3 - 0.5 * room_m[1], |place| place[1]);
-                let options = CameraOptions { body, lens, ..shoot.scene.camera.clone() };
+
                 let mut camera = options.camera(placement.word_m, 1.0).unwrap();
                 camera.position_m.y = y_m;
                 let corners = [[left, bottom], [right, bottom], [left, top], [right, top]];
                 let corners = corners.map(|[x, z]| nalgebra::Vector3::new(x, 0.0, z));
                 let middle_m = 0.5 * (left + right);
-                let edge = |share: f64| {
-                    corners.map(|c| {
-                        let x = middle_m + (c.x - middle_m) / share;
-                        let z = camera.position_m.z + (c.z - camera.position_m.z) / share;
+                let shown = |scale: f64| {
+                    let corners = corners.map(|c| {
+                        let x = middle_m + (c.x - middle_m) / scale;
+                        let z = camera.position_m.z + (c.z - camera.position_m.z) / scale;
                         nalgebra::Vector3::new(x, 0.0, z)
-                    })
+                    });
+                    camera.outside(corners).is_none()
                 };
-                let shown = |share| camera.outside(edge(share)).is_none();
                 if actual.tripod_m.is_some() {
                     n_fit += 1;
                     assert!(shown(1.0), "{actual:?}");
@@ -435,10 +436,10 @@ mod tests {
     #[test]
     fn the_scenes_camera_is_metered_as_preview_meters_it() {
         let (shoot, lighting, placement) = placed("I", 0.5, [9.0, 12.0, 3.0]);
-        let own = &placement.cameras[0];
-        assert_eq!(own.tripod_m.unwrap(), <[f64; 3]>::from(lighting.camera.position_m));
-        assert_eq!(own.metered, lighting.metered);
-        assert_eq!(own.metered, lighting.recommended(&shoot.scene));
+        let camera = &placement.cameras[0];
+        assert_eq!(camera.tripod_m.unwrap(), <[f64; 3]>::from(lighting.camera.position_m));
+        assert_eq!(camera.metered, lighting.metered);
+        assert_eq!(camera.metered, lighting.recommended(&shoot.scene));
     }
 
     #[test]
@@ -449,11 +450,11 @@ mod tests {
         // Its columns may say what they will, and at a crawl people keep a meter.
         let plan = &mut shoot.plans[0].plan;
         plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.velocity_m_s *= 0.1));
-        let told = Ways::new(&shoot, &lighting.flights).audience_from_m;
-        assert_eq!(told, hall.audience_from_m);
+        let paths = Paths::new(&shoot, &lighting.flights);
+        assert_eq!(paths.audience_from_m, hall.audience_from_m);
         let plan = &mut shoot.plans[0].plan;
         plan.edit(|plan| plan.setpoints.iter_mut().for_each(|s| s.time_s *= 20.0));
-        assert_eq!(Ways::new(&shoot, &[]).audience_from_m, 1.0);
+        assert_eq!(Paths::new(&shoot, &[]).audience_from_m, 1.0);
         let (_, _, closet) = placed("I", 0.5, [2.0, 2.0, 2.5]);
         assert_eq!(closet.audience_y_m, None);
         assert!(closet.rows().iter().any(|[_, place]| place.starts_with("outside")));

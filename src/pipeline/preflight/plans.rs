@@ -13,7 +13,7 @@ use noctograph_export::lights::{commands, switches};
 use noctograph_letters::Strokes;
 use noctograph_plan::{Approach, MIN_HORIZONTAL_M, MIN_VERTICAL_M, Plan, Setpoint, closest};
 
-/// Distance of a setpoint from the end of the design before it from which it is a jump.
+/// Distance of a setpoint from the design before it that counts as a jump.
 const JUMP_M: f64 = 0.03;
 
 /// Checks the motion and the commands of a plan, of style `even` or another.
@@ -35,64 +35,73 @@ pub(super) fn check_plan(
     ]
 }
 
+/// Distance of a point from a volume, negative inside. The floor counts only from below.
+fn outside_m(position_m: Vector3<f64>, volume_m: [[f64; 3]; 2]) -> f64 {
+    let [low_m, high_m] = volume_m.map(Vector3::from);
+    let (below, above) = (low_m - position_m, position_m - high_m);
+    let sides_m = below.xy().max().max(above.max());
+    if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
+}
+
 /// Check that the plan stays inside the profile's volume.
 fn volume(plan: &Plan, profile: &Profile) -> Diagnostic {
-    let [low, high] = profile.volume_m.map(Vector3::from);
-    let outside = |setpoint: &Setpoint| {
-        let (below, above) = (low - setpoint.position_m, setpoint.position_m - high);
-        // Down to the floor there is no margin to keep.
-        let sides_m = below.xy().max().max(above.max());
-        if below.z > 0.0 { sides_m.max(below.z) } else { sides_m }
-    };
-    let (outside_m, time_s) = largest(plan.setpoints.iter().map(|s| (outside(s), s.time_s)));
+    let outside = plan.setpoints.iter();
+    let outside = outside.map(|s| (outside_m(s.position_m, profile.volume_m), s.time_s));
+    // The point that is farthest outside, or nearest to a side from within.
+    let (outside_m, time_s) = largest(outside);
     let position_m = plan.setpoint_at(time_s).map(|setpoint| setpoint.position_m.into());
     let ([x, y, z], volume) = (position_m.unwrap_or_default(), profile.volume());
-    let wanted = format!("inside {volume}");
     let actual = match outside_m > 0.0 {
         true => format!("{outside_m:.2} m outside{} ({x:.2}, {y:.2}, {z:.2})", at_time(time_s)),
         false => format!("{:.2} m or more from the sides of {volume}", -outside_m + 0.0),
     };
     let row = Diagnostic::check("volume", stop_if(outside_m > 1e-6), outside_m);
-    row.timed(time_s).positioned(position_m).detailed(volume).say(
+    row.timed(time_s).positioned(position_m).detailed(&*volume).say(
         actual,
-        wanted,
+        format!("inside {volume}"),
         "write smaller letters or fewer ({letters.canvas_m}, {letters.cap_height_m}, \
          {letters.baseline_m})",
     )
 }
 
-/// Setpoints that follow each other.
+/// Pairs of consecutive setpoints.
 fn pairs(plan: &Plan) -> impl Iterator<Item = (&Setpoint, &Setpoint)> {
     plan.setpoints.iter().zip(plan.setpoints.iter().skip(1))
 }
 
+/// The step from the design of a setpoint to the next setpoint.
 fn jump(from: &Setpoint, to: &Setpoint) -> Vector3<f64> {
     to.position_m - from.design_m(to.time_s)
 }
 
-/// A piece of the way in the air: what the places say, and how far the velocities are from it.
-struct Leg {
+/// A segment of the path in the air.
+struct Segment {
     time_s: f64,
     lasts_s: f64,
+    /// Difference of the positions at its ends.
     moved_m: Vector3<f64>,
+    /// The part of it that the velocities do not have.
     apart_m: Vector3<f64>,
-    /// Whether the next one goes on from here.
+    /// True if the next segment begins at its end.
     goes_on: bool,
 }
 
-/// Shortest time over which the motion of places is measured: rounding of a file does not count.
-const LEG_S: f64 = 0.1;
+/// Shortest time over which the motion of positions is measured, so that the rounding of a file
+/// does not count.
+const SEGMENT_S: f64 = 0.1;
 
-/// The way in the air. A jump alone is a check of its own; jumps in a row are motion.
-fn legs(plan: &Plan) -> Vec<Leg> {
+/// The path in the air. A single jump, which has its own check, interrupts it. Several jumps in a
+/// row are motion.
+fn segments(plan: &Plan) -> Vec<Segment> {
     let pairs: Vec<(&Setpoint, &Setpoint)> = pairs(plan).collect();
-    let jumps = |row: usize| pairs.get(row).is_some_and(|(a, b)| jump(a, b).norm() > JUMP_M);
-    let mut legs: Vec<Leg> = Vec::new();
+    let jumps: Vec<bool> = pairs.iter().map(|(a, b)| jump(a, b).norm() > JUMP_M).collect();
+    let mut segments: Vec<Segment> = Vec::new();
     for (row, (from, to)) in pairs.iter().enumerate() {
-        let is_alone = jumps(row) && !jumps(row + 1) && !row.checked_sub(1).is_some_and(jumps);
-        let last = legs.last_mut().filter(|leg| leg.goes_on);
-        if is_alone || from.on_floor() || to.on_floor() {
-            last.into_iter().for_each(|leg| leg.goes_on = false);
+        let near = &jumps[row.saturating_sub(1)..(row + 2).min(jumps.len())];
+        let is_single_jump = jumps[row] && near.iter().filter(|jumps| **jumps).count() == 1;
+        let last = segments.last_mut().filter(|segment| segment.goes_on);
+        if is_single_jump || from.on_floor() || to.on_floor() {
+            last.into_iter().for_each(|segment| segment.goes_on = false);
             continue;
         }
         let (lasts_s, moved_m) = (to.time_s - from.time_s, to.position_m - from.position_m);
@@ -100,60 +109,63 @@ fn legs(plan: &Plan) -> Vec<Leg> {
         let even_m = moved_m - 0.5 * lasts_s * (from.velocity_m_s + to.velocity_m_s);
         let held_m = jump(from, to);
         let apart_m = if even_m.norm() < held_m.norm() { even_m } else { held_m };
-        match last.filter(|leg| leg.lasts_s < LEG_S) {
-            Some(leg) => {
-                leg.lasts_s += lasts_s;
-                leg.moved_m += moved_m;
-                leg.apart_m += apart_m;
+        match last.filter(|segment| segment.lasts_s < SEGMENT_S) {
+            Some(segment) => {
+                segment.lasts_s += lasts_s;
+                segment.moved_m += moved_m;
+                segment.apart_m += apart_m;
             }
             None => {
                 let time_s = from.time_s;
-                legs.push(Leg { time_s, lasts_s, moved_m, apart_m, goes_on: true });
+                segments.push(Segment { time_s, lasts_s, moved_m, apart_m, goes_on: true });
             }
         }
     }
-    legs
+    segments
 }
 
-/// Share of the way by which velocities may disagree with places: those of a plan with few
+/// Fraction of the path by which velocities may disagree with positions: those of a plan with few
 /// setpoints miss its corners.
 const MOST_APART_FRAC: f64 = 0.25;
 
-/// Greatest speed of the places on a way, and when.
-fn fastest(legs: &[Leg]) -> (f64, f64) {
-    let whole = legs.iter().filter(|leg| leg.lasts_s >= LEG_S);
-    largest(whole.map(|leg| (leg.moved_m.norm() / leg.lasts_s, leg.time_s)))
+/// Greatest speed of the positions on a path, and when.
+fn fastest(segments: &[Segment]) -> (f64, f64) {
+    let complete = segments.iter().filter(|segment| segment.lasts_s >= SEGMENT_S);
+    largest(complete.map(|segment| (segment.moved_m.norm() / segment.lasts_s, segment.time_s)))
 }
 
-/// Greatest speed of a plan's places.
+/// Greatest speed of a plan's positions.
 pub(super) fn greatest_speed_m_s(plan: &Plan) -> f64 {
-    fastest(&legs(plan)).0
+    fastest(&segments(plan)).0
 }
 
-/// Check of the plan's greatest speed.
+/// Check of the plan's greatest speed, by its velocities and by its positions.
 fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
-    let told = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
-    let legs = legs(plan);
-    let places = fastest(&legs);
-    let apart_m: f64 = legs.iter().map(|leg| leg.apart_m.norm()).sum();
-    let length_m = |leg: &Leg| leg.moved_m.norm().max((leg.moved_m - leg.apart_m).norm());
-    let apart_frac = apart_m / legs.iter().map(length_m).sum::<f64>().max(1e-9);
-    let (is_told, most) = (told.0 > 0.0, profile.speed_m_s);
-    let (value, time_s) = largest([told, (places.0, places.1)]);
-    if is_told && (apart_frac > MOST_APART_FRAC || places.0 > 1.1 * told.0 + 0.05) {
+    let given = largest(plan.setpoints.iter().map(|s| (s.velocity_m_s.norm(), s.time_s)));
+    let segments = segments(plan);
+    let moved = fastest(&segments);
+    let apart_m: f64 = segments.iter().map(|segment| segment.apart_m.norm()).sum();
+    let lengths_m = segments.iter().map(|segment| {
+        let by_velocity_m = segment.moved_m - segment.apart_m;
+        segment.moved_m.norm().max(by_velocity_m.norm())
+    });
+    let apart_frac = apart_m / lengths_m.sum::<f64>().max(1e-9);
+    let ((value, time_s), most) = (largest([given, moved]), profile.speed_m_s);
+    // Velocities that are given but of another flight: then no speed is known.
+    if given.0 > 0.0 && (apart_frac > MOST_APART_FRAC || moved.0 > 1.1 * given.0 + 0.05) {
         return Diagnostic::check("speed", Severity::Stop, value).within(most).timed(time_s).say(
             format!(
-                "places move at {:.2} m/s, velocities say {:.2} m/s, {:.0} % of the way apart",
-                places.0,
-                told.0,
+                "positions move at {:.2} m/s, velocities are {:.2} m/s, and differ by {:.0} % of the path",
+                moved.0,
+                given.0,
                 100.0 * apart_frac
             ),
-            format!("velocities that agree with the places, up to {most} m/s"),
-            "plan it anew: times, places and velocities are of different flights",
+            format!("velocities that agree with the positions, up to {most} m/s"),
+            "plan the flight again: times, positions and velocities are of different flights",
         );
     }
-    // Places are rounded where a file has them.
-    let is_fast = told.0 > 1.001 * most || places.0 > 1.02 * most;
+    // The positions of a file are rounded, so they get more tolerance.
+    let is_fast = given.0 > 1.001 * most || moved.0 > 1.02 * most;
     Diagnostic::check("speed", stop_if(is_fast), value).within(most).timed(time_s).say(
         format!("{value:.2} m/s{}", at_time(time_s)),
         format!("up to {most} m/s"),
@@ -161,40 +173,42 @@ fn speed(plan: &Plan, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Whether the plan leaves the floor and comes back to it.
+/// Check that the plan leaves the floor and comes back to it.
 fn landing(plan: &Plan) -> Diagnostic {
     let end_m = plan.setpoints.last().map_or(0.0, |setpoint| setpoint.position_m.z);
     let flies = plan.setpoints.iter().any(|setpoint| !setpoint.on_floor());
-    let ends = plan.setpoints.last().is_some_and(Setpoint::on_floor);
-    let actual = match (flies, ends) {
+    let lands = plan.setpoints.last().is_some_and(Setpoint::on_floor);
+    // A plan with another axis upward fails here.
+    let actual = match (flies, lands) {
         (false, _) => "never leaves the floor".to_owned(),
         (true, false) => format!("ends in the air, at {end_m:.2} m"),
         (true, true) => "ends on the floor".to_owned(),
     };
-    Diagnostic::check("landing", stop_if(!flies || !ends), end_m).say(
+    Diagnostic::check("landing", stop_if(!flies || !lands), end_m).say(
         actual,
         "a flight that begins and ends on the floor",
-        "plan it anew; of a plan from elsewhere, see that z is up and that its end is there",
+        "plan the flight again; in a plan of another program z must point up, and the end be at z = 0",
     )
 }
 
 /// Check of the plan's greatest acceleration.
 fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
-    // Without accelerations in the plan, the changes of velocity between setpoints count. Such
-    // steps are not flown as they stand; a planned acceleration is.
+    // Without accelerations in the plan, the changes of velocity between setpoints count. The
+    // controller smooths such steps, so they only warn. A planned acceleration is flown.
     let planned = plan.setpoints.iter().any(|s| s.acceleration_m_s2.norm() > 0.0);
     let pairs = pairs(plan).map(|(from, to)| {
         let lasts_s = to.time_s - from.time_s;
         let change = (to.velocity_m_s - from.velocity_m_s).norm() / lasts_s.max(1e-3);
         (if planned { from.acceleration_m_s2.norm() } else { change }, to.time_s)
     });
-    let legs = legs(plan);
-    let turns = legs.windows(2).filter(|pair| planned && pair[0].goes_on);
-    let of_places = turns.map(|pair| {
-        let [from, to] = [&pair[0], &pair[1]].map(|leg| leg.moved_m / leg.lasts_s);
+    // Positions show it where they turn from one segment to the next.
+    let segments = segments(plan);
+    let turns = segments.windows(2).filter(|pair| planned && pair[0].goes_on);
+    let turns = turns.map(|pair| {
+        let [from, to] = [&pair[0], &pair[1]].map(|segment| segment.moved_m / segment.lasts_s);
         ((to - from).norm() / (0.5 * (pair[0].lasts_s + pair[1].lasts_s)), pair[1].time_s)
     });
-    let ((value, time_s), most) = (largest(pairs.chain(of_places)), profile.acceleration_m_s2);
+    let ((value, time_s), most) = (largest(pairs.chain(turns)), profile.acceleration_m_s2);
     let (is_beyond, when) = (value > 1.05 * most, at_time(time_s));
     let severity = if planned { stop_if(is_beyond) } else { warn_if(is_beyond) };
     Diagnostic::check("acceleration", severity, value).within(most).timed(time_s).say(
@@ -212,9 +226,10 @@ fn acceleration(plan: &Plan, profile: &Profile) -> Diagnostic {
 
 /// Check for jumps of the position between setpoints.
 fn jumps(plan: &Plan) -> Diagnostic {
+    // A drone on the floor may be carried to another mark.
     let in_air = pairs(plan).filter(|(a, b)| !a.on_floor() && !b.on_floor());
-    let all = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
-    let jumps: Vec<(f64, f64)> = all.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
+    let steps = in_air.map(|(a, b)| (jump(a, b).norm(), b.time_s));
+    let jumps: Vec<(f64, f64)> = steps.filter(|(jump_m, _)| *jump_m > JUMP_M).collect();
     let n = jumps.len();
     let (most_m, time_s) = largest(jumps);
     let row = Diagnostic::check("jump", warn_if(n > 0), most_m).within(JUMP_M).timed(time_s);
@@ -244,7 +259,7 @@ fn duration(plan: &Plan, is_even: bool, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// Whether the firmware has a parameter for each lamp, so that an export can light it.
+/// Check that the firmware has a parameter for each lamp, so that an export can light it.
 fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let wanted = "lamps with a firmware parameter";
     match commands(plan, light) {
@@ -264,14 +279,15 @@ fn lamps(plan: &Plan, light: &LightOptions) -> Diagnostic {
     }
 }
 
-/// The deck switches its headlights by one pin (`ring.headlightEnable` in `ledring12.c`), and lamps
-/// of one's own may be such.
+/// Check that no lamp behind a pin is dimmed, such as the headlights of the ring
+/// (`ring.headlightEnable` in `ledring12.c`).
 fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
     let switches = switches(plan, light);
-    let rows = |channel: &&str| plan.setpoints.iter().zip(&plan.lights[*channel]);
-    let dimmed = switches.iter().flat_map(rows).filter(|(_, level)| **level > 0.0 && **level < 1.0);
+    let rows = switches.iter().flat_map(|lamp| plan.setpoints.iter().zip(&plan.lights[*lamp]));
+    let dimmed = rows.filter(|(_, level)| **level > 0.0 && **level < 1.0);
     let times_s: Vec<f64> = dimmed.map(|(setpoint, _)| setpoint.time_s).collect();
     let time_s = times_s.iter().copied().min_by(f64::total_cmp);
+    // Without such lamps there is no count.
     let n = (!switches.is_empty()).then_some(times_s.len());
     Diagnostic::check("headlights", warn_if(time_s.is_some()), n.map(|n| n as f64))
         .timed(time_s)
@@ -286,15 +302,16 @@ fn headlights(plan: &Plan, light: &LightOptions) -> Diagnostic {
         )
 }
 
-/// Distance of the drones from each other; `None` for a single one.
+/// Check of the distance between drones. `None` for a single one.
 pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
     if plans.len() < 2 {
         return None;
     }
+    // Drones above each other are judged by their downwash, so the horizontal distance counts here.
     let pairs = plans.iter().enumerate();
     let pairs = pairs.flat_map(|(i, a)| plans[i + 1..].iter().map(move |b| (a, b)));
     let closest = pairs.filter_map(|(a, b)| closest(a, b)).min_by(Approach::compare);
-    let (least_m, time_s) = closest.map(|it| (it.horizontal_m, it.time_s)).unzip();
+    let (least_m, time_s) = closest.map(|pair| (pair.horizontal_m, pair.time_s)).unzip();
     let is_near = least_m.is_some_and(|least_m| least_m < MIN_HORIZONTAL_M - 1e-9);
     let row = Diagnostic::check("separation", stop_if(is_near), least_m);
     Some(row.within(MIN_HORIZONTAL_M).timed(time_s).say(
@@ -309,7 +326,7 @@ pub(super) fn check_separation(plans: &[Plan]) -> Option<Diagnostic> {
 /// Largest distance of a plan's light from the strokes of its letter, in cap heights.
 const TOLERANCE_H: f64 = 0.1;
 
-/// Refuses a plan whose light is away from the strokes.
+/// Refuses a plan with light away from the strokes.
 ///
 /// # Errors
 ///
@@ -320,11 +337,12 @@ pub fn check_written(plan: &Plan, strokes: &Strokes) -> Result<()> {
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
         let is_lit = plan.lights.values().any(|levels| levels[row] > 0.0);
         let Some(letter) = setpoint.letter.filter(|_| is_lit) else { continue };
+        // In the plane of the word, to the nearest lit stroke of the letter.
         let [x, z] = [setpoint.position_m.x, setpoint.position_m.z];
         let moves = strokes.glyphs.get(letter).into_iter().flat_map(|glyph| &glyph.moves);
         let lit = moves.filter(|step| step.lit);
-        let off_m = lit.map(|step| segment_distance([x, z], [step.from_m, step.to_m]));
-        if off_m.fold(f64::INFINITY, f64::min) > far_m {
+        let distances_m = lit.map(|step| segment_distance([x, z], [step.from_m, step.to_m]));
+        if distances_m.fold(f64::INFINITY, f64::min) > far_m {
             let (number, word) = (letter + 1, &strokes.word);
             return Err(input_error!(
                 format!("plan, {:.1} s", setpoint.time_s),
@@ -456,7 +474,7 @@ mod tests {
         assert_eq!(hall_m, inside_m, "the profile's limits hold in a hall, too");
     }
 
-    /// A plan at a multiple of its times, with every nth setpoint; its columns are as they were.
+    /// A plan at a multiple of its times, with every nth setpoint and the same columns.
     fn slowed(plan: &Plan, factor: f64, nth: usize) -> Plan {
         let every = |plan: &Plan| plan.setpoints.iter().copied().step_by(nth).collect();
         let mut slowed = Plan::made(PlanData { setpoints: every(plan), ..PlanData::default() });
@@ -516,8 +534,8 @@ mod tests {
 
     #[test]
     fn drones_in_conflict_do_not_fly() {
-        let alone = plan(&strokes("NO"), &PlanOptions::even()).unwrap();
-        let actual = check_separation(&[alone.clone(), alone]).unwrap();
+        let single = plan(&strokes("NO"), &PlanOptions::even()).unwrap();
+        let actual = check_separation(&[single.clone(), single]).unwrap();
         assert_eq!(actual.severity, Severity::Stop);
         let options = PlanOptions { drones: 2, ..PlanOptions::even() };
         let pair = fleet(&strokes("NO"), &options).unwrap();

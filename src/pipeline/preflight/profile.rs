@@ -1,4 +1,4 @@
-//! Profiles: limits of a drone in a place.
+//! Profiles: limits of a kind of drone, indoors or outdoors.
 
 use serde::Serialize;
 
@@ -6,14 +6,14 @@ use crate::scene::Scene;
 use noctograph_plan::{EvenStyle, Style};
 use noctograph_sim::sensors::{Generation, Station};
 
-/// The limits of a place and a drone.
+/// Limits of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Profile {
     /// Its name.
     pub name: &'static str,
     /// Least and greatest x, y, z.
     pub volume_m: [[f64; 3]; 2],
-    /// Width, depth and height of the room, where it is known: the volume is within it.
+    /// Width, depth and height of the room, if it is known. The volume is within it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub room_m: Option<[f64; 3]>,
     /// Largest distance from the word's plane.
@@ -30,20 +30,21 @@ pub struct Profile {
     pub mass_kg: f64,
     /// Strongest wind with its gusts.
     pub wind_m_s: f64,
-    /// Whether the sun may shine on it.
+    /// True if the sun may shine on it.
     pub is_outdoors: bool,
 }
 
-/// Distance of the design from walls and ceiling of a room: the reference team's corridor, by which
-/// a flight may stray from its design.
+/// Distance of the design from walls and ceiling of a room: the reference team's corridor, within
+/// which a flight stays.
 pub(super) const ROOM_MARGIN_M: f64 = 0.2;
 
-/// Greatest distance of a base station from the middle of a wide room, to the side and in depth:
-/// the other end of a word of 4 m is then within the 6 m that a station reaches.
+/// Greatest distance of a base station from the middle of a wide room, to the side and in depth. It
+/// reaches 6 m, so it sees the far end of a word of 4 m.
 const STATION_M: f64 = 2.5;
 
 impl Profile {
-    /// The same within a room of a width, depth and height, its floor's middle at the origin.
+    /// The profile within a room of a width, depth and height, the middle of its floor at the
+    /// origin.
     #[must_use]
     pub fn in_room(mut self, room_m: [f64; 3]) -> Self {
         let [width_m, depth_m, height_m] = room_m;
@@ -59,8 +60,8 @@ impl Profile {
         self
     }
 
-    /// Lowers the speeds and the acceleration that a scene flies by default to what the profile
-    /// allows; those that were said stay, and the check stops them.
+    /// Lowers the default speed and acceleration of a scene to what the profile allows. Values that
+    /// a user chose stay, and the check stops them.
     pub fn slow(&self, scene: &mut Scene) {
         let Style::Even(style) = &mut scene.plan.style else { return };
         let usual = EvenStyle::default();
@@ -79,10 +80,11 @@ impl Profile {
         let [low, high] = self.volume_m;
         let middle_m = std::array::from_fn(|axis| 0.5 * (low[axis] + high[axis]));
         let z_m = high[2] + 0.5 * ROOM_MARGIN_M;
-        let aside = |side_m: f64| side_m.signum() * (side_m.abs() + ROOM_MARGIN_M).min(STATION_M);
-        let near_m = [aside(low[0]), aside(low[1]), z_m];
-        let far_m = [aside(high[0]), aside(high[1]), z_m];
-        [near_m, far_m].map(|place_m| Station::looking(Generation::V2, place_m, middle_m))
+        [low, high].map(|[x_m, y_m, _]| {
+            let [x_m, y_m] = [x_m, y_m]
+                .map(|side_m| side_m.signum() * (side_m.abs() + ROOM_MARGIN_M).min(STATION_M));
+            Station::looking(Generation::V2, [x_m, y_m, z_m], middle_m)
+        })
     }
 
     /// The volume in words.
@@ -103,10 +105,10 @@ impl Profile {
         [Self::indoor(), Self::careful(), Self::outdoor()]
     }
 
-    /// A Crazyflie indoors: 1 m/s an axis and 20° are the limits of the firmware's own controller
-    /// (`platform_defaults_cf2.h`), 2 m/s² whoenig's (firmware issue 882); 4 minutes of a 7-minute
-    /// battery with decks (crazyswarm issue 148: 3 to 5); ±0.2 m is the reference team's corridor;
-    /// a Lighthouse covers 5 m by 5 m.
+    /// A Crazyflie indoors. 1 m/s an axis and 20° are the limits of the firmware's controller
+    /// (`platform_defaults_cf2.h`), 2 m/s² is from firmware issue 882 (whoenig). A 7-minute battery
+    /// lasts 4 minutes with decks (crazyswarm issue 148: 3 to 5). ±0.2 m is the reference team's
+    /// corridor. A Lighthouse covers 5 m by 5 m.
     pub fn indoor() -> Self {
         Self {
             name: "indoor",
@@ -117,34 +119,35 @@ impl Profile {
             acceleration_m_s2: 2.0,
             tilt_rad: 20.0_f64.to_radians(),
             flight_time_s: 240.0,
-            // Assumptions: three of the heaviest Crazyflies; a draft, and the gusts of a fan.
+            // Assumptions: the weight of three of the heaviest Crazyflies, and a draft with the
+            // gusts of a fan.
             mass_kg: 0.15,
             wind_m_s: 1.5,
             is_outdoors: false,
         }
     }
 
-    /// The same with visitors about: 0.5 m/s (firmware issue 882).
+    /// Indoors with visitors: 0.5 m/s (firmware issue 882).
     pub fn careful() -> Self {
         Self { name: "careful", speed_m_s: 0.5, ..Self::indoor() }
     }
 
     /// A larger drone outdoors: Skybrush's defaults for speed (2 m/s upward, taken for all axes)
-    /// and height (150 m); acceleration and tilt of half a multirotor's reserve, assumed.
+    /// and height (150 m). Acceleration and tilt are assumed to be half of a multirotor's reserve.
     pub fn outdoor() -> Self {
         Self {
             name: "outdoor",
-            room_m: None,
             volume_m: [[-100.0, -100.0, 0.0], [100.0, 100.0, 150.0]],
             corridor_m: 2.0,
             speed_m_s: 2.0,
             acceleration_m_s2: 4.0,
             tilt_rad: 30.0_f64.to_radians(),
             flight_time_s: 720.0,
-            // Assumptions: the lightest class of the EU (C2); a fresh breeze.
+            // Assumptions: the lightest class of the EU (C2), and a fresh breeze.
             mass_kg: 4.0,
             wind_m_s: 10.0,
             is_outdoors: true,
+            ..Self::indoor()
         }
     }
 }

@@ -1,11 +1,10 @@
-//! A room that is named by its size: how large a word may be in it, and where its stations hang.
+//! A room by its size: the largest word in it, and the positions of its stations.
 
-use super::{Profile, canvas_within};
+use super::Profile;
 use crate::scene::Scene;
-use noctograph_core::error::Result;
 
 /// Least distance of the word from the sides of the volume that a drone may fly in, and from its
-/// top: a base station 0.1 m higher then sees the word's top from as far as it reaches, 6 m.
+/// top. A base station 0.1 m above the volume then sees the top of the word from 6 m, its reach.
 const FROM_SIDES_M: f64 = 0.3;
 const FROM_TOP_M: f64 = 0.5;
 
@@ -13,8 +12,8 @@ const FROM_TOP_M: f64 = 0.5;
 /// about 4 m by 4 m).
 const SERVED_M: f64 = 4.0;
 
-/// Least and greatest room, m: a flight with its margins; a sports hall (three playing fields are
-/// 27 m by 45 m, DIN 18032), with room to spare.
+/// Least and greatest room, m: a flight with its margins, and more than a sports hall (three
+/// playing fields are 27 m by 45 m, DIN 18032).
 const LEAST_ROOM_M: [f64; 3] = [1.5, 1.5, 1.0];
 const GREATEST_ROOM_M: [f64; 3] = [60.0, 60.0, 20.0];
 
@@ -27,16 +26,16 @@ const UNITS: [(&str, f64); 4] = [("cm", 0.01), ("mm", 0.001), ("ft", FOOT_M), ("
 
 const FOOT_M: f64 = 0.3048;
 
-/// Height of a ceiling from which numbers without a unit are asked about: rooms are 8 feet high,
-/// and few halls 8 m. A sports hall of 7 m passes, and the check `room` speaks of it.
+/// Height of a ceiling from which numbers without a unit are questioned: rooms are 8 feet high, and
+/// few halls 8 m. A sports hall of 7 m passes, and the check `room` warns.
 const FEET_FROM: f64 = 7.5;
 
-/// A room in words, to centimeters.
+/// A room as text, to centimeters.
 fn in_words(room_m: [f64; 3]) -> String {
     room_m.map(|m| ((100.0 * m).round() / 100.0).to_string()).join("x")
 }
 
-/// A room whose numbers are feet, in words, in meters.
+/// A room in feet as text in meters.
 pub(super) fn from_feet(room: [f64; 3]) -> String {
     in_words(room.map(|feet| FOOT_M * feet))
 }
@@ -45,8 +44,8 @@ pub(super) fn from_feet(room: [f64; 3]) -> String {
 ///
 /// # Errors
 ///
-/// What is wanted, and the unit that was probably meant.
-pub fn parse_room(text: &str) -> std::result::Result<[f64; 3], String> {
+/// The sizes that are taken, and the unit that was probably meant.
+pub fn parse_room(text: &str) -> Result<[f64; 3], String> {
     let wanted = format!(
         "wanted WIDTHxDEPTHxHEIGHT in meters, from {} to {}, such as 4x3x2.5, or with its unit, such \
          as 20x30x9m or 13x20x8ft",
@@ -59,21 +58,20 @@ pub fn parse_room(text: &str) -> std::result::Result<[f64; 3], String> {
     let sides = text.split(['x', 'X', '×']).map(|side| side.trim().parse().ok());
     let sides: Option<Vec<f64>> = sides.collect();
     let Some(Ok(sides)) = sides.map(<[f64; 3]>::try_from) else { return Err(wanted) };
-    fn fits(sides: [f64; 3]) -> bool {
-        (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&sides[side]))
-    }
-    let room_m = match unit_m {
-        None | Some(1.0) => sides,
-        Some(unit_m) => sides.map(|side| (1e3 * unit_m * side).round() / 1e3),
-    };
-    if unit_m.is_some() {
+    // A typed unit is believed. Converted sizes are rounded to millimeters.
+    if let Some(unit_m) = unit_m {
+        let room_m = match unit_m {
+            1.0 => sides,
+            _ => sides.map(|side| (1e3 * unit_m * side).round() / 1e3),
+        };
         return if fits(room_m) { Ok(room_m) } else { Err(wanted) };
     }
     if fits(sides) && sides[2] < FEET_FROM {
         return Ok(sides);
     }
-    let meant = OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|m| m / per_m)));
-    Err(match meant.into_iter().find(|(_, room_m)| fits(*room_m)) {
+    // Too large for meters: the first unit in which it would be a room.
+    let mut meant = OTHER_UNITS.into_iter().map(|(unit, per_m)| (unit, sides.map(|m| m / per_m)));
+    Err(match meant.find(|(_, room_m)| fits(*room_m)) {
         Some((unit, room_m)) => {
             format!("is this in {unit}, a room of {} m? {wanted}", in_words(room_m))
         }
@@ -81,8 +79,13 @@ pub fn parse_room(text: &str) -> std::result::Result<[f64; 3], String> {
     })
 }
 
-/// Keys of a scene whose letters fill a room, under those that are typed: a height that was typed
-/// is meant, no room shrinks it, and the check stops what is too large.
+/// True if a room is within the limits.
+fn fits(room_m: [f64; 3]) -> bool {
+    (0..3).all(|side| (LEAST_ROOM_M[side]..=GREATEST_ROOM_M[side]).contains(&room_m[side]))
+}
+
+/// Keys and values for letters that fill a room. No room shrinks letters of a typed height: the
+/// check stops what is too large.
 #[expect(clippy::fn_params_excessive_bools, reason = "independent of each other")]
 pub fn letters_within(
     room_m: [f64; 3],
@@ -91,7 +94,7 @@ pub fn letters_within(
 ) -> Vec<(String, String)> {
     let [low, high] = Profile::indoor().in_room(room_m).volume_m;
     let wide_m = (high[0] - low[0] - 2.0 * FROM_SIDES_M).min(SERVED_M);
-    // A low room has the word nearer to its floor.
+    // In a low room the word is nearer to the floor.
     let baseline_m = (0.25 * room_m[2]).min(0.5);
     let high_m = high[2] - FROM_TOP_M - baseline_m;
     let canvas_m = if is_height_typed { [1000.0; 2] } else { [wide_m, high_m] };
@@ -100,32 +103,20 @@ pub fn letters_within(
         ("letters.baseline_m", baseline_m.to_string()),
         ("letters.align", "center".to_owned()),
     ];
-    // A drawing fills its canvas as it is.
+    // A drawing always fills its canvas.
     if !is_drawing && !is_height_typed {
         keys.push(("letters.fit", "fill".to_owned()));
     }
     keys.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
-/// Hangs the stations of a scene that places none in the corners of a room.
+/// Hangs the stations in the corners of a room, unless the scene gives their positions.
 pub fn hang_stations(scene: &mut Scene, room_m: [f64; 3]) {
     let usual = Scene::preset(scene.preset).sensors.lighthouse.stations;
     let stations = &mut scene.sensors.lighthouse.stations;
     if *stations == usual {
         *stations = Profile::indoor().in_room(room_m).stations().into();
     }
-}
-
-/// Fits a word to the view of a camera inside a room.
-///
-/// # Errors
-///
-/// As [`canvas_within`].
-pub fn fit_within(scene: &mut Scene, room_m: [f64; 3]) -> Result<()> {
-    if let Some(canvas_m) = canvas_within(scene, room_m)? {
-        scene.letters.canvas_m = Some(canvas_m);
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -17,39 +17,30 @@ use noctograph_sim::vehicle::Gusts;
 /// Grid spacing of the check of the base stations' view.
 const COVERAGE_STEP_M: f64 = 0.1;
 
-/// Whether two base stations see the box of the whole flight.
+/// Checks that two base stations see the box of the whole flight.
 pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
-    let unchecked = |why, advice| {
-        let wanted = "base stations, and a flight for them to see";
-        Ok(Diagnostic::unchecked("coverage", why, wanted, advice))
-    };
+    const WANTED: &str = "base stations, and a flight for them to see";
     if !is_by_lighthouse(scene) {
         let unused = Diagnostic::check("coverage", Severity::Fine, None).within(1.0);
         return Ok(unused.say("not used: it does not fly by Lighthouse", "", ""));
     }
     if scene.sensors.lighthouse.stations.is_empty() {
         let advice = "name the stations: {sensors.lighthouse.stations}";
-        return unchecked("the scene has no base stations", advice);
+        let why = "the scene has no base stations";
+        return Ok(Diagnostic::unchecked("coverage", why, WANTED, advice));
     }
     let in_the_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
     let [left, bottom, right, top] = bounds(in_the_air.map(|s| [s.position_m.x, s.position_m.z]));
     if left > right {
-        return unchecked("the plan never leaves the floor", "plan a flight");
+        let why = "the plan never leaves the floor";
+        return Ok(Diagnostic::unchecked("coverage", why, WANTED, "plan a flight"));
     }
-    // A drone takes up room where its way, such as that of an I, does not.
-    let half_m = 0.5 * COVERAGE_STEP_M;
-    let aside_m = |low: f64, high: f64| if high - low < COVERAGE_STEP_M { half_m } else { 0.0 };
-    let [wide_m, high_m] = [aside_m(left, right), aside_m(bottom, top)];
+    // The box of a straight path, such as that of an I, is widened to one step of the grid.
+    let [wide_m, high_m] = [right - left, top - bottom]
+        .map(|side_m| if side_m < COVERAGE_STEP_M { 0.5 * COVERAGE_STEP_M } else { 0.0 });
     let bounds_m = [left - wide_m, bottom - high_m, right + wide_m, top + high_m];
-    let (mut sensors, silent) = (scene.sensors.clone(), silent_stations(plan, scene));
-    let stations = scene.sensors.lighthouse.stations.iter().enumerate();
-    let heard = stations.filter(|(station, _)| !silent.contains(station));
-    sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
-    sensors.lighthouse.silent.clear();
-    let seen_frac = match sensors.lighthouse.stations.is_empty() {
-        true => 0.0,
-        false => coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac(),
-    };
+    let silent = silent_stations(plan, scene);
+    let seen_frac = seen_frac(scene, &silent, bounds_m)?;
     let names: Vec<String> = silent.iter().map(|station| (station + 1).to_string()).collect();
     let without = match names.is_empty() {
         true => String::new(),
@@ -59,6 +50,7 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     Ok(Diagnostic::check("coverage", stop_if(seen_frac < 1.0), seen_frac).within(1.0).say(
         format!("{seen:.1} % of the flight's box is seen by two base stations{without}"),
         "two Lighthouse stations see every place",
+        // Causes that can be removed go before a smaller word.
         match (silent.is_empty(), scene.sensors.lighthouse.people_m.is_empty()) {
             (false, _) => "let every station send ({sensors.lighthouse.silent})",
             (true, false) => "let people stand out of the light ({sensors.lighthouse.people_m})",
@@ -70,24 +62,40 @@ pub(super) fn check_coverage(plan: &Plan, scene: &Scene) -> Result<Diagnostic> {
     ))
 }
 
-/// Total outage of a station in the air from which it counts as unseen: shorter ones are bridged by
-/// the other station and the gyroscope (an assumption).
+/// Fraction of a box that two base stations see, of those that are not silent.
+fn seen_frac(scene: &Scene, silent: &[usize], bounds_m: [f64; 4]) -> Result<f64> {
+    let mut sensors = scene.sensors.clone();
+    let stations = scene.sensors.lighthouse.stations.iter().enumerate();
+    let heard = stations.filter(|(station, _)| !silent.contains(station));
+    sensors.lighthouse.stations = heard.map(|(_, station)| station.clone()).collect();
+    // The others send all the time here: their short outages are bridged.
+    sensors.lighthouse.silent.clear();
+    match sensors.lighthouse.stations.is_empty() {
+        true => Ok(0.0),
+        false => Ok(coverage(&sensors, bounds_m, 0.0, COVERAGE_STEP_M)?.seen_frac()),
+    }
+}
+
+/// Longest total outage of a station in the air that the other station and the gyroscope bridge (an
+/// assumption).
 const MAX_SILENT_S: f64 = 1.0;
 
 /// Stations, from 0, that are silent for too long while a plan is in the air.
 fn silent_stations(plan: &Plan, scene: &Scene) -> Vec<usize> {
-    let in_air = || plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
-    let start_s = in_air().next().map_or(0.0, |setpoint| setpoint.time_s);
-    let end_s = in_air().next_back().map_or(0.0, |setpoint| setpoint.time_s);
+    let mut in_air = plan.setpoints.iter().filter(|setpoint| !setpoint.on_floor());
+    let start_s = in_air.clone().next().map_or(0.0, |setpoint| setpoint.time_s);
+    let end_s = in_air.next_back().map_or(0.0, |setpoint| setpoint.time_s);
     let lighthouse = &scene.sensors.lighthouse;
-    let silent_s = |station: usize| -> f64 {
-        let own = lighthouse.silent.iter().filter(|[number, ..]| *number == station as f64);
-        own.map(|[_, from_s, to_s]| (to_s.min(end_s) - from_s.max(start_s)).max(0.0)).sum()
-    };
-    (0..lighthouse.stations.len()).filter(|station| silent_s(*station) > MAX_SILENT_S).collect()
+    let mut silent_s = vec![0.0; lighthouse.stations.len()];
+    for (station, silent_s) in silent_s.iter_mut().enumerate() {
+        let outages = lighthouse.silent.iter().filter(|[number, ..]| *number == station as f64);
+        *silent_s =
+            outages.map(|[_, from_s, to_s]| (to_s.min(end_s) - from_s.max(start_s)).max(0.0)).sum();
+    }
+    (0..silent_s.len()).filter(|station| silent_s[*station] > MAX_SILENT_S).collect()
 }
 
-/// Parts of the scene that spoil a simulation or a flight: a row for each.
+/// Checks of the drone and its surroundings that did not pass.
 pub(super) fn check_surroundings(scene: &Scene, profile: &Profile) -> Vec<Diagnostic> {
     let rows = [
         estimator(scene),
@@ -135,21 +143,22 @@ fn wind(scene: &Scene, profile: &Profile) -> Diagnostic {
     )
 }
 
-/// A drone that a light wind moves, and the wind that nobody flies it in (an assumption).
+/// Mass below which a drone counts as light, and the strongest wind for it (assumptions).
 const LIGHT_KG: f64 = 0.1;
 const LIGHT_WIND_M_S: f64 = 4.0;
 
-/// Least distance of two base stations, whose beams cross else at angles that leave the depth open
-/// (an assumption: at 10 cm a flight strays by 0.18 of the corridor's 0.2 m).
+/// Least distance of two base stations (an assumption). With 10 cm their beams are so parallel that
+/// the error in depth is 0.18 m of the corridor's 0.2 m.
 const BASELINE_M: f64 = 1.0;
 
-/// The distance of the two base stations that are farthest from each other.
+/// Check of the distance between the two base stations that are farthest from each other.
 fn baseline(scene: &Scene) -> Diagnostic {
-    let places = scene.sensors.lighthouse.stations.iter().map(|it| Vector3::from(it.position_m));
-    let places: Vec<_> = places.collect();
-    let each = |a: &Vector3<f64>| places.iter().map(|b| (a - b).norm()).fold(0.0, f64::max);
-    let widest_m = places.iter().map(each).fold(0.0, f64::max);
-    let is_near = is_by_lighthouse(scene) && places.len() > 1 && widest_m < BASELINE_M;
+    let stations = &scene.sensors.lighthouse.stations;
+    let positions_m = stations.iter().map(|station| Vector3::from(station.position_m));
+    let distances_m =
+        positions_m.clone().flat_map(|a| positions_m.clone().map(move |b| (a - b).norm()));
+    let widest_m = distances_m.fold(0.0, f64::max);
+    let is_near = is_by_lighthouse(scene) && stations.len() > 1 && widest_m < BASELINE_M;
     Diagnostic::check("baseline", warn_if(is_near), widest_m).within(BASELINE_M).say(
         format!("base stations are {widest_m:.2} m apart"),
         format!("{BASELINE_M} m or more between two of them"),
@@ -174,8 +183,8 @@ fn is_by_lighthouse(scene: &Scene) -> bool {
     }
 }
 
-/// Height of a ceiling from which a room's numbers may be feet: those of rooms are 7 feet and more
-/// high, and halls in meters are seldom higher.
+/// Height of a ceiling from which a room's numbers may be feet: few rooms are lower than 7 feet,
+/// and few halls are higher than 7 m.
 const FEET_FROM: f64 = 6.5;
 
 /// Check that the room was not measured in feet, by its ceiling.
@@ -184,7 +193,7 @@ fn ceiling(profile: &Profile) -> Diagnostic {
     let height_m = room_m[2];
     Diagnostic::check("room", warn_if(height_m >= FEET_FROM), height_m).within(FEET_FROM).say(
         format!("a ceiling at {height_m} m: if these are feet, {} m are meant", from_feet(room_m)),
-        "the room's true size in meters: the fence stands at its walls",
+        "the room's true size in meters: the fence is at its walls",
         "measure a wall; feet are typed so: 13x20x8ft ({expose.room_m})",
     )
 }
@@ -247,9 +256,9 @@ mod tests {
         fn picture(set: &[(&str, &str)]) -> (Severity, String) {
             let scene = Scene::parse_with("word = \"L\"", "scene", set).unwrap();
             let rows = preflight(&Shoot::new(scene).unwrap(), &Profile::indoor()).unwrap();
-            let mut rows = rows.findings.into_iter().filter(|it| it.code == "picture");
+            let mut rows = rows.findings.into_iter().filter(|row| row.code == "picture");
             // Without a room, a picture that is fine has no row.
-            rows.next().map_or_else(Default::default, |it| (it.severity, it.message))
+            rows.next().map_or_else(Default::default, |row| (row.severity, row.message))
         }
         assert_eq!(picture(&[]).0, Severity::Fine);
         assert_eq!(picture(&[("plan.yaw_rad", "1.57")]).0, Severity::Stop);

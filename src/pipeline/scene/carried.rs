@@ -1,8 +1,8 @@
 //! The scene that came with a file: in the head of an exported script's log, or in a scene file
-//! beside a plan or a flight. Room, camera and drone go with a flight so.
+//! beside a plan or a flight. It brings the room, the camera and the drone of the flight.
 //!
-//! A scene file names the files that it was written with by their digests. Here is the one place
-//! that compares them: a plan beside the scene of another one would be checked in another room.
+//! A scene file has the digests of the files that it was written with. Only this module compares
+//! them: a plan beside the scene of another one would be checked in another room.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -14,11 +14,10 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Limit, Output, WholeFile};
 use noctograph_logs::scene_in;
 
-/// Ending of the scene file of a plan or a flight, in the place of theirs, and name of the one of
-/// all plans and flights in a folder.
+/// Ending of the scene file beside a plan or a flight, and name of the scene file of a folder.
 const SCENE: &str = "scene.toml";
 
-/// Largest plan or flight beside a scene: as large as their reader takes.
+/// Largest plan or flight beside a scene, which is the limit of their reader.
 const FILE: Limit =
     Limit { bytes: 128 << 20, what: "a plan or a flight", hint: "cut it, or thin it out" };
 
@@ -27,23 +26,23 @@ const FILE: Limit =
 pub struct CarriedScene {
     /// TOML.
     pub toml: String,
-    /// Where it was found, in messages.
+    /// Its file, in messages.
     pub file: String,
     /// The folder from which it names files.
     pub folder: PathBuf,
-    /// Whether it is in a log, which may come from anywhere.
-    pub is_in_log: bool,
-    /// Whether it is the scene of its file beyond doubt: in a log, or with the file's digest, which
-    /// scenes of earlier versions and scenes written by hand have not.
+    /// True if it is in a log, which may come from anywhere.
+    is_in_log: bool,
+    /// True if it is the scene of its file beyond doubt: in a log, or with the digest of the file.
+    /// Scenes of earlier versions and scenes written by hand have no digests.
     pub is_bound: bool,
 }
 
 impl CarriedScene {
-    /// The scene of a log, a plan or a flight; `None` where none came with it.
+    /// The scene of a log, a plan or a flight. `None` if none came with it.
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] for a file that cannot be read; [`Error::Input`] for a scene that was written
+    /// [`Error::Io`] for a file that cannot be read, [`Error::Input`] for a scene that was written
     /// with other files.
     pub fn read(path: &Path) -> Result<Option<Self>> {
         // A pipe can be read once.
@@ -53,10 +52,12 @@ impl CarriedScene {
         if let Some(carried) = Self::in_log(path) {
             return Ok(Some(carried));
         }
+        // The scene of a folder is that of its numbered plans and flights.
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
         let number = stem.strip_prefix("plan").or_else(|| stem.strip_prefix("flight"));
-        let is_number = |text: &str| text.bytes().all(|it| it.is_ascii_digit() || it == b'-');
-        let of_folder = number.is_some_and(is_number).then(|| path.with_file_name(SCENE));
+        let is_numbered =
+            number.is_some_and(|n| n.bytes().all(|b| b.is_ascii_digit() || b == b'-'));
+        let of_folder = is_numbered.then(|| path.with_file_name(SCENE));
         let mut files = std::iter::once(Self::place(path)).chain(of_folder);
         let Some(file) = files.find(|file| file.is_file()) else { return Ok(None) };
         let toml = text::of_file(&file)?;
@@ -70,9 +71,9 @@ impl CarriedScene {
         Ok(Some(carried))
     }
 
-    /// Whether a plan or a flight is of the set that the scene beside it was written with.
+    /// True if a plan or a flight is of the set that the scene beside it was written with.
     pub fn binds(path: &Path) -> bool {
-        Self::read(path).is_ok_and(|carried| carried.is_some_and(|it| it.is_bound))
+        Self::read(path).is_ok_and(|carried| carried.is_some_and(|carried| carried.is_bound))
     }
 
     /// Checks that a file is one of those that the scene was written with.
@@ -84,6 +85,7 @@ impl CarriedScene {
         if digests.values().any(|known| *known == actual) {
             return Ok(());
         }
+        // The file is named that the scene knows under this name, or all of them.
         let (scene, names) = (&self.file, digests.keys().cloned().collect::<Vec<_>>().join(", "));
         let wanted = match digests.get(name(path)).or(digests.values().next()) {
             Some(known) if digests.len() == 1 || digests.contains_key(name(path)) => {
@@ -99,12 +101,12 @@ impl CarriedScene {
         Err(Error::input(path.display(), format!("a file of digest {actual}"), wanted, hint))
     }
 
-    /// Checks that the scene still is that of files, which were read after it: another program may
-    /// have written both anew meanwhile.
+    /// Checks, after files were read, that the scene is still theirs. Another program may have
+    /// written both anew meanwhile.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where it is not; as [`Self::of_all`].
+    /// As [`Self::of_all`], and [`Error::Input`] for another scene.
     pub fn check_still(&self, files: &[PathBuf]) -> Result<()> {
         if Self::of_all(files)?.is_some_and(|now| now.toml == self.toml) {
             return Ok(());
@@ -134,42 +136,46 @@ impl CarriedScene {
         Some(Self { toml, file, folder, is_in_log: true, is_bound: true })
     }
 
-    /// The one scene that came with some of several files; seeds may differ.
+    /// The one scene that came with some of several files. Seeds may differ.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where two came; as [`Self::read`].
+    /// As [`Self::read`], and [`Error::Input`] for two different scenes.
     pub fn of_all(files: &[PathBuf]) -> Result<Option<Self>> {
-        let all = files.iter().map(|path| Self::read(path)).collect::<Result<Vec<_>>>()?;
-        let all: Vec<Self> = all.into_iter().flatten().collect();
-        let unseeded = |carried: &Self| carried.scene(&[("seed", "0")]).ok();
-        let differs =
-            |other: &&Self| other.toml != all[0].toml && unseeded(other) != unseeded(&all[0]);
-        if let Some(other) = all.iter().find(differs) {
-            let hint = "name the scene, or the files one at a time";
-            let actual = format!("another scene than {}", all[0].file);
-            return Err(Error::input(
-                Place::file(&other.file),
-                actual,
-                "one scene of all files",
-                hint,
-            ));
+        let mut scenes = Vec::new();
+        for path in files {
+            scenes.extend(Self::read(path)?);
         }
-        let is_bound = all.iter().all(|carried| carried.is_bound);
-        Ok(all.into_iter().next().map(|first| Self { is_bound, ..first }))
+        // One file without proof leaves doubt about all.
+        let is_bound = scenes.iter().all(|carried| carried.is_bound);
+        let Some((first, others)) = scenes.split_first() else { return Ok(None) };
+        for other in others {
+            if other.toml == first.toml {
+                continue;
+            }
+            let [scene, of_first] = [other, first].map(|carried| carried.scene(&[("seed", "0")]));
+            if scene.ok() != of_first.ok() {
+                let hint = "name the scene, or the files one at a time";
+                let actual = format!("another scene than {}", first.file);
+                let place = Place::file(&other.file);
+                return Err(Error::input(place, actual, "one scene of all files", hint));
+            }
+        }
+        Ok(Some(Self { is_bound, ..first.clone() }))
     }
 
-    /// Where the scene of a plan or a flight is written.
+    /// Path of the scene file of a plan or a flight.
     pub fn place(path: &Path) -> PathBuf {
         path.with_extension(SCENE)
     }
 
-    /// The text of a scene file beside files of these names and digests.
+    /// The text of a scene file beside files with these names and digests.
     pub fn text(toml: &str, files: impl IntoIterator<Item = (String, String)>) -> String {
         toml.to_owned() + &text::of_digests(files.into_iter().collect())
     }
 
-    /// Gives a plan or a flight, its scene and what that names their names, the plan first.
+    /// Keeps a plan or a flight under its name, with its scene and the files that the scene names.
+    /// Returns their paths, that of the plan first.
     ///
     /// # Errors
     ///
@@ -180,41 +186,40 @@ impl CarriedScene {
         let mut files = scene.write_copies(file.path())?;
         files.push(beside.write_with(|out| out.write_all(toml.as_bytes()))?);
         files.push(file);
-        // A kill between the names leaves the new scene, which no other plan fits: never a plan
-        // without the scene that it has.
+        // The plan comes last: a kill in between leaves a scene that refuses the old plan, and
+        // never a plan beside another scene.
         let mut files = WholeFile::keep_all(files)?;
         files.reverse();
         Ok(files)
     }
 
     /// The scene with settings laid over it, see [`Scene::parse_with`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Scene::parse_with`].
     pub fn scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         Scene::parse_in(&self.toml, &self.file, &self.folder, settings)
     }
 
-    /// The same; of a log, without files other than those that settings name, since its author
-    /// would choose the files opened on this machine.
+    /// The scene with settings laid over it. The scene of a log may name no files, since its author
+    /// would choose the files that are opened on this machine. Settings may.
     ///
     /// # Errors
     ///
     /// As [`Self::scene`], and [`Error::Input`] with the key of a file.
     pub fn distrusted_scene(&self, settings: &[(&str, &str)]) -> Result<Scene> {
         let scene = self.scene(settings)?;
+        // Every key that names a file and was not set by the user.
         let background = Some("photo.background").filter(|_| !scene.photo.background.is_empty());
-        let unset = |key: &&str| self.is_in_log && settings.iter().all(|(set, _)| set != key);
-        let key = scene.letters.files().map(|(key, _)| key).chain(background).find(unset);
-        if let Some(key) = key {
-            let wanted = "no file: the scene of a log may name any on this machine";
-            let hint = "name the log as the scene as well, if you know who made it";
-            return Err(
-                Error::input(key, "the path of a file", wanted, hint).in_file(&self.file, None)
-            );
+        let keys = scene.letters.files().map(|(key, _)| key).chain(background);
+        let refused: Vec<&str> =
+            keys.filter(|key| settings.iter().all(|(set, _)| set != key)).collect();
+        match refused.first().filter(|_| self.is_in_log) {
+            None => Ok(scene),
+            Some(key) => {
+                let wanted = "no file: the scene of a log may name any on this machine";
+                let hint = "name the log as the scene as well, if you know who made it";
+                let refused = Error::input(*key, "the path of a file", wanted, hint);
+                Err(refused.in_file(&self.file, None))
+            }
         }
-        Ok(scene)
     }
 }
 

@@ -1,7 +1,6 @@
 //! Scene: the one TOML file that fixes a photo.
 //!
-//! Every key has the value of a preset (`cf21`, if the scene names no other), so a scene names
-//! only what it changes.
+//! Every key has the value of a preset, by default `cf21`, so a scene names only what it changes.
 //! Unknown keys and values out of range are refused with line and key.
 
 use std::path::Path;
@@ -42,12 +41,12 @@ pub use travel::{SceneFiles, folder_of};
 pub use unused_keys::reason;
 
 settings! {
-    /// Everything that a photo depends on. The default is the preset `ae483-2022`; a file that
+    /// Everything that a photo depends on. The default is the preset `ae483-2022`. A file that
     /// names no preset begins with `cf21`.
     pub struct Scene {
         /// Preset that supplies omitted keys.
         preset: Preset = Preset::Ae4832022;
-        /// Word to write; `\n` begins a new line.
+        /// Word to write. `\n` begins a new line.
         word: String = String::new(), unless "letters.drawing";
         /// Seed of all noise: the same seed makes the same photo.
         seed: u64 = 0;
@@ -94,19 +93,16 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`] where it cannot be read, [`Error::Input`] with line and key where it is
-    /// broken, holds an unknown key or a value out of range.
+    /// [`Error::Io`] if it cannot be read. [`Error::Input`] with line and key for broken TOML, an
+    /// unknown key or a value out of range.
     pub fn read(path: &Path) -> Result<Self> {
         Self::read_with(path, &[])
     }
 
     /// Reads a scene file, the scene in a photo (PNG), or that of a log, a plan or a flight
     /// ([`CarriedScene`]), and lays single settings over it, as [`Self::parse_with`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::read`], and [`Error::Input`] for a photo or a flight without a scene.
-    pub fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
+    fn read_with(path: &Path, settings: &[(&str, &str)]) -> Result<Self> {
+        // The ending tells what brings the scene: a flight, a text or a photo.
         let file = path.display().to_string();
         if ["csv", "json"].contains(&&*ending(path)) {
             let Some(carried) = CarriedScene::read(path)? else {
@@ -126,11 +122,7 @@ impl Scene {
         Self::parse_in(&toml, &format!("{file} (scene)"), &folder_of(path), settings)
     }
 
-    /// Reads the text of a scene; `file` is its name in messages.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`], as [`Self::read`].
+    /// Reads the text of a scene with the name of its file, for messages.
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         Self::parse_with(toml, file, &[])
     }
@@ -140,27 +132,19 @@ impl Scene {
     ///
     /// Precedence: settings, keys of the file, implied values (a table in the text of
     /// [`Self::to_toml`]), preset.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`], as [`Self::read`].
     pub fn parse_with(toml: &str, file: &str, settings: &[(&str, &str)]) -> Result<Self> {
         Self::parse_in(toml, file, Path::new(""), settings)
     }
 
-    /// The same of a file in a folder, from which the files that its text names are looked for.
-    /// Those of settings are looked for from the present folder.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Input`], as [`Self::read`].
+    /// Reads the text of a scene in a folder. Names of files in the text are relative to it, those
+    /// in settings to the present folder.
     pub fn parse_in(
         toml: &str,
         file: &str,
         folder: &Path,
         settings: &[(&str, &str)],
     ) -> Result<Self> {
-        let with_line = |error| text::with_line(error, toml, file);
+        // The layers, the lowest first: preset, implied values, file, single settings.
         let mut set = Table::new();
         for (key, value) in settings {
             text::overlay(&mut set, text::single(key, value)?, Self::SHAPE.settings());
@@ -173,13 +157,18 @@ impl Scene {
             None => Preset::default(),
         };
         let mut scene = Self::preset(preset);
-        implied::RULES.iter().for_each(|rule| (rule.apply)(&mut scene, &mut layers));
+        implied::apply(&mut scene, &mut layers);
         let mut values = scene.to_table();
         let settings = Self::SHAPE.settings();
         layers.into_iter().for_each(|layer| text::overlay(&mut values, layer, settings));
-        text::check_keys(&values).map_err(with_line)?;
-        let scene = Self::from_table(values).map_err(with_line)?;
-        scene.check().map_err(with_line)?;
+        Self::checked(values).map_err(|error| text::with_line(error, toml, file))
+    }
+
+    /// The scene of a table, whose keys, names and ranges are checked.
+    fn checked(values: Table) -> Result<Self> {
+        text::check_keys(&values)?;
+        let scene = Self::from_table(values)?;
+        scene.check()?;
         Ok(scene)
     }
 
@@ -188,24 +177,19 @@ impl Scene {
         text::document(self)
     }
 
-    /// Its keys and values. Code that reads or writes all settings is large: this and
-    /// [`Self::from_table`] are the only ones.
+    /// Its keys and values. This and [`Self::from_table`] are the only functions that write and
+    /// read all settings, since such code is large.
     pub fn to_table(&self) -> Table {
         Table::try_from(self).expect("a scene is a TOML table")
     }
 
-    /// A scene of keys and values, of which none may lack; their ranges are not checked.
+    /// A scene of all keys with their values. Ranges are not checked.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] with the place of a value of the wrong type.
     pub fn from_table(values: Table) -> Result<Self> {
         text::scene_of(values)
-    }
-
-    /// The portable scene without documentation.
-    pub fn to_portable_toml(&self) -> String {
-        toml::to_string(&self.portable()).expect("a checked scene is a TOML table")
     }
 
     /// Its fonts by name or file, its drawing and its background.
@@ -220,26 +204,27 @@ impl Scene {
         text::changes(self, self.preset.scene())
     }
 
-    /// A scene of the preset alone.
+    /// The scene of a preset.
     pub fn preset(preset: Preset) -> Self {
         preset.scene().clone()
     }
 
-    /// Whether the scene names a word or a drawing.
+    /// True if the scene names a word or a drawing.
     pub fn has_strokes(&self) -> bool {
         !self.word.is_empty() || !self.letters.drawing.is_empty()
     }
 
-    /// Writes another word, instead of the scene's word or drawing.
+    /// Replaces the word or drawing by another word.
     pub fn set_word(&mut self, word: &str) {
         word.clone_into(&mut self.word);
         self.letters.drawing.clear();
         self.letters.drawing_sha256.clear();
     }
 
-    /// For an audience: a word is written as it is read, from the left, by a camera that maps its
-    /// hot pixels out, over an even floor.
+    /// Adapts the scene to an audience: a word is written in the order of reading, the camera has
+    /// no hot pixels, and the floor is even.
     pub fn for_audience(&mut self) {
+        // Hebrew, Arabic and their forms are read from the right.
         if let Style::Even(style) = &mut self.plan.style
             && style.order == Order::Shortest
             && self.letters.drawing.is_empty()
@@ -254,11 +239,11 @@ impl Scene {
     }
 
     /// Makes the paths of its files absolute and notes the digest of its drawing, so that the scene
-    /// means the same from every folder. [`Self::strokes`] reports a missing drawing.
+    /// is the same in every folder. [`Self::strokes`] reports a missing drawing.
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] where the drawing is not the one whose digest the scene has.
+    /// [`Error::Input`] if the digest in the scene is of another drawing.
     pub fn settle_files(&mut self) -> Result<()> {
         for path in self.files_mut().filter(|name| travel::is_file(name)) {
             if let Ok(absolute) = std::path::absolute(&*path)
@@ -285,7 +270,8 @@ impl Scene {
         Ok(())
     }
 
-    /// The strokes of the drawing, by color where the color LED deck writes, or else of the word.
+    /// The strokes of the drawing or else of the word. Those of a drawing are told apart by color
+    /// if a lamp with colors writes.
     ///
     /// # Errors
     ///
@@ -298,12 +284,12 @@ impl Scene {
         letters::write(&self.word, &self.letters)
     }
 
-    /// Rate of the clock that paces the setpoints, in true seconds a second: as the plan's options
-    /// say, else of a trajectory on board that of the drone's firmware.
+    /// Rate of the clock that paces the setpoints, in true seconds a second. By default a
+    /// trajectory on board has that of the drone's firmware.
     pub fn trajectory_clock(&self) -> f64 {
-        let on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
-        let own = if on_board { self.vehicle.firmware.clock() } else { 1.0 };
-        self.plan.trajectory_clock.unwrap_or(own)
+        let is_on_board = self.radio.drones > 0 && self.radio.setpoints == Setpoints::OnBoard;
+        let usual = if is_on_board { self.vehicle.firmware.clock() } else { 1.0 };
+        self.plan.trajectory_clock.unwrap_or(usual)
     }
 
     /// The simulator's part of the scene.
@@ -365,7 +351,7 @@ mod tests {
             assert_eq!(ring("", &settings), RingEffect::Off);
         }
         assert_eq!(ring("", &[]), RingEffect::Off);
-        // A color alone, and with the effect in any order.
+        // A color without the effect, and with it in any order.
         let (color, effect) = (("light.ring.color", "[1, 2, 3]"), ("light.ring", "solid"));
         let colored = RingEffect::Solid(RingColor { color: [1, 2, 3] });
         for settings in [&[chosen, color][..], &[color, effect], &[effect, color]] {

@@ -44,35 +44,32 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for a name that is none of these; as [`Scene::parse_with`].
+    /// As [`Scene::parse_with`], and [`Error::Input`] for a name that is none of these.
     pub fn find(name: &str, settings: &[(&str, &str)]) -> Result<NamedScene> {
-        let parse = |toml: &str| Self::parse_with(toml, name, settings);
         if let Some(toml) = text_of_name(name) {
-            return Ok(NamedScene::new(name, parse(&toml)?));
+            return Ok(NamedScene::new(name, Self::parse_with(&toml, name, settings)?));
         }
         let path = Path::new(name);
-        fn text(name: Option<&std::ffi::OsStr>) -> String {
-            name.unwrap_or_default().to_string_lossy().into_owned()
-        }
-        if path.is_dir() {
-            let scene = Self::read_with(&path.join("scene.toml"), settings)?;
-            return Ok(NamedScene::new(&text(path.file_name()), scene));
-        }
+        // A folder is called by its name, a file by its name without the ending.
         if path.exists() {
-            return Ok(NamedScene::new(&text(path.file_stem()), Self::read_with(path, settings)?));
+            let (short, file) = match path.is_dir() {
+                true => (path.file_name(), path.join("scene.toml")),
+                false => (path.file_stem(), path.to_owned()),
+            };
+            let short = short.unwrap_or_default().to_string_lossy();
+            return Ok(NamedScene::new(&short, Self::read_with(&file, settings)?));
         }
         let shipped = SHIPPED.iter().map(|(name, _)| *name);
         let names: Vec<&str> =
             shipped.chain(Preset::ALL.iter().map(|preset| preset.name())).collect();
-        let otherwise = || "print a scene into a file to begin with".into();
-        let hint = suggestion(name, names.iter().copied(), otherwise);
+        let hint = suggestion(name, names.iter().copied(), || {
+            "print a scene into a file to begin with".into()
+        });
         let wanted =
             format!("a scene file, a folder with scene.toml, or one of {}", names.join(", "));
         Err(Error::input(name, "neither a file nor a known name", wanted, hint))
     }
-}
 
-impl Scene {
     /// The text of a scene that [`Scene::find`] finds.
     ///
     /// # Errors
@@ -85,7 +82,7 @@ impl Scene {
     }
 }
 
-/// The text of a shipped scene, or of a preset; `None` of a file.
+/// The text of a shipped scene, or of a preset. `None` for the name of a file.
 fn text_of_name(name: &str) -> Option<String> {
     if let Some((_, toml)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
         return Some((*toml).to_owned());

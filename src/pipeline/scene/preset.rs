@@ -1,7 +1,7 @@
 //! Named sets of values for a whole scene: scene files in the tree, each number with its source.
 //!
 //! The figures of published models disagree by factors (motor lag 0.02 to 0.25 s, yaw moment 0.005
-//! to 0.034 m); each preset keeps to one source where it can.
+//! to 0.034 m), so a preset has one source if possible.
 
 use std::sync::OnceLock;
 
@@ -9,8 +9,8 @@ use super::Scene;
 use noctograph_core::settings::settings;
 
 settings! {
-    /// A named set of values that a scene starts from. `ae483-2022` is a whole system; the others
-    /// differ in the drone alone, and write, light and photograph in the same way.
+    /// A named set of values that a scene starts from. `ae483-2022` is a complete system. The
+    /// others differ only in the drone, and write, light and photograph in the same way.
     pub enum Preset {
         /// Crazyflie 2.1 as sold, with the Lighthouse and the LED-ring deck.
         "cf21" => Cf21,
@@ -27,7 +27,7 @@ settings! {
 }
 
 impl Preset {
-    /// The preset's file; none where every setting has its own default.
+    /// The preset's file. `None` if every setting has its default.
     fn toml(self) -> Option<&'static str> {
         match self {
             Self::Cf21 => Some(include_str!("presets/cf21.toml")),
@@ -43,8 +43,11 @@ impl Preset {
         static SCENES: [OnceLock<Scene>; Preset::ALL.len()] =
             [const { OnceLock::new() }; Preset::ALL.len()];
         SCENES[self as usize].get_or_init(|| {
-            let read = |toml| Scene::parse(toml, self.name()).expect("a preset is a scene");
-            Scene { preset: self, ..self.toml().map_or_else(Scene::default, read) }
+            let scene = match self.toml() {
+                Some(toml) => Scene::parse(toml, self.name()).expect("a preset is a scene"),
+                None => Scene::default(),
+            };
+            Scene { preset: self, ..scene }
         })
     }
 }
@@ -173,7 +176,7 @@ mod tests {
         let apart_m = coarse.samples.iter().zip(&fine.samples).filter(|(a, _)| a.letter.is_some());
         let apart_m =
             apart_m.map(|(a, b)| (a.position_m - b.position_m).norm()).fold(0.0, f64::max);
-        // The moment of lift-off is known to a step; most of the difference is from there.
+        // Most of the difference is from the moment of lift-off, which is known to a step.
         assert!(apart_m < 2e-5, "{apart_m} m apart");
     }
 }

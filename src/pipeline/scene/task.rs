@@ -19,9 +19,9 @@ const FILES: [&str; 5] = [
     "letters.drawing_sha256",
     "photo.background",
 ];
-/// Differences that are told with their values, and characters of a value.
-const TOLD: usize = 3;
-const TOLD_CHARACTERS: usize = 40;
+/// Most differences that a message names with their values, and most characters of a value.
+const MAX_NAMED: usize = 3;
+const MAX_CHARACTERS: usize = 40;
 
 /// A scene, and the keys that submissions may change.
 #[derive(Clone, Debug)]
@@ -31,15 +31,14 @@ pub struct SceneTask {
 }
 
 impl SceneTask {
-    /// A task whose submissions may change keys, such as `controller.lqr.q`, and all of a table,
-    /// such as `controller.*`; by default those of the controller and the weights of the observers.
+    /// A task whose submissions may change keys, such as `controller.lqr.q`, and tables, such as
+    /// `controller.*`. By default those are the controller and the weights of the observers.
     ///
     /// # Errors
     ///
     /// [`Error::Input`] for a key that no scene has or that names a file.
     pub fn new(scene: Scene, may: &[String]) -> Result<Self> {
-        let usual = || MAY.map(str::to_owned).to_vec();
-        let may = if may.is_empty() { usual() } else { may.to_vec() };
+        let may = if may.is_empty() { MAY.map(str::to_owned).to_vec() } else { may.to_vec() };
         let mut keys = paths(Scene::SHAPE.settings());
         keys.retain(|key| !FILES.contains(&key.as_str()));
         for named in &may {
@@ -56,7 +55,7 @@ impl SceneTask {
     ///
     /// # Errors
     ///
-    /// As [`Scene::read`]; [`Error::Infeasible`] with the keys that it may not change.
+    /// As [`Scene::read`], and [`Error::Infeasible`] with the keys that it may not change.
     pub fn submission(&self, path: &Path) -> Result<Scene> {
         let (toml, file) = (LIMIT.read_text(path)?, path.display().to_string());
         if toml.trim().is_empty() {
@@ -64,12 +63,13 @@ impl SceneTask {
         }
         let mut values = self.scene.to_table();
         text::overlay(&mut values, text::read(&toml, &file)?, Scene::SHAPE.settings());
-        let checked = Scene::from_table(values).and_then(|scene| scene.check().map(|()| scene));
-        let mut scene = checked.map_err(|error| text::with_line(error, &toml, &file))?;
+        let mut scene =
+            Scene::checked(values).map_err(|error| text::with_line(error, &toml, &file))?;
+        // What a submission never changes is the task's.
         let mut task = self.scene.clone();
         scene.seed = task.seed;
         scene.word.clone_from(&task.word);
-        // A file of the task's has another path on another machine.
+        // A file of the task has another path on the machine of a student.
         for (theirs, ours) in scene.files_mut().zip(task.files_mut()) {
             let [name, wanted] = [&*theirs, &*ours].map(|path| Path::new(path).file_name());
             if name.is_some() && name == wanted {
@@ -78,40 +78,38 @@ impl SceneTask {
         }
         let mut refused = text::changes(&scene, &self.scene);
         refused.retain(|[key, value, _]| !self.allows(key, value));
-        match told(&refused) {
-            None => Ok(scene),
-            Some(what) => {
-                let hint = format!("a submission may change {}", self.may.join(", "));
-                Err(Error::infeasible(what, hint))
-            }
+        if refused.is_empty() {
+            return Ok(scene);
         }
+        let hint = format!("a submission may change {}", self.may.join(", "));
+        Err(Error::infeasible(sentence(&refused), hint))
     }
 
-    /// Whether a submission may give a key this value. The true state is no estimate.
+    /// True if a submission may give a key this value. No submission may use the true state.
     fn allows(&self, key: &str, value: &str) -> bool {
         let is_truth = (key, value) == ("observer.kind", "\"truth\"");
         !is_truth && !FILES.contains(&key) && self.may.iter().any(|named| covers(named, key))
     }
 }
 
-/// Whether a name is a key, or a table around it.
+/// True if a name is a key, or a table around it.
 fn covers(named: &str, key: &str) -> bool {
     let table = named.strip_suffix(".*").unwrap_or(named);
     key.strip_prefix(table).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
-/// Keys that differ, as a sentence: the first with both values.
-fn told(changes: &[[String; 3]]) -> Option<String> {
-    let short = |value: &str| -> String { value.chars().take(TOLD_CHARACTERS).collect() };
-    let tasks = changes.iter().take(TOLD).map(|[key, value, task]| {
-        format!("{key} differs from the task's: {} for {}", short(value), short(task))
-    });
-    let first: Vec<String> = tasks.collect();
-    let more = match changes.len().saturating_sub(TOLD) {
-        0 => String::new(),
-        n => format!("; and {n} keys more"),
-    };
-    (!first.is_empty()).then(|| first.join("; ") + &more)
+/// Keys that differ, as a sentence. The first of them have both values.
+fn sentence(changes: &[[String; 3]]) -> String {
+    let mut parts = Vec::new();
+    for [key, value, task] in changes.iter().take(MAX_NAMED) {
+        let [value, task] =
+            [value, task].map(|text| text.chars().take(MAX_CHARACTERS).collect::<String>());
+        parts.push(format!("{key} differs from the task's: {value} for {task}"));
+    }
+    if changes.len() > MAX_NAMED {
+        parts.push(format!("and {} more keys", changes.len() - MAX_NAMED));
+    }
+    parts.join("; ")
 }
 
 #[cfg(test)]
@@ -152,7 +150,7 @@ mod tests {
         let preset = refused("preset = \"cf21\"", &[]);
         assert!(preset.contains("preset differs"), "{preset}");
         let many = refused("[camera]\niso = 1\nf_number = 9\nwidth_px = 9\nheight_px = 9", &[]);
-        assert!(many.ends_with("; and 1 keys more"), "{many}");
+        assert!(many.ends_with("; and 1 more keys"), "{many}");
         let font = refused("", &["letters.font"]);
         assert!(font.contains("a key of a scene that names no file"), "{font}");
         assert!(refused("", &["controller.kinds"]).contains("may: found controller.kinds"));

@@ -16,8 +16,8 @@ use noctograph_core::settings::{
 
 /// Columns of the printed file.
 const WIDTH: usize = 80;
-/// Table of a scene file: names of the files that it was written with, and their SHA-256. It is no
-/// setting.
+/// The table of a scene file, not a setting, with the names of the files that it was written with
+/// and their SHA-256.
 const DIGESTS: &str = "sha256";
 /// Advice on a broken scene file.
 pub(super) const HINT: &str = "`noctograph scene` prints every key with its meaning and range";
@@ -29,8 +29,9 @@ pub(super) fn document(scene: &Scene) -> String {
                     # angles in radians. Keys that are left out keep the value of the preset, but\n\
                     # for those that follow from a key that is set:\n"
         .to_owned();
-    for rule in &implied::RULES {
-        wrap(&mut text, "#   ", "#     ", &format!("{}: {}", rule.when, rule.then));
+    // The scene file explains values that differ from the preset without being set.
+    for (when, then) in implied::RULES {
+        wrap(&mut text, "#   ", "#     ", &format!("{when}: {then}"));
     }
     text.push('\n');
     group(&mut text, "", Scene::SHAPE.settings(), &values);
@@ -40,14 +41,17 @@ pub(super) fn document(scene: &Scene) -> String {
     text
 }
 
-/// The settings of a table, its own values before the tables in it.
+/// True if a value is printed as a table, or as several.
+fn is_table(value: &Value) -> bool {
+    value.is_table() || value.as_array().is_some_and(|rows| rows.iter().any(Value::is_table))
+}
+
+/// The settings of a table.
 fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
-    let is_list =
-        |value: &Value| value.as_array().is_some_and(|rows| rows.iter().any(Value::is_table));
-    let is_table = |setting: &&Setting| {
-        values.get(setting.key).is_some_and(|value| value.is_table() || is_list(value))
-    };
-    for setting in settings.iter().filter(|setting| !is_table(setting)) {
+    // TOML counts what follows the head of a table to that table, so tables come last.
+    let (tables, plain): (Vec<&Setting>, Vec<&Setting>) =
+        settings.iter().partition(|setting| values.get(setting.key).is_some_and(is_table));
+    for setting in plain {
         comment(text, setting.doc, setting.range);
         if let Shape::Names(variants) = setting.shape {
             variants.iter().for_each(|variant| name(text, variant));
@@ -57,16 +61,13 @@ fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
             None => *text += &format!("# {} =\n", setting.key),
         }
     }
-    for setting in settings.iter().filter(is_table) {
+    for setting in tables {
         let path = joined(path, setting.key);
         text.push('\n');
         comment(text, setting.doc, None);
-        let values = match &values[setting.key] {
-            Value::Table(values) => values,
-            rows => {
-                rows_of(text, &path, rows);
-                continue;
-            }
+        let Some(values) = values[setting.key].as_table() else {
+            rows_of(text, &path, &values[setting.key]);
+            continue;
         };
         *text += &format!("[{path}]\n");
         match setting.shape {
@@ -84,7 +85,7 @@ fn group(text: &mut String, path: &str, settings: &[Setting], values: &Table) {
     }
 }
 
-/// The lamps of a scene that lists none, for those who want to change one.
+/// The lamps of a scene that lists none, as a comment for a user who wants to change one.
 fn lamps_of_deck(scene: &Scene) -> String {
     let rows = Value::try_from(scene.light.fixtures()).expect("lamps are tables");
     let mut text = String::new();
@@ -103,8 +104,9 @@ fn rows_of(text: &mut String, path: &str, rows: &Value) {
     }
 }
 
-/// One key with its value; a long list takes several lines.
+/// One key with its value. A long list takes several lines.
 fn entry(text: &mut String, key: &str, value: &Value) {
+    // Numbers are wrapped as words, tables of a list have a line each.
     let line = format!("{key} = {value}\n");
     match value.as_array() {
         Some(items) if line.chars().count() > WIDTH + 1 => {
@@ -141,10 +143,11 @@ fn first_paragraph(doc: &[&str]) -> String {
     lines.collect::<Vec<_>>().join(" ").replace("[`", "").replace("`]", "").replace('`', "")
 }
 
-/// Words in lines of at most [`WIDTH`] columns.
+/// Words in lines of at most [`WIDTH`] columns, greedily.
 fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     let mut line = first.to_owned();
     for word in words.split_whitespace() {
+        // The indent of a line ends with a space already.
         let space = if line.ends_with(' ') { "" } else { " " };
         if line.chars().count() + space.len() + word.chars().count() > WIDTH {
             *text += line.trim_end();
@@ -159,11 +162,7 @@ fn wrap(text: &mut String, first: &str, next: &str, words: &str) {
     text.push('\n');
 }
 
-/// Reads the text of a scene file as a table whose keys all exist.
-///
-/// # Errors
-///
-/// [`Error::Input`] with the line of a syntax error, an unknown key or an unknown name.
+/// Reads the text of a scene file as a table of known keys, or the error with its line.
 pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     let mut table: Table = toml.parse().map_err(|error: toml::de::Error| {
         let line = error.span().map_or(1, |span| line_at(toml, span.start));
@@ -177,11 +176,7 @@ pub(super) fn read(toml: &str, file: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// The text of a scene file.
-///
-/// # Errors
-///
-/// [`Error::Io`] where it cannot be read, [`Error::Input`] where it is empty.
+/// The text of a scene file, which must not be empty.
 pub(super) fn of_file(path: &Path) -> Result<String> {
     let text = LIMIT.read_text(path)?;
     if text.trim().is_empty() {
@@ -191,32 +186,28 @@ pub(super) fn of_file(path: &Path) -> Result<String> {
     Ok(text)
 }
 
-/// The digests of a scene file's text; none of a text that is no TOML, which its reader refuses.
+/// The digests of a scene file's text. A text that is not TOML has none, and is refused when the
+/// scene is read.
 pub(super) fn digests(toml: &str, file: &str) -> Result<BTreeMap<String, String>> {
     let mut table = toml.parse().unwrap_or_default();
     take_digests(&mut table).map_err(|error| with_line(error, toml, file))
 }
 
-/// Takes the digests out of a scene file's table, which then has nothing but settings.
-///
-/// # Errors
-///
-/// [`Error::Input`] for what is no digest.
+/// Takes the digests out of a scene file's table, which then has only settings.
 fn take_digests(table: &mut Table) -> Result<BTreeMap<String, String>> {
-    let digests = match table.remove(DIGESTS) {
-        None => return Ok(BTreeMap::new()),
-        Some(digests) => digests.try_into::<BTreeMap<String, String>>().ok(),
-    };
-    let is_digest =
-        |text: &String| text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
-    digests.filter(|digests| digests.values().all(is_digest)).ok_or_else(|| {
+    let Some(digests) = table.remove(DIGESTS) else { return Ok(BTreeMap::new()) };
+    let digests = digests.try_into::<BTreeMap<String, String>>().ok();
+    let digests = digests.filter(|digests| {
+        digests.values().all(|hex| hex.len() == 64 && hex.bytes().all(|b| b.is_ascii_hexdigit()))
+    });
+    digests.ok_or_else(|| {
         let wanted = "names of files, each with 64 hexadecimal digits";
         let hint = "leave the table as it was written: it has no settings";
         Error::input(DIGESTS, "something else", wanted, hint)
     })
 }
 
-/// The table of digests, behind a scene's settings.
+/// The table of digests, after a scene's settings.
 pub(super) fn of_digests(digests: BTreeMap<String, String>) -> String {
     let digests = Value::try_from(digests).expect("texts are a table");
     let table = Table::from_iter([(DIGESTS.to_owned(), digests)]);
@@ -226,7 +217,7 @@ pub(super) fn of_digests(digests: BTreeMap<String, String>) -> String {
     )
 }
 
-/// Names the release of a firmware with the number of a patch (`2025.12.1`).
+/// Replaces the number of a firmware's patch (`2025.12.1`) by its release.
 fn name_release(table: &mut Table) {
     let vehicle = table.get_mut("vehicle").and_then(Value::as_table_mut);
     let firmware = vehicle.and_then(|vehicle| vehicle.get_mut("firmware"));
@@ -238,10 +229,6 @@ fn name_release(table: &mut Table) {
 }
 
 /// Checks that all keys and names of a scene's table exist.
-///
-/// # Errors
-///
-/// [`Error::Input`] with the key as its place.
 pub(super) fn check_keys(table: &Table) -> Result<()> {
     keys_of_group("", Scene::SHAPE.settings(), table)
 }
@@ -252,6 +239,7 @@ fn keys_of_group(path: &str, settings: &[Setting], table: &Table) -> Result<()> 
         let Some(setting) = settings.iter().find(|setting| setting.key == key) else {
             return Err(unknown_key(&place, key));
         };
+        // Values of another type are reported when the scene is read from the table.
         match (setting.shape, value) {
             (Shape::Group(settings), Value::Table(table)) => {
                 keys_of_group(&place, settings, table)?;
@@ -273,18 +261,19 @@ fn keys_of_choice(path: &str, shape: Shape, variants: &[Variant], table: &Table)
     if let Some(kind) = kind {
         check_name(&format!("{path}.kind"), kind, shape)?;
     }
-    let possible = variants.iter().filter(|variant| kind.is_none_or(|kind| variant.name == kind));
-    let possible: Vec<&Setting> = possible.flat_map(|variant| variant.settings).collect();
-    for (key, _) in table {
-        if key != "kind" && !possible.iter().any(|setting| setting.key == key) {
-            let place = format!("{path}.{key}");
-            let owner = |variant: &&Variant| variant.settings.iter().any(|s| s.key == key);
-            let (Some(owner), Some(kind)) = (variants.iter().find(owner), kind) else {
-                return Err(unknown_key(&place, key));
-            };
-            let hint = format!("leave the key out, or set {path}.kind = \"{}\"", owner.name);
-            return Err(Error::input(place, key, format!("a key of kind {kind}"), hint));
+    for key in table.keys().filter(|key| *key != "kind") {
+        let mut owners =
+            variants.iter().filter(|variant| variant.settings.iter().any(|s| s.key == key));
+        if owners.clone().any(|owner| kind.is_none_or(|kind| owner.name == kind)) {
+            continue;
         }
+        // The key of another kind is named with that kind.
+        let place = format!("{path}.{key}");
+        let (Some(owner), Some(kind)) = (owners.next(), kind) else {
+            return Err(unknown_key(&place, key));
+        };
+        let hint = format!("leave the key out, or set {path}.kind = \"{}\"", owner.name);
+        return Err(Error::input(place, key, format!("a key of kind {kind}"), hint));
     }
     Ok(())
 }
@@ -296,42 +285,42 @@ fn check_name(place: &str, name: &str, shape: Shape) -> Result<()> {
     }
 }
 
-/// The error for an unknown key: its new name, or a similar key.
+/// The error for an unknown key, with the key that was probably meant.
 fn unknown_key(place: &str, key: &str) -> Error {
     let paths = noctograph_core::settings::paths(Scene::SHAPE.settings());
-    // The one key of this name within a table.
-    let only = |table: &str| {
-        let named = |path: &&String| path.rsplit('.').next() == Some(key);
-        let mut same = paths.iter().filter(|path| path.starts_with(table)).filter(named);
-        same.next().filter(|_| same.next().is_none())
-    };
+    let named: Vec<&String> =
+        paths.iter().filter(|path| path.rsplit('.').next() == Some(key)).collect();
+    // First the one key of this name in the same table, then a similar one, then one in any table.
     let table = place.split_inclusive('.').next().unwrap_or_default();
-    let hint = match (only(table), similar(place, paths.iter().map(String::as_str))) {
-        (Some(path), _) => format!("the key is {path}"),
-        (None, Some(path)) => format!("did you mean {path}?"),
-        (None, None) => only("").map_or(HINT.into(), |path| format!("the key is {path}")),
+    let in_table: Vec<&String> =
+        named.iter().copied().filter(|path| path.starts_with(table)).collect();
+    let hint = match (&*in_table, similar(place, paths.iter().map(String::as_str)), &*named) {
+        ([path], ..) | (_, None, [path]) => format!("the key is {path}"),
+        (_, Some(path), _) => format!("did you mean {path}?"),
+        _ => HINT.to_owned(),
     };
     Error::input(place, format!("the unknown key {key}"), "a key of a scene", hint)
 }
 
 /// Merges a table of settings into another, recursively. A choice takes a bare name as its `kind`,
-/// and a new kind drops the settings below; a group with a `kind` among other keys keeps these.
+/// and a new kind drops the settings below. A group with a `kind` among other keys keeps these.
 pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     for (key, value) in over {
         let setting = settings.iter().find(|setting| setting.key == key);
         let shape = setting.map_or(Shape::Plain, |setting| setting.shape);
+        // A bare name below becomes a table first, so that only tables are merged.
         if let (Shape::Tagged(_) | Shape::Group(_), Some(name @ Value::String(_))) =
             (shape, base.get_mut(&key))
         {
             let kind = name.as_str().unwrap_or_default().to_owned();
-            *name = Value::Table(kind_alone(kind));
+            *name = Value::Table(kind_table(kind));
         }
         match (shape, base.get_mut(&key), value) {
             (Shape::Tagged(variants), Some(Value::Table(base)), Value::Table(over)) => {
                 overlay_choice(base, over, variants);
             }
             (Shape::Tagged(variants), Some(Value::Table(base)), Value::String(kind)) => {
-                overlay_choice(base, kind_alone(kind), variants);
+                overlay_choice(base, kind_table(kind), variants);
             }
             (Shape::Group(settings), Some(Value::Table(base)), Value::Table(over)) => {
                 overlay(base, over, settings);
@@ -339,7 +328,7 @@ pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
             (Shape::Group(settings), Some(Value::Table(base)), Value::String(kind))
                 if settings.iter().any(|setting| setting.key == "kind") =>
             {
-                overlay(base, kind_alone(kind), settings);
+                overlay(base, kind_table(kind), settings);
             }
             (_, _, value) => {
                 base.insert(key, value);
@@ -348,12 +337,12 @@ pub(super) fn overlay(base: &mut Table, over: Table, settings: &[Setting]) {
     }
 }
 
-fn kind_alone(kind: String) -> Table {
+/// A table with only a `kind`.
+fn kind_table(kind: String) -> Table {
     [("kind".to_owned(), Value::String(kind))].into_iter().collect()
 }
 
-/// Merges the table of a choice; another `kind` drops the settings below, and the first one keeps
-/// them.
+/// Merges the table of a choice. Another `kind` replaces the settings below.
 fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
     match (over.get("kind"), base.get("kind")) {
         (Some(kind), Some(was)) if kind != was => *base = over,
@@ -365,15 +354,14 @@ fn overlay_choice(base: &mut Table, over: Table, variants: &[Variant]) {
 }
 
 /// A table of one setting: a dotted key and its value as TOML, or as bare text.
-///
-/// # Errors
-///
-/// [`Error::Input`] for a key that does not exist.
 pub(super) fn single(key: &str, value: &str) -> Result<Table> {
     let parsed = format!("value = {value}").parse::<Table>().ok();
     let parsed = parsed.filter(|table| table.len() == 1).and_then(|mut t| t.remove("value"));
+    // A key of text takes digits as text: a word may be 7.
+    let defaults = Scene::preset(Preset::default()).to_table();
+    let is_text = implied::value(&defaults, key).is_some_and(Value::is_str);
     let mut value = match parsed {
-        Some(value) if value.is_str() || !is_text(key) => value,
+        Some(value) if value.is_str() || !is_text => value,
         _ => Value::String(value.to_owned()),
     };
     for part in key.rsplit('.') {
@@ -385,41 +373,34 @@ pub(super) fn single(key: &str, value: &str) -> Result<Table> {
     Ok(table)
 }
 
-/// Keys whose values differ from another scene's, with both values; `-` where there is none.
+/// Keys whose values differ from another scene's, with both values, `-` for none.
 pub(super) fn changes(scene: &Scene, other: &Scene) -> Vec<[String; 3]> {
     let mut changes = Vec::new();
     compare(&mut changes, "", &scene.to_table(), &other.to_table());
     changes
 }
 
-/// Collects the keys whose values differ from the preset's.
-fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, preset: &Table) {
-    let keys: BTreeSet<&String> = values.keys().chain(preset.keys()).collect();
+/// Collects the keys whose values differ between two tables.
+fn compare(changes: &mut Vec<[String; 3]>, path: &str, values: &Table, others: &Table) {
+    // A choice of another kind has other keys, so those of both tables count.
+    let keys: BTreeSet<&String> = values.keys().chain(others.keys()).collect();
     for key in keys {
-        let (value, was) = (values.get(key), preset.get(key));
-        let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
-        match (value, was) {
-            (Some(Value::Table(value)), Some(Value::Table(was))) => {
-                compare(changes, &path, value, was);
+        let (path, pair) = (joined(path, key), [values.get(key), others.get(key)]);
+        match pair {
+            [Some(Value::Table(value)), Some(Value::Table(other))] => {
+                compare(changes, &path, value, other);
             }
-            _ if value == was => {}
+            [value, other] if value == other => {}
             _ => {
-                let shown = |value: Option<&Value>| value.map_or("-".into(), Value::to_string);
-                changes.push([path, shown(value), shown(was)]);
+                let [value, other] =
+                    pair.map(|value| value.map_or("-".to_owned(), Value::to_string));
+                changes.push([path, value, other]);
             }
         }
     }
 }
 
-/// Whether the default of a key is text.
-fn is_text(key: &str) -> bool {
-    let defaults = Scene::preset(Preset::default()).to_table();
-    let mut parts = key.split('.');
-    let first = parts.next().and_then(|part| defaults.get(part));
-    parts.fold(first, |value, part| value?.get(part)).is_some_and(Value::is_str)
-}
-
-/// Puts file and line before an error's place, where the place begins with a key of the file.
+/// Puts file and line before an error's place, if the place begins with a key of the file.
 pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     let line = match &error {
         Error::Input { place, .. } => line_of(toml, place),
@@ -428,9 +409,11 @@ pub(super) fn with_line(error: Error, toml: &str, file: &str) -> Error {
     error.in_file(file, line)
 }
 
-/// The line of a place's key, or of the innermost of its tables and lists that the file has.
+/// The line of a key, or of the innermost table or list around it in the file.
 fn line_of(toml: &str, place: &Place) -> Option<u64> {
     let parsed = DeTable::parse(toml).ok()?;
+    // Follows the place from table to table as far as the file goes, since the other keys are those
+    // of the preset.
     let mut value = &Spanned::new(0..0, DeValue::Table(parsed.into_inner()));
     let mut line = None;
     for segment in &place.0 {
@@ -464,7 +447,8 @@ fn line_at(text: &str, byte: usize) -> u64 {
 
 /// A table of settings as a scene, or the error for a value of the wrong type.
 pub(super) fn scene_of(values: Table) -> Result<Scene> {
-    // To follow the path doubles the code that reads a scene: in a page, the sentence has the key.
+    // Following the path doubles the code that reads a scene. A page takes the key from the message
+    // instead, which ends with "in `key`".
     if cfg!(target_family = "wasm") {
         return values.try_into().map_err(|error: toml::de::Error| {
             let actual = error.to_string().trim().replace('\n', " ");
@@ -480,6 +464,7 @@ pub(super) fn scene_of(values: Table) -> Result<Scene> {
         });
         let place = Place(steps.collect());
         let actual = error.inner().message().replace('\n', "; ");
+        // serde's sentence is taken apart for a value of the wrong type, the usual mistake.
         let mismatch =
             actual.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
         match mismatch {

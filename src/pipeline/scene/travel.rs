@@ -1,7 +1,7 @@
-//! A scene that travels: the files that it names stand beside it.
+//! A scene that can be moved: the files that it names are beside it.
 //!
-//! In memory a scene has paths of this machine. In a file it has names from that file's folder on,
-//! so that a folder can be moved and handed on, and no folder of this machine is told.
+//! In memory a scene has paths of this machine. In a file it has names relative to the folder of
+//! the file, so that the folder can be moved and published without a path of this machine.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -16,10 +16,10 @@ use noctograph_core::files::{Limit, Output, WholeFile, file_name, name_from, pat
 const LIMIT: Limit =
     Limit { bytes: 256 << 20, what: "a file of a scene", hint: "name a smaller file" };
 
-/// Beginnings of names that verbs give to files beside a scene.
-const OURS: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "report.", "scene."];
+/// Beginnings of the names of other files beside a scene.
+const RESERVED: [&str; 7] = ["photo.", "verdict.", "spread", "plan", "flight", "report.", "scene."];
 
-/// A scene as a text, and the files that stand beside it.
+/// The text of a scene, and the files beside it.
 #[derive(Clone, Debug)]
 pub struct SceneFiles {
     /// TOML.
@@ -29,34 +29,30 @@ pub struct SceneFiles {
 }
 
 impl SceneFiles {
-    /// Writes the copies beside a file, without their names yet.
-    ///
-    /// # Errors
-    ///
-    /// As [`Output::write_with`].
+    /// Writes the copies beside a file, still without their names.
     pub fn write_copies(&self, path: &Path) -> Result<Vec<WholeFile>> {
-        let write = |(name, bytes): &(String, Vec<u8>)| {
+        let copies = self.copies.iter().map(|(name, bytes)| {
             Output::create(&path.with_file_name(name))?.write_with(|out| out.write_all(bytes))
-        };
-        self.copies.iter().map(write).collect()
+        });
+        copies.collect()
     }
 }
 
 impl Scene {
-    /// The scene with names of its files instead of their paths, for sharing. No two files have one
-    /// name, and none has that of a verb's.
+    /// The scene with names of its files instead of their paths, for sharing. Each file has another
+    /// name, which no other output has.
     #[must_use]
     pub fn portable(&self) -> Self {
         let mut scene = self.clone();
         let mut taken: Vec<(String, String)> = Vec::new();
         for path in scene.files_mut().filter(|name| is_file(name)) {
-            let name = file_name(&*path);
-            let is_free = |name: &String| {
-                let is_ours = OURS.iter().any(|ours| name.to_lowercase().starts_with(ours));
-                !is_ours && taken.iter().all(|(other, known)| other == path || known != name)
-            };
-            let others = (2..).map(|n| format!("{n}-{name}"));
-            let name = std::iter::once(name.clone()).chain(others).find(is_free);
+            let plain = file_name(&*path);
+            let numbered = (2..).map(|n| format!("{n}-{plain}"));
+            let name = std::iter::once(plain.clone()).chain(numbered).find(|name| {
+                // One file may be named twice, for instance as the font and as a fallback.
+                !RESERVED.iter().any(|reserved| name.to_lowercase().starts_with(reserved))
+                    && taken.iter().all(|(other, known)| other == path || known != name)
+            });
             let name = name.expect("a number is free");
             taken.push((path.clone(), name.clone()));
             *path = name;
@@ -64,22 +60,18 @@ impl Scene {
         scene
     }
 
-    /// The scene as a file in a folder. Files below the folder are named from there on; others are
+    /// The scene as a file in a folder. Files below the folder get relative names. Others are
     /// copied beside the scene, under `prefix` and their portable name.
-    ///
-    /// # Errors
-    ///
-    /// As [`Limit::read`].
     pub fn in_folder(&self, folder: &Path, prefix: &str) -> Result<SceneFiles> {
         let (mut scene, mut portable) = (self.clone(), self.portable());
         let mut copies: Vec<(String, Vec<u8>)> = Vec::new();
         let names = scene.files_mut().zip(portable.files_mut()).filter(|(path, _)| is_file(path));
         for (path, name) in names {
-            // A pipe can be read once, when it is drawn.
-            let below = Path::new(path).is_file().then(|| name_from(folder, path.as_ref()));
-            *path = match below {
+            let relative = Path::new(path).is_file().then(|| name_from(folder, path.as_ref()));
+            *path = match relative {
+                // A pipe can be read once, when it is drawn, so it is not copied.
                 None => name.clone(),
-                Some(Some(below)) => below,
+                Some(Some(relative)) => relative,
                 Some(None) => {
                     let name = format!("{prefix}{name}");
                     if copies.iter().all(|(known, _)| *known != name) {
@@ -92,11 +84,7 @@ impl Scene {
         Ok(SceneFiles { toml: scene.to_toml(), copies })
     }
 
-    /// The scene as a file beside its plan or flight, or alone, see [`Self::in_folder`].
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::in_folder`].
+    /// The scene as a file beside its plan or flight, or as a single file, see [`Self::in_folder`].
     pub fn beside(&self, path: &Path) -> Result<SceneFiles> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         let stem = stem.strip_suffix(".scene").unwrap_or(&stem);
@@ -104,18 +92,18 @@ impl Scene {
     }
 }
 
-/// The folder from which the names in a file are looked for: a pipe has none.
+/// The folder to which the names in a file are relative. A pipe has none.
 pub fn folder_of(path: &Path) -> PathBuf {
     let is_stream = path.exists() && !path.is_file();
     path.parent().filter(|_| !is_stream).map(Path::to_owned).unwrap_or_default()
 }
 
-/// Whether a font, a drawing or a background is a file's name: fonts of the program have no ending.
+/// True if a font, a drawing or a background is a file. Fonts of the program have no ending.
 pub(super) fn is_file(name: &str) -> bool {
     name.contains('.')
 }
 
-/// Replaces the names of files in a scene's table by paths from a folder on.
+/// Replaces the names of files in a scene's table by paths in a folder.
 pub(super) fn find_files(values: &mut Table, folder: &Path) {
     for (table, keys) in
         [("letters", &["font", "fallback", "drawing"][..]), ("photo", &["background"])]
@@ -127,7 +115,7 @@ pub(super) fn find_files(values: &mut Table, folder: &Path) {
                 name => Vec::from_iter(name),
             };
             for value in names {
-                // A path that is no Unicode stays a name, which is right in its folder alone.
+                // A path that is not Unicode stays a name, which is right only in its folder.
                 if let Value::String(name) = value
                     && is_file(name)
                     && let Some(path) = path_from(folder, name).to_str()

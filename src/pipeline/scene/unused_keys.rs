@@ -1,4 +1,4 @@
-//! Set keys without effect, with the reason: keys of another choice, or of a part that is switched
+//! Keys without effect, with the reason: those of another choice, or of a part that is switched
 //! off.
 
 use toml::{Table, Value};
@@ -13,22 +13,22 @@ use noctograph_sim::EstimatorKind;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::vehicle::{Gusts, VehicleOptions};
 
-/// Keys or tables, a test whether they are without effect in a scene, and the reason. Needs of one
-/// other setting stand in the declaration ([`Need`]); here are conditions on several.
+/// Keys or tables, the test that they have no effect in a scene, and the reason. A need of one
+/// other setting is in the declaration ([`Need`]). Here are conditions on several.
 type Rule = (&'static [&'static str], fn(&Scene) -> bool, &'static str);
 
 const RULES: &[Rule] = &[
     (
         &["letters.trace"],
         |s| !is_typeface(s) && !is_bitmap(s),
-        "letters.font is no typeface, and letters.drawing no picture",
+        "letters.font is not a typeface, and letters.drawing is not a picture",
     ),
     (
         &["letters.font", "letters.width_m", "letters.gap_m"],
         |s| !s.letters.drawing.is_empty(),
-        "letters.drawing takes the place of a word",
+        "letters.drawing replaces the word",
     ),
-    (&["letters.pace"], |s| !is_handwriting(s), "letters.drawing is no handwriting"),
+    (&["letters.pace"], |s| !is_handwriting(s), "letters.drawing is not handwriting"),
     (&["letters.line_gap_m"], |s| !s.word.contains('\n'), "the word has one line"),
     (
         &["vehicle.rotor_thrust_n_s2"],
@@ -43,9 +43,8 @@ const RULES: &[Rule] = &[
     (
         &["observer.ekf.gate_sigmas"],
         |s| {
-            let altitude = s.observer.kind == EstimatorKind::Altitude;
-            let gated = !altitude && !s.sensors.heights.is_empty();
-            s.sensors.positioning == Positioning::Sweeps && !gated
+            s.sensors.positioning == Positioning::Sweeps
+                && (s.observer.kind == EstimatorKind::Altitude || s.sensors.heights.is_empty())
         },
         "sweeps pass the firmware's own filter, and nothing else is measured",
     ),
@@ -53,35 +52,24 @@ const RULES: &[Rule] = &[
     (
         &["air.gusts"],
         |s| {
-            let blows = feels_air(&s.vehicle) && s.air.wind_m_s[..2] != [0.0; 2];
-            s.air.gusts == Gusts::Dryden && !blows
+            s.air.gusts == Gusts::Dryden
+                && (!feels_air(&s.vehicle) || s.air.wind_m_s[..2] == [0.0; 2])
         },
-        "these gusts grow with the wind and push by drag: one of both is 0",
+        "these gusts are proportional to the wind and act by drag, and one of the two is 0",
     ),
     (
         &["light.ring"],
         |s| !has_lamp(s, |f| matches!(f.drive, Drive::Ring(_))),
-        "no lamp is of the ring",
+        "the scene has no lamp of the ring",
     ),
     (
         &["light.color_led_wrgb", "light.color_led_levels"],
         |s| !has_color_led(s),
-        "no lamp is of the color LED deck",
+        "the scene has no lamp of the color LED deck",
     ),
     (
         &["camera.metering.color_stops"],
-        |s| {
-            let set = s.light.color_led_wrgb[1..] != [0; 3] || !s.light.letters_wrgb.is_empty();
-            let led = set || !s.letters.drawing.is_empty();
-            let fixtures = s.light.fixtures();
-            let colored = fixtures.iter().filter(|lamp| is_colored(lamp));
-            let own: Vec<_> = colored.filter_map(|lamp| commanded(lamp)).collect();
-            !s.plan.lights.iter().any(|lamp| {
-                lamp == COLOR_LED.name && led
-                    || lamp.starts_with(RING.name)
-                    || own.contains(&lamp.as_str())
-            })
-        },
+        |s| !s.plan.lights.iter().any(|channel| writes_colors(s, channel)),
         "the plan writes in white",
     ),
     (
@@ -97,17 +85,16 @@ const RULES: &[Rule] = &[
     (
         &["camera.lens", "camera.f_number", "camera.base_iso"],
         |s| s.camera.body.fixed_lens().is_some(),
-        "a telephone has a lens of its own",
+        "a telephone has a fixed lens",
     ),
     (
         &["photo.ambient_cd_m2", "photo.ambient_from_m", "expose.unevenness"],
         |s| !s.photo.background.is_empty(),
-        "photo.background has the light and the texture of its room",
+        "light and texture of the room are those of photo.background",
     ),
 ];
 
-/// Keys that `coverage` and `check` use whatever the drone's sensors are: stations, and what stands
-/// in the flight's way.
+/// Keys that `coverage` and `check` use with any sensors of the drone: stations and obstacles.
 const ALWAYS_USED: [&str; 4] = [
     "sensors.lighthouse.stations",
     "sensors.lighthouse.people_m",
@@ -150,40 +137,50 @@ fn has_lamp(scene: &Scene, is: fn(&Fixture) -> bool) -> bool {
     scene.light.fixtures().iter().any(is)
 }
 
-/// The channel of a lamp whose color is that of its dies.
-fn commanded(lamp: &Fixture) -> Option<&str> {
-    matches!(lamp.drive, Drive::Command(_)).then(|| lamp.drive.channel()).flatten()
+/// True if a channel of the plan can light in a color.
+fn writes_colors(scene: &Scene, channel: &str) -> bool {
+    let light = &scene.light;
+    // The color LED is white by default. A lamp of the scene has the color of its dies.
+    let has_color = light.color_led_wrgb[1..] != [0; 3]
+        || !light.letters_wrgb.is_empty()
+        || !scene.letters.drawing.is_empty();
+    channel == COLOR_LED.name && has_color
+        || channel.starts_with(RING.name)
+        || light.fixtures().iter().any(|lamp| {
+            let is_commanded = matches!(lamp.drive, Drive::Command(_));
+            is_commanded && is_colored(lamp) && lamp.drive.channel() == Some(channel)
+        })
 }
 
 fn has_color_led(scene: &Scene) -> bool {
     has_lamp(scene, |f| f.drive == Drive::ColorLed)
 }
 
-/// Whether the ring writes, with an effect of one color.
+/// True if the ring writes with an effect of one color.
 fn ring_writes(scene: &Scene) -> bool {
     !matches!(scene.light.ring, RingEffect::Off | RingEffect::DoubleSpin)
         && scene.plan.lights.iter().any(|channel| channel == RING.name)
         && has_lamp(scene, |f| matches!(f.drive, Drive::Ring(_)))
 }
 
-/// Whether a lamp writes that has colors.
+/// True if a lamp with colors writes.
 pub(super) fn writes_in_color(scene: &Scene) -> bool {
     has_color_led(scene) || ring_writes(scene)
 }
 
-/// The reason why a key has no effect in a scene, its own before that of the tables around it;
-/// `None` if it has an effect.
+/// The reason why a key has no effect in a scene. `None` if it has one.
 pub fn reason(scene: &Scene, key: &str) -> Option<String> {
-    let values = Value::Table(scene.to_table());
     if ALWAYS_USED.contains(&key) {
         return None;
     }
+    let values = Value::Table(scene.to_table());
     let mut reasons = Vec::new();
+    // From the outermost table to the key: the reason of the innermost goes before the others.
     let (mut settings, mut path) = (Scene::SHAPE.settings(), String::new());
     for part in key.split('.') {
         path = joined(&path, part);
         let mut rules = RULES.iter().filter(|(keys, ..)| keys.contains(&&*path));
-        let rule = rules.find(|(_, is_idle, _)| is_idle(scene));
+        let rule = rules.find(|(_, is_unused, _)| is_unused(scene));
         reasons.extend(rule.map(|(_, _, why)| (*why).to_owned()));
         let Some(setting) = settings.iter().find(|setting| setting.key == part) else { break };
         let mut needs = setting.needs.iter().filter(|need| need.key != key);
@@ -192,7 +189,7 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
             Shape::Group(settings) => settings,
             Shape::Tagged(variants) => {
                 let kinds = names_at(&values, &path);
-                let variant = variants.iter().find(|it| kinds.iter().any(|kind| kind == it.name));
+                let variant = variants.iter().find(|v| kinds.iter().any(|kind| kind == v.name));
                 variant.map_or(&[][..], |variant| variant.settings)
             }
             Shape::Plain | Shape::Names(_) => &[],
@@ -201,39 +198,30 @@ pub fn reason(scene: &Scene, key: &str) -> Option<String> {
     reasons.pop()
 }
 
-/// The reason why a setting's need is not met; `None` if it is met.
+/// The reason why a setting's need is not met. `None` if it is met.
 fn unmet(need: &Need, values: &Value) -> Option<String> {
     let Need { key, names, holds } = need;
-    let set_values = values_at(values, key);
-    let names_there = names_at(values, key);
-    if names.is_empty() {
-        fn is_off(value: &Value) -> bool {
-            value.as_float() == Some(0.0)
-                || value.as_integer() == Some(0)
-                || value.as_str().is_some_and(str::is_empty)
+    let value = values_at(values, key).into_iter().next();
+    let actual = names_at(values, key);
+    let named = names.iter().find(|name| actual.iter().any(|actual| actual == *name));
+    // A need without names is that of any value but zero and the empty text.
+    let (is_there, what) = match (names.split_last(), named, value) {
+        (None, _, Some(value)) if !is_off(value) => (true, "set".to_owned()),
+        (None, _, Some(value)) if value.is_float() => (false, "0".to_owned()),
+        (None, ..) => (false, "not set".to_owned()),
+        (Some(_), Some(name), _) => (true, (*name).to_owned()),
+        (Some((last, [])), None, _) => (false, format!("not {last}")),
+        (Some((last, others)), None, _) => {
+            (false, format!("neither {} nor {last}", others.join(", ")))
         }
-        let is_set = set_values.first().is_some_and(|value| !is_off(value));
-        let why = match set_values.first() {
-            Some(_) if is_set => format!("{key} is set"),
-            Some(value) if value.is_float() => format!("{key} is 0"),
-            _ => format!("{key} is not set"),
-        };
-        return (is_set != *holds).then_some(why);
-    }
-    let named = names.iter().find(|name| names_there.iter().any(|there| there == *name));
-    (named.is_some() != *holds).then(|| match (named, names) {
-        (Some(name), _) => format!("{key} is {name}"),
-        (None, names) => {
-            let (last, others) = names.split_last().expect("there are names");
-            let either = if others.is_empty() { "not" } else { "neither" };
-            let nor = if others.is_empty() {
-                String::new()
-            } else {
-                format!("{} nor ", others.join(", "))
-            };
-            format!("{key} is {either} {nor}{last}")
-        }
-    })
+    };
+    (is_there != *holds).then(|| format!("{key} is {what}"))
+}
+
+fn is_off(value: &Value) -> bool {
+    value.as_float() == Some(0.0)
+        || value.as_integer() == Some(0)
+        || value.as_str().is_some_and(str::is_empty)
 }
 
 /// The values at a dotted key, in each table of a list.
@@ -247,13 +235,13 @@ fn values_at<'a>(values: &'a Value, key: &str) -> Vec<&'a Value> {
     })
 }
 
-/// The names at a dotted key: of a choice, of the kind of a table, of a list; or whole numbers.
+/// The names at a dotted key: of a choice, of the kind of a table or of a list, and whole numbers.
 fn names_at(values: &Value, key: &str) -> Vec<String> {
-    let all = values_at(values, key).into_iter().flat_map(|value| match value {
+    let items = values_at(values, key).into_iter().flat_map(|value| match value {
         Value::Array(items) => items.iter().collect(),
         value => vec![value],
     });
-    let names = all.filter_map(|value| match value {
+    let names = items.filter_map(|value| match value {
         Value::Integer(number) => Some(number.to_string()),
         value => value.as_str().or_else(|| value.get("kind")?.as_str()).map(str::to_owned),
     });
@@ -268,18 +256,20 @@ impl Scene {
             Style::Team(_) => PlanOptions::default(),
         };
         let usual = Self { plan, ..Self::preset(self.preset) };
-        let [own, usual] = [self, &usual].map(Self::to_table);
+        let [values, usual] = [self, &usual].map(Self::to_table);
         let mut keys = Vec::new();
-        differing("", Self::SHAPE.settings(), [&own, &usual], &mut keys);
+        differing("", Self::SHAPE.settings(), [&values, &usual], &mut keys);
         keys.into_iter().filter_map(|key| reason(self, &key).map(|why| (key, why))).collect()
     }
 }
 
-/// The keys whose values differ between two tables; for different choices, the choice alone.
-fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: &mut Vec<String>) {
+/// Collects the keys whose values differ between two tables. Of different choices it has the key of
+/// the choice, without those of the kind.
+fn differing(path: &str, settings: &[Setting], tables: [&Table; 2], keys: &mut Vec<String>) {
     for setting in settings {
         let path = joined(path, setting.key);
-        let [a, b] = [own, usual].map(|table| table.get(setting.key));
+        // Tables of the same kind are compared key by key.
+        let [a, b] = tables.map(|table| table.get(setting.key));
         match (setting.shape, a, b) {
             (_, a, b) if a == b => {}
             (Shape::Group(settings), Some(Value::Table(a)), Some(Value::Table(b))) => {
@@ -299,7 +289,7 @@ fn differing(path: &str, settings: &[Setting], [own, usual]: [&Table; 2], keys: 
 mod tests {
     use crate::scene::{Preset, Scene};
 
-    fn idle(toml: &str) -> Vec<String> {
+    fn unused(toml: &str) -> Vec<String> {
         let scene = Scene::parse(toml, "my.toml").unwrap();
         scene.unused_keys().into_iter().map(|(key, _)| key).collect()
     }
@@ -307,21 +297,23 @@ mod tests {
     #[test]
     fn a_key_of_a_choice_that_was_not_made_is_named() {
         let bare = "preset = \"ae483-2022\"\n";
-        let idle = |toml: &str| idle(&format!("{bare}{toml}"));
-        assert_eq!(idle("[air]\nwind_m_s = [1.0, 0.0, 0.0]"), ["air.wind_m_s"]);
+        let unused = |toml: &str| unused(&format!("{bare}{toml}"));
+        assert_eq!(unused("[air]\nwind_m_s = [1.0, 0.0, 0.0]"), ["air.wind_m_s"]);
         assert_eq!(
-            idle("[controller]\nkind = \"pid\"\nlqr.q_integral = [1.0, 1.0, 1.0]"),
+            unused("[controller]\nkind = \"pid\"\nlqr.q_integral = [1.0, 1.0, 1.0]"),
             ["controller.lqr.q_integral"]
         );
         assert_eq!(
-            idle("[air]\nwind_m_s = [1.0, 0.0, 0.0]\n[vehicle]\nbody_drag_n_s_m = [0.1, 0.1, 0.1]"),
+            unused(
+                "[air]\nwind_m_s = [1.0, 0.0, 0.0]\n[vehicle]\nbody_drag_n_s_m = [0.1, 0.1, 0.1]"
+            ),
             [""; 0]
         );
-        assert_eq!(idle("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
-        assert_eq!(idle("[light]\nled_bitmask = 128"), [""; 0]);
-        assert_eq!(idle("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);
+        assert_eq!(unused("[light]\nled_bitmask = 5"), ["light.led_bitmask"]);
+        assert_eq!(unused("[light]\nled_bitmask = 128"), [""; 0]);
+        assert_eq!(unused("[light]\ndeck = \"none\"\nfixtures = []"), ["light.deck"]);
         let room = "[photo]\nbackground = \"room.png\"\nambient_cd_m2 = 0.1";
-        assert_eq!(idle(room), ["photo.ambient_cd_m2"]);
+        assert_eq!(unused(room), ["photo.ambient_cd_m2"]);
         let in_color = |chromaticity: &str| {
             let toml = format!(
                 "[plan]\nlights = [\"laser\"]\n[[light.fixtures]]\ndrive.command = \"laser\"\n\

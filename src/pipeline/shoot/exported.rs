@@ -8,26 +8,26 @@ use noctograph_picture::light::LightOptions;
 use noctograph_plan::{LightClock, Plan};
 
 impl Shoot {
-    /// The shoot whose plans are the flights of exported trajectories, decoded as on board, from
-    /// the command to take off on. Lights on the light's own clock are timed on these flights: a
-    /// controller that holds positions trails a trajectory, and leads its own setpoints.
+    /// Replaces the plans by the exported trajectories as the firmware decodes them, from the
+    /// take-off command on. Lights with the clock `light` are timed on these flights: a controller
+    /// that holds positions lags behind a trajectory, but not behind the setpoints of the design.
     ///
     /// # Errors
     ///
     /// As [`flown`], [`rehearse`] and [`aim`].
     pub fn as_exported(&self, form: Form, tolerance_m: f64, length: Length) -> Result<Self> {
-        let (designs, lamps) = (self.designs().into_owned(), self.lamps());
-        let timed = |plan: Plan| match self.scene.plan.light_clock {
-            LightClock::Setpoint => Ok(Planned { plan, ends: Vec::new() }),
-            LightClock::Light => aim(&self.scene, &lamps, &plan, &rehearse(&self.scene, &plan)?),
-        };
-        let release = self.scene.vehicle.firmware;
-        let plans = flown(release, &designs, form, tolerance_m, length)?.into_iter().map(timed);
-        Ok(Self { plans: plans.collect::<Result<_>>()?, designs, ..self.clone() })
+        let (scene, designs, lamps) = (&self.scene, self.designs().into_owned(), self.lamps());
+        let mut plans = Vec::new();
+        for plan in flown(scene.vehicle.firmware, &designs, form, tolerance_m, length)? {
+            plans.push(match scene.plan.light_clock {
+                LightClock::Setpoint => Planned { plan, ends: Vec::new() },
+                LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?)?,
+            });
+        }
+        Ok(Self { plans, designs, ..self.clone() })
     }
 
-    /// The same on the clock of the scene's firmware, which paces the exported script's lights,
-    /// too.
+    /// The plans on the clock of the scene's firmware, which paces the lights of a script, too.
     #[must_use]
     pub fn by_its_clock(mut self) -> Self {
         let rate = self.scene.vehicle.firmware.clock();
@@ -38,12 +38,8 @@ impl Shoot {
         self
     }
 
-    /// The plans as a show has them: the same trajectories, whose light begins and ends where the
-    /// strokes of the file do. No lamp and no controller stands between the two in a viewer.
-    ///
-    /// # Errors
-    ///
-    /// As [`flown`].
+    /// The plans of a show: the exported trajectories, with light from the beginning to the end of
+    /// the strokes. A viewer has no lamp and no controller to delay it.
     pub fn as_shown(&self, tolerance_m: f64) -> Result<Vec<Plan>> {
         let (release, form) = (self.scene.vehicle.firmware, Form::Compressed);
         let plans = flown(release, &self.designs(), form, tolerance_m, Length::Any)?;
@@ -66,26 +62,30 @@ fn as_lit(mut plan: Plan, light: &LightOptions) -> Plan {
     let lamps: Vec<String> = plan.lamps().map(|(lamp, _)| lamp.clone()).collect();
     plan.edit(|plan| {
         for (channel, levels) in &mut plan.lights {
-            if lamps.contains(channel) {
-                levels.clone_from(&lit);
-                continue;
-            }
-            // A color where no light was commanded is that of the nearest command in the stroke.
-            let stretches = lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0));
-            let mut end = 0;
-            for stretch in stretches {
-                let rows = end..end + stretch.len();
-                end = rows.end;
-                let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
-                for row in rows {
-                    let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
-                    levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
-                }
+            // A channel is a lamp, or a color of one.
+            match lamps.contains(channel) {
+                true => levels.clone_from(&lit),
+                false => extend_color(levels, &lit, &commanded),
             }
         }
+        plan.lit.clear();
     });
-    plan.edit(|plan| plan.lit.clear());
     in_colors(plan, light)
+}
+
+/// Extends the levels of a color over the strokes of a plan: a row without a command gets the color
+/// of the nearest command in its stroke.
+fn extend_color(levels: &mut [f64], lit: &[f64], commanded: &[f64]) {
+    let mut end = 0;
+    for stroke in lit.chunk_by(|a, b| (*a > 0.0) == (*b > 0.0)) {
+        let rows = end..end + stroke.len();
+        end = rows.end;
+        let given: Vec<usize> = rows.clone().filter(|row| commanded[*row] > 0.0).collect();
+        for row in rows {
+            let nearest = given.iter().min_by_key(|from| from.abs_diff(row));
+            levels[row] = nearest.map_or(levels[row], |from| levels[*from]);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The photo as a file, with camera, seed, version, flights and scene, without a time stamp.
+//! The photo as a file, with camera, seed, version, flights and scene, without a timestamp.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ impl Format {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for another ending, whose format is not written.
+    /// [`Error::Input`] for another ending.
     pub fn from_path(path: &Path) -> Result<Self> {
         let extension = ending(path);
         match &*extension {
@@ -43,39 +43,29 @@ impl Format {
             }
         }
     }
-}
 
-/// Most pixels of a picture that is read out anew and encoded in memory: 0.9 GB.
-const MAX_READ_OUT: u64 = 24_000_000;
-
-impl Format {
-    /// Checks that a picture of a size can be encoded.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Infeasible`] with the memory that it would take.
-    pub(super) fn check(self, size_px: [u32; 2]) -> Result<()> {
-        let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
+    /// Checks that a picture can be encoded in memory.
+    pub(super) fn check(self, [width, height]: [u32; 2]) -> Result<()> {
+        let pixels = u64::from(width) * u64::from(height);
         if self == Self::Png || pixels <= MAX_READ_OUT {
             return Ok(());
         }
         // Film, readout and file: 12 bytes a pixel each.
-        let gb = |pixels: u64| 36.0 * pixels as f64 * 1e-9;
+        let [gb, most_gb] = [pixels, MAX_READ_OUT].map(|pixels| 36.0 * pixels as f64 * 1e-9);
         Err(Error::infeasible(
             format!(
-                "{} of {}x{} px takes {:.1} GB of memory, more than {:.1} GB",
-                self.name(),
-                size_px[0],
-                size_px[1],
-                gb(pixels),
-                gb(MAX_READ_OUT),
+                "{} of {width}x{height} px takes {gb:.1} GB of memory, more than {most_gb:.1} GB",
+                self.name()
             ),
             "choose a smaller picture, or PNG of 8 bits",
         ))
     }
 }
 
-/// Encodes a photo; OpenEXR and 16 bits are read out anew from the film, which PNG does without.
+/// Most pixels of a picture that is read out from the film and encoded in memory: 0.9 GB.
+const MAX_READ_OUT: u64 = 24_000_000;
+
+/// Encodes a photo. PNG of 8 bits has its pixels, the other formats are read out from the film.
 pub(super) fn encode(
     format: Format,
     scene: &Scene,
@@ -86,37 +76,34 @@ pub(super) fn encode(
 ) -> Result<Vec<u8>> {
     let notes = notes(scene.seed, camera, shown);
     let dots_per_inch = scene.camera.dots_per_inch;
-    let film = || film.expect("kept for the formats that are read out");
-    let readout = || read_out(film(), camera, &scene.expose, &scene.photo, scene.seed);
-    Ok(match format {
-        Format::Png => {
-            let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
-            photo::encode_png(photo, Some(&metadata), &notes)
-        }
-        Format::Png16 => {
-            let toml = scene.portable().to_toml();
-            let camera = (camera, dots_per_inch);
-            readout()?.encode_png16(scene.photo.tone, camera, &notes, Some(&toml))
-        }
-        #[cfg(target_family = "wasm")]
-        Format::Exr => unreachable!("a page asks for PNG"),
-        #[cfg(not(target_family = "wasm"))]
-        Format::Exr => {
-            let notes = [&*notes, &[("noctograph.scene", scene.portable().to_toml())]].concat();
-            readout()?.encode_exr(camera, &notes)
-        }
-    })
+    if format == Format::Png {
+        let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &photo.rgb8) };
+        return Ok(photo::encode_png(photo, Some(&metadata), &notes));
+    }
+    // More than 8 bits need the linear light of the film.
+    let film = film.expect("kept for the formats that are read out");
+    let readout = read_out(film, camera, &scene.expose, &scene.photo, scene.seed)?;
+    let toml = scene.portable().to_toml();
+    #[cfg(target_family = "wasm")]
+    assert!(format != Format::Exr, "a page asks for PNG");
+    #[cfg(not(target_family = "wasm"))]
+    if format == Format::Exr {
+        let notes = [&*notes, &[("noctograph.scene", toml)]].concat();
+        return Ok(readout.encode_exr(camera, &notes));
+    }
+    Ok(readout.encode_png16(scene.photo.tone, (camera, dots_per_inch), &notes, Some(&toml)))
 }
 
-/// Contents of a photo, beside its scene.
+/// What a photo shows, beside its scene.
 pub(super) struct Shown {
     pub(super) flight_sha256: Option<String>,
-    /// Of strokes from a file of the user's.
+    /// Digest of strokes from a user's file.
     pub(super) strokes_sha256: Option<String>,
     /// Gaps of logs that it leaves dark.
     pub(super) log_gaps: Vec<LogGap>,
 }
 
+/// Texts of a photo's file, each with its keyword.
 fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)> {
     let Camera { focal_length_m, f_number, iso, shutter_open_s, shutter_close_s, .. } = camera;
     let camera = format!(
@@ -124,6 +111,7 @@ fn notes(seed: u64, camera: &Camera, shown: Shown) -> Vec<(&'static str, String)
          {shutter_close_s} s of the flight",
         focal_length_m * 1000.0
     );
+    // No time and no machine: the same scene makes the same file.
     let mut notes = vec![
         ("Software", format!("noctograph {}", env!("CARGO_PKG_VERSION"))),
         ("noctograph.camera", camera),

@@ -1,5 +1,4 @@
-//! Letters and lights of a real flight's log, which holds neither, inferred from the flown word and
-//! the setpoints.
+//! Letters and lights of a real flight's log, inferred from the flown word and the setpoints.
 
 use std::path::Path;
 
@@ -12,8 +11,8 @@ use noctograph_logs::ImportOptions;
 use noctograph_plan::infer_lights;
 
 impl Shoot {
-    /// Photographs a flight, a log or a light trace; a log without lights has those of the scene's
-    /// word, or is lit all along. Warnings are those of the log.
+    /// Photographs a flight, a log or a light trace. A log without lights gets those of the scene's
+    /// word, or light from take-off to landing. Warnings are those of the log.
     ///
     /// # Errors
     ///
@@ -28,6 +27,7 @@ impl Shoot {
                 warnings.push(Diagnostic::warning("log", message));
             }
             if flight.lights.is_empty() {
+                // Without a word it is what was asked for.
                 if scene.has_strokes() {
                     let message = "lit all along: no setpoints tell where the lights were on";
                     warnings.push(Diagnostic::warning("log", message));
@@ -40,12 +40,8 @@ impl Shoot {
 }
 
 /// Gives a flight without lights the letters of the scene's word, if it has one, and their lights.
-/// Where the setpoints are not on the scene's letters, and these are those of a preset, the other
-/// presets' are tried: font, size and place. The scene then has them; returned is that preset.
-///
-/// # Errors
-///
-/// As [`infer_lights`].
+/// If the setpoints are not on the scene's letters, and these are those of a preset, the letters of
+/// the other presets are tried. The scene gets those that fit, and their preset is returned.
 pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Option<Preset>> {
     // Lights are inferred from setpoints.
     let is_unlit = flight.lights.is_empty() && flight.has(Quantity::Design);
@@ -53,25 +49,25 @@ pub fn infer_lights_if_dark(flight: &mut Flight, scene: &mut Scene) -> Result<Op
         return Ok(None);
     }
     let Err(error) = infer_lights(flight, &scene.strokes()?) else { return Ok(None) };
-    let presets = || Preset::ALL.iter().map(|preset| (*preset, Scene::preset(*preset).letters));
-    let is_preset = presets().any(|(_, letters)| letters == scene.letters);
-    for (preset, letters) in presets().filter(|_| is_preset) {
-        let tried = Scene { letters, ..scene.clone() };
-        let Ok(strokes) = tried.strokes() else { continue };
+    if !Preset::ALL.iter().any(|preset| Scene::preset(*preset).letters == scene.letters) {
+        return Err(error);
+    }
+    for preset in Preset::ALL {
+        let candidate = Scene { letters: Scene::preset(*preset).letters, ..scene.clone() };
+        let Ok(strokes) = candidate.strokes() else { continue };
         if infer_lights(flight, &strokes).is_ok() {
-            scene.letters = tried.letters;
-            return Ok(Some(preset));
+            scene.letters = candidate.letters;
+            return Ok(Some(*preset));
         }
     }
     Err(error)
 }
 
-/// Gives a flight the light of its lamps in the air, from take-off to landing, in the place of
-/// letters.
+/// Gives a flight without letters the light of its lamps from take-off to landing.
 pub fn light_all_along(flight: &mut Flight, scene: &Scene) {
     let air = airborne(flight).unwrap_or_default();
-    let levels = (0..flight.samples.len()).map(|i| f64::from(u8::from(air.contains(&i))));
-    let levels: Vec<f64> = levels.collect();
+    let levels: Vec<f64> =
+        (0..flight.samples.len()).map(|i| f64::from(u8::from(air.contains(&i)))).collect();
     for channel in &scene.plan.lights {
         flight.edit(|flight| flight.lights.insert(channel.clone(), levels.clone()));
     }

@@ -33,7 +33,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("camera.shutter_close_s", "nothing, where it is the end of the flight"),
 ];
 
-/// A scene and its products, each made when it is first asked for; the error of one that fails.
+/// A scene and its products, each made when it is first needed, or its error.
 struct Case {
     scene: Scene,
     shoot: OnceCell<Result<Shoot, String>>,
@@ -64,7 +64,7 @@ impl Case {
         self.shot.get_or_init(|| self.shoot()?.take(&|_, _| {}).map_err(|e| e.to_string()))
     }
 
-    /// Whether any product differs, the cheapest first, or one scene alone fails.
+    /// True if any product differs, the cheapest first, or if only one of both scenes fails.
     fn differs(&self, other: &Self) -> bool {
         self.scene.score != other.scene.score
             || unlike(&self.shoot(), &other.shoot(), |a, b| a.plans != b.plans)
@@ -75,7 +75,7 @@ impl Case {
     }
 }
 
-/// Whether two products differ, or one of them alone could not be made.
+/// True if two products differ, or if only one of them could be made.
 fn unlike<T>(
     a: &Result<T, String>,
     b: &Result<T, String>,
@@ -119,8 +119,7 @@ fn others(key: &str, setting: &Setting, value: Option<&Value>) -> Vec<String> {
                 .collect()
         }
         (_, _, None) => match setting.range {
-            Some(range) if key.ends_with("_wxyz") || key.ends_with("canvas_m") => {
-                let _ = range;
+            Some(_) if key.ends_with("_wxyz") || key.ends_with("canvas_m") => {
                 let n = if key.ends_with("_wxyz") { "[0.7, 0.7, 0.0, 0.0]" } else { "[0.2, 0.2]" };
                 vec![n.into()]
             }
@@ -190,16 +189,14 @@ fn faults(settings: &[(&str, &str)]) -> Vec<String> {
             return;
         }
         let others = others(key, setting, value);
-        let cases = || others.iter().map(|other| Case::new(&text, &[(key, other)]));
         // A scene that is refused before it is flown is the cheapest answer.
-        let idle = |case: &Case| reason(&case.scene, key).is_some();
-        let (mut idles, mut refused, mut silent) = (0, 0, 0);
-        for case in cases() {
-            match case {
+        let (mut unused, mut refused, mut silent) = (0, 0, 0);
+        for other in &others {
+            match Case::new(&text, &[(key, other)]) {
                 Err(_) => refused += 1,
-                Ok(case) if idle(&case) => {
-                    idles += 1;
-                    if idles == 1 && case.differs(&base) {
+                Ok(case) if reason(&case.scene, key).is_some() => {
+                    unused += 1;
+                    if unused == 1 && case.differs(&base) {
                         faults.push(format!("{key}: said to have no effect, but has one"));
                     }
                 }
@@ -207,7 +204,7 @@ fn faults(settings: &[(&str, &str)]) -> Vec<String> {
                 Ok(_) => silent += 1,
             }
         }
-        if idles + refused == 0 {
+        if unused + refused == 0 {
             faults.push(format!("{key}: no effect and no reason, {silent} values of {others:?}"));
         }
     });

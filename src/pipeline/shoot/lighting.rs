@@ -11,7 +11,7 @@ use noctograph_core::flight::{DroneIndex, Flight, Quantity};
 use noctograph_core::geometry::bounds;
 use noctograph_letters::Strokes;
 use noctograph_picture::light::{
-    ColorLedLevels, LightOptions, LightSample, LightTrace, RING, color_led_wrgb, light, ring_rgb,
+    ColorLedLevels, LightOptions, LightTrace, RING, color_led_wrgb, light, ring_rgb,
 };
 
 /// Smallest distance of a lit lamp from the camera.
@@ -20,13 +20,13 @@ const MIN_DISTANCE_M: f64 = 0.1;
 /// Flights, lamps and camera, ready to be exposed.
 #[derive(Clone, Debug)]
 pub struct Lighting {
-    /// Flights that carried the lamps; none for light that was recorded alone.
+    /// Flights that carried the lamps. Recorded light has none.
     pub flights: Vec<Flight>,
     /// Lamps of all drones. Those of several have the drone's number, from 1, before their name.
     pub trace: LightTrace,
     /// Names of the lamps that follow the plans.
     pub writing: Vec<String>,
-    /// The scene's camera, as the meter set it.
+    /// The scene's camera with the settings of the meter.
     pub camera: Camera,
     /// The meter's settings, if the scene is metered.
     pub metered: Option<Metered>,
@@ -42,7 +42,7 @@ impl Lighting {
     }
 }
 
-/// Lamps of a scene, in the colors of its drawing where they have none for its letters.
+/// Lamps of a scene. If it has no colors for its letters, they get those of its drawing.
 pub(super) fn in_ink(
     lamps: &LightOptions,
     scene: &Scene,
@@ -55,21 +55,21 @@ pub(super) fn in_ink(
         lamps.color_led_levels = ColorLedLevels::Plain;
     }
     let by_ring = scene.plan.lights.iter().any(|lamp| lamp == RING.name);
-    let wrgb = |rgb: &[u8; 3]| match *rgb {
-        // Black would be dark: strokes drawn in black get the lamp's own color.
+    let colors = strokes.colors.iter().map(|rgb| match *rgb {
+        // Black would be dark: strokes drawn in black get the lamp's default color.
         [0, 0, 0] => lamps.color_led_wrgb,
         rgb if by_ring => {
             let [r, g, b] = ring_rgb(rgb);
             [0, r, g, b]
         }
         rgb => color_led_wrgb(rgb, lamps.color_led_levels),
-    };
-    lamps.letters_wrgb = strokes.colors.iter().map(wrgb).collect();
+    });
+    lamps.letters_wrgb = colors.collect();
     lamps
 }
 
 impl Shoot {
-    /// The scene's lamps, in the colors of its drawing where they have none for its letters.
+    /// The scene's lamps, in the colors of its drawing unless it has colors for its letters.
     pub fn lamps(&self) -> LightOptions {
         in_ink(&self.scene.light, &self.scene, self.strokes.as_ref())
     }
@@ -88,120 +88,121 @@ impl Shoot {
 
     /// Lights the lamps of recordings, one for each drone.
     pub(super) fn light(&self, recordings: Vec<Recording>) -> Result<Lighting> {
-        let several = recordings.len() > 1;
-        let (mut flights, mut all, mut problems) = (Vec::new(), LightTrace::default(), Vec::new());
-        let mut end_s = 0.0_f64;
+        let n_drones = recordings.len();
+        let (mut flights, mut trace) = (Vec::new(), LightTrace::default());
+        let (mut problems, mut end_s) = (Vec::new(), 0.0_f64);
+        // 1. The lamps of each drone, numbered if there are several, become one trace.
         for (drone, recording) in recordings.into_iter().enumerate() {
-            let mut trace = match recording {
-                Recording::Light(trace) => {
-                    end_s = end_s.max(trace.end_s());
-                    trace
+            let number = (n_drones > 1).then_some(DroneIndex(drone));
+            let mut lamps = match recording {
+                Recording::Light(lamps) => {
+                    end_s = end_s.max(lamps.end_s());
+                    lamps
                 }
                 Recording::Flight(flight) => {
                     end_s = end_s.max(flight.samples.last().map_or(0.0, |last| last.time_s));
-                    if !self.plans.is_empty() {
-                        let number = several.then_some(DroneIndex(drone));
-                        let warnings = flight.warnings.iter().cloned();
-                        problems.extend(warnings.map(|warning| warning.of_drone(number)));
-                    }
-                    problems.extend(problems::of_log(&flight));
-                    problems.extend(problems::lampless(&flight, &self.scene.light));
-                    let trace = self.light_drone(drone, &flight)?;
+                    problems.extend(self.problems_of_flight(&flight, number));
+                    let lamps = self.light_drone(drone, &flight)?;
                     flights.push(flight);
-                    trace
+                    lamps
                 }
             };
-            if several {
-                trace.edit(|trace| {
-                    trace.lamps.iter_mut().for_each(|lamp| lamp.drone = Some(DroneIndex(drone)))
-                });
+            if number.is_some() {
+                lamps.edit(|trace| trace.lamps.iter_mut().for_each(|lamp| lamp.drone = number));
             }
-            if all.lamps.is_empty() {
-                all = trace;
+            if trace.lamps.is_empty() {
+                trace = lamps;
             } else {
-                all.edit(|all| all.append(trace));
+                trace.edit(|trace| trace.append(lamps));
             }
         }
-        problems.extend(self.lost_strokes());
-        let of_strokes = self.strokes.iter().flat_map(|strokes| &strokes.warnings);
-        problems.extend(of_strokes.cloned());
-        let bounds_m = self.bounds_m(&flights, &all)?;
+        problems.extend(self.problems_of_strokes());
+        // 2. The camera frames the writing, which the flights may have to tell, and is metered.
+        let bounds_m = self.bounds_m(&flights, &trace)?;
         let Scene { camera: options, photo, .. } = &self.scene;
         let mut camera = options.camera(bounds_m, end_s)?;
-        let metered = metered(&all, &mut camera, options, photo);
-        check_place(&all, bounds_m, &camera, &self.scene.camera.framing)?;
-        let is_framed = matches!(self.scene.camera.framing, Framing::Word(_));
-        problems.extend(problems::outside(&all, bounds_m, &camera, is_framed));
-        let lamps = problems::writing(&flights, &all, &self.scene.light);
+        let metered = metered(&trace, &mut camera, options, photo);
+        check_place(&trace, bounds_m, &camera, &options.framing)?;
+        // 3. With both, what is seen of the light. Obstacles go before the other problems.
+        let is_framed = matches!(options.framing, Framing::Word(_));
+        problems.extend(problems::outside(&trace, bounds_m, &camera, is_framed));
+        let lamps = problems::writing(&flights, &trace, &self.scene.light);
         let mut writing: Vec<String> = lamps.iter().map(|lamp| lamp.label()).collect();
         writing.dedup();
         let glyph = self.strokes.as_ref().and_then(|strokes| strokes.glyphs.first());
         let cap_height_m = glyph.map_or(0.0, |glyph| glyph.cell.cap_height_m);
         problems.splice(..0, problems::before(&flights, &lamps, &camera, cap_height_m));
-        Ok(Lighting { flights, trace: all, writing, camera, metered, problems })
+        Ok(Lighting { flights, trace, writing, camera, metered, problems })
+    }
+
+    /// Warnings of a simulated flight, gaps of a log, and channels without a lamp.
+    fn problems_of_flight(&self, flight: &Flight, number: Option<DroneIndex>) -> Vec<Diagnostic> {
+        let is_simulated = !self.plans.is_empty();
+        let warnings = flight.warnings.iter().filter(|_| is_simulated);
+        let warnings = warnings.map(|warning| warning.clone().of_drone(number));
+        let lampless = problems::lampless(flight, &self.scene.light);
+        warnings.chain(problems::of_log(flight)).chain(lampless).collect()
     }
 
     /// Lights the lamps of one drone, counted from 0.
-    ///
-    /// # Errors
-    ///
-    /// As [`light`].
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
         let lamps = in_ink(lamps, &self.scene, self.strokes.as_ref());
         light(flight, &lamps, self.scene.seed, drone as u64)
     }
 
-    /// The strokes that the center lines of a typeface lack.
-    fn lost_strokes(&self) -> Option<Diagnostic> {
-        let strokes = self.strokes.as_ref()?;
-        let (font, letters) = (strokes.font.clone()?, strokes.lost.keys().collect::<String>());
-        (!letters.is_empty()).then(|| problems::lost_strokes(&font, &letters))
+    /// Strokes that the center lines of a typeface lack, and parts that a drawing lacks.
+    fn problems_of_strokes(&self) -> Vec<Diagnostic> {
+        let Some(strokes) = &self.strokes else { return Vec::new() };
+        let lost: String = strokes.lost.keys().collect();
+        let font = strokes.font.as_ref().filter(|_| !lost.is_empty());
+        let parts = strokes.warnings.iter().cloned();
+        font.map(|font| problems::lost_strokes(font, &lost)).into_iter().chain(parts).collect()
     }
 
     /// `[left, bottom, right, top]` of the writing, in the plane of the word: of the strokes, else
-    /// of the letters in the flights' design, else of the light; zeros for a fixed camera without
+    /// of the letters in the flights' design, else of the light. Zeros for a fixed camera without
     /// strokes and letters.
     fn bounds_m(&self, flights: &[Flight], trace: &LightTrace) -> Result<[f64; 4]> {
         if let Some(strokes) = &self.strokes {
             return Ok(strokes.bounds_m());
         }
-        let samples = flights.iter().flat_map(|flight| {
+        let mut written_m = Vec::new();
+        for flight in flights {
             let has_design = flight.has(Quantity::Design);
-            flight.samples.iter().map(move |sample| (sample, has_design))
-        });
-        let written = samples.filter(|(sample, _)| sample.letter.is_some());
-        let places_m = written.map(|(sample, has_design)| match has_design {
-            true => sample.design_m,
-            false => sample.position_m,
-        });
-        let [left, bottom, right, top] = bounds(places_m.map(|place_m| [place_m.x, place_m.z]));
-        match &self.scene.camera.framing {
-            _ if left < right || bottom < top => Ok([left, bottom, right, top]),
-            Framing::Fixed(_) => Ok([0.0; 4]),
-            Framing::Word(_) => {
-                let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
-                let lit =
-                    samples.filter(|sample| sample.level > 0.0).map(|sample| sample.position_m);
-                match bounds(lit.map(|at_m| [at_m.x, at_m.z])) {
-                    [left, bottom, right, top] if left < right || bottom < top => {
-                        Ok([left, bottom, right, top])
-                    }
-                    // Reports that the scene names no word.
-                    _ => Ok(self.scene.strokes()?.bounds_m()),
-                }
-            }
+            let written = flight.samples.iter().filter(|sample| sample.letter.is_some());
+            written_m.extend(written.map(|s| if has_design { s.design_m } else { s.position_m }));
+        }
+        let of_letters_m = bounds(written_m.iter().map(|m| [m.x, m.z]));
+        if has_extent(of_letters_m) {
+            return Ok(of_letters_m);
+        }
+        if let Framing::Fixed(_) = self.scene.camera.framing {
+            return Ok([0.0; 4]);
+        }
+        let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
+        let lit = samples.filter(|sample| sample.level > 0.0);
+        let of_light_m = bounds(lit.map(|sample| [sample.position_m.x, sample.position_m.z]));
+        match has_extent(of_light_m) {
+            true => Ok(of_light_m),
+            // Reports that the scene names no word.
+            false => Ok(self.scene.strokes()?.bounds_m()),
         }
     }
 }
 
-/// Refuses a camera among the lamps, and one behind the word, where it reads mirrored.
+fn has_extent([left, bottom, right, top]: [f64; 4]) -> bool {
+    left < right || bottom < top
+}
+
+/// Refuses a camera among the lamps, and one behind the word, which reads mirrored from there.
 fn check_place(
     trace: &LightTrace,
     [left, _, right, _]: [f64; 4],
     camera: &Camera,
     framing: &Framing,
 ) -> Result<()> {
+    // The keys that move the camera, by the kind of its framing.
     let (place, hint) = match framing {
         Framing::Fixed(_) => (
             "camera.framing.position_m",
@@ -218,18 +219,19 @@ fn check_place(
         let actual = format!("[{x}, {y}, {z}], behind the word, which would read mirrored");
         return Err(Error::input(place, actual, "y below 0, in front of it", hint));
     }
-    let distance_m = |s: &LightSample| (s.position_m - camera.position_m).norm();
     for lamp in &trace.lamps {
-        let near = |s: &&LightSample| s.level > 0.0 && distance_m(s) < MIN_DISTANCE_M;
-        if let Some(sample) = lamp.samples.iter().find(near) {
-            let name = lamp.label();
-            let what = format!(
-                "the camera at [{x}, {y}, {z}] is {:.3} m from lamp `{name}` at {:.2} s, where at \
-                 least {MIN_DISTANCE_M} m from every lit lamp are wanted",
-                (1e3 * distance_m(sample)).floor() / 1e3,
-                sample.time_s
-            );
-            return Err(Error::infeasible(what, hint));
+        for sample in lamp.samples.iter().filter(|sample| sample.level > 0.0) {
+            let distance_m = (sample.position_m - camera.position_m).norm();
+            if distance_m < MIN_DISTANCE_M {
+                let what = format!(
+                    "the camera at [{x}, {y}, {z}] is {:.3} m from lamp `{}` at {:.2} s, where at \
+                     least {MIN_DISTANCE_M} m from every lit lamp are wanted",
+                    (1e3 * distance_m).floor() / 1e3,
+                    lamp.label(),
+                    sample.time_s
+                );
+                return Err(Error::infeasible(what, hint));
+            }
         }
     }
     Ok(())

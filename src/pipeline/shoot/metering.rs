@@ -1,11 +1,12 @@
 //! The light meter sets aperture and sensitivity.
 //!
-//! A slower lamp makes a brighter trail; a longer exposure makes a brighter room. Aperture and
-//! sensitivity change both alike, so that the trail of a long flight is exposed less to keep the
-//! room dark.
+//! A slower lamp makes a brighter trail, and a longer exposure makes a brighter room. Aperture and
+//! sensitivity change both alike, so the trail of a long flight is exposed less to keep the room
+//! dark.
 
 use serde::Serialize;
 
+use super::problems::is_exposed;
 use noctograph_core::camera::{Camera, CameraOptions, Metering, TrailMetering};
 use noctograph_picture::expose::meter::{color_stops, meter};
 use noctograph_picture::light::LightTrace;
@@ -26,7 +27,7 @@ const ISOS: [f64; 19] = [
 
 /// Width of the picture that is metered: larger pixels blur a trail.
 const WIDTH_PX: u32 = 1920;
-/// Stops by which a trail may be darker than wanted without a word about it.
+/// Stops by which a trail may be darker than wanted without a warning.
 const UNSAID_STOPS: f64 = 1.0;
 
 /// The light meter's recommendation.
@@ -38,19 +39,19 @@ pub struct Metered {
     pub iso: f64,
     /// Middle of the brightest trail, in stops over saturation.
     pub trail_stops: f64,
-    /// The room, in stops over saturation; `None`: dark.
+    /// The room, in stops over saturation. `None` if it is dark.
     pub room_stops: Option<f64>,
-    /// Whether the trail is darker than wanted by more than a stop, for the room to stay dark.
+    /// True if the trail is darker than wanted by more than a stop, to keep the room dark.
     pub gave_way: bool,
-    /// Stops of a neutral filter that would make the exposure right, where neither the smallest
-    /// aperture nor the least sensitivity does: whole ones, as they are sold; 0: none.
+    /// Whole stops of a neutral filter that would make the exposure right, if the smallest aperture
+    /// and the least sensitivity do not.
     pub filter_stops: u32,
     /// Longest exposure of a camera that is open for longer, so that it has to add up several.
     pub longest_s: Option<f64>,
 }
 
 impl Metered {
-    /// Help that a camera needs besides its settings, such as a filter; `None` if none.
+    /// Help that a camera needs besides its settings, such as a filter, if any.
     pub fn help(&self) -> Option<String> {
         let mode = self.longest_s.map(|s| {
             format!("use a night or light-trail mode: one exposure lasts {s:.0} s at most")
@@ -60,13 +61,12 @@ impl Metered {
             1 => Some("use a neutral filter of 1 stop".to_owned()),
             n => Some(format!("use a neutral filter of {n} stops")),
         };
-        let all: Vec<String> = mode.into_iter().chain(filter).collect();
-        (!all.is_empty()).then(|| all.join("; "))
+        let help: Vec<String> = mode.into_iter().chain(filter).collect();
+        (!help.is_empty()).then(|| help.join("; "))
     }
 }
 
-/// Meters the light, and sets the camera; `None` where the scene does not ask for it, and for
-/// darkness.
+/// Meters the light, and sets the camera. `None` if the scene has no metering, and for darkness.
 pub(super) fn metered(
     trace: &LightTrace,
     camera: &mut Camera,
@@ -82,8 +82,7 @@ pub(super) fn metered(
     Some(metered)
 }
 
-/// Meters the light: the settings that the scene's aims ask for, or the default ones of a scene
-/// that does not meter; `None` for darkness.
+/// Meters the light by the scene's aims, or by default ones without metering. `None` for darkness.
 pub fn recommended(
     trace: &LightTrace,
     camera: &Camera,
@@ -94,69 +93,82 @@ pub fn recommended(
         Metering::Trail(aims) => aims.clone(),
         Metering::Off => TrailMetering::default(),
     };
-    let open = camera.shutter_open_s..=camera.shutter_close_s;
     let mut samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
-    if !samples.any(|sample| sample.level > 0.0 && open.contains(&sample.time_s)) {
+    if !samples.any(|sample| is_exposed(sample, camera)) {
         return None;
     }
-    // A small picture is exposed as a large one is.
-    let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
-    #[expect(clippy::cast_possible_truncation, reason = "a side")]
-    let height_px = (f64::from(WIDTH_PX) * aspect).ceil() as u32;
-    let (f_number, iso) = (8.0, 100.0);
-    let vignetting = options.vignetting_at(f_number);
-    let width_px = WIDTH_PX;
-    let camera = Camera { f_number, iso, vignetting, width_px, height_px, ..camera.clone() };
+    let camera = reference_camera(camera, options);
     let readings = meter(trace, &camera).ok()?;
     let brightest = readings.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))?;
     let trail_stops = brightest.median_stops;
     let room_stops = photo.ambient_stops(&camera);
     // A clipped channel turns a color toward white: the strongest one counts. White may be clipped.
-    let (aim_stops, found_stops) = match color_stops(trace, &camera, &brightest.name) {
+    let (aim_stops, metered_stops) = match color_stops(trace, &camera, &brightest.name) {
         [None, _] => (aims.trail_stops, trail_stops),
         [Some(color), Some(white)] if aims.trail_stops - white < aims.color_stops - color => {
             (aims.trail_stops, white)
         }
         [Some(color), _] => (aims.color_stops, color),
     };
-    // The room may stay dark, but for the least light of the trail.
-    let wanted = aim_stops - found_stops;
-    let least = aims.least_stops.min(aim_stops) - found_stops;
-    let most = room_stops.map_or(f64::INFINITY, |room_stops| aims.room_stops - room_stops);
-    let more = wanted.min(most).max(least);
-    let gave_way = more < wanted - UNSAID_STOPS;
+    // The trail is exposed less to keep the room dark, but not below the least light of a trail.
+    let wanted_stops = aim_stops - metered_stops;
+    let least_stops = aims.least_stops.min(aim_stops) - metered_stops;
+    let most_stops = room_stops.map_or(f64::INFINITY, |room_stops| aims.room_stops - room_stops);
+    let stops = wanted_stops.min(most_stops).max(least_stops);
+    let gave_way = stops < wanted_stops - UNSAID_STOPS;
 
-    // The aperture first; sensitivity where the widest is not enough.
-    let wanted = camera.f_number * libm::exp2(-0.5 * more);
-    let least = options.lens.figures().min_f_number;
-    let fixed = options.body.fixed_lens();
-    let f_number = match &fixed {
-        Some(lens) => lens.f_number,
-        None => nearest(F_NUMBERS.into_iter().filter(|f| *f >= least), wanted),
-    };
-    let opened = 2.0 * libm::log2(camera.f_number / f_number);
-    let [least, most] = fixed.map_or([100.0, 3200.0], |lens| lens.iso);
-    let isos = ISOS.into_iter().filter(|iso| (least..=most).contains(iso));
-    let iso = nearest(isos, camera.iso * libm::exp2(more - opened));
-    let too_many = opened + libm::log2(iso / camera.iso) - more;
-    let more = more + too_many;
+    let (f_number, iso) = settings(options, &camera, stops);
+    // The settings are steps within limits. A filter takes off what they expose too much.
+    let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
+    let beyond_stops = opened_stops + libm::log2(iso / camera.iso) - stops;
+    let set_stops = stops + beyond_stops;
     let open_s = camera.shutter_close_s - camera.shutter_open_s;
+    let fixed = options.body.fixed_lens();
     Some(Metered {
         f_number,
         iso,
-        trail_stops: trail_stops + more,
-        room_stops: room_stops.map(|stops| stops + more),
-        gave_way: gave_way && too_many < 0.5,
+        trail_stops: trail_stops + set_stops,
+        room_stops: room_stops.map(|room_stops| room_stops + set_stops),
+        gave_way: gave_way && beyond_stops < 0.5,
         #[expect(clippy::cast_possible_truncation, reason = "a few stops")]
-        filter_stops: too_many.max(0.0).round() as u32,
+        filter_stops: beyond_stops.max(0.0).round() as u32,
         longest_s: fixed.map(|lens| lens.longest_s).filter(|longest_s| *longest_s < open_s),
     })
 }
 
+/// The camera that meters, with the same pixels and settings for a picture of any size.
+fn reference_camera(camera: &Camera, options: &CameraOptions) -> Camera {
+    let aspect = f64::from(camera.height_px) / f64::from(camera.width_px);
+    #[expect(clippy::cast_possible_truncation, reason = "a side")]
+    let height_px = (f64::from(WIDTH_PX) * aspect).ceil() as u32;
+    let (width_px, f_number, iso) = (WIDTH_PX, 8.0, 100.0);
+    let vignetting = options.vignetting_at(f_number);
+    Camera { f_number, iso, vignetting, width_px, height_px, ..camera.clone() }
+}
+
+/// Aperture and sensitivity that expose by some stops more than a camera. The aperture is set
+/// first, then the sensitivity by what the aperture cannot do.
+fn settings(options: &CameraOptions, camera: &Camera, stops: f64) -> (f64, f64) {
+    // A telephone has one aperture, so only the sensitivity is left.
+    let least = options.lens.figures().min_f_number;
+    let fixed = options.body.fixed_lens();
+    let f_number = match &fixed {
+        Some(lens) => lens.f_number,
+        None => {
+            let wanted = camera.f_number * libm::exp2(-0.5 * stops);
+            nearest(F_NUMBERS.into_iter().filter(|f| *f >= least), wanted)
+        }
+    };
+    let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
+    let [least, most] = fixed.map_or([100.0, 3200.0], |lens| lens.iso);
+    let isos = ISOS.into_iter().filter(|iso| (least..=most).contains(iso));
+    (f_number, nearest(isos, camera.iso * libm::exp2(stops - opened_stops)))
+}
+
 /// The number nearest in stops.
 fn nearest(numbers: impl Iterator<Item = f64>, wanted: f64) -> f64 {
-    let away = |number: &f64| libm::log2(number / wanted).abs();
-    numbers.min_by(|a, b| away(a).total_cmp(&away(b))).unwrap_or(wanted)
+    let distances = numbers.map(|number| (libm::log2(number / wanted).abs(), number));
+    distances.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(wanted, |(_, number)| number)
 }
 
 #[cfg(test)]
@@ -168,18 +180,23 @@ mod tests {
     /// A headlight and what it lights, from the side.
     const SIDE_CD: f64 = 0.09;
 
+    /// A lamp that passes for two seconds.
+    fn trail([r, g, b]: [f64; 3]) -> LightTrace {
+        let mut csv = "t,x,y,z,r,g,b\n".to_owned();
+        for i in 0..=200 {
+            let t = f64::from(i) / 100.0;
+            csv += &format!("{t},{:.4},0,0.75,{r},{g},{b}\n", 0.2 * t - 0.2);
+        }
+        read(csv.as_bytes(), "a.csv").unwrap().product
+    }
+
     /// A lamp of `candela` that passes for two seconds, in an exposure of `open_s`.
     fn pass(
         candela: f64,
         open_s: f64,
         change: fn(&mut CameraOptions),
     ) -> (Camera, Option<Metered>) {
-        let mut csv = "t,x,y,z,r,g,b\n".to_owned();
-        for i in 0..=200 {
-            let t = f64::from(i) / 100.0;
-            csv += &format!("{t},{:.4},0,0.75,{candela},{candela},{candela}\n", 0.2 * t - 0.2);
-        }
-        let trace = read(csv.as_bytes(), "a.csv").unwrap().product;
+        let trace = trail([candela; 3]);
         let mut options = CameraOptions {
             metering: Metering::Trail(TrailMetering::default()),
             shutter_close_s: Some(open_s),
@@ -209,13 +226,8 @@ mod tests {
     #[test]
     fn a_colored_trail_is_metered_by_its_strongest_channel() {
         // Luminance 1: in red the strongest channel has 4.7 times as much, 2.2 stops.
-        fn of_color([r, g, b]: [f64; 3]) -> f64 {
-            let mut csv = "t,x,y,z,r,g,b\n".to_owned();
-            for i in 0..=200 {
-                let t = f64::from(i) / 100.0;
-                csv += &format!("{t},{:.4},0,0.75,{r},{g},{b}\n", 0.2 * t - 0.2);
-            }
-            let trace = read(csv.as_bytes(), "a.csv").unwrap().product;
+        fn of_color(rgb: [f64; 3]) -> f64 {
+            let trace = trail(rgb);
             let options = CameraOptions {
                 metering: Metering::Trail(TrailMetering::default()),
                 ..CameraOptions::default()
@@ -262,7 +274,7 @@ mod tests {
         let help = bright.help().unwrap();
         assert!(help.contains("light-trail mode") && help.contains("30 s"), "{help}");
         assert!(help.contains(&format!("filter of {} stops", bright.filter_stops)), "{help}");
-        // A lens with an iris asks for one where f/22 is not small enough.
+        // A lens with an iris needs one only if f/22 is not small enough.
         assert_eq!(pass(SIDE_CD, 31.0, |_| {}).1.unwrap().help(), None);
         assert!(pass(1e3, 31.0, |_| {}).1.unwrap().filter_stops > 3);
     }

@@ -4,17 +4,16 @@
 //!
 //! 1. [`Shoot::new`] writes the word and plans a flight for each drone. [`Shoot::with_plans`] and
 //!    [`Shoot::with_recordings`] begin later, with plans, flights or light from a file.
-//! 2. [`Shoot::take`] flies every plan with noise of its own, exposes the light of all drones on
-//!    one film, develops it and reads the word.
+//! 2. [`Shoot::take`] flies every plan, exposes the light of all drones on one film, develops it
+//!    and reads the word.
 //!
-//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields: the seed
-//! of the scene, the drones that truly fly, the plans that are sent, the size of the picture.
+//! [`Shoot::fly`] and [`Shoot::lighting`] stop earlier. A study varies the public fields.
 //!
-//! Independent work runs side by side: the graphics device starts and the reader is prepared during
+//! Independent work runs in parallel: the graphics device starts and the reader is prepared during
 //! the flight, and the photo is encoded while it is read.
 //!
-//! Drones with the estimator `cooperative` fly in step, since they hear each other; others side by
-//! side, each in the wakes of those above it. Not modeled: collisions.
+//! Drones that hear each other (estimator `cooperative`) or fly into each other's downwash are one
+//! simulation. Others are simulated one by one. Not modeled: collisions.
 
 use std::num::NonZero;
 use std::path::Path;
@@ -69,42 +68,42 @@ const MAX_TOGETHER_S: f64 = 21_600.0;
 const MAX_SAMPLES: usize = 800_000;
 
 /// A scene that was checked, made ready to be flown and photographed.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Shoot {
-    /// Word, lamps, camera and seed; planner and controllers believe its drone.
+    /// Word, lamps, camera, seed, and the drone that planner and controllers believe.
     pub scene: Scene,
-    /// Strokes of the word or drawing; `None` where recordings are photographed without one.
+    /// Strokes of the word or drawing. `None` for recordings without one.
     pub strokes: Option<Strokes>,
     /// Plans that are sent, one for each drone.
     pub plans: Vec<Planned>,
-    /// Whether they were planned from the scene, so that a change of it plans anew.
+    /// True if they were planned from the scene, so that a change of it plans anew.
     pub is_planned: bool,
-    /// Designs of the plans where these are flights of exported trajectories
-    /// ([`Self::as_exported`]); empty: the plans are their own design.
+    /// Designs of plans that are flights of exported trajectories ([`Self::as_exported`]). Empty if
+    /// the plans are the designs.
     pub designs: Vec<Plan>,
-    /// Replace the flights of the plans, one for each drone; empty: the plans are flown.
+    /// Replace the flights of the plans, one for each drone. Empty if the plans are flown.
     pub recordings: Vec<Recording>,
-    /// True drones where they differ from the scene's, in the order of the plans.
+    /// True drones, if they differ from the scene's, in the order of the plans.
     pub actual: Vec<Actual>,
-    /// Seed of the room's errors (survey, stations); `None` takes the scene's.
+    /// Seed of the room's errors (survey, stations), by default the scene's.
     pub room_seed: Option<u64>,
     /// How the photo is read.
     pub judging: Judging,
-    /// Format of the encoded photo, made in parallel to reading; `None`: not encoded.
+    /// Format of the encoded photo. `None` if it is not encoded.
     pub format: Option<Format>,
-    /// Whether the shot has its film; else its memory is given back before the photo is read.
+    /// True if the shot has its film. Otherwise its memory is freed before the photo is read.
     pub keeps_film: bool,
-    /// Reader of the strokes; `None`: one is prepared during the flight.
+    /// Reader of the strokes, by default one that is prepared during the flight.
     pub reader: Option<Arc<Reader>>,
     /// Backend that exposes the film.
     pub backend: BackendChoice,
-    /// Number of processor cores that expose the film; `None`: the backend's.
+    /// Number of processor cores that expose the film, by default the backend's.
     pub cores: Option<NonZero<usize>>,
     /// Ends [`Self::take`] between two stages.
     pub stop: Stop,
 }
 
-/// A switch for another thread to stop work; clones share it.
+/// A switch by which another thread stops work. It is common to all clones.
 #[derive(Clone, Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
@@ -114,7 +113,7 @@ impl Stop {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether the work goes on.
+    /// Checks that the work goes on.
     ///
     /// # Errors
     ///
@@ -124,7 +123,7 @@ impl Stop {
     }
 }
 
-/// The drone that flies, in contrast to the one that the scene describes.
+/// The drone that flies, if it differs from the one that the scene describes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actual {
     /// Its body, battery, air and sensors. Controller and estimator are the scene's.
@@ -133,10 +132,10 @@ pub struct Actual {
     pub light: LightOptions,
 }
 
-/// The flight of one drone from a file, or its light alone.
+/// The flight of one drone from a file, or only its light.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Recording {
-    /// A flight, simulated or real; it carries the scene's lamps.
+    /// A flight, simulated or real, with the scene's lamps.
     Flight(Flight),
     /// Lamps moving through the world.
     Light(LightTrace),
@@ -162,8 +161,8 @@ impl Recording {
     }
 }
 
-/// Moves flights in time, all by as much, so that the first one begins at 0. A light trace holds
-/// lit stretches alone, whose clock is the exposure's: flights beside it stay as they are.
+/// Moves flights in time, all by the same, so that the first one begins at 0. A light trace has the
+/// clock of the exposure, so flights beside it are not moved.
 fn from_zero(recordings: &mut [Recording]) {
     let flights = recordings.iter_mut().map(|recording| match recording {
         Recording::Flight(flight) => Some(flight),
@@ -173,6 +172,7 @@ fn from_zero(recordings: &mut [Recording]) {
     let firsts = flights.iter().filter_map(|flight| flight.samples.first());
     let first_s = firsts.map(|sample| sample.time_s).reduce(f64::min).unwrap_or(0.0);
     for flight in flights.iter_mut().filter(|_| first_s != 0.0) {
+        // Gaps are spans of the same clock. The grid keeps differences of times exact.
         flight.edit(|flight| {
             let times_s = flight.samples.iter_mut().map(|sample| &mut sample.time_s);
             let ends_s = flight.gaps.as_flattened_mut().iter_mut();
@@ -187,7 +187,7 @@ pub enum Judging {
     /// Verdict with causes and advice.
     #[default]
     Explained,
-    /// Verdict alone.
+    /// Only the verdict.
     Scored,
     /// Not at all.
     Skipped,
@@ -216,46 +216,40 @@ impl Shoot {
         Self::of_strokes(scene, strokes, &|_| Ok(()))
     }
 
-    /// The same of the scene's strokes, which were drawn already, where the designs pass a check.
+    /// Plans the scene's strokes, which were drawn already, if the designs pass a check.
     ///
     /// # Errors
     ///
     /// As [`Scene::check`], [`fly`] and [`step_responses`], and those of the check.
     pub fn of_strokes(scene: Scene, strokes: Strokes, check: &DesignCheck<'_>) -> Result<Self> {
         scene.check()?;
-        let mut shoot = Self::bare(scene, Some(strokes));
-        shoot.plans = plan(&shoot.scene, shoot.strokes.as_ref().expect("just written"), check)?;
-        shoot.is_planned = true;
-        Ok(shoot)
+        let plans = plan(&scene, &strokes, check)?;
+        let strokes = Some(strokes);
+        Ok(Self { scene, strokes, plans, is_planned: true, keeps_film: true, ..Self::default() })
     }
 
     /// Flies plans, one for each drone. Without a word in the scene the photo is not read.
     ///
     /// # Errors
     ///
-    /// As [`Scene::check`] and [`Scene::strokes`]; [`Error::Input`] for plans that last too long
-    /// together.
+    /// As [`Scene::check`] and [`Scene::strokes`], and [`Error::Input`] for plans that last too
+    /// long together.
     pub fn with_plans(scene: Scene, plans: Vec<Plan>) -> Result<Self> {
         scene.check()?;
-        let whole_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();
-        if whole_s > MAX_TOGETHER_S {
-            let actual = format!("{} that last {whole_s:.0} s together", plans.len());
+        let together_s = plans.iter().map(|plan| plan.duration_s()).sum::<f64>();
+        if together_s > MAX_TOGETHER_S {
+            let actual = format!("{} that last {together_s:.0} s together", plans.len());
             let wanted = format!("at most {MAX_TOGETHER_S} s");
             return Err(Error::input("plans", actual, wanted, "name fewer plans at a time"));
         }
         let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
         let (scene, strokes) = written::as_written(scene, strokes, &plans)?;
         let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
-        Ok(Self { plans, ..Self::bare(scene, strokes) })
+        Ok(Self { scene, strokes, plans, keeps_film: true, ..Self::default() })
     }
 
-    /// Photographs recorded flights or light, one for each drone, on one clock: the exposure begins
-    /// with the first of them, whatever its first stamp. Without a word in the scene the photo is
-    /// not read.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::with_plans`].
+    /// Photographs recorded flights or light, one for each drone, on one clock. The exposure begins
+    /// with the first of them. Without a word in the scene the photo is not read.
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
         from_zero(&mut recordings);
@@ -268,41 +262,19 @@ impl Shoot {
     ///
     /// [`Error::Input`] with their number.
     pub fn check_recordings(recordings: &[Recording]) -> Result<()> {
-        fn samples(recording: &Recording) -> usize {
-            match recording {
-                Recording::Flight(flight) => flight.samples.len(),
-                // A fourth of a flight's sample in memory.
-                Recording::Light(trace) => {
-                    trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
-                }
+        let counts = recordings.iter().map(|recording| match recording {
+            Recording::Flight(flight) => flight.samples.len(),
+            // A fourth of a flight's sample in memory.
+            Recording::Light(trace) => {
+                trace.lamps.iter().map(|lamp| lamp.samples.len()).sum::<usize>() / 4
             }
-        }
-        let n: usize = recordings.iter().map(samples).sum();
+        });
+        let n: usize = counts.sum();
         if n <= MAX_SAMPLES {
             return Ok(());
         }
         let hint = "thin the flights out, or cut them to the time of the picture";
         Err(Error::input("flights", format!("{n} samples"), format!("at most {MAX_SAMPLES}"), hint))
-    }
-
-    fn bare(scene: Scene, strokes: Option<Strokes>) -> Self {
-        Self {
-            scene,
-            strokes,
-            plans: Vec::new(),
-            is_planned: false,
-            designs: Vec::new(),
-            recordings: Vec::new(),
-            actual: Vec::new(),
-            room_seed: None,
-            judging: Judging::default(),
-            format: None,
-            keeps_film: true,
-            reader: None,
-            backend: BackendChoice::default(),
-            cores: None,
-            stop: Stop::default(),
-        }
     }
 
     /// Flies every plan.
@@ -313,55 +285,49 @@ impl Shoot {
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
         if self.in_step() {
-            return self.fly_in_step(watch);
+            let believed = self.scene.sim();
+            let plans = self.plans.iter().enumerate();
+            let fleet = plans.map(|(drone, planned)| (&planned.plan, self.drone(drone, &believed)));
+            return fly_fleet(&fleet.collect::<Vec<_>>(), &mut |done| watch(Stage::Flying, done));
         }
         let done = Mutex::new(vec![0.0; n]);
-        let one = |drone: usize| {
-            self.fly_drone(drone, &mut |share| {
+        let flights = (0..n).into_par_iter().map(|drone| {
+            self.fly_drone(drone, &mut |fraction| {
                 let Ok(mut done) = done.lock() else { return };
-                done[drone] = share;
+                done[drone] = fraction;
                 let mean = done.iter().sum::<f64>() / n as f64;
                 drop(done);
                 watch(Stage::Flying, mean);
             })
-        };
+        });
         // Results are collected in order, so that the same drone's error is reported every time.
-        let flights: Vec<Result<Flight>> = (0..n).into_par_iter().map(one).collect();
+        let flights: Vec<Result<Flight>> = flights.collect();
         flights.into_iter().collect()
     }
 
-    /// Whether the drones hear each other, or fly through each other's wakes.
-    pub fn in_step(&self) -> bool {
+    /// True if the drones hear each other, or fly through each other's downwash.
+    pub(crate) fn in_step(&self) -> bool {
         self.plans.len() > 1
-            && (self.scene.observer.kind == EstimatorKind::Cooperative || !self.wakes().is_empty())
+            && (self.scene.observer.kind == EstimatorKind::Cooperative
+                || !self.downwash_pairs().is_empty())
     }
 
-    /// Pairs of drones, counted from 0, with the second one planned into the wake of the first, and
-    /// their closest approach.
-    pub fn wakes(&self) -> Vec<([usize; 2], Approach)> {
+    /// Pairs of drones, counted from 0, of which the second one is planned into the downwash of the
+    /// first, and their closest approach.
+    pub(crate) fn downwash_pairs(&self) -> Vec<([usize; 2], Approach)> {
         if self.scene.air.downwash == Downwash::None {
             return Vec::new();
         }
         let n = self.plans.len();
         let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| [a, b]));
-        let wakes = pairs.filter_map(|[a, b]| {
+        let pairs = pairs.filter_map(|[a, b]| {
             let nearest = wake(&self.plans[a].plan, &self.plans[b].plan)?;
             Some((if nearest.vertical_m < 0.0 { [b, a] } else { [a, b] }, nearest))
         });
-        wakes.collect()
+        pairs.collect()
     }
 
-    /// Flies all plans with drones that act on each other.
-    fn fly_in_step(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
-        let believed = self.scene.sim();
-        let mut fleet = Vec::new();
-        for (drone, planned) in self.plans.iter().enumerate() {
-            fleet.push((&planned.plan, self.drone(drone, &believed)));
-        }
-        fly_fleet(&fleet, &mut |done| watch(Stage::Flying, done))
-    }
-
-    /// A drone of the fleet, which its controller believes to be the scene's.
+    /// A drone of the fleet, with the one that its controller believes to fly.
     fn drone<'a>(&'a self, drone: usize, believed: &'a SimOptions) -> Drone<'a> {
         let actual = self.actual.get(drone).map_or(believed, |actual| &actual.sim);
         let seed = self.scene.seed;
@@ -371,10 +337,6 @@ impl Shoot {
 
     /// Flies the plan of one drone, counted from 0, without the other drones.
     ///
-    /// # Errors
-    ///
-    /// As [`noctograph_sim::fly`].
-    ///
     /// # Panics
     ///
     /// If there is no such plan.
@@ -383,11 +345,7 @@ impl Shoot {
         fly(&self.plans[drone].plan, &self.drone(drone, &believed), progress)
     }
 
-    /// The flight of the first plan by a controller, or with an estimator, of one's own.
-    ///
-    /// # Errors
-    ///
-    /// As [`Session::new`].
+    /// The flight of the first plan with a user's controller or estimator.
     ///
     /// # Panics
     ///
@@ -401,9 +359,10 @@ impl Shoot {
     ///
     /// # Errors
     ///
-    /// Those of the stages, and [`Error::Stopped`]. [`noctograph_core::error::Error::Input`] for a
-    /// camera behind the word, where it reads mirrored, and for one among the lamps.
+    /// Those of the stages, and [`Error::Stopped`]. [`Error::Input`] for a camera behind the word,
+    /// which reads mirrored from there, and for one among the lamps.
     pub fn take(mut self, watch: &Watch<'_>) -> Result<Shot> {
+        // The slow preparations first, beside the flight: the graphics device and the reader.
         let developer = Developer::start(match self.cores {
             Some(_) => BackendChoice::Cpu,
             None => self.backend,
@@ -429,12 +388,12 @@ impl Shoot {
         Ok(self.fly(watch)?.into_iter().map(Recording::Flight).collect())
     }
 
-    /// A reader of the strokes, where the photo is read and shows a word that can be judged.
+    /// A reader of the strokes, if the photo is read and shows a word that can be judged.
     fn reader(&self) -> Result<Option<Arc<Reader>>> {
         let word = self.strokes.as_ref().filter(|strokes| is_judged(strokes));
+        let word = word.filter(|_| self.judging != Judging::Skipped);
         match (&self.reader, word) {
             (_, None) => Ok(None),
-            _ if self.judging == Judging::Skipped => Ok(None),
             (Some(reader), _) => Ok(Some(reader.clone())),
             (None, Some(strokes)) => Ok(Some(Arc::new(Reader::new(strokes, &self.scene.score)?))),
         }

@@ -1,8 +1,8 @@
-//! The photograph as it develops: the film after each share of the exposure.
+//! The photograph as it develops: the film after each fraction of the exposure.
 //!
-//! Light adds up, so a moment's film is that of the moment before and the light in between; it is
-//! developed as the whole would be, without the noise of the sensor, with the room's light of the
-//! time so far.
+//! Light adds up, so the film of a moment is that of the moment before plus the light in between.
+//! It is developed like the complete film, without the noise of the sensor, with the room's light
+//! of the time so far.
 
 use super::Shot;
 use crate::scene::Scene;
@@ -28,10 +28,10 @@ impl Shot {
         let camera = self.camera.at_width(width_px);
         let Scene { expose, photo, seed, .. } = &self.shoot.scene;
         let options = PhotoOptions { noise: Noise::Off, ..photo.clone() };
-        // Twice as coarse as the whole, so that the rounding of its parts cannot overflow.
+        // Twice as coarse as the complete film, so that the rounding of its parts cannot overflow.
         let room = reflectance(&camera, &options)?;
-        let whole = project(&self.trace, &camera, expose)?.reflected_by(room.clone());
-        let scale_log2 = whole.scale_log2() + 1;
+        let complete = project(&self.trace, &camera, expose)?.reflected_by(room.clone());
+        let scale_log2 = complete.scale_log2() + 1;
         let (width_px, height_px) = (camera.width_px, camera.height_px);
         let counts = vec![0; 3 * width_px as usize * height_px as usize];
         let mut film = Film::made(FilmData { width_px, height_px, counts, scale_log2 });
@@ -40,6 +40,7 @@ impl Shot {
         for moment in 1..=n {
             let lasts_s = (end_s - shutter_open_s) * f64::from(moment) / f64::from(n);
             let shutter_close_s = shutter_open_s + lasts_s;
+            // The light since the last moment is added, and the room's light counts from the start.
             let until = Camera { shutter_close_s, ..camera.clone() };
             let since = Camera { shutter_open_s: time_s, ..until.clone() };
             let lit = part(&self.trace, time_s, shutter_close_s);
@@ -57,15 +58,15 @@ impl Shot {
     }
 }
 
-/// The samples of a time, with one before and one after it.
+/// The samples of a span of time, with one before and one after it.
 fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
-    let part = |lamp: &Lamp| {
+    let lamps = trace.lamps.iter().map(|lamp| {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);
         let last = lamp.samples.partition_point(|sample| sample.time_s <= to_s);
         let samples = &lamp.samples[first.saturating_sub(1)..(last + 1).min(lamp.samples.len())];
         Lamp { drone: lamp.drone, emitter: lamp.emitter.clone(), samples: samples.to_vec() }
-    };
-    LightTrace::made(LightTraceData { lamps: trace.lamps.iter().map(part).collect() })
+    });
+    LightTrace::made(LightTraceData { lamps: lamps.collect() })
 }
 
 #[cfg(test)]

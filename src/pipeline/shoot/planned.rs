@@ -1,7 +1,7 @@
-//! The plans of a scene: its word as its drone, controller and lamps will fly it.
+//! The plans of a scene, for its drone, controller and lamps.
 //!
-//! [`noctograph_plan`] knows neither simulator nor lamps. Here it is given the
-//! step responses of the loop, the flight that a plan leads to, and the lamps' delays.
+//! [`noctograph_plan`] knows neither simulator nor lamps. Here it gets the step responses of the
+//! loop, the simulated flight of a plan, and the delays of the lamps.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ use noctograph_plan::{
     Between, LampTiming, LightClock, Plan, PlanOptions, ReferenceKind, StrokeEnd, fleet,
     stroke_ends, time_lights,
 };
-use noctograph_sim::{Drone, SimOptions, fly};
+use noctograph_sim::{Drone, fly};
 
 /// Passes or refuses designs, before a flight is rehearsed.
 pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
@@ -29,27 +29,19 @@ pub type DesignCheck<'a> = dyn Fn(&[Plan]) -> Result<()> + 'a;
 pub struct Planned {
     /// The plan that is sent.
     pub plan: Plan,
-    /// Errors of the light at the strokes' ends, where lights follow the light's own clock.
+    /// Errors of the light at the strokes' ends. Empty if lights follow the setpoints.
     pub ends: Vec<StrokeEnd>,
 }
 
-/// Plans the flights that write a drawing, one for each drone, as the scene's `[plan]` says.
-///
-/// 1. [`fleet`] makes the designs, which must pass `check`.
-/// 2. The reference is the design filtered by the inverse of the closed loop.
-/// 3. A simulated rehearsal flight corrects the reference by the tracking error that remains, since
-///    take-off, integrators and saturation are nonlinear.
-/// 4. The lights are timed by their own clock.
-///
-/// # Errors
-///
-/// As [`fleet`], [`step_responses`] and [`fly`], and those of the check.
+/// Plans the flights that write a drawing, one for each drone, by the scene's `[plan]`. The designs
+/// must pass `check`.
 pub(super) fn plan(
     scene: &Scene,
     strokes: &Strokes,
     check: &DesignCheck<'_>,
 ) -> Result<Vec<Planned>> {
     let lamps = in_ink(&scene.light, scene, Some(strokes));
+    // 1. Designs, and beside them the step responses of the closed loop.
     let trajectory_clock = Some(scene.trajectory_clock());
     let options = PlanOptions { trajectory_clock, ..scene.plan.clone() };
     let inverted = scene.plan.reference == ReferenceKind::Inverse;
@@ -60,26 +52,13 @@ pub(super) fn plan(
     let plans = plans?;
     check(&plans)?;
     let responses = responses?;
-    let follows_design = scene.controller.kind.follows_design();
-    let planned = plans.into_par_iter().map(|plan| {
-        responses.iter().try_for_each(|responses| check_cost(&plan, responses))?;
+    let planned = plans.into_par_iter().map(|design| {
+        // 2. The reference that the drone is sent.
         let plan = match &responses {
-            None => plan,
-            Some(responses) => {
-                let inverse = inverse(&plan, responses);
-                let led = if follows_design { plan } else { feedforward(&plan, &inverse) };
-                let mut flight = rehearse(scene, &led)?;
-                // The plan is off by the mean error of real flights, which the rehearsal does not
-                // have.
-                let mean_error_m = Vector3::from(scene.plan.mean_error_m);
-                if mean_error_m != Vector3::zeros() {
-                    flight.edit(|flight| {
-                        flight.samples.iter_mut().for_each(|s| s.position_m += mean_error_m)
-                    });
-                }
-                corrected(&led, &flight, &inverse)
-            }
+            None => design,
+            Some(responses) => led(scene, design, responses)?,
         };
+        // 3. The light commands, which depend on the flight of that reference.
         match scene.plan.light_clock {
             LightClock::Setpoint => Ok(Planned { plan: in_colors(plan, &lamps), ends: Vec::new() }),
             LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
@@ -90,35 +69,54 @@ pub(super) fn plan(
     planned.into_iter().collect()
 }
 
+/// The reference that leads the drone along a design: the design filtered by the inverse of the
+/// closed loop. Take-off, integrators and saturation are nonlinear, so a simulated rehearsal
+/// corrects it by the tracking error that remains.
+fn led(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
+    check_cost(&design, responses)?;
+    let inverse = inverse(&design, responses);
+    let reference = match scene.controller.kind.follows_design() {
+        true => design,
+        false => feedforward(&design, &inverse),
+    };
+    let mut flight = rehearse(scene, &reference)?;
+    // The rehearsal lacks the mean error of real flights, which is to be corrected as well.
+    let mean_error_m = Vector3::from(scene.plan.mean_error_m);
+    if mean_error_m != Vector3::zeros() {
+        flight.edit(|flight| flight.samples.iter_mut().for_each(|s| s.position_m += mean_error_m));
+    }
+    Ok(corrected(&reference, &flight, &inverse))
+}
+
 /// Adds the channels of the colors of a lamp that writes letters in different colors.
 pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
     if light.letters_wrgb.is_empty() {
         return plan;
     }
+    // Commands lead the light, so a row has the color of the letter that it will light.
     let letters = noctograph_plan::light_letters(&plan);
     let lit: Vec<bool> = plan.commanded().iter().map(|level| *level > 0.0).collect();
-    let mut add = |lamp: &str, channels: &[&str], color: &dyn Fn(Option<usize>, usize) -> u8| {
+    for (lamp, channels) in [(RING.name, RING.colors), (COLOR_LED.name, COLOR_LED.colors)] {
         if !plan.lights.contains_key(lamp) {
-            return;
+            continue;
         }
         for (k, channel) in channels.iter().enumerate() {
-            let rows = letters.iter().zip(&lit);
-            let level = |(letter, lit): (&Option<usize>, &bool)| match lit {
-                true => f64::from(color(*letter, k)) / 255.0,
+            let rows = letters.iter().zip(&lit).map(|(letter, lit)| match lit {
                 false => 0.0,
-            };
-            plan.edit(|plan| plan.lights.insert((*channel).to_owned(), rows.map(level).collect()));
+                true if lamp == RING.name => f64::from(light.ring_rgb_of(*letter)[k]) / 255.0,
+                true => f64::from(light.wrgb_of(*letter)[k]) / 255.0,
+            });
+            let levels = rows.collect();
+            plan.edit(|plan| plan.lights.insert((*channel).to_owned(), levels));
         }
-    };
-    add(RING.name, RING.colors, &|letter, k| light.ring_rgb_of(letter)[k]);
-    add(COLOR_LED.name, COLOR_LED.colors, &|letter, k| light.wrgb_of(letter)[k]);
+    }
     plan
 }
 
-/// Most multiplications of the inverse of a loop: some seconds.
+/// Most multiplications of the inverse of a loop, which take some seconds.
 const MAX_INVERSE: f64 = 4e9;
 
-/// Refuses a plan of so many setpoints within the loop's response that its inverse takes minutes.
+/// Refuses a plan with too many setpoints within the loop's response, whose inverse takes minutes.
 fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     let n = plan.setpoints.len();
     let interval_s = plan.duration_s() / n.max(1) as f64;
@@ -136,32 +134,22 @@ fn check_cost(plan: &Plan, responses: &[StepResponse; 3]) -> Result<()> {
     ))
 }
 
-/// Flies a plan undisturbed: by [`SimOptions::rehearsal_by_filter`], or by
-/// [`SimOptions::rehearsal`] for other drones and where the stations do not see the whole flight,
-/// since the filter's estimate is then left to chance.
-///
-/// # Errors
-///
-/// As [`fly`].
+/// Flies a plan undisturbed, with the drone's own filter if the stations see the whole flight.
+/// Otherwise the estimate of the filter depends on chance, and the true state is used.
 pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
-    let fly = |options: &SimOptions| fly(plan, &Drone::new(options, REHEARSED), &mut |_| {});
-    let by_filter = scene.sim().rehearsal_by_filter().map(|options| fly(&options));
-    let is_seen = |flight: &Flight| !flight.warnings.iter().any(|warning| warning.code == UNSEEN);
-    match by_filter {
-        Some(Ok(flight)) if is_seen(&flight) => Ok(flight),
-        _ => fly(&scene.sim().rehearsal()),
+    // The same seed for all rehearsals: it picks the sweeps that the Lighthouse deck drops.
+    let seed = 0;
+    if let Some(options) = scene.sim().rehearsal_by_filter()
+        && let Ok(flight) = fly(plan, &Drone::new(&options, seed), &mut |_| {})
+        && !flight.warnings.iter().any(|warning| warning.code == UNSEEN)
+    {
+        return Ok(flight);
     }
+    fly(plan, &Drone::new(&scene.sim().rehearsal(), seed), &mut |_| {})
 }
 
-/// Seed of a rehearsal, the same for all flights of a plan: of the rotations that the deck drops.
-const REHEARSED: u64 = 0;
-
-/// Moves a plan's light commands so that the light begins and ends with the strokes of a flight of
-/// this plan, rehearsed or real.
-///
-/// # Errors
-///
-/// As [`time_lights`].
+/// Moves a plan's light commands so that the light begins and ends with the strokes of a simulated
+/// or real flight of this plan.
 pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
     let between = match scene.controller.kind.follows_design() {
         true => Between::Design,
@@ -172,10 +160,6 @@ pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) ->
 }
 
 /// Errors of the light at the strokes' ends in a flight of a plan.
-///
-/// # Errors
-///
-/// As [`stroke_ends`].
 pub fn ends(scene: &Scene, plan: &Plan, flight: &Flight) -> Result<Vec<StrokeEnd>> {
     stroke_ends(plan, flight, &lamp_timing(&scene.light))
 }
@@ -198,7 +182,7 @@ mod tests {
     use noctograph_plan::tracking::{Part, track};
     use noctograph_sim::sensors::SensorOptions;
     use noctograph_sim::vehicle::Gusts;
-    use noctograph_sim::{ControllerKind, EstimatorKind, Setpoints};
+    use noctograph_sim::{ControllerKind, EstimatorKind, Setpoints, SimOptions};
 
     fn plan(scene: &Scene, strokes: &Strokes) -> Result<Vec<Planned>> {
         super::plan(scene, strokes, &|_| Ok(()))
@@ -228,13 +212,13 @@ mod tests {
     fn a_ring_writes_each_letter_in_its_color() {
         let mut scene = scene(PlanOptions::even(), ControllerKind::LqrFeedforward);
         scene.plan.lights = vec!["ring".to_owned()];
-        let white = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
+        let plain = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
         scene.light.letters_wrgb = vec![[0, 255, 0, 0], [0, 0, 51, 255], [255, 0, 0, 0]];
         let colored = plan(&scene, &noor()).unwrap().swap_remove(0).plan;
-        assert_eq!((colored.lit(), &colored.setpoints), (white.lit(), &white.setpoints));
-        let own = scene.light.ring_rgb_of(None).map(|byte| f64::from(byte) / 255.0);
-        let colors = [[1.0, 0.0, 0.0], [0.0, 0.2, 1.0], own, [1.0, 0.0, 0.0]];
-        for (row, level) in white.lights["ring"].iter().enumerate() {
+        assert_eq!((colored.lit(), &colored.setpoints), (plain.lit(), &plain.setpoints));
+        let white = scene.light.ring_rgb_of(None).map(|byte| f64::from(byte) / 255.0);
+        let colors = [[1.0, 0.0, 0.0], [0.0, 0.2, 1.0], white, [1.0, 0.0, 0.0]];
+        for (row, level) in plain.lights["ring"].iter().enumerate() {
             let letter = noctograph_plan::light_letters(&colored)[row];
             let wanted = letter.filter(|_| *level > 0.0).map_or([0.0; 3], |l| colors[l]);
             assert!(RING.colors.iter().map(|it| colored.lights[*it][row]).eq(wanted));

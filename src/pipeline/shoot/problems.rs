@@ -1,8 +1,8 @@
 //! Problems of a picture: obstacles, which hide any word, and warnings.
 //!
-//! The former in this order: a shutter that misses the word, lamps that are dark or face away, a
-//! black or a white picture. Then the flights' own warnings, gaps of logs, strokes that a font
-//! lacks, and strokes outside the picture.
+//! Obstacles come first: a shutter that misses the word, lamps that are dark or face away, a black
+//! or a white picture. Then come warnings of the flights, gaps of logs, strokes that a font lacks,
+//! and strokes outside the picture.
 
 use nalgebra::Vector3;
 
@@ -14,10 +14,10 @@ use noctograph_picture::light::gaps::{Gap, gaps};
 use noctograph_picture::light::{Lamp, LightOptions, LightSample, LightTrace};
 use noctograph_picture::photo::Photo;
 
-/// Codes of what hides any word.
+/// Codes of obstacles.
 pub const OBSTACLES: [&str; 7] =
     ["shutter-closes", "shutter-opens", UNLIT, FACES_AWAY, "overexposed", UNDEREXPOSED, NO_PICTURE];
-/// Codes of what else is seen in a picture.
+/// Codes of other flaws of a picture.
 pub const FLAWS: [&str; 4] = ["log-gaps", "lost-strokes", "drawing-part", "outside"];
 
 /// No lamp that writes is lit while the shutter is open.
@@ -26,61 +26,17 @@ pub const UNLIT: &str = "unlit";
 pub const FACES_AWAY: &str = "faces-away";
 /// Nothing is exposed.
 pub const UNDEREXPOSED: &str = "underexposed";
-/// The stages before the photo refuse.
+/// A stage before the photo fails.
 pub const NO_PICTURE: &str = "no-picture";
 
 fn obstacle(code: &'static str, message: String, help: &'static str) -> Diagnostic {
     Diagnostic::new(code, Severity::Stop, message).helped(help)
 }
 
-/// The shutter closes before the word is done.
-fn shutter_closes(close_s: f64, early_s: f64) -> Diagnostic {
-    let message =
-        format!("the shutter closes at {close_s:.1} s, {early_s:.1} s before the word is done");
-    obstacle("shutter-closes", message, "leave {camera.shutter_close_s} out")
-        .with("at_s", close_s)
-        .with("early_s", early_s)
-}
-
-/// The shutter opens after the word is begun.
-fn shutter_opens(open_s: f64, late_s: f64) -> Diagnostic {
-    let message =
-        format!("the shutter opens at {open_s:.1} s, {late_s:.1} s after the word is begun");
-    obstacle("shutter-opens", message, "set {camera.shutter_open_s=0}")
-        .with("at_s", open_s)
-        .with("late_s", late_s)
-}
-
-/// The lamps that write face away from the camera for a share of their light's time.
-fn faces_away(away_frac: f64) -> Diagnostic {
-    let message = format!(
-        "{:.0} % of the writing lamps' light is emitted away from the camera",
-        100.0 * away_frac
-    );
-    let help = "turn the nose ({plan.yaw_rad}) or the lamps ({light.fixtures}), or move the camera \
-                in front of them ({camera.framing})";
-    obstacle(FACES_AWAY, message, help).with("away_frac", away_frac)
-}
-
-/// The stages before the photo refuse.
+/// A stage before the photo failed.
 pub fn no_picture(error: &Error) -> Diagnostic {
     let help = "see `preview`; {camera.framing=word} frames the word";
     obstacle(NO_PICTURE, error.to_string(), help)
-}
-
-/// Gaps of a log, whose lit lamps are bridged, or break the trails: `bridged_m` is the largest
-/// uncertainty of a position in the middle of those bridged.
-fn log_gaps(spans_s: &[[f64; 2]], bridged_m: Option<f64>) -> Diagnostic {
-    let what = match bridged_m {
-        Some(m) => format!("bridged by a smooth path, uncertain by up to {:.0} mm", 1e3 * m),
-        None => {
-            "too long to bridge; trails break there, though the lamps may have shone".to_owned()
-        }
-    };
-    let (n, spans) = (spans_s.len(), in_words(spans_s));
-    Diagnostic::warning("log-gaps", format!("gaps of the log: {n} {what} ({spans})"))
-        .with("n", n)
-        .helped("log fewer variables, or on the \u{b5}SD card")
 }
 
 /// The center lines of a typeface lack a stroke of some letters.
@@ -92,62 +48,63 @@ pub(super) fn lost_strokes(font: &str, letters: &str) -> Diagnostic {
         .helped("write with {letters.font=simplex} or a plainer typeface")
 }
 
-/// Advice where there is no light.
+/// Advice for a picture without light.
 pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}: headlights, ring (with an \
      effect in {light.ring}) or color-led";
 
-/// The first of some spans of time.
-fn in_words(spans_s: &[[f64; 2]]) -> String {
-    let first = spans_s.iter().take(5).map(|[from, to]| format!("{from:.2}–{to:.2} s"));
-    let more = if spans_s.len() > 5 { ", …" } else { "" };
-    first.collect::<Vec<_>>().join(", ") + more
-}
+/// Largest fraction of a lamp's light that may face away from the camera: the end of a stroke.
+const MOST_AWAY_FRAC: f64 = 0.02;
 
-/// Share of a lamp's light that may face away from the camera: a stroke's end, not a letter.
-const MOST_AWAY: f64 = 0.02;
-
-/// Longest way at a stretch, in cap heights, along which it may: ends of strokes that are as much
-/// too short are no fault of the light either (`lit transit`), and the ring's are, low in high
-/// letters.
+/// Longest continuous path, in cap heights, along which it may face away. The check `lit transit`
+/// lets strokes be as much too short, and those of the ring are, low in high letters.
 const LONGEST_AWAY_H: f64 = 0.1;
 
-/// Least share of a lamp's intensity on its axis that counts as shining at the camera.
-const AWAY_SHARE: f64 = 0.02;
+/// Least intensity toward the camera that counts as light, as a fraction of that on the axis.
+const TOWARD_FRAC: f64 = 0.02;
 
 /// Least difference of levels between the brightest pixels and the median.
-const CONTRAST: u8 = 10;
+const CONTRAST: usize = 10;
 
-/// Share of the pixels that counts as the brightest: a thin trail's.
-const BRIGHTEST: f64 = 0.000_2;
+/// Fraction of the pixels that counts as the brightest, as few as those of a thin trail.
+const BRIGHTEST_FRAC: f64 = 0.000_2;
 
-/// Level of a white pixel, and the share of white pixels that hides every trail.
-const WHITE: (u8, f64) = (245, 0.5);
+/// Level of a white pixel, and the fraction of white pixels that hides every trail.
+const WHITE_LEVEL: u8 = 245;
+const MOST_WHITE_FRAC: f64 = 0.5;
+
+/// Most gaps of a log that a message lists.
+const MAX_SPANS: usize = 5;
 
 /// Tolerance of the shutter at the ends of a word.
 const SLACK_S: f64 = 0.1;
 
-/// The lamps that write: those with a channel of the flights, or all if the flights have no
-/// channels.
+/// True if a sample of a lamp is lit while a camera's shutter is open.
+pub(crate) fn is_exposed(sample: &LightSample, camera: &Camera) -> bool {
+    sample.level > 0.0 && (camera.shutter_open_s..=camera.shutter_close_s).contains(&sample.time_s)
+}
+
+/// The lamps that write: those with a channel of the flights, or all lamps without channels.
 pub fn writing<'a>(
     flights: &[Flight],
     trace: &'a LightTrace,
     options: &LightOptions,
 ) -> Vec<&'a Lamp> {
-    let fixtures = options.fixtures();
-    let follows = |lamp: &&Lamp| {
-        let name = &lamp.emitter.name;
-        fixtures.iter().filter(|fixture| fixture.name == *name).any(|fixture| {
-            fixture.drive.channel().is_some_and(|wanted| {
-                let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
-                channels
-                    .any(|channel| channel == wanted || channel.starts_with(&format!("{wanted}.")))
-            })
-        })
-    };
     if flights.iter().all(|flight| flight.lights.is_empty()) {
         return trace.lamps.iter().collect();
     }
-    trace.lamps.iter().filter(follows).collect()
+    // Names of fixtures with a channel, to which lamps are compared.
+    let mut fixtures = options.fixtures();
+    fixtures.retain(|fixture| {
+        let mut channels = flights.iter().flat_map(|flight| flight.lights.keys());
+        fixture.drive.channel().is_some_and(|lamp| channels.any(|channel| drives(channel, lamp)))
+    });
+    let lamps = trace.lamps.iter();
+    lamps.filter(|lamp| fixtures.iter().any(|f| f.name == lamp.emitter.name)).collect()
+}
+
+/// True if a channel of a flight is that of a lamp, or of one of its colors.
+fn drives(channel: &str, lamp: &str) -> bool {
+    channel.strip_prefix(lamp).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 /// Obstacles that flights, lamps and camera show before a photo is taken.
@@ -157,76 +114,91 @@ pub(super) fn before(
     camera: &Camera,
     cap_height_m: f64,
 ) -> Vec<Diagnostic> {
+    // The time from the first to the last letter of all drones.
     let written = flights.iter().flat_map(|flight| &flight.samples);
     let written = written.filter(|sample| sample.letter.is_some()).map(|sample| sample.time_s);
     let [first_s, last_s] =
         written.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], t| [a.min(t), b.max(t)]);
     let [open_s, close_s] = [camera.shutter_open_s, camera.shutter_close_s];
+    let mut problems = Vec::new();
     let (early_s, late_s) = (last_s - close_s, open_s - first_s);
-    let early = (early_s > SLACK_S).then(|| shutter_closes(close_s, early_s));
-    let late = (late_s > SLACK_S).then(|| shutter_opens(open_s, late_s));
-    early.into_iter().chain(late).chain(unlit_or_away(lamps, camera, cap_height_m)).collect()
+    if early_s > SLACK_S {
+        let message =
+            format!("the shutter closes at {close_s:.1} s, {early_s:.1} s before the word is done");
+        let closes = obstacle("shutter-closes", message, "leave {camera.shutter_close_s} out");
+        problems.push(closes.with("at_s", close_s).with("early_s", early_s));
+    }
+    if late_s > SLACK_S {
+        let message =
+            format!("the shutter opens at {open_s:.1} s, {late_s:.1} s after the word is begun");
+        let opens = obstacle("shutter-opens", message, "set {camera.shutter_open_s=0}");
+        problems.push(opens.with("at_s", open_s).with("late_s", late_s));
+    }
+    problems.extend(unlit_or_away(lamps, camera, cap_height_m));
+    problems
 }
 
 /// Lamps that are never lit while the shutter is open, or that face away from the camera.
 fn unlit_or_away(lamps: &[&Lamp], camera: &Camera, cap_height_m: f64) -> Option<Diagnostic> {
-    let open = camera.shutter_open_s..=camera.shutter_close_s;
-    let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
-    // Share of the light, and the longest way of it at a stretch.
-    let away = |lamp: &&Lamp| {
-        let (mut n_lit, mut n_away, mut way_m, mut longest_m) = (0_u32, 0_u32, 0.0, 0.0_f64);
-        let mut before_m: Option<Vector3<f64>> = None;
-        for sample in &lamp.samples {
-            let toward: Vector3<f64> = camera.position_m - sample.position_m;
-            let cos = || sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
-            let is_away = lit(&sample) && lamp.emitter.share(cos()) < AWAY_SHARE;
-            n_lit += u32::from(lit(&sample));
-            n_away += u32::from(is_away);
-            let step_m = before_m.map_or(0.0, |from_m| (sample.position_m - from_m).norm());
-            way_m = if is_away { way_m + step_m } else { 0.0 };
-            before_m = is_away.then_some(sample.position_m);
-            longest_m = longest_m.max(way_m);
-        }
-        (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
+    // The lamp that faces away the least counts: one that is seen is enough.
+    let away = lamps.iter().filter_map(|lamp| facing_away(lamp, camera));
+    let Some((away_frac, longest_m)) = away.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        let message = "no lamp that writes is lit while the shutter is open".to_owned();
+        return Some(obstacle(UNLIT, message, CHECK_LIGHT));
     };
-    let (away_frac, longest_m) = match lamps.iter().filter_map(away).reduce(least) {
-        None => {
-            let message = "no lamp that writes is lit while the shutter is open".to_owned();
-            return Some(obstacle(UNLIT, message, CHECK_LIGHT));
-        }
-        Some(away) => away,
-    };
-    let is_seen = away_frac <= MOST_AWAY || longest_m <= LONGEST_AWAY_H * cap_height_m;
-    (!is_seen).then(|| faces_away(away_frac))
+    if away_frac <= MOST_AWAY_FRAC || longest_m <= LONGEST_AWAY_H * cap_height_m {
+        return None;
+    }
+    let percent = 100.0 * away_frac;
+    let message =
+        format!("{percent:.0} % of the writing lamps' light is emitted away from the camera");
+    let help = "turn the nose ({plan.yaw_rad}) or the lamps ({light.fixtures}), or move the camera \
+                in front of them ({camera.framing})";
+    Some(obstacle(FACES_AWAY, message, help).with("away_frac", away_frac))
 }
 
-/// The lamp that faces away the least.
-fn least(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
-    if b.0 < a.0 { b } else { a }
+/// The fraction of a lamp's light that faces away from a camera, and the length of the longest
+/// continuous path of it. `None` for a lamp that is not lit.
+fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
+    let (mut n_lit, mut n_away, mut path_m, mut longest_m) = (0_u32, 0_u32, 0.0, 0.0_f64);
+    let mut before_m: Option<Vector3<f64>> = None;
+    for sample in &lamp.samples {
+        let is_lit = is_exposed(sample, camera);
+        let toward: Vector3<f64> = camera.position_m - sample.position_m;
+        let cos = sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
+        let is_away = is_lit && lamp.emitter.share(cos) < TOWARD_FRAC;
+        n_lit += u32::from(is_lit);
+        n_away += u32::from(is_away);
+        // A sample toward the camera interrupts the path.
+        let step_m = before_m.map_or(0.0, |from_m| (sample.position_m - from_m).norm());
+        path_m = if is_away { path_m + step_m } else { 0.0 };
+        before_m = is_away.then_some(sample.position_m);
+        longest_m = longest_m.max(path_m);
+    }
+    (n_lit > 0).then(|| (f64::from(n_away) / f64::from(n_lit), longest_m))
 }
 
-/// Whether no trail stands out in a photo: a reader that raises faint light to full light may find
-/// letters in its noise.
+/// True if no trail stands out in a photo, in whose noise a reader may find letters.
 pub fn is_dark(photo: &Photo, camera: &Camera) -> bool {
     of_photo(photo, camera).is_some_and(|problem| problem.code == UNDEREXPOSED)
 }
 
 /// A photo without a visible trail: all black or all white.
 pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
-    let mut histogram = [0_usize; 256];
     let pixels = photo.rgb8.as_chunks::<3>().0;
+    let mut counts = [0_usize; 256];
     for &[r, g, b] in pixels {
-        histogram[usize::from(r.max(g).max(b))] += 1;
+        counts[usize::from(r.max(g).max(b))] += 1;
     }
-    let n = pixels.len();
-    let brighter =
-        |level: u8| histogram[usize::from(level)..].iter().sum::<usize>() as f64 / n.max(1) as f64;
-    let level_of =
-        |share: f64| (0..=255).rev().find(|level| brighter(*level) >= share).unwrap_or(0);
-    let (white, hiding) = WHITE;
+    // The fraction of pixels at each level or above: the histogram, summed up from white.
+    let (mut brighter_frac, mut n_brighter) = ([0.0; 256], 0);
+    for level in (0..256).rev() {
+        n_brighter += counts[level];
+        brighter_frac[level] = n_brighter as f64 / pixels.len().max(1) as f64;
+    }
     let settings = format!("f/{}, ISO {}", camera.f_number, camera.iso);
-    let white_frac = brighter(white);
-    if white_frac > hiding {
+    let white_frac = brighter_frac[usize::from(WHITE_LEVEL)];
+    if white_frac > MOST_WHITE_FRAC {
         let percent = 100.0 * white_frac;
         let message =
             format!("everything is exposed: {percent:.0} % of the picture is white at {settings}");
@@ -234,28 +206,25 @@ pub(super) fn of_photo(photo: &Photo, camera: &Camera) -> Option<Diagnostic> {
                     ({photo.ambient_cd_m2})";
         return Some(obstacle("overexposed", message, help).with("white_frac", white_frac));
     }
-    let (brightest, median) = (level_of(BRIGHTEST), level_of(0.5));
+    // A trail is at least this much brighter than half of the picture.
+    let [brightest, median] = [BRIGHTEST_FRAC, 0.5]
+        .map(|frac| (0..256).rev().find(|level| brighter_frac[*level] >= frac).unwrap_or(0));
     let help = "raise {camera.iso} or lower {camera.f_number} (see `meter`)";
-    (brightest < median.saturating_add(CONTRAST)).then(|| {
+    (brightest < (median + CONTRAST).min(255)).then(|| {
         let message = format!("nothing is exposed: no trail stands out at {settings}");
         obstacle(UNDEREXPOSED, message, help)
     })
 }
 
-/// Lit channels of a flight that no lamp of the scene follows, beside others that one follows.
+/// Lit channels of a flight without a lamp in the scene, if other channels have one.
 pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnostic> {
     let fixtures = lamps.fixtures();
-    let follows = |channel: &str| {
-        let mut wanted = fixtures.iter().filter_map(|fixture| fixture.drive.channel());
-        wanted.any(|wanted| {
-            channel
-                .strip_prefix(wanted)
-                .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        })
-    };
     let lit = flight.lights.iter().filter(|(_, levels)| levels.iter().any(|level| *level > 0.0));
     let (known, unknown): (Vec<&str>, Vec<&str>) =
-        lit.map(|(channel, _)| channel.as_str()).partition(|channel| follows(channel));
+        lit.map(|(channel, _)| channel.as_str()).partition(|channel| {
+            let mut lamps = fixtures.iter().filter_map(|fixture| fixture.drive.channel());
+            lamps.any(|lamp| drives(channel, lamp))
+        });
     (!known.is_empty() && !unknown.is_empty()).then(|| {
         let names = unknown.join(", ");
         let message = format!("the scene has no lamp for the light of {names}: it is left out");
@@ -263,18 +232,25 @@ pub(super) fn lampless(flight: &Flight, lamps: &LightOptions) -> Option<Diagnost
     })
 }
 
-/// The gaps in a real flight's log.
+/// The gaps in a real flight's log: those that a smooth path bridges, and those that break trails.
 pub(super) fn of_log(flight: &Flight) -> impl Iterator<Item = Diagnostic> {
     let (bridged, open): (Vec<Gap>, Vec<Gap>) = gaps(flight).into_iter().partition(Gap::is_bridged);
     let most_m = bridged.iter().map(|gap| gap.uncertainty_m).fold(0.0, f64::max);
-    let kinds = [(bridged, Some(most_m)), (open, None)].into_iter();
-    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, bridged_m)| {
-        let spans_s: Vec<[f64; 2]> = gaps.iter().map(|gap| gap.span_s).collect();
-        log_gaps(&spans_s, bridged_m)
+    let smooth = format!("bridged by a smooth path, uncertain by up to {:.0} mm", 1e3 * most_m);
+    let broken = "too long to bridge; trails break there, though the lamps may have shone";
+    let kinds = [(bridged, smooth), (open, broken.to_owned())].into_iter();
+    kinds.filter(|(gaps, _)| !gaps.is_empty()).map(|(gaps, what)| {
+        let first = gaps.iter().take(MAX_SPANS).map(|gap| gap.span_s);
+        let first = first.map(|[from, to]| format!("{from:.2}–{to:.2} s"));
+        let spans = first.collect::<Vec<_>>().join(", ");
+        let (n, more) = (gaps.len(), if gaps.len() > MAX_SPANS { ", …" } else { "" });
+        Diagnostic::warning("log-gaps", format!("gaps of the log: {n} {what} ({spans}{more})"))
+            .with("n", n)
+            .helped("log fewer variables, or on the \u{b5}SD card")
     })
 }
 
-/// The word and light outside the picture.
+/// Parts of the word and of the light that are outside the picture.
 pub(super) fn outside(
     trace: &LightTrace,
     [left, bottom, right, top]: [f64; 4],
@@ -283,24 +259,20 @@ pub(super) fn outside(
 ) -> impl Iterator<Item = Diagnostic> {
     let corners = [[left, 0.0, bottom], [right, 0.0, bottom], [left, 0.0, top], [right, 0.0, top]];
     let word = corners.map(Vector3::from).into_iter().filter(|_| left < right);
-    let open = camera.shutter_open_s..=camera.shutter_close_s;
-    let lit = |s: &&LightSample| s.level > 0.0 && open.contains(&s.time_s);
-    let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples).filter(lit);
-    let light = samples.map(|sample| sample.position_m);
-    let sides = [("word", camera.outside(word)), ("light", camera.outside(light))];
-    let help = move |what: &str| match (is_framed, what) {
-        (false, _) => {
-            "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin"
-        }
-        (true, "light") => {
-            "{camera.framing.fill_frac} sets the margin around the word; is the flight in meters, \
-             with z up, and at the word's place?"
-        }
-        (true, _) => "{camera.framing.fill_frac} sets the margin",
-    };
-    sides.into_iter().filter_map(move |(what, sides)| {
+    let samples = trace.lamps.iter().flat_map(|lamp| &lamp.samples);
+    let light = samples.filter(|s| is_exposed(s, camera)).map(|sample| sample.position_m);
+    // A framed word is in the picture: light outside it is probably at the wrong place.
+    let margin = "{camera.framing.fill_frac} sets the margin";
+    let place = "{camera.framing.fill_frac} sets the margin around the word; is the flight in \
+                 meters, with z up, and at the word's place?";
+    let framing =
+        "{camera.framing=word} frames the word; {camera.framing.fill_frac} sets the margin";
+    let [help_word, help_light] = if is_framed { [margin, place] } else { [framing; 2] };
+    let parts =
+        [("word", camera.outside(word), help_word), ("light", camera.outside(light), help_light)];
+    parts.into_iter().filter_map(|(what, sides, help)| {
         let message = format!("part of the {what} is outside the picture: {}", sides?);
-        Some(Diagnostic::warning("outside", message).with("what", what).helped(help(what)))
+        Some(Diagnostic::warning("outside", message).with("what", what).helped(help))
     })
 }
 
@@ -310,7 +282,7 @@ mod tests {
     use noctograph_core::flight::DroneIndex;
     use noctograph_picture::light::{Deck, Emitter, LightSample, LightTraceData};
 
-    /// A deck that is new goes into the advice where no lamp shines, and into the page.
+    /// The advice about dark lamps and the page list every deck.
     #[test]
     fn what_lists_the_decks_lists_all_of_them() {
         let page = include_str!("../../serve/page/wish.js");

@@ -1,12 +1,13 @@
 //! Predictions for a plan: the step response of the closed loop, and the undisturbed drone.
 //!
 //! The response is the difference of two simulated flights, with and without a small step of the
-//! setpoint: offsets and noise common to both cancel, and the linear response of controller,
+//! setpoint. Offsets and noise common to both cancel, and the linear response of controller,
 //! observer, rotors and sampling remains.
 
 use nalgebra::Vector3;
 
 use noctograph_core::error::{Error, Result};
+use noctograph_core::flight::Flight;
 use noctograph_core::plan::PlanData;
 use noctograph_plan::response::StepResponse;
 use noctograph_plan::{Plan, Setpoint};
@@ -20,10 +21,10 @@ const BEFORE_S: f64 = 4.0;
 const AFTER_S: f64 = 6.0;
 /// High enough to be out of the floor's reach.
 const HEIGHT_M: f64 = 1.5;
-/// Largest remaining error of a loop that follows positions, as a share of the step.
+/// Largest remaining error of a loop that follows positions, as a fraction of the step.
 const LEFT_FRAC: f64 = 0.05;
 
-/// How the drone's position answers a step of the setpoint, along world x, y and z.
+/// Responses of the drone's position to a step of the setpoint, along world x, y and z.
 ///
 /// # Errors
 ///
@@ -31,40 +32,42 @@ const LEFT_FRAC: f64 = 0.05;
 /// six seconds.
 pub fn step_responses(options: &SimOptions) -> Result<[StepResponse; 3]> {
     let options = options.rehearsal();
-    let after = |step_m: f64| {
-        let step = |time_s: f64, off_m: f64| Setpoint {
-            time_s,
-            position_m: Vector3::new(off_m, off_m, HEIGHT_M + off_m),
-            velocity_m_s: Vector3::zeros(),
-            acceleration_m_s2: Vector3::zeros(),
-            letter: None,
-        };
-        let end_s = BEFORE_S + AFTER_S;
-        let setpoints = vec![step(0.0, 0.0), step(BEFORE_S, step_m), step(end_s, step_m)];
-        let plan = Plan::made(PlanData { setpoints, ..PlanData::default() });
-        fly(&plan, &Drone::new(&options, 0), &mut |_| {})
-    };
-    let (still, stepped) = rayon::join(|| after(0.0), || after(STEP_M));
+    let (still, stepped) = rayon::join(|| fly_step(&options, 0.0), || fly_step(&options, STEP_M));
     let (still, stepped) = (still?, stepped?);
-    let moved = still.samples.iter().zip(&stepped.samples);
-    let moved: Vec<Vector3<f64>> = moved
+    // Their difference from the step on, as a fraction of the step: the response.
+    let pairs = still.samples.iter().zip(&stepped.samples);
+    let moved: Vec<Vector3<f64>> = pairs
         .filter(|(sample, _)| sample.time_s >= BEFORE_S)
         .map(|(a, b)| (b.position_m - a.position_m) / STEP_M)
         .collect();
+    // A loop that does not come to the setpoint has no inverse.
+    let end = moved.last().copied().unwrap_or_default();
+    if let Some(axis) = (0..3).find(|axis| (end[*axis] - 1.0).abs() > LEFT_FRAC) {
+        let after = format!("{AFTER_S} s after a step of the setpoint along axis {axis}");
+        return Err(Error::infeasible(
+            format!("{after} the drone has gone {:.0} % of it", 100.0 * end[axis]),
+            "set plan.reference = \"design\", or choose gains that follow",
+        ));
+    }
     let interval_s = 1.0 / f64::from(options.rates.log_hz);
-    let axis = |axis: usize| {
-        let values: Vec<f64> = moved.iter().map(|moved| moved[axis]).collect();
-        let end = values.last().copied().unwrap_or_default();
-        if (end - 1.0).abs() > LEFT_FRAC {
-            let after = format!("{AFTER_S} s after a step of the setpoint along axis {axis}");
-            return Err(Error::infeasible(
-                format!("{after} the drone has gone {:.0} % of it", 100.0 * end),
-                "set plan.reference = \"design\", or choose gains that follow",
-            ));
-        }
-        Ok(StepResponse { interval_s, values })
-    };
-    Ok([axis(0)?, axis(1)?, axis(2)?])
+    Ok([0, 1, 2].map(|axis| {
+        let values = moved.iter().map(|moved| moved[axis]).collect();
+        StepResponse { interval_s, values }
+    }))
+}
+
+/// The flight of a drone that hovers, and is sent a step along all axes at once.
+fn fly_step(options: &SimOptions, step_m: f64) -> Result<Flight> {
+    let times_and_steps = [(0.0, 0.0), (BEFORE_S, step_m), (BEFORE_S + AFTER_S, step_m)];
+    let setpoints = times_and_steps.map(|(time_s, step_m)| Setpoint {
+        time_s,
+        position_m: Vector3::new(step_m, step_m, HEIGHT_M + step_m),
+        velocity_m_s: Vector3::zeros(),
+        acceleration_m_s2: Vector3::zeros(),
+        letter: None,
+    });
+    let plan = Plan::made(PlanData { setpoints: setpoints.into(), ..PlanData::default() });
+    fly(&plan, &Drone::new(options, 0), &mut |_| {})
 }
 
 #[cfg(test)]

@@ -23,35 +23,32 @@ use noctograph_score::{Known, LogGap, Marks, Reader, Reason, Verdict, View};
 pub struct Shot {
     /// Subject: scene, strokes and plans, without recordings.
     pub shoot: Shoot,
-    /// Flights, one for each drone; none for light that was recorded alone.
+    /// Flights, one for each drone. Recorded light has none.
     pub flights: Vec<Flight>,
     /// Lamps of all drones.
     pub trace: LightTrace,
     /// The camera.
     pub camera: Camera,
-    /// The light meter's settings; `None` for the scene's own exposure.
+    /// The light meter's settings. `None` without metering.
     pub metered: Option<Metered>,
     /// The film ([`Shoot::keeps_film`]).
     pub film: Option<Film>,
     /// The backend that exposed it.
     pub backend: Backend,
-    /// Name and driver of the graphics device; `CPU` without one.
+    /// Name and driver of the graphics device, `CPU` without one.
     pub adapter: String,
     /// The photo.
     pub photo: Photo,
     /// The photo's file in [`Shoot::format`].
     pub file: Option<Vec<u8>>,
-    /// The verdict; `None` where reading is skipped, and for a drawing or a word in letters that
-    /// the reader does not know.
+    /// The verdict. `None` if reading is skipped, and for a drawing or a word in letters that the
+    /// reader does not know.
     pub verdict: Option<Verdict>,
     /// The reader's marks in the picture, if faults were searched ([`Judging::Explained`]).
     pub marks: Option<Marks>,
-    /// Problems of flights and picture, those that make any word unreadable first: shutter,
-    /// exposure, lamps that face away.
+    /// Problems of flights and picture, those that make any word unreadable first.
     pub problems: Vec<Diagnostic>,
-    /// Those of [`Self::digests`], once they were asked for.
     digests: OnceLock<Vec<String>>,
-    /// The same of [`Self::tracking`].
     tracking: OnceLock<Vec<Option<Tracking>>>,
 }
 
@@ -61,19 +58,19 @@ impl Shot {
         self.digests.get_or_init(|| digests(&self.flights))
     }
 
-    /// Tracking errors of each flight; `None` where it has none.
+    /// Tracking errors of each flight. `None` for a flight without a design.
     pub fn tracking(&self) -> &[Option<Tracking>] {
         self.tracking.get_or_init(|| tracking(&self.flights))
     }
 
-    /// SHA-256 of the flights, separated by spaces; `None` where there are none.
+    /// SHA-256 of the flights, separated by spaces, if there are any.
     pub fn flight_sha256(&self) -> Option<String> {
         joined(self.digests())
     }
 
-    /// Hands out the photo (PNG), and a flight and a plan of each drone, numbered if there are
+    /// Gives `put` the photo (PNG), and a flight and a plan of each drone, numbered if there are
     /// several. `put` writes a file and returns its SHA-256. Returns the digests of flights and
-    /// plans, which their scene takes.
+    /// plans by name, for their scene.
     ///
     /// # Errors
     ///
@@ -85,6 +82,7 @@ impl Shot {
         if let Some(png) = &self.file {
             put("photo.png", &|out| out.write_all(png))?;
         }
+        // The digests bind the scene to these files. The photo has its scene inside.
         let mut digests = Vec::new();
         for (index, (flight, planned)) in self.flights.iter().zip(&self.shoot.plans).enumerate() {
             let number = match self.shoot.plans.len() {
@@ -104,7 +102,7 @@ impl Shot {
 /// Writes the content of a file.
 pub type WriteFile<'a> = dyn Fn(&mut dyn Write) -> std::io::Result<()> + 'a;
 
-/// SHA-256 of flights, separated by spaces; `None` where there are none.
+/// SHA-256 of flights, separated by spaces, if there are any.
 pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
     joined(&digests(flights))
 }
@@ -131,57 +129,30 @@ impl Shoot {
     ) -> Result<Shot> {
         let Lighting { flights, trace, camera, metered, mut problems, .. } = lighting;
         let scene = &self.scene;
+        // 1. Expose and develop.
         if let Some(format) = self.format {
             format.check([camera.width_px, camera.height_px])?;
         }
-        let latent = project(&trace, &camera, &scene.expose)?;
-        let latent = latent.reflected_by(reflectance(&camera, &scene.photo)?);
-        let Exposure { film, backend, adapter } = match self.cores {
-            None => developer.develop(&latent)?,
-            Some(cores) => Exposure {
-                film: latent.develop_on(cores),
-                backend: Backend::Cpu,
-                adapter: "CPU".to_owned(),
-            },
-        };
+        let Exposure { film, backend, adapter } = self.exposure(&trace, &camera, developer)?;
         let mut photo = develop(&film, &camera, &scene.expose, &scene.photo, scene.seed)?;
         let is_read_out = matches!(self.format, Some(Format::Png16 | Format::Exr));
         let film = Some(film).filter(|_| self.keeps_film || is_read_out);
         self.stop.check()?;
         photo.edit(|photo| photo.scene_toml = self.format.map(|_| scene.portable().to_toml()));
-        let tracked = OnceLock::new();
-        let read = || match reader {
-            None => Ok(None),
-            Some(reader) => self.read(reader, &photo, &camera, &flights, &tracked).map(Some),
-        };
-        let known = OnceLock::new();
-        let encode = || match self.format {
-            None => Ok(None),
-            Some(format) => {
-                let shown = self.shown(&flights, known.get_or_init(|| digests(&flights)));
-                encode(format, scene, &photo, film.as_ref(), &camera, shown).map(Some)
-            }
-        };
-        let exposed = || problems::of_photo(&photo, &camera);
-        let (read, (file, exposed)) = rayon::join(read, || rayon::join(encode, exposed));
-        let (read, file) = (read?, file?);
-        let (mut verdict, marks) =
-            read.map_or((None, None), |(verdict, marks)| (Some(verdict), marks));
-        let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
-        if let Some(exposed) = exposed {
-            // A reader that raises faint light to full light may find letters in noise.
-            let is_dark = exposed.code == UNDEREXPOSED;
-            if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
-                verdict.refuse(Reason::NoLight);
-            }
-            // A missing trail has its cause before the exposure where one was found.
-            problems.insert(usize::from(is_hidden), exposed);
-        }
-        let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
-        if let Some(verdict) = verdict.as_mut().filter(|verdict| !verdict.legible && is_hidden) {
-            // Advice on letters would be beside the point.
-            verdict.advice.clear();
-        }
+        // 2. Read, encode and look for problems in parallel.
+        let (known, tracked) = (OnceLock::new(), OnceLock::new());
+        let (read, (file, exposed)) = rayon::join(
+            || self.read(reader, &photo, &camera, &flights, &tracked),
+            || {
+                rayon::join(
+                    || self.encoded(&photo, film.as_ref(), &camera, &flights, &known),
+                    || problems::of_photo(&photo, &camera),
+                )
+            },
+        );
+        let ((mut verdict, marks), file) = (read?, file?);
+        // 3. An obstacle goes before the verdict on letters.
+        weigh(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
             film: film.filter(|_| self.keeps_film),
             shoot: self,
@@ -201,71 +172,124 @@ impl Shoot {
         })
     }
 
-    /// Digests of the flights, and of strokes that a font or drawing outside the scene made, and
-    /// the gaps of logs.
-    fn shown(&self, flights: &[Flight], digests: &[String]) -> Shown {
+    /// Exposes the film on some cores, or on the backend.
+    fn exposure(
+        &self,
+        trace: &LightTrace,
+        camera: &Camera,
+        developer: Developer,
+    ) -> Result<Exposure> {
+        let latent = project(trace, camera, &self.scene.expose)?;
+        let latent = latent.reflected_by(reflectance(camera, &self.scene.photo)?);
+        match self.cores {
+            None => developer.develop(&latent),
+            Some(cores) => {
+                let (film, backend) = (latent.develop_on(cores), Backend::Cpu);
+                Ok(Exposure { film, backend, adapter: "CPU".to_owned() })
+            }
+        }
+    }
+
+    /// The photo's file in the format that is asked for.
+    fn encoded(
+        &self,
+        photo: &Photo,
+        film: Option<&Film>,
+        camera: &Camera,
+        flights: &[Flight],
+        known: &OnceLock<Vec<String>>,
+    ) -> Result<Option<Vec<u8>>> {
+        let Some(format) = self.format else { return Ok(None) };
+        // Strokes from a user's file are not in the scene, so their digest is noted.
         let from_file = self.scene.letters.files().next().is_some();
         let strokes = self.strokes.as_ref().filter(|_| from_file);
-        Shown {
-            flight_sha256: joined(digests),
+        let shown = Shown {
+            flight_sha256: joined(known.get_or_init(|| digests(flights))),
             strokes_sha256: strokes.map(|strokes| strokes.sha256()),
             log_gaps: flights.iter().flat_map(log_gaps).collect(),
-        }
+        };
+        encode(format, &self.scene, photo, film, camera, shown).map(Some)
     }
 
     fn read(
         &self,
-        reader: &Reader,
+        reader: Option<&Reader>,
         photo: &Photo,
         camera: &Camera,
         flights: &[Flight],
         tracked: &OnceLock<Vec<Option<Tracking>>>,
-    ) -> Result<(Verdict, Option<Marks>)> {
+    ) -> Result<(Option<Verdict>, Option<Marks>)> {
+        let Some(reader) = reader else { return Ok((None, None)) };
         let view = View::from(camera);
-        match self.judging {
-            Judging::Explained => {
-                let tracked = tracked.get_or_init(|| tracking(flights));
-                let known = known_of(flights, tracked, &self.scene.plan);
-                let (verdict, marks) = reader.explain(photo, &view, &known)?;
-                Ok((verdict, Some(marks)))
-            }
-            Judging::Scored | Judging::Skipped => Ok((reader.score(photo, &view)?, None)),
+        if self.judging != Judging::Explained {
+            return Ok((Some(reader.score(photo, &view)?), None));
         }
+        let tracked = tracked.get_or_init(|| tracking(flights));
+        let known = known_of(flights, tracked, &self.scene.plan);
+        let (verdict, marks) = reader.explain(photo, &view, &known)?;
+        Ok((Some(verdict), Some(marks)))
     }
 }
 
-/// Facts from flights that explain their photo: speed along the strokes, the means over the drones
-/// of the distance from the path and of the lag, and the gaps of their logs.
+/// Adds an obstacle of the exposure to the problems, and adapts the verdict to all obstacles.
+fn weigh(
+    exposed: Option<Diagnostic>,
+    problems: &mut Vec<Diagnostic>,
+    mut verdict: Option<&mut Verdict>,
+) {
+    if let Some(exposed) = exposed {
+        // The reader raises faint light to full light, and may find letters in noise.
+        let is_dark = exposed.code == UNDEREXPOSED;
+        if let Some(verdict) = verdict.as_mut().filter(|_| is_dark) {
+            verdict.refuse(Reason::NoLight);
+        }
+        // An obstacle that was found before is the cause of a missing trail.
+        let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
+        problems.insert(usize::from(is_hidden), exposed);
+    }
+    let is_hidden = problems.first().is_some_and(Diagnostic::is_stop);
+    if let Some(verdict) = verdict.filter(|verdict| !verdict.legible && is_hidden) {
+        // No change of letters helps.
+        verdict.advice.clear();
+    }
+}
+
+/// Facts from flights that explain their photo: speed along the strokes, the distance from the path
+/// and the lag (means over the drones), and the gaps of their logs.
 pub fn known(flights: &[Flight], plan: &PlanOptions) -> Known {
     known_of(flights, &tracking(flights), plan)
 }
 
-/// Facts for the reader's advice: speed, contour error, lag and gaps of the flights.
 fn known_of(flights: &[Flight], tracked: &[Option<Tracking>], plan: &PlanOptions) -> Known {
-    let mean = |value: fn(&Tracking) -> f64| {
-        let n = tracked.iter().flatten().count();
-        (n > 0).then(|| tracked.iter().flatten().map(value).sum::<f64>() / n as f64)
-    };
+    let tracked: Vec<&Tracking> = tracked.iter().flatten().collect();
     Known {
         speed_m_s: (!flights.is_empty()).then_some(plan.stroke_speed_m_s),
-        contour_m: mean(|tracking| tracking.contour.mean_m),
-        lag_s: mean(|tracking| tracking.lag_s),
+        contour_m: mean(tracked.iter().map(|tracking| tracking.contour.mean_m)),
+        lag_s: mean(tracked.iter().map(|tracking| tracking.lag_s)),
         gaps: flights.iter().flat_map(log_gaps).collect(),
     }
 }
 
-/// Most gaps of a log that a photo names: the reference flight has three.
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> Option<f64> {
+    let n = values.len();
+    (n > 0).then(|| values.sum::<f64>() / n as f64)
+}
+
+/// Most gaps of a log that a photo names. The reference flight has three.
 const MAX_LOG_GAPS: usize = 1000;
 
 /// The gaps of a real flight's log that its photo leaves dark.
-pub(super) fn log_gaps(flight: &Flight) -> Vec<LogGap> {
-    let at_m = |time_s: f64| {
-        let index = flight.samples.partition_point(|sample| sample.time_s < time_s);
-        flight.samples.get(index).map(|sample| [sample.position_m.x, sample.position_m.z])
-    };
-    let gap = |(Gap { span_s, .. }, way_m): (Gap, f64)| {
-        let ends_m = [at_m(span_s[0])?, at_m(span_s[1])?];
-        Some(LogGap { span_s, ends_m, way_m })
-    };
-    dark(flight).into_iter().filter_map(gap).take(MAX_LOG_GAPS).collect()
+fn log_gaps(flight: &Flight) -> Vec<LogGap> {
+    let mut gaps = Vec::new();
+    for (Gap { span_s, .. }, way_m) in dark(flight) {
+        let ends = span_s.map(|time_s| {
+            let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
+            flight.samples.get(row).map(|sample| [sample.position_m.x, sample.position_m.z])
+        });
+        if let [Some(from_m), Some(to_m)] = ends {
+            gaps.push(LogGap { span_s, ends_m: [from_m, to_m], way_m });
+        }
+    }
+    gaps.truncate(MAX_LOG_GAPS);
+    gaps
 }

@@ -1,7 +1,7 @@
 //! The size of letters that plans write.
 //!
-//! In: a scene, its strokes, and plans. Out: the scene and its strokes in the plans' size and
-//! place, for camera and checks.
+//! In: a scene, its strokes, and plans. Out: the scene and its strokes in the size and place of the
+//! plans, for camera and checks.
 
 use crate::scene::Scene;
 use noctograph_core::error::Result;
@@ -14,24 +14,26 @@ use noctograph_plan::Plan;
 const OTHER_SIZE: f64 = 0.02;
 const SAME_SHAPE: f64 = 0.05;
 
-/// A scene with its letters as large, and where, plans of the same word write them: they may come
-/// from a room.
+/// A scene with its letters in the size and place of plans of the same word, which may have been
+/// fitted to a room.
 pub(super) fn as_written(
     mut scene: Scene,
     strokes: Option<Strokes>,
     plans: &[Plan],
 ) -> Result<(Scene, Option<Strokes>)> {
-    let lit = plans.iter().flat_map(|plan| {
-        let levels = plan.lit();
-        let ends = plan.setpoints.windows(2).zip(levels).filter(|(_, level)| *level > 0.0);
-        ends.flat_map(|(ends, _)| [ends[0].position_m, ends[1].position_m]).collect::<Vec<_>>()
-    });
-    let plan_m = bounds(lit.map(|place_m| [place_m.x, place_m.z]));
     let Some(word_m) = strokes.as_ref().map(|strokes| strokes.bounds_m()) else {
         return Ok((scene, strokes));
     };
-    let sides = |[left, bottom, right, top]: [f64; 4]| [right - left, top - bottom];
-    let ([width_m, height_m], [wide_m, high_m]) = (sides(word_m), sides(plan_m));
+    // The box of the light of all plans.
+    let mut lit_m = Vec::new();
+    for plan in plans {
+        let lit = plan.setpoints.windows(2).zip(plan.lit()).filter(|(_, level)| *level > 0.0);
+        lit_m.extend(lit.flat_map(|(pair, _)| [pair[0].position_m, pair[1].position_m]));
+    }
+    let plan_m = bounds(lit_m.into_iter().map(|point_m| [point_m.x, point_m.z]));
+    // The longer side has the scale. The other one tells plans of another word.
+    let [[width_m, height_m], [wide_m, high_m]] =
+        [word_m, plan_m].map(|[left, bottom, right, top]| [right - left, top - bottom]);
     let (size_m, scale) = match width_m > height_m {
         true => (width_m, wide_m / width_m),
         false => (height_m, high_m / height_m),
@@ -41,6 +43,7 @@ pub(super) fn as_written(
     if !is_other {
         return Ok((scene, strokes));
     }
+    // All lengths of the letters are scaled, and then the baseline moved to that of the plans.
     let LetterOptions { cap_height_m, width_m, gap_m, spacing_m, line_gap_m, canvas_m, .. } =
         &mut scene.letters;
     let by_default = [width_m, gap_m, line_gap_m].into_iter().flatten();
@@ -78,7 +81,7 @@ mod tests {
         for (found_m, want_m) in found_m.into_iter().zip(want_m) {
             assert!((found_m - want_m).abs() < 0.03, "{found_m} for {want_m} m");
         }
-        let own = Shoot::new(Scene { word: "HI".into(), ..scene.clone() }).unwrap();
-        assert_eq!(other_m, own.strokes.unwrap().bounds_m(), "a plan of another word");
+        let unscaled = Shoot::new(Scene { word: "HI".into(), ..scene.clone() }).unwrap();
+        assert_eq!(other_m, unscaled.strokes.unwrap().bounds_m(), "a plan of another word");
     }
 }

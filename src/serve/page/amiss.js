@@ -21,15 +21,15 @@ export function pair({ letters, rival }) {
   i = shares.indexOf(Math.max(...shares));
   return shares[i] >= ALIKE_P ? { i, letter: letters[i].expected, best: letters[i].rivals[0].letter } : null;
 }
-/** A share of another letter that the eye sees. */
+/** Least probability of another letter that counts as visible. */
 const ALIKE_P = 0.03;
 
-/** Whether two texts have one shape, as the reader sees it: without marks and case, I as l and 1. */
+/** True if two texts have the same shape for the reader: without marks and case, I as l and 1. */
 const isAlike = (/** @type {string} */ a, /** @type {string} */ b) => shapes(a) === shapes(b);
 const shapes = (/** @type {string} */ text) =>
   text.normalize("NFD").replace(/[\p{M}\s]/gu, "").toLowerCase().replace(/[l1|]/g, "i");
 
-/** Whether a line stands alone. */
+/** True if a line is the only one. */
 const isLine = (/** @type {LetterVerdict[]} */ letters) => letters.length === 1 && /[Il1|]/.test(letters[0].expected);
 
 /** Why a word is not read, as the eye sees it. @param {Judged} verdict */

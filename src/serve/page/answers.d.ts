@@ -1,14 +1,14 @@
 // What the server answers: made by tests/it/answer_types.rs of the types in Rust. Read by tsc alone.
 
-/** What the pages of visitors and of the operator have to know. */
+/** Facts for the pages of visitors and of the operator. */
 interface About extends Host {
-  /** Whether the page has no server. */
+  /** True if the page has no server. */
   alone?: boolean;
-  /** Whether it is shown on the host's machine. */
+  /** True on the host's machine. */
   home: boolean;
-  /** Whether it is shown on a screen that stands in the hall. */
+  /** True on a public screen in the hall. */
   kiosk: boolean;
-  /** Whether nothing is taken at the moment. */
+  /** True if no entries are accepted at the moment. */
   paused: boolean;
   /** What the wall shows. */
   wall: WallRule;
@@ -18,7 +18,7 @@ interface About extends Host {
   colors: OfferedColor[];
   /** The scene's deck of lights. */
   deck: string;
-  /** The text of the scene, where visitors' browsers make photos. */
+  /** The text of the scene, if the visitors' browsers make photos. */
   base?: string;
   /** The scene that the controls begin with, on the host's machine. */
   scene?: Record<string, any>;
@@ -34,9 +34,9 @@ interface Advice {
   gain: number | null;
 }
 
-/** What a page that asks gets back with its answer. */
+/** What a page gets back with its answer. */
 interface Asked {
-  /** The text that asked for a large photo: whoever sends the photo to be flown sends this text. */
+  /** The request for a large photo, which is sent again to have the photo flown. */
   id?: string;
   /** Number of the request. */
   number: number | null;
@@ -46,11 +46,11 @@ interface Asked {
 interface Brand {
   /** Name of the evening. */
   title: string | null;
-  /** What is said of it, by language. */
+  /** Description of the evening, by language. */
   sentence: Record<string, string>;
-  /** What one agrees to who sends a photo, by language. */
+  /** What a visitor agrees to by sending a photo, by language. */
   consent: Record<string, string>;
-  /** Whether there is a logo. */
+  /** True if there is a logo. */
   logo: boolean;
 }
 
@@ -101,9 +101,9 @@ interface Change {
   value: string | null;
 }
 
-/** A drawing as its file has it: in whole pixels of a picture, or in thousandths of the larger side of any other. y points down. */
+/** A drawing as in its file: in whole pixels of a picture, otherwise in thousandths of its larger side. y points down. */
 interface DrawnSource {
-  /** Those of the sheet of paper that is drawn. */
+  /** Corners of the sheet of paper. */
   corners: [[number, number], [number, number], [number, number], [number, number]] | null;
   /** All strokes in the order of their numbers. */
   strokes: DrawnStroke[];
@@ -117,24 +117,24 @@ interface DrawnStroke {
   color: string | null;
 }
 
-/** What an entry keeps of the facts of its photo. */
+/** Facts about a photo that its entry keeps. */
 interface Figures {
-  /** Number of drones; 0 in an entry of an earlier version. */
+  /** Number of drones. 0 in an entry of an earlier version. */
   drones: number;
   /** Seconds of the longest flight. */
   flight_s: number;
-  /** Whether the word is read; null of a drawing, as the next three. */
+  /** True if the word is read. Null for a drawing, as its letters, text and reason. */
   legible: boolean | null;
   letters: LetterVerdict[] | null;
-  /** What makes any word unreadable. */
+  /** Problems that make any word unreadable. */
   obstacles: Message[];
   read: string | null;
   reason: Reason | null;
-  /** What stops its flight: nothing, or it would not have been kept. */
+  /** Checks that stop its flight: none, or it would not have been kept. */
   stops: Message[];
 }
 
-/** An entry as the operator sees it. It borrows, as a queue of hundreds is asked for often. */
+/** An entry for the operator. It borrows, since a queue of hundreds is requested often. */
 interface ForOperator extends Figures {
   id: string;
   number: number;
@@ -145,7 +145,7 @@ interface ForOperator extends Figures {
   visitor: string | null;
 }
 
-/** An entry as its visitor sees it. */
+/** An entry for its visitor. */
 interface ForVisitor {
   id: string;
   number: number;
@@ -162,27 +162,27 @@ interface ForVisitor {
   ahead_s: number;
 }
 
-/** What the pages of all roles have to know. */
+/** Facts for the pages of all roles. */
 interface Host {
-  /** Whose page it is. */
+  /** The user of the page. */
   role: Role;
   /** Name of this run of the program. */
   boot: string;
   /** The host's words. */
   brand: Brand;
-  /** Whether other machines are served, and can reach this one. */
+  /** True if other machines are served, and can reach this one. */
   network: boolean;
 }
 
-/** What there is to say of the large photo: the members of `preview --json`, and what the page needs. */
+/** Facts about the large photo: the members of `preview --json`, and what the page needs. */
 interface LargeFacts extends PhotoFacts, Partial<Verdict> {
-  /** The controller that flew, as the scene has it. */
+  /** The controller that flew. */
   controller: Record<string, any>;
   /** Number of drones. */
   drones: number;
   /** SHA-256 of the flights. */
   flight_sha256: string | null;
-  /** Changes that help where the word does not read. */
+  /** Changes that help a word that does not read. */
   remedies: Suggestion[];
   /** What stops its flight. */
   stops: Message[];
@@ -214,11 +214,11 @@ interface LetterVerdict {
   confusion: Rival[];
 }
 
-/** Where the light is when. */
+/** The path of the light in time. */
 interface LightMap {
   /** Seconds of the longest flight. */
   seconds: number;
-  /** In the order of their beginnings. */
+  /** In the order of their first times. */
   strokes: MappedStroke[];
 }
 
@@ -230,19 +230,19 @@ interface Limits {
   body_bytes: number;
 }
 
-/** What there is to say of the photo while one types. */
+/** Facts about the photo while a visitor types. */
 interface LiveFacts extends PhotoFacts {
-  /** The drawing; null of a word. */
+  /** The drawing. Null for a word. */
   source: DrawnSource | null;
-  /** The verdict; null of a drawing. */
+  /** The verdict. Null for a drawing. */
   verdict: Verdict | null;
 }
 
 /** A stroke of light. */
 interface MappedStroke {
-  /** Where the lamp is when: t in 1/100 s, x and y in 1/10000 of the photo, again and again. */
+  /** Points: t in 1/100 s, x and y in 1/10000 of the photo, t, x, y … */
   at: number[];
-  /** Index of the letter; null in a drawing. */
+  /** Index of the letter. Null in a drawing. */
   letter: number | null;
   /** Color of the light. */
   rgb: [number, number, number];
@@ -254,9 +254,9 @@ interface Message {
   key: string;
   /** Its figures, by name with their unit. */
   values: any;
-  /** An English sentence, where the page has none. */
+  /** An English sentence, for a page without one. */
   text: string;
-  /** What to do, in English; may be empty. */
+  /** What to do, in English, or nothing. */
   hint: string;
 }
 
@@ -278,23 +278,23 @@ interface OfferedColor {
   screen: [number, number, number];
   /** White, red, green and blue of the color deck. */
   "color-led": [number, number, number, number];
-  /** The same of the ring. */
+  /** White, red, green and blue of the ring. */
   ring: [number, number, number, number];
 }
 
-/** What there is to say of a photo of either size. */
+/** Facts about a photo of either size. */
 interface PhotoFacts {
-  /** A box for each letter; none of a drawing. */
+  /** A box for each letter. A drawing has none. */
   boxes: ([number, number, number, number] | null)[];
   /** Seconds of the longest flight. */
   flight_s: number;
   /** Height in pixels. */
   height: number;
-  /** What makes any word unreadable. */
+  /** Problems that make any word unreadable. */
   obstacles: Message[];
-  /** Where the light is when. */
+  /** The path of the light in time. */
   replay: LightMap;
-  /** What else one should know. */
+  /** Other problems. */
   warnings: Message[];
   /** Width in pixels. */
   width: number;
@@ -339,14 +339,14 @@ interface RivalWord {
   p: number;
 }
 
-/** Whose page it is. */
+/** The user of a page. */
 type Role = "visitor" | "operator" | "entry";
 
 type State = "waiting" | "approved" | "flying" | "flown" | "rejected";
 
 /** Changes of a scene that help its word. */
 interface Suggestion {
-  /** How much the probability that the word is read grows. */
+  /** Increase of the probability that the word is read. */
   gain: number;
   /** The changes in words. */
   said: Message;
@@ -386,7 +386,7 @@ interface Verdict {
   advice: Advice[];
 }
 
-/** What the wall shows. */
+/** The photos on the wall. */
 interface Wall {
   revision: number;
   photos: WallPhoto[];
@@ -396,7 +396,7 @@ interface WallPhoto {
   key: string;
   title: string | null;
   flight_s: number;
-  /** Whether it is in the air. */
+  /** True if it is in the air. */
   flying: boolean;
 }
 

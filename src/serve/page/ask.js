@@ -10,7 +10,7 @@ const LONGEST_PAUSE_MS = 10_000;
 
 /** @type {(lost: boolean | "moved") => void} */
 let tellLost = () => {};
-/** Whether the last request found nobody. */
+/** True if the last request reached no server. */
 let lost = false;
 /** The newest wish. @type {{ number: number, ends: AbortController }} */
 let newest = { number: 0, ends: new AbortController() };

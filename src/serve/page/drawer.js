@@ -104,7 +104,7 @@ const FILES = [
 ];
 
 /**
- * What a guest is not told of the scene: the values of the default one.
+ * Parts of the scene that a guest does not get: the values are those of the default scene.
  * @type {Record<string, string>}
  */
 const PLAIN = {
@@ -250,7 +250,7 @@ function choice([key, word, choices]) {
   return label;
 }
 
-/** The gains, which only the host of a page is told. */
+/** The gains, which only the host gets. */
 function ofGains() {
   if (!about.scene) return [];
   const list = make("div", { className: "gains" }, ...gains());

@@ -87,7 +87,7 @@ export function moved(sketch, to) {
  */
 export const movedPoints = (points, to) => points.map(([x, y, t]) => [...to(x, y), t]);
 
-/** Left, top, right and bottom of strokes; null of none. */
+/** Left, top, right and bottom of strokes, or null without strokes. */
 export function bounds(/** @type {Stroke[]} */ strokes) {
   const all = strokes.flatMap((stroke) => stroke.points);
   if (!all.length) return null;
@@ -111,7 +111,7 @@ export function distance({ points }, x, y) {
   return best;
 }
 
-/** The stroke that is nearest to a point, if it is within reach; the newest of equals. */
+/** The stroke that is nearest to a point, if it is within reach. Of equals, the newest. */
 export function touched(
   /** @type {Stroke[]} */ strokes,
   /** @type {number} */ x,

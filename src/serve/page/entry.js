@@ -15,11 +15,11 @@ const photo = /** @type {HTMLImageElement} */ (byId("photo")),
 let entry = null;
 /** @type {LightMap | null} */
 let map = null;
-/** @type {((share: number) => void) | null} */
+/** @type {((fraction: number) => void) | null} */
 let show = null;
 let maker = "Noctograph",
   logo = false,
-  /** Whether a phone reaches this page. */
+  /** True if a phone can reach this page. */
   reached = false;
 
 const strip = replay(byId("replay"), (share) => {

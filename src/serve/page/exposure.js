@@ -11,7 +11,7 @@ const MASK_WIDTH = 960;
 /** Widest photograph that is drawn. */
 const MOST_WIDTH = 1920;
 /**
- * Widths of the trail and its bloom, and of their soft edges: shares of the photograph's width.
+ * Widths of the trail and its bloom, and of their soft edges, as fractions of the photograph's width.
  */
 const TRAIL = { wide: 0.01, soft: 0.004 },
   BLOOM = { wide: 0.022, soft: 0.03 };
@@ -113,7 +113,7 @@ export function exposure(image, replay, canvas) {
     }
   }
 
-  /** Shows the share 0 … 1 of the exposure. */
+  /** Shows a fraction of the exposure, 0 to 1. */
   return function show(/** @type {number} */ share) {
     if (!pen) return;
     const now = begin + share * length;
@@ -199,7 +199,7 @@ function roomOf(image, trail) {
  * @param {number[]} rgb
  */
 function glow(pen, x, y, radius, rgb) {
-  // White light looks warm beside the dark; a colored lamp is white in its middle only.
+  // White light looks warm beside the dark. A colored lamp is white only in its middle.
   const warm = rgb.every((value) => value > 200) ? [255, 196, 116] : rgb;
   const halo = pen.createRadialGradient(x, y, 0, x, y, radius);
   const stops = /** @type {[number, string][]} */ ([

@@ -14,7 +14,7 @@ const GROUNDS = [255, 0, 128],
   APART = 40;
 
 /**
- * Reads a file; null if it is nothing that this page takes.
+ * Reads a file, or null if the page does not take it.
  * @param {File} file
  * @returns {Promise<Opened | null>}
  */

@@ -24,7 +24,7 @@ function cased(/** @type {string} */ letter) {
   return (shift || !word.value) && capital.length === 1 ? capital : letter;
 }
 
-/** Writes at the place of the cursor; nothing is the letter before it, gone. */
+/** Writes at the cursor. Empty text deletes the letter before it. */
 function type(/** @type {string} */ text) {
   const [from, to] = [word.selectionStart ?? 0, word.selectionEnd ?? 0];
   word.setRangeText(text, text || from < to ? from : Math.max(0, from - 1), to, "end");

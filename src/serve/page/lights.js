@@ -5,7 +5,7 @@ import { change, state } from "./state.js";
 import { t } from "./words.js";
 import { about } from "./wish.js";
 
-/** The colors of a visitor; at home there are all. */
+/** The colors of a visitor. The host has all colors. */
 const FEW = ["white", "red", "orange", "green"];
 
 /** Names of the colors that are offered. */
@@ -14,7 +14,7 @@ export const offered = () =>
     .map(({ name }) => name)
     .filter((name) => (state.lamp && !about.kiosk) || FEW.includes(name));
 
-/** How the lamp's colors look on a dark screen; the photograph has the lamp's own. */
+/** The lamp's colors on a dark screen. The photograph has the true ones. */
 const SEEN = {
   white: "#fff1d8",
   red: "#ff3b30",

@@ -6,8 +6,8 @@ let film = 0;
 export const stopLoop = () => cancelAnimationFrame(film);
 
 /**
- * Writes a photograph within some time and lets it stand for another, then begins again.
- * @param {(share: number) => void} show @param {HTMLElement} photo @param {HTMLCanvasElement} light
+ * Writes a photograph within some time, shows it for another, and begins again.
+ * @param {(fraction: number) => void} show @param {HTMLElement} photo @param {HTMLCanvasElement} light
  * @param {number} written_ms @param {number} stands_ms Infinity: written once
  */
 export function loop(show, photo, light, written_ms, stands_ms) {

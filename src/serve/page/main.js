@@ -16,7 +16,7 @@ import { LANGUAGES, ofMaker, preferred, putWords, sentence, speak, speakAll, t }
 const REST_MS = 900,
   JUDGED_MS = 250;
 /**
- * A small photograph whose large one surely reads, too: its readability, and a rival's share. Of 167
+ * A small photograph whose large one surely reads, too: its readability, and a rival's probability. Of 167
  * photographs (56 words in three shapes) two were read small only: 0.72 and 0.84, rivals of 0.05 and 0.49.
  */
 const SURE = 0.88,
@@ -69,7 +69,7 @@ let asked = "",
 
 /* ---------- Photographs ---------- */
 
-/** The shape of the photograph that fills the stage; what is chosen of a file keeps it. */
+/** The shape of the photograph that fills the stage. A selection from a file keeps it. */
 function aspect() {
   if (state.aspect) return state.aspect;
   if (isDrawing()) return rounded(shape(state.sketch));
@@ -136,7 +136,7 @@ let seenLog;
 /** Loaded when something is amiss first. @type {typeof import("./amiss.js") | null} */
 let amiss = null;
 const loadAmiss = async () => (amiss ??= await import("./amiss.js"));
-/** Whether it cannot be had. */
+/** True if it cannot be made. */
 let lacksAmiss = false;
 
 /** Says why a word is not read: until the reason is there, nothing says that it is not. */
@@ -267,7 +267,7 @@ function seenState() {
 
 const isChoosing = () => state.mode === "word" && state.opened?.choosing === true;
 
-/** Why it cannot be sent; "" if it can. */
+/** The reason why it cannot be sent, or "". */
 function hindrance() {
   if (!known.shot || known.error) return "nothing";
   if (isUnjudged() && !about.alone) return "unjudged";
@@ -521,7 +521,7 @@ async function openFile(/** @type {File | undefined} */ file) {
   const { MOST_LOG, opened } = await import("./files.js");
   const found = await opened(file);
   history.replaceState(null, "", ".");
-  // A log is of the word that stands there.
+  // A log is that of the word in the field.
   const kept = found?.kind === "log" ? state.word : "";
   if (found) change({ mode: "word", word: kept, sketch: emptySketch(), painted: [], opened: found });
   else {
@@ -596,7 +596,7 @@ new ResizeObserver(() => {
     if (about && !isDrawing() && state.mode !== "pad") wanted();
   }, 300);
 }).observe(area);
-// The photograph stands clear of the desk.
+// The photograph does not overlap the desk.
 new ResizeObserver(() => area.style.setProperty("--desk", `${byId("desk").offsetHeight}px`)).observe(
   byId("desk"),
 );

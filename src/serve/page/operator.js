@@ -36,7 +36,7 @@ const photo = make("img", { alt: "" }),
   light = make("canvas", { "aria-hidden": "true" });
 const frame = make("div", { className: "frame" }, photo, light),
   bar = make("div", { className: "replay", dir: "ltr" });
-/** @type {((share: number) => void) | null} */
+/** @type {((fraction: number) => void) | null} */
 let show = null;
 /** @type {LightMap | null} */
 let map = null;
@@ -376,7 +376,7 @@ async function reorder(by) {
     to = at + by;
   if (at < 0 || to < 0 || to >= list.length) return;
   [list[at], list[to]] = [list[to], list[at]];
-  // All entries keep their order; those of this tab change places among themselves.
+  // All entries keep their order, except for those of this tab among themselves.
   const places = new Set(list),
     moved = [...list];
   const ids = queue.entries.map(({ id }) => (places.has(id) ? moved.shift() : id));
@@ -445,7 +445,7 @@ function card(of, told) {
   );
 }
 
-/** Fields for the hall's WLAN, whose code then stands on each card. @param {HTMLElement} cards */
+/** Fields for the hall's WLAN, whose code is then on each card. @param {HTMLElement} cards */
 function wlan(cards) {
   const [name, password] = ["wlan-name", "wlan-password"].map((key) =>
     make("input", { type: "text", autocomplete: "off", spellcheck: false, placeholder: t(key), "aria-label": t(key) }),

@@ -18,7 +18,7 @@ import { seen, shape } from "./sketch.js";
 import { change, state } from "./state.js";
 import { t } from "./words.js";
 
-/** Height of the page in its own units; its width follows the shape of the screen. */
+/** Height of the page in its units. Its width follows the shape of the screen. */
 const HIGH = 1000;
 /** A pointer that moves less than this many pixels made a dot. */
 const DOT_PX = 6;
@@ -42,7 +42,7 @@ let tool = "draw";
 /** Ids of the strokes that the photograph on the stage has. @type {Set<number>} */
 let lit = new Set();
 /**
- * The pointer that draws; others are palms.
+ * The pointer that draws. Others are palms.
  * @typedef {object} Finger
  * @property {number} id
  * @property {DOMMatrix} at from the screen to the page, as it was when the finger came down

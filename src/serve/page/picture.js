@@ -129,7 +129,7 @@ function putInks() {
   const { corners: own, size: sides } = opened();
   set.textContent = t(own ? "corners-find" : "corners-set");
   set.hidden = !sides;
-  // Its place is kept: the picture stands still while its corners are dragged.
+  // Its place is kept: the picture does not move while its corners are dragged.
   set.classList.toggle("idle", !own && corners() !== null);
 }
 set.onclick = () => {
@@ -179,7 +179,7 @@ svg.onkeydown = (event) => {
   next.focus();
 };
 
-/** Whether four corners follow each other clockwise around something. */
+/** True if four corners go clockwise around an area. */
 const isConvex = (/** @type {Corners} */ of) =>
   of.every(([x, y], k) => {
     const [[ax, ay], [bx, by]] = [of[(k + 1) % 4], of[(k + 2) % 4]];

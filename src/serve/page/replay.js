@@ -17,7 +17,7 @@ export function span({ strokes }) {
 /**
  * Builds the strip into an element.
  * @param {HTMLElement} box
- * @param {(share: number) => void} expose shows a share of the exposure
+ * @param {(fraction: number) => void} expose shows a fraction of the exposure
  */
 export function replay(box, expose) {
   const play = make("button", { type: "button" });

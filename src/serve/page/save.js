@@ -23,7 +23,7 @@ export async function save(route, name) {
 }
 
 /**
- * Saves a file of a large photograph, which is made now; a scene with the drawing that it names.
+ * Saves a file of a large photograph, which is made now. A scene comes with the drawing that it names.
  * @param {Large} large @param {string} name
  */
 export async function saveOf(large, name) {

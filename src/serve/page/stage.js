@@ -12,13 +12,13 @@ const frame = byId("frame"),
 let photo = /** @type {HTMLImageElement} */ (byId("photo"));
 const light = /** @type {HTMLCanvasElement} */ (byId("light"));
 
-/** @type {((share: number) => void) | null} */
+/** @type {((fraction: number) => void) | null} */
 let show = null;
 /** @type {LightMap | null} */
 let map = null;
 let wanted = 1;
 
-/** Shows a share of the exposure; all of it is the photograph itself. */
+/** Shows a fraction of the exposure, at 1 the photograph. */
 export function expose(/** @type {number} */ share) {
   const whole = share >= 1 || !map;
   light.hidden = whole;
@@ -62,14 +62,14 @@ export async function hang(src, alt, replay, aspect, wanted) {
   return true;
 }
 
-/** Between which shares of the photograph's height the lamp shines. @param {LightMap} replay */
+/** Least and greatest height of the lamp, as fractions of the photograph's height. @param {LightMap} replay */
 function extent({ strokes }) {
   const heights = strokes.flatMap(({ at }) => at.filter((_, i) => i % 3 === 2));
   const [top, bottom] = heights.reduce(([a, b], y) => [Math.min(a, y), Math.max(b, y)], [1e4, 0]);
   return top < bottom ? { top: top / 1e4, bottom: bottom / 1e4 } : { top: 0.25, bottom: 0.75 };
 }
 
-/** Takes the photograph down: there is nothing to see, or it is no longer true. */
+/** Removes the photograph: there is nothing to see, or it is out of date. */
 export function clear() {
   frame.hidden = true;
   photo.removeAttribute("src");

@@ -8,10 +8,10 @@ import { change, forget, state } from "./state.js";
 import { about, isEmpty } from "./wish.js";
 import { LANGUAGES, ofMaker, preferred, speak, speakAll, t } from "./words.js";
 
-/** Without a touch for so long, the next visitor begins anew; it is said before. */
+/** Time without a touch after which the page is reset for the next visitor, with a warning before. */
 const IDLE_S = 60,
   SAID_S = 10;
-/** How long the newest photograph of the evening is written, and stands. */
+/** Times for which the newest photograph of the evening is written and shown. */
 const WRITTEN_MS = 20_000,
   STANDS_MS = 20_000;
 
@@ -169,7 +169,7 @@ function leave() {
   byId("word").focus({ preventScroll: true });
 }
 
-/** Photographs of this evening: the newest large, written again and again; some more below. */
+/** Photographs of this evening: the newest is large and written again and again, others are below. */
 async function putEvening() {
   const wall = /** @type {{ photos: { key: string, title: string | null }[] } | null} */ (
     await get("wall").catch(() => null)

@@ -26,7 +26,7 @@ export const fresh = () => ({
   body: "",
   pace: "written",
   seed: 0,
-  /** Width / height of a photograph that a link names; 0: that of the screen. */
+  /** Width / height of a photograph in a link. 0 is that of the screen. */
   aspect: 0,
   /** @type {Record<string, string>} settings that differ from the scene's */
   settings: {},
@@ -81,7 +81,7 @@ export function take(state, parts) {
   return left;
 }
 
-/** Whether a drawing can be drawn. @param {any} value */
+/** True if a drawing can be drawn. @param {any} value */
 function isSketch({ page, strokes, states, now }) {
   const isPoint = (/** @type {unknown} */ point) =>
     Array.isArray(point) && point.length === 3 && point.every(Number.isFinite);

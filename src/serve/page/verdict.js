@@ -9,7 +9,7 @@ import { hasWord, sentence, t } from "./words.js";
  * @typedef {{ first: string, then?: string, why?: boolean }} Spoken
  */
 
-/** Without these there is something to see; the others are told at home. */
+/** Problems that leave nothing to see. The host sees the others, too. */
 const DARK = ["unlit", "underexposed", "no-picture"];
 
 /** Why a photograph shows nothing that could be sent. @param {Shot} shot */
@@ -40,7 +40,7 @@ export function ofShot(shot, verdict, reason = () => "") {
       then: `${reason(verdict)} ${way}`.trim(),
     };
   }
-  // A question mark stands for light that is no letter.
+  // A question mark is light that is not a letter.
   return { first: read && !read.includes("?") ? t("unreadable", { read }) : t("unreadable-nothing"), then: way };
 }
 
@@ -55,7 +55,7 @@ export function ofError(said) {
 }
 
 /**
- * Puts a sentence where it is read out; the same one again is no news.
+ * Puts a sentence where a screen reader reads it. A repeated one is not read again.
  * @param {HTMLElement} line
  * @param {Spoken} spoken
  */

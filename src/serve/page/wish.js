@@ -34,12 +34,12 @@ function colors() {
   return letters().map((_, i) => colorOf(i));
 }
 
-/** Whether the log of a flight is photographed, whose word may be known. */
+/** True for the log of a flight, whose word may be known. */
 export const isLog = () => state.opened?.kind === "log";
 export const isDrawing = () => !state.opened && !word() && seen(state.sketch).length > 0;
 export const isEmpty = () =>
   state.opened ? isNothing(state.opened) : !word() && !seen(state.sketch).length;
-/** Whether all strokes of a file are left out. */
+/** True if all strokes of a file are left out. */
 const isNothing = (/** @type {Opened} */ { out, of }) => out !== undefined && out.length === of;
 /** What it is called; null for a drawing. */
 export const title = () => (state.opened || isDrawing() ? null : word());
