@@ -15,7 +15,7 @@ pub(super) struct Search {
     n_told: usize,
 }
 
-/// Share of the points that count as good.
+/// Fraction of the points that count as good, γ of Bergstra et al.
 const GOOD: f64 = 0.15;
 
 impl Search {
@@ -38,14 +38,14 @@ impl Search {
     /// The next point to try.
     pub(super) fn ask(&mut self) -> Vec<f64> {
         let rng = &mut self.rng;
-        // Few points give no estimate.
+        // Too few points for a density: drawn evenly.
         if self.n_told < 2 * self.coordinates.len() {
             return self.coordinates.iter().map(|_| rng.random()).collect();
         }
-        let coordinates = self.coordinates.iter_mut();
-        coordinates
-            .map(|one| one.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12))
-            .collect()
+        let values = self.coordinates.iter_mut().map(|coordinate| {
+            coordinate.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12)
+        });
+        values.collect()
     }
 
     /// Adds the cost of a point.
