@@ -21,7 +21,7 @@ impl Columns {
         Ok(Self { times_s: numbers(time_s, "time_s", 1)? })
     }
 
-    /// A column of rows of so many numbers, by default all `usual`.
+    /// A column with rows of `columns` numbers, by default all `usual`.
     pub(super) fn column(
         &self,
         name: &str,
@@ -50,7 +50,7 @@ impl Columns {
         Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
     }
 
-    /// Levels of lamps by their channels; a single array is of the headlights.
+    /// Levels of lamps by their channels. A single array is that of the headlights.
     pub(super) fn lights(
         &self,
         light: Option<&Bound<'_, PyAny>>,
@@ -59,11 +59,11 @@ impl Columns {
         let Some(Ok(channels)) = light.map(|light| light.cast::<PyDict>()) else {
             return Ok([(HEADLIGHTS.to_owned(), self.column("light", light, 1, usual)?)].into());
         };
-        let levels = |(name, levels): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let columns = channels.iter().map(|(name, levels)| {
             let name = name.extract::<String>()?;
             let levels = self.column(&format!("light[{name:?}]"), Some(&levels), 1, usual)?;
             Ok((name, levels))
-        };
-        channels.iter().map(levels).collect()
+        });
+        columns.collect()
     }
 }

@@ -63,15 +63,14 @@ impl PyFlight {
         Self { flight }
     }
 
-    /// An array of a quantity, NaN where the flight lacks it.
+    /// An array of a quantity, NaN if the flight lacks it.
     fn array<'py>(&self, py: Python<'py>, quantity: Quantity) -> PyResult<Bound<'py, PyAny>> {
-        let (has, numbers) = (self.flight.has(quantity), quantity.places());
-        let row = |sample: &FlightSample| match has {
-            true => sample.numbers()[numbers.clone()].to_vec(),
-            false => vec![f64::NAN; numbers.len()],
+        let (samples, places) = (&self.flight.samples, quantity.places());
+        let values: Vec<f64> = match self.flight.has(quantity) {
+            true => samples.iter().flat_map(|s| s.numbers()[places.clone()].to_vec()).collect(),
+            false => vec![f64::NAN; places.len() * samples.len()],
         };
-        let values: Vec<f64> = self.flight.samples.iter().flat_map(row).collect();
-        array(py, &values, numbers.len())
+        array(py, &values, places.len())
     }
 }
 
@@ -106,7 +105,6 @@ impl PyFlight {
         let angles_rad = columns.points("attitude_rad", attitude_rad)?;
         let designs_m = columns.points("design_m", design_m)?;
         let lights = columns.lights(light, 1.0)?;
-        let is_lit = |row: usize| lights.values().any(|levels| levels[row] > 0.0);
         let samples = (0..times_s.len()).map(|row| {
             let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
             FlightSample {
@@ -116,7 +114,7 @@ impl PyFlight {
                 position_m: positions_m[row],
                 attitude: Attitude { yaw_rad, pitch_rad, roll_rad },
                 design_m: designs_m[row],
-                letter: is_lit(row).then_some(0),
+                letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
                 ..FlightSample::default()
             }
         });
@@ -294,55 +292,49 @@ pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Whether a function of Python takes a third argument by its place: the time.
-fn takes_time(py: Python<'_>, function: &Py<PyAny>) -> bool {
-    let taken = || -> PyResult<bool> {
-        let inspect = py.import("inspect")?;
-        let parameters = inspect.call_method1("signature", (function,))?.getattr("parameters")?;
-        let mut places = 0;
-        for parameter in parameters.call_method0("values")?.try_iter()? {
-            // As a number, 0 to 4: of a place alone, of a place or a name, any more places, ...
-            places += match parameter?.getattr("kind")?.extract::<u8>()? {
-                0 | 1 => 1,
-                2 => 3,
-                _ => 0,
-            };
-        }
-        Ok(places >= 3)
-    };
-    taken().unwrap_or(false)
-}
-
-/// A flight by a controller of Python; `Ok(Err)` is what it raised.
+/// A flight by a controller of Python. `Ok(Err)` is an exception of it.
 fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<PyResult<Flight>> {
-    let timed = Python::attach(|py| takes_time(py, function));
+    let takes_time = Python::attach(|py| {
+        let studies = py.import("noctograph.studies")?;
+        studies.getattr("_takes_time")?.call1((function,))?.extract::<bool>()
+    });
+    let takes_time = match takes_time {
+        Ok(takes_time) => takes_time,
+        Err(error) => return Ok(Err(error)),
+    };
     while let Some((state, reference)) = session.waits() {
         stop.check()?;
-        let time_s = session.time_s();
-        let motors = Python::attach(|py| {
-            let (state, reference) = (array(py, &state, 1)?, array(py, &reference, 1)?);
-            let function = function.bind(py);
-            let motors = match timed {
-                true => function.call1((state, reference, time_s))?,
-                false => function.call1((state, reference))?,
-            };
-            let motors = numbers(&motors, "controller", 1)?;
-            let refuse = |actual: String| {
-                let (wanted, hint) = ("four motor commands", "return m1 to m4, 0 to 65535");
-                raised(py, &Error::input("controller", actual, wanted, hint))
-            };
-            if let Some(motor) = motors.iter().position(|motor| motor.is_nan()) {
-                return Err(refuse(format!("NaN for m{} at {time_s:.3} s", motor + 1)));
-            }
-            let n = motors.len();
-            motors.try_into().map_err(|_motors| refuse(format!("{n} numbers")))
-        });
-        match motors {
+        match motors_by(function, &state, &reference, session.time_s(), takes_time) {
             Ok(motors) => session.command(motors)?,
             Err(error) => return Ok(Err(error)),
         }
     }
     Ok(Ok(session.finish()))
+}
+
+/// Motor commands of a controller of Python at a time, which it gets if it takes it.
+fn motors_by(
+    function: &Py<PyAny>,
+    state: &[f64],
+    reference: &[f64],
+    time_s: f64,
+    takes_time: bool,
+) -> PyResult<[f64; 4]> {
+    Python::attach(|py| {
+        let (state, reference) = (array(py, state, 1)?, array(py, reference, 1)?);
+        let motors = match takes_time {
+            true => function.bind(py).call1((state, reference, time_s))?,
+            false => function.bind(py).call1((state, reference))?,
+        };
+        let motors = numbers(&motors, "controller", 1)?;
+        let actual = match (motors.iter().position(|motor| motor.is_nan()), motors.try_into()) {
+            (None, Ok(motors)) => return Ok(motors),
+            (Some(motor), _) => format!("NaN for m{} at {time_s:.3} s", motor + 1),
+            (None, Err(motors)) => format!("{} numbers", Vec::len(&motors)),
+        };
+        let (wanted, hint) = ("four motor commands", "return m1 to m4, 0 to 65535");
+        Err(raised(py, &Error::input("controller", actual, wanted, hint)))
+    })
 }
 
 /// Flies the plans of a scene, or other ones, one for each drone.
@@ -393,43 +385,45 @@ pub(super) fn fly(
     let estimator = estimator.map(PyEstimator::new);
     let estimates = estimator.clone();
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
-    let scene = scene.0.clone();
-    let stop = Stop::default();
+    let (scene, stop) = (scene.0.clone(), Stop::default());
     let until = stop.clone();
-    let stage = move || {
-        let shoot = match plans {
-            None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
-            None => Shoot::new(scene)?,
-            Some(plans) => Shoot::with_plans(scene, plans)?,
-        };
-        let session = || {
-            shoot.session(|avionics| {
+    let flown = run_showing(
+        py,
+        &stop,
+        |_| Ok(()),
+        Ends::Joined,
+        move || {
+            let shoot = match plans {
+                None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
+                None => Shoot::new(scene)?,
+                Some(plans) => Shoot::with_plans(scene, plans)?,
+            };
+            let n = shoot.plans.len();
+            // Without functions of Python the drones fly together.
+            if controller.is_none() && estimates.is_none() && (n > 1 || !covariance) {
+                return shoot.fly(&|_, _| {}).map(Ok);
+            }
+            if n != 1 {
+                let (what, hint) = ("controller or estimator", "fly each plan by itself");
+                return Err(Error::input(what, format!("{n} plans"), "one plan", hint));
+            }
+            let mut session = shoot.session(|avionics| {
                 estimates.iter().for_each(|estimates| estimates.begin(avionics));
                 if covariance {
                     avionics.log_covariance();
                 }
-            })
-        };
-        match (&controller, shoot.plans.len()) {
-            (None, n) if estimates.is_none() && (n > 1 || !covariance) => {
-                shoot.fly(&|_, _| {}).map(Ok)
-            }
-            (None, 1) => {
-                let mut session = session()?;
-                session.fly_by_itself()?;
-                Ok(Ok(vec![session.finish()]))
-            }
-            (Some(function), 1) => {
-                Ok(flown_by(function, session()?, &until)?.map(|flight| vec![flight]))
-            }
-            (_, n) => {
-                let (what, hint) = ("controller or estimator", "fly each plan by itself");
-                Err(Error::input(what, format!("{n} plans"), "one plan", hint))
-            }
-        }
-    };
-    let flown = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
-    // What an estimator raised is why its drone was lost.
+            })?;
+            let flight = match &controller {
+                Some(function) => flown_by(function, session, &until)?,
+                None => {
+                    session.fly_by_itself()?;
+                    Ok(session.finish())
+                }
+            };
+            Ok(flight.map(|flight| vec![flight]))
+        },
+    );
+    // The exception of an estimator is the cause of the loss of its drone.
     if let Some(thrown) = estimator.and_then(|estimator| estimator.thrown()) {
         return Err(thrown);
     }
@@ -459,7 +453,7 @@ pub(super) fn import_log(
     scene: Option<&PyScene>,
 ) -> PyResult<PyFlight> {
     let scene = scene.map(|scene| scene.0.clone());
-    let stage = move || {
+    let flight = run(py, &Stop::default(), move || {
         let firmware = scene.as_ref().map(|scene| scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
         let mut flight = import(&path, &options)?;
@@ -474,8 +468,7 @@ pub(super) fn import_log(
             flight.edit(|flight| flight.warnings.push(Diagnostic::warning("log", text)));
         }
         Ok(flight)
-    };
-    let flight = run(py, &Stop::default(), stage)?;
+    })?;
     warn(py, flight.warnings.iter().map(ToString::to_string))?;
     Ok(PyFlight::new(flight))
 }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use super::columns::Columns;
 use super::scene::PyScene;
@@ -203,21 +204,24 @@ impl PyPlan {
             return Err(raised(py, &error));
         }
         let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
-        let design: Vec<[Vector3<f64>; 4]> =
-            times_s.iter().zip(&rows).map(|(time_s, row)| self.design(*time_s, *row)).collect();
-        let one = |made: Bound<'py, PyAny>| if is_one { made.get_item(0) } else { Ok(made) };
-        let vectors = |k: usize| {
-            let numbers: Vec<f64> = design.iter().flat_map(|it| it[k].data.0[0]).collect();
-            one(array(py, &numbers, 3)?)
-        };
-        let column = |levels: &[f64]| {
-            one(array(py, &rows.iter().map(|row| levels[*row]).collect::<Vec<_>>(), 1)?)
-        };
-        let yaw = one(array(py, &vec![self.0.yaw_rad; rows.len()], 1)?)?;
-        let lights = self.0.lights.iter().map(|(name, levels)| Ok((name.clone(), column(levels)?)));
+        // Arrays with a row for each time, of which a single number has only the first.
+        let mut arguments = Vec::new();
+        for derivative in 0..4 {
+            let designs = times_s.iter().zip(&rows).map(|(time_s, row)| self.design(*time_s, *row));
+            let numbers: Vec<f64> =
+                designs.flat_map(|design| design[derivative].data.0[0]).collect();
+            arguments.push(first_if(is_one, array(py, &numbers, 3)?)?);
+        }
+        let (yaws, lit) = (vec![self.0.yaw_rad; self.0.setpoints.len()], self.0.lit());
+        for levels in [&yaws, &lit] {
+            arguments.push(first_if(is_one, rows_of(py, levels, &rows)?)?);
+        }
+        let lights = self.0.lights.iter().map(|(name, levels)| {
+            Ok((name.clone(), first_if(is_one, rows_of(py, levels, &rows)?)?))
+        });
         let lights: BTreeMap<String, _> = lights.collect::<PyResult<_>>()?;
-        let parts = (vectors(0)?, vectors(1)?, vectors(2)?, vectors(3)?);
-        let arguments = (parts.0, parts.1, parts.2, parts.3, yaw, column(&self.0.lit())?, lights);
+        arguments.push(lights.into_pyobject(py)?.into_any());
+        let arguments = PyTuple::new(py, arguments)?;
         py.import("noctograph.design")?.getattr("Design")?.call1(arguments)
     }
 
@@ -242,7 +246,7 @@ impl PyPlan {
         reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
-    /// Drawing for notebooks: lit strokes colored by speed, dark ways dashed.
+    /// Drawing for notebooks: lit strokes colored by speed, dark paths dashed.
     fn _repr_svg_(&self) -> Option<String> {
         let plans = [self.0.clone()];
         (!plans[0].setpoints.is_empty()).then(|| plan_view(&plans, "", &[]))
@@ -252,6 +256,16 @@ impl PyPlan {
         let (n, duration_s) = (self.0.setpoints.len(), self.0.duration_s());
         format!("<Plan: {n} setpoints, {duration_s:.1} s, {:.1} s of light>", self.0.full_light_s())
     }
+}
+
+/// Values of a column in some rows.
+fn rows_of<'py>(py: Python<'py>, values: &[f64], rows: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    array(py, &rows.iter().map(|row| values[*row]).collect::<Vec<_>>(), 1)
+}
+
+/// The array, or only its first row.
+fn first_if(is_one: bool, array: Bound<'_, PyAny>) -> PyResult<Bound<'_, PyAny>> {
+    if is_one { array.get_item(0) } else { Ok(array) }
 }
 
 /// Plans the word or drawing of a scene.

@@ -10,7 +10,7 @@ use super::flight::PyFlight;
 use super::scene::PyScene;
 use super::{Reduced, array_of, raised, run, save, to_python, warn};
 use noctograph::cli::verdict_table;
-use noctograph::diagnostic::{Change, Warned};
+use noctograph::diagnostic::{Change, Diagnostic, Warned};
 use noctograph::error::Error;
 use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
@@ -27,10 +27,11 @@ use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop, infer_lights_if_da
 pub(super) struct PyShot {
     shot: Shot,
     image: Py<PyAny>,
-    warnings: Vec<String>,
+    /// Warnings of its flights and of their files.
+    warnings: Vec<Diagnostic>,
 }
 
-/// Largest picture in a notebook, bytes; as text it is a third more.
+/// Largest picture in a notebook, bytes. As text it is a third more.
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
@@ -79,7 +80,8 @@ impl PyShot {
     /// dark or face away, a shutter that misses the word, and the warnings of the flights.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
+        let of_flights = self.warnings.iter().map(ToString::to_string);
+        of_flights.chain(problems(&self.shot)).collect()
     }
 
     /// list of Flight: One for each drone.
@@ -147,11 +149,11 @@ impl PyShot {
 
     fn __repr__(&self) -> String {
         let (width, height) = (self.shot.photo.width_px, self.shot.photo.height_px);
-        let said = self.shot.verdict.as_ref().map_or_else(String::new, |verdict| {
+        let verdict = self.shot.verdict.as_ref().map_or_else(String::new, |verdict| {
             let not = if verdict.legible { "" } else { "not " };
             format!(", {} reads as {}: {not}legible", verdict.word, verdict.read)
         });
-        format!("<Shot: {width} × {height}{said}>")
+        format!("<Shot: {width} × {height}{verdict}>")
     }
 }
 
@@ -178,11 +180,9 @@ pub(super) fn photograph(
     flights: Option<Bound<'_, PyAny>>,
 ) -> PyResult<PyShot> {
     let mut scene = scene.0.clone();
-    let (mut recordings, mut warnings) = (None, Vec::new());
-    if let Some(flights) = flights {
-        let (read, said) = recordings_of(py, &flights, &scene)?;
-        (recordings, warnings) = (Some(read), said);
-    }
+    let recordings = flights.map(|flights| recordings_of(py, &flights, &scene)).transpose()?;
+    let (recordings, warnings) = recordings
+        .map_or((None, Vec::new()), |Warned { product, warnings }| (Some(product), warnings));
     let stop = Stop::default();
     let until = stop.clone();
     let shot = run(py, &stop, move || {
@@ -199,10 +199,7 @@ pub(super) fn photograph(
         };
         Shoot { format: Some(Format::Png), stop: until, ..shoot }.take(&|_, _| {})
     })?;
-    let problems = shot.problems.iter().map(|problem| problem.sentence(Change::to_string));
-    let problems: Vec<String> = problems.collect();
-    warn(py, problems.iter().cloned())?;
-    warnings.extend(problems);
+    warn(py, problems(&shot))?;
     let shape = [shot.photo.height_px as usize, shot.photo.width_px as usize, 3];
     let image = array_of(py, &shot.photo.rgb8, "u1", &shape)?;
     // It is the shot's, not a copy.
@@ -210,13 +207,18 @@ pub(super) fn photograph(
     Ok(PyShot { image: image.unbind(), shot, warnings })
 }
 
-/// The recordings of a flight or of several, and what is to be said of them. Files are warned of here, flights
-/// were when they were made.
+/// Problems of a shot, a sentence each.
+fn problems(shot: &Shot) -> impl Iterator<Item = String> {
+    shot.problems.iter().map(|problem| problem.sentence(Change::to_string))
+}
+
+/// The recordings of a flight or of several, with their warnings. Those of files are shown here,
+/// those of flights were shown when these were made.
 fn recordings_of(
     py: Python<'_>,
     flights: &Bound<'_, PyAny>,
     scene: &Scene,
-) -> PyResult<(Vec<Recording>, Vec<String>)> {
+) -> PyResult<Warned<Vec<Recording>>> {
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
     let flights: Vec<Bound<'_, PyAny>> = if is_one {
         vec![flights.clone()]
@@ -229,14 +231,15 @@ fn recordings_of(
     }
     let firmware = Some(scene.vehicle.firmware);
     let options = ImportOptions { firmware, ..ImportOptions::default() };
-    let (mut recordings, mut said) = (Vec::new(), Vec::new());
+    let mut recordings = Warned::<Vec<Recording>>::default();
     for flight in flights {
         if let Ok(flight) = flight.cast::<PyFlight>() {
             let flight = &flight.get().flight;
-            said.extend(flight.warnings.iter().map(ToString::to_string));
-            recordings.push(Recording::Flight(flight.clone()));
+            recordings.warnings.extend(flight.warnings.iter().cloned());
+            recordings.product.push(Recording::Flight(flight.clone()));
             continue;
         }
+        // Everything else is a file's path.
         let path = flight.extract::<PathBuf>().map_err(|_no_path| {
             let actual = flight.get_type().to_string();
             let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
@@ -244,13 +247,13 @@ fn recordings_of(
         })?;
         let read = Recording::read(&path, &options);
         let Warned { product, warnings } = read.map_err(|error| raised(py, &error))?;
-        let warnings = warnings.iter().map(|warning| format!("{}: {warning}", path.display()));
-        let warnings: Vec<String> = warnings.collect();
-        warn(py, warnings.iter().cloned())?;
-        said.extend(warnings);
-        recordings.push(product);
+        let file = path.display().to_string();
+        let warnings: Vec<_> = warnings.into_iter().map(|warning| warning.in_file(&file)).collect();
+        warn(py, warnings.iter().map(ToString::to_string))?;
+        recordings.warnings.extend(warnings);
+        recordings.product.push(product);
     }
-    Ok((recordings, said))
+    Ok(recordings)
 }
 
 /// Scores a photo of a word as its camera sees it.
