@@ -6,8 +6,7 @@ use nalgebra::Vector3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::{numbers, raised};
-use noctograph::error::Error;
+use super::{numbers, refused};
 use noctograph::plan::HEADLIGHTS;
 
 /// The columns of a plan or a flight, as long as the times. Their values are checked by the product
@@ -37,7 +36,7 @@ impl Columns {
         }
         let actual = format!("{} rows", values.len() / columns);
         let hint = "one row for each time";
-        Err(raised(array.py(), &Error::input(name, actual, format!("{n} rows, as time_s"), hint)))
+        Err(refused(array.py(), name, actual, format!("{n} rows, as time_s"), hint))
     }
 
     /// A column of points or directions, by default all zero.

@@ -5,8 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::{array, numbers, raised};
-use noctograph::error::Error;
+use super::{array, numbers, refused};
 use noctograph::sensors::Readings;
 use noctograph::sim::Avionics;
 
@@ -88,5 +87,5 @@ fn updated(
         (None, Err(state)) => format!("{} numbers", Vec::len(&state)),
     };
     let hint = "return position, yaw pitch roll, velocity and rate of the body";
-    Err(raised(py, &Error::input("estimator", actual, "twelve states", hint)))
+    Err(refused(py, "estimator", actual, "twelve states", hint))
 }

@@ -10,7 +10,7 @@ use super::estimator::PyEstimator;
 use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{
-    Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, run, run_showing,
+    Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, refused, run, run_showing,
     save_with, text_of, warn,
 };
 use noctograph::diagnostic::Diagnostic;
@@ -91,7 +91,7 @@ impl PyFlight {
         if times_s.len() < 2 {
             let hint = "hand over what was flown, a row for each time";
             let actual = format!("{} times", times_s.len());
-            return Err(raised(py, &Error::input("time_s", actual, "two or more", hint)));
+            return Err(refused(py, "time_s", actual, "two or more", hint));
         }
         let lasts_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
         let step_s = lasts_s / times_s.len().max(2).saturating_sub(1) as f64;
@@ -99,7 +99,7 @@ impl PyFlight {
             let actual = format!("{lasts_s} s with a sample every {step_s:.1} s");
             let hint = "times are in seconds: divide milliseconds by 1000";
             let wanted = "at most an hour, and a sample every two seconds";
-            return Err(raised(py, &Error::input("time_s", actual, wanted, hint)));
+            return Err(refused(py, "time_s", actual, wanted, hint));
         }
         let positions_m = columns.points("position_m", Some(position_m))?;
         let angles_rad = columns.points("attitude_rad", attitude_rad)?;
@@ -293,18 +293,15 @@ pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
 }
 
 /// A flight by a controller of Python. `Ok(Err)` is an exception of it.
-fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<PyResult<Flight>> {
-    let takes_time = Python::attach(|py| {
-        let studies = py.import("noctograph.studies")?;
-        studies.getattr("_takes_time")?.call1((function,))?.extract::<bool>()
-    });
-    let takes_time = match takes_time {
-        Ok(takes_time) => takes_time,
-        Err(error) => return Ok(Err(error)),
-    };
-    while let Some((state, reference)) = session.waits() {
+fn flown_by(
+    function: &Py<PyAny>,
+    takes_time: bool,
+    mut session: Session,
+    stop: &Stop,
+) -> Result<PyResult<Flight>> {
+    while let Some(seen) = session.waits() {
         stop.check()?;
-        match motors_by(function, &state, &reference, session.time_s(), takes_time) {
+        match motors_by(function, seen, session.time_s(), takes_time) {
             Ok(motors) => session.command(motors)?,
             Err(error) => return Ok(Err(error)),
         }
@@ -315,13 +312,12 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 /// Motor commands of a controller of Python at a time, which it gets if it takes it.
 fn motors_by(
     function: &Py<PyAny>,
-    state: &[f64],
-    reference: &[f64],
+    (state, reference): ([f64; 12], [f64; 9]),
     time_s: f64,
     takes_time: bool,
 ) -> PyResult<[f64; 4]> {
     Python::attach(|py| {
-        let (state, reference) = (array(py, state, 1)?, array(py, reference, 1)?);
+        let (state, reference) = (array(py, &state, 1)?, array(py, &reference, 1)?);
         let motors = match takes_time {
             true => function.bind(py).call1((state, reference, time_s))?,
             false => function.bind(py).call1((state, reference))?,
@@ -333,7 +329,7 @@ fn motors_by(
             (None, Err(motors)) => format!("{} numbers", Vec::len(&motors)),
         };
         let (wanted, hint) = ("four motor commands", "return m1 to m4, 0 to 65535");
-        Err(raised(py, &Error::input("controller", actual, wanted, hint)))
+        Err(refused(py, "controller", actual, wanted, hint))
     })
 }
 
@@ -387,6 +383,8 @@ pub(super) fn fly(
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
     let (scene, stop) = (scene.0.clone(), Stop::default());
     let until = stop.clone();
+    let takes_time = py.import("noctograph.studies")?.getattr("_takes_time")?;
+    let takes_time: bool = takes_time.call1((&controller,))?.extract()?;
     let flown = run_showing(
         py,
         &stop,
@@ -414,7 +412,7 @@ pub(super) fn fly(
                 }
             })?;
             let flight = match &controller {
-                Some(function) => flown_by(function, session, &until)?,
+                Some(function) => flown_by(function, takes_time, session, &until)?,
                 None => {
                     session.fly_by_itself()?;
                     Ok(session.finish())

@@ -89,6 +89,17 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
     made.map_or_else(|broken| broken, PyErr::from_value)
 }
 
+/// The exception of an input that cannot be used.
+fn refused(
+    py: Python<'_>,
+    place: &str,
+    found: impl std::fmt::Display,
+    wanted: impl Into<String>,
+    hint: &str,
+) -> PyErr {
+    raised(py, &Error::input(place, found, wanted, hint))
+}
+
 /// Warns of each text in the name of the caller's line: see `noctograph/errors.py`.
 fn warn(py: Python<'_>, texts: impl IntoIterator<Item = String>) -> PyResult<()> {
     let warn = py.import("noctograph.errors")?.getattr("warn")?;
@@ -234,22 +245,16 @@ fn arrays<'py>(
     columns.iter().map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
 }
 
-/// The kind of an array's values, as a letter of numpy: `f` is floats, `c` complex numbers, `U` texts.
-fn py_kind(array: &Bound<'_, PyAny>) -> PyResult<String> {
-    let array = array.py().import("numpy")?.call_method1("asarray", (array,))?;
-    array.getattr("dtype")?.getattr("kind")?.extract()
-}
-
 /// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column. Other shapes
 /// are refused.
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
-    let (py, given) = (array.py(), py_kind(array)?);
-    if !"biufO".contains(&*given) {
-        let actual = if given == "c" { "complex numbers" } else { "no numbers" };
-        return Err(raised(
-            py,
-            &Error::input(name, actual, "numbers", "look at what is handed over"),
-        ));
+    let py = array.py();
+    let array = py.import("numpy")?.call_method1("asarray", (array,))?;
+    // A letter of numpy: `f` is floats, `c` complex numbers, `U` texts, `O` objects.
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if !"biufO".contains(&*kind) {
+        let actual = if kind == "c" { "complex numbers" } else { "no numbers" };
+        return Err(refused(py, name, actual, "numbers", "look at what is handed over"));
     }
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
@@ -270,8 +275,7 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
                 "one row for each time: the axes of a batch or of several drones are taken one by one"
             }
         };
-        let error = Error::input(name, format!("shape {shape:?}"), wanted, hint);
-        return Err(raised(py, &error));
+        return Err(refused(py, name, format!("shape {shape:?}"), wanted, hint));
     }
     let bytes = array.call_method0("tobytes")?;
     Ok(bytemuck::pod_collect_to_vec(bytes.cast::<PyBytes>()?.as_bytes()))

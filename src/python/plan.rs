@@ -5,14 +5,12 @@ use std::path::PathBuf;
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
 
 use super::columns::Columns;
 use super::scene::PyScene;
 use super::{
-    Reduced, array, arrays, data_frame, numbers, raised, reduced, run, save_with, text_of,
+    Reduced, array, arrays, data_frame, numbers, raised, reduced, refused, run, save_with, text_of,
 };
-use noctograph::error::Error;
 use noctograph::flight::table::on_grid;
 use noctograph::plan::{Plan, PlanData, Setpoint};
 use noctograph::report::plan_view;
@@ -196,33 +194,29 @@ impl PyPlan {
         let times_s: Vec<f64> = times_s.into_iter().map(on_grid).collect();
         if let Some(row) = times_s.iter().position(|time_s| !time_s.is_finite()) {
             let actual = format!("{} in row {row}", times_s[row]);
-            let error = Error::input("time_s", actual, "finite times", "times in seconds");
-            return Err(raised(py, &error));
+            return Err(refused(py, "time_s", actual, "finite times", "times in seconds"));
         }
         if self.0.setpoints.is_empty() {
-            let error = Error::input("plan", "no setpoint", "one or more", "plan a word");
-            return Err(raised(py, &error));
+            return Err(refused(py, "plan", "no setpoint", "one or more", "plan a word"));
         }
         let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
-        // Arrays with a row for each time, of which a single number has only the first.
+        // Arrays with a row for each time: position, velocity, acceleration, jerk, yaw, light.
         let mut arguments = Vec::new();
         for derivative in 0..4 {
             let designs = times_s.iter().zip(&rows).map(|(time_s, row)| self.design(*time_s, *row));
             let numbers: Vec<f64> =
                 designs.flat_map(|design| design[derivative].data.0[0]).collect();
-            arguments.push(first_if(is_one, array(py, &numbers, 3)?)?);
+            arguments.push(array(py, &numbers, 3)?);
         }
-        let (yaws, lit) = (vec![self.0.yaw_rad; self.0.setpoints.len()], self.0.lit());
-        for levels in [&yaws, &lit] {
-            arguments.push(first_if(is_one, rows_of(py, levels, &rows)?)?);
+        let yaws = vec![self.0.yaw_rad; self.0.setpoints.len()];
+        for levels in [&yaws, &self.0.lit()] {
+            arguments.push(rows_of(py, levels, &rows)?);
         }
-        let lights = self.0.lights.iter().map(|(name, levels)| {
-            Ok((name.clone(), first_if(is_one, rows_of(py, levels, &rows)?)?))
-        });
-        let lights: BTreeMap<String, _> = lights.collect::<PyResult<_>>()?;
-        arguments.push(lights.into_pyobject(py)?.into_any());
-        let arguments = PyTuple::new(py, arguments)?;
-        py.import("noctograph.design")?.getattr("Design")?.call1(arguments)
+        let lights = self.0.lights.iter();
+        let lights = lights.map(|(name, levels)| Ok((name, rows_of(py, levels, &rows)?)));
+        let lights = lights.collect::<PyResult<BTreeMap<_, _>>>()?;
+        let made = py.import("noctograph.design")?.getattr("_design")?;
+        made.call1((is_one, arguments, lights))
     }
 
     /// The plan as CSV, one row a setpoint.
@@ -261,11 +255,6 @@ impl PyPlan {
 /// Values of a column in some rows.
 fn rows_of<'py>(py: Python<'py>, values: &[f64], rows: &[usize]) -> PyResult<Bound<'py, PyAny>> {
     array(py, &rows.iter().map(|row| values[*row]).collect::<Vec<_>>(), 1)
-}
-
-/// The array, or only its first row.
-fn first_if(is_one: bool, array: Bound<'_, PyAny>) -> PyResult<Bound<'_, PyAny>> {
-    if is_one { array.get_item(0) } else { Ok(array) }
 }
 
 /// Plans the word or drawing of a scene.

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyTuple};
 
-use super::{Reduced, array, raised, reduced, run, save, to_python};
-use noctograph::error::Error;
+use super::{Reduced, array, raised, reduced, refused, run, save, to_python};
 use noctograph::scene::Scene;
 use noctograph::shoot::Stop;
 use noctograph::sim::gain_design::{MOTOR_LAG_S, design};
@@ -51,11 +50,11 @@ impl PyScene {
         }
         let borrowed: Vec<(&str, &str)> =
             settings.iter().map(|(key, value)| (&**key, &**value)).collect();
-        let loaded = match scene.map(|scene| (scene, scene.cast::<Self>())) {
-            None => Scene::find("cf21", &borrowed).map(|loaded| loaded.scene),
-            Some((_, Ok(scene))) => Scene::parse_with(&scene.get().0.to_toml(), "scene", &borrowed),
-            Some((name, Err(_no_scene))) => {
-                Scene::find(&name.str()?.to_cow()?, &borrowed).map(|loaded| loaded.scene)
+        let loaded = match scene.and_then(|scene| scene.cast::<Self>().ok()) {
+            Some(scene) => Scene::parse_with(&scene.get().0.to_toml(), "scene", &borrowed),
+            None => {
+                let name = scene.map_or(Ok("cf21".to_owned()), |name| name.str()?.extract())?;
+                Scene::find(&name, &borrowed).map(|named| named.scene)
             }
         };
         let mut loaded = loaded.map_err(|error| raised(py, &error))?;
@@ -114,7 +113,7 @@ impl PyScene {
         let hint = "`noctograph scene` prints every key; None is a key that is not set";
         match value {
             Some(value) => to_python(py, value),
-            None => Err(raised(py, &Error::input(key, "no such key", "a key of the scene", hint))),
+            None => Err(refused(py, key, "no such key", "a key of the scene", hint)),
         }
     }
 
@@ -203,5 +202,5 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         return Ok(format!("[{}]", items.join(", ")));
     }
     let (actual, wanted) = (value.get_type().name()?.to_string(), "a number, text, list or dict");
-    Err(raised(value.py(), &Error::input("set", actual, wanted, "convert it to one of these")))
+    Err(refused(value.py(), "set", actual, wanted, "convert it to one of these"))
 }

@@ -10,7 +10,7 @@ use super::estimator::PyEstimator;
 use super::flight::for_any_controller;
 use super::scene::PyScene;
 use super::study::columns;
-use super::{array, array_of, numbers, raised, run, to_python};
+use super::{array, array_of, numbers, raised, refused, run, to_python};
 use noctograph::diagnostic::Diagnostic;
 use noctograph::error::{Error, Result};
 use noctograph::scene::NamedScene;
@@ -47,7 +47,7 @@ impl Flying {
             (None, Some(session)) => {
                 let flight = session.finish();
                 let mut warnings = flight.warnings.iter();
-                let grounded = warnings.find(|warning| warning.code == GROUNDED).cloned();
+                let grounded = warnings.find(|warning| warning.code == "grounded").cloned();
                 Ok((prepared.judge(Ok(vec![flight]), self.seed)?, grounded))
             }
             (lost, _) => {
@@ -57,9 +57,6 @@ impl Flying {
         }
     }
 }
-
-/// Code of the warning of a drone that stood on the floor (`flight::warning::grounded`).
-const GROUNDED: &str = "grounded";
 
 /// N flights of a scene that wait for motor commands: see `VectorEnv` of `noctograph/learning.py`.
 #[pyclass(frozen, name = "Sessions", module = "noctograph._noctograph")]
@@ -166,12 +163,12 @@ impl PySessions {
         };
         if motors.len() != n {
             let (actual, wanted) = (motors.len(), format!("{n} rows"));
-            return Err(raised(py, &Error::input("motors", actual, wanted, "one row a flight")));
+            return Err(refused(py, "motors", actual, wanted, "one row a flight"));
         }
         if let Some(row) = motors.iter().position(|row| row.iter().flatten().any(|m| m.is_nan())) {
             let actual = format!("NaN in row {row}");
             let hint = "a motor command is a number: look for 0 / 0 and for logarithms";
-            return Err(raised(py, &Error::input("motors", actual, "numbers", hint)));
+            return Err(refused(py, "motors", actual, "numbers", hint));
         }
         py.detach(|| {
             let (mut flights, n_all) = (self.all(), n_commands.iter().sum::<u32>());
@@ -191,27 +188,25 @@ impl PySessions {
     /// and flags of flights that have landed and that are lost (N,). Estimates and references of
     /// flights that have landed are 0.
     fn look<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let flights = self.all();
-        let sessions: Vec<Option<&Session>> =
-            flights.iter().map(|it| it.session.as_ref()).collect();
-        let waits: Vec<_> =
-            sessions.iter().map(|session| session.and_then(Session::waits)).collect();
-        let states = waits.iter().flat_map(|waits| waits.map_or([0.0; 12], |(state, _)| state));
-        let references =
-            waits.iter().flat_map(|waits| waits.map_or([0.0; 9], |(_, design)| design));
-        let positions = sessions.iter().flat_map(|s| s.map_or([0.0; 3], Session::position_m));
-        let designs = sessions.iter().flat_map(|s| s.map_or([0.0; 3], Session::design_m));
-        let times = sessions.iter().map(|session| session.map_or(0.0, Session::time_s));
-        let columns = PyDict::new(py);
-        columns.set_item("state", array(py, &states.collect::<Vec<_>>(), 12)?)?;
-        columns.set_item("reference", array(py, &references.collect::<Vec<_>>(), 9)?)?;
-        columns.set_item("position_m", array(py, &positions.collect::<Vec<_>>(), 3)?)?;
-        columns.set_item("design_m", array(py, &designs.collect::<Vec<_>>(), 3)?)?;
-        columns.set_item("time_s", array(py, &times.collect::<Vec<_>>(), 1)?)?;
-        let landed: Vec<u8> = waits.iter().map(|waits| waits.is_none().into()).collect();
-        let lost: Vec<u8> = flights.iter().map(|flying| flying.lost.is_some().into()).collect();
-        columns.set_item("landed", array_of(py, &landed, "?", &[landed.len()])?)?;
-        columns.set_item("lost", array_of(py, &lost, "?", &[lost.len()])?)?;
+        let (flights, columns) = (self.all(), PyDict::new(py));
+        let sessions: Vec<_> = flights.iter().map(|flying| flying.session.as_ref()).collect();
+        let waits: Vec<_> = sessions.iter().map(|s| s.and_then(Session::waits)).collect();
+        let numbers: [(&str, usize, Vec<f64>); 5] = [
+            ("state", 12, waits.iter().flat_map(|w| w.map_or([0.0; 12], |(x, _)| x)).collect()),
+            ("reference", 9, waits.iter().flat_map(|w| w.map_or([0.0; 9], |(_, r)| r)).collect()),
+            ("position_m", 3, vectors(&sessions, Session::position_m)),
+            ("design_m", 3, vectors(&sessions, Session::design_m)),
+            ("time_s", 1, sessions.iter().map(|s| s.map_or(0.0, Session::time_s)).collect()),
+        ];
+        for (name, n, values) in numbers {
+            columns.set_item(name, array(py, &values, n)?)?;
+        }
+        let landed = waits.iter().map(|waits| waits.is_none().into()).collect();
+        let lost = flights.iter().map(|flying| flying.lost.is_some().into()).collect();
+        for (name, flags) in [("landed", landed), ("lost", lost)] {
+            let flags: Vec<u8> = flags;
+            columns.set_item(name, array_of(py, &flags, "?", &[flags.len()])?)?;
+        }
         Ok(columns)
     }
 
@@ -232,16 +227,12 @@ impl PySessions {
             judged.collect::<Result<Vec<_>>>()
         })?;
         let (outcomes, grounded): (Vec<Outcome>, Vec<_>) = judged.into_iter().unzip();
-        // One warning for all drones that stood on the floor: that with the largest commands.
+        // One warning for all drones that stood on the floor: that of the first.
         let (n, grounded) = (outcomes.len(), grounded.into_iter().flatten().collect::<Vec<_>>());
-        let largest = grounded.iter().max_by(|a, b| {
-            let [a, b] = [a, b].map(|warning| warning.number("motors").unwrap_or(0.0));
-            a.total_cmp(&b)
-        });
-        let warnings =
-            largest.map(|warning| format!("{} of {n} flights: {warning}", grounded.len()));
+        let first = grounded.iter().take(1);
+        let warnings = first.map(|warning| format!("{} of {n} flights: {warning}", grounded.len()));
         let json = outcomes.iter().map(|outcome| serde_json::json!(outcome).to_string()).collect();
-        Ok((columns(py, &outcomes, [1, n])?, json, warnings.into_iter().collect()))
+        Ok((columns(py, &outcomes, [1, n])?, json, warnings.collect()))
     }
 
     /// Ends a flight: the outcome of its photo.
@@ -255,4 +246,9 @@ impl PySessions {
         let stage = move || Ok(flying.judged(&prepared)?.0);
         to_python(py, &run(py, &Stop::default(), stage)?)
     }
+}
+
+/// A vector of each session, zeros of those that have ended.
+fn vectors(sessions: &[Option<&Session>], vector: fn(&Session) -> [f64; 3]) -> Vec<f64> {
+    sessions.iter().flat_map(|session| session.map_or([0.0; 3], vector)).collect()
 }

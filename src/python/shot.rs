@@ -8,7 +8,7 @@ use pyo3::types::PyBytes;
 
 use super::flight::PyFlight;
 use super::scene::PyScene;
-use super::{Reduced, array_of, raised, run, save, to_python, warn};
+use super::{Reduced, array_of, raised, refused, run, save, to_python, warn};
 use noctograph::cli::verdict_table;
 use noctograph::diagnostic::{Change, Diagnostic, Warned};
 use noctograph::error::Error;
@@ -227,7 +227,7 @@ fn recordings_of(
     };
     if flights.is_empty() {
         let hint = "leave it out to fly the scene's plans";
-        return Err(raised(py, &Error::input("flights", "none", "one for each drone", hint)));
+        return Err(refused(py, "flights", "none", "one for each drone", hint));
     }
     let firmware = Some(scene.vehicle.firmware);
     let options = ImportOptions { firmware, ..ImportOptions::default() };
@@ -348,7 +348,7 @@ fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
     let Some((width_px, height_px)) = sides else {
         let (actual, wanted) =
             (format!("{dtype} of shape {shape:?}"), "uint8 of (height, width, 3)");
-        return Err(raised(py, &Error::input("image", actual, wanted, "leave out transparency")));
+        return Err(refused(py, "image", actual, wanted, "leave out transparency"));
     };
     let bytes = image.call_method0("tobytes")?;
     let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();

@@ -30,16 +30,11 @@ fn counted<T: Send + 'static>(
 ) -> PyResult<T> {
     let (stop, done) = (Stop::default(), Arc::new(AtomicUsize::new(0)));
     let (until, counter) = (stop.clone(), Arc::clone(&done));
-    run_showing(
-        py,
-        &stop,
-        |py| match &progress {
-            Some(progress) => progress.call1(py, (done.load(Ordering::Relaxed), total)).map(drop),
-            None => Ok(()),
-        },
-        Ends::ByItself,
-        move || stage(&until, &counter),
-    )
+    let show = |py: Python<'_>| match &progress {
+        Some(progress) => progress.call1(py, (done.load(Ordering::Relaxed), total)).map(drop),
+        None => Ok(()),
+    };
+    run_showing(py, &stop, show, Ends::ByItself, move || stage(&until, &counter))
 }
 
 /// Flies every scene with every seed: see `fly_many` of `noctograph/studies.py`.
@@ -79,12 +74,11 @@ pub(super) fn columns<'py>(
     shape: [usize; 2],
 ) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
-    let flown = outcomes
-        .iter()
-        .map(|outcome| outcome.flown.map_or([f64::NAN; Flown::<f64>::NAMES.len()], Flown::values));
-    let flown: Vec<_> = flown.collect();
-    let figures = Flown::<f64>::NAMES.into_iter().enumerate();
-    let figures = figures.map(|(i, name)| (name, flown.iter().map(|row| row[i]).collect()));
+    // A lost drone has no figures: NaN.
+    let figures = Flown::<f64>::NAMES.into_iter().enumerate().map(|(index, name)| {
+        let values = outcomes.iter().map(|outcome| outcome.flown.map(|it| it.values()[index]));
+        (name, values.map(|value| value.unwrap_or(f64::NAN)).collect())
+    });
     let numbers: [(&str, Vec<f64>); 2] = [
         ("probability", outcomes.iter().map(|outcome| outcome.probability).collect()),
         ("similarity", outcomes.iter().map(|outcome| outcome.similarity).collect()),

@@ -64,8 +64,8 @@ pub struct Rung {
 }
 
 impl Study {
-    /// The study on each rung of the ladder, the slowest first: strokes, and their acceleration
-    /// in proportion.
+    /// The study on each rung of the ladder, the slowest first: strokes, and their acceleration in
+    /// proportion.
     pub fn ladder(&self) -> Vec<Self> {
         let speeds_m_s = self.contenders.iter().map(|named| named.scene.plan.stroke_speed_m_s);
         let slowest_m_s = speeds_m_s.fold(f64::INFINITY, f64::min);
@@ -89,10 +89,6 @@ impl Study {
 
 /// Flies the rungs of a [`Study::ladder`] with the scenes of each ([`Study::prepare`]), as
 /// [`evaluate`] does.
-///
-/// # Errors
-///
-/// Those of [`evaluate`].
 pub fn fly_ladder(
     ladder: &[Study],
     ready: &[Vec<Prepared>],

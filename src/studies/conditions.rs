@@ -38,8 +38,8 @@ settings! {
     ///
     /// Measured on the reference flight, to which mass and trim were fitted, and on which the
     /// widths below were chosen: the 90 % band of 40 replays under `room` holds it 87 to 97 % of
-    /// the time on each axis (`tests/it/team_data.rs`). With noise and gusts only it holds 64 to
-    /// 87 %. Of other flights it holds nine tenths under PID, and fewer in y without an integral
+    /// the time on each axis (`tests/it/team_data.rs`). With noise and gusts only it holds 64 to 87
+    /// %. Of other flights it holds nine tenths under PID, and fewer in y without an integral
     /// (`docs/model.md`).
     pub struct Conditions {
         /// Mass, σ as a fraction of the scene's: half a gram of 35 for tape and another battery.
@@ -66,8 +66,8 @@ settings! {
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
         /// Moment of the air per airspeed on top of the scene's, uniform from 0 to this, N m/(m/s):
         /// the drone rears up against its motion. As much as the log of the reference flight shows
-        /// ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is measured
-        /// on other drones.
+        /// ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is measured on
+        /// other drones.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
         /// Gusts, σ, m/s (Ornstein–Uhlenbeck), of a ventilated room, or the scene's if these are
         /// stronger. Uneven air turns the drone in proportion, as measured at 0.08.

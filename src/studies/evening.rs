@@ -285,8 +285,8 @@ impl Evening {
 }
 
 impl LogFigures {
-    /// The mean of its outages from the longest. The longest of n exponential times is on average
-    /// 1 + 1/2 + … + 1/n times their mean.
+    /// The mean of its outages from the longest. The longest of n exponential times is on average 1
+    /// + 1/2 + … + 1/n times their mean.
     fn mean_outage_s(&self) -> f64 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at least 1")]
         let n = (self.air_s / OUTAGE_EVERY_S).round().max(1.0) as u32;
@@ -374,7 +374,8 @@ fn figures(
     })
 }
 
-/// A figure if it differs from the scene's by more than three standard deviations, else the scene's.
+/// A figure if it differs from the scene's by more than three standard deviations, else the
+/// scene's.
 fn significant(figure: f64, sigma: f64, scene: f64) -> f64 {
     if (figure - scene).abs() > 3.0 * sigma { figure } else { scene }
 }

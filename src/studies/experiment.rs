@@ -113,10 +113,6 @@ impl Study {
     }
 
     /// Every contender made ready for every word, contender by contender.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::new`].
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
         let prepared = self.contenders.par_iter().flat_map(|contender| {
             let words = self.words.par_iter();

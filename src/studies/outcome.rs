@@ -84,8 +84,8 @@ figures! {
     saturated_frac,
     /// Duration of the whole flight.
     duration_s,
-    /// Energy of the whole flight: current of the thrust and of the electronics at the
-    /// open-circuit voltage.
+    /// Energy of the whole flight: current of the thrust and of the electronics at the open-circuit
+    /// voltage.
     energy_j,
 }
 

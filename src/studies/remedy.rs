@@ -39,12 +39,8 @@ const DARK_ROOM_CD_M2: f64 = 0.008;
 /// Speed from which strokes are flown slower.
 const SLOW_M_S: f64 = 0.05;
 
-/// Remedies of a shot. None if its word reads, or if its plans come from elsewhere or are flights of
-/// exported ones, which are not planned anew.
-///
-/// # Errors
-///
-/// As [`remedies`].
+/// Remedies of a shot. None if its word reads, or if its plans come from elsewhere or are flights
+/// of exported ones, which are not planned anew.
 pub fn remedies_for(shot: &Shot) -> Result<Vec<Remedy>> {
     let is_read = shot.verdict.as_ref().is_none_or(|verdict| verdict.legible);
     if is_read || !shot.shoot.is_planned || !shot.shoot.designs.is_empty() {

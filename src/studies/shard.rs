@@ -1,7 +1,8 @@
 //! Shard: a part of a study's flights, flown by any process on any machine.
 //!
 //! Its file is named by the study and the part, depends on nothing else, and appears whole or not
-//! at all. So a shard may be flown twice, killed and flown again, or be cut otherwise the next time.
+//! at all. So a shard may be flown twice, killed and flown again, or be cut otherwise the next
+//! time.
 
 use std::path::{Path, PathBuf};
 
@@ -37,10 +38,6 @@ impl std::str::FromStr for Shard {
 impl Shard {
     /// Flies every `count`th trial of a study into a file of a folder, unless that is there
     /// already. Returns the file, and the number of its flights.
-    ///
-    /// # Errors
-    ///
-    /// Those of the flights, and [`Error::Io`]. Nothing is left then.
     pub fn fly(
         self,
         study: &Study,
@@ -62,10 +59,6 @@ impl Shard {
 
 /// The files of a study's shards in a folder, however they were cut, for [`Store::take`].
 /// `prepared` is that of [`Study::prepare`].
-///
-/// # Errors
-///
-/// [`Error::Io`].
 pub fn shards(study: &Study, prepared: &[Prepared], folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut files, stem) = (files_in(folder)?, digest(study, prepared));
     files.retain(|path| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(&stem)));

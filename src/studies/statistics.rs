@@ -63,11 +63,11 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
     if n < 2.0 { 0.0 } else { (variance / (n - 1.0)).sqrt() }
 }
 
-/// Mean of the lowest tenth of values from 0 to 1, at least of one value, with its 95 % interval.
-/// 0 without values. From 0 to 1 for a single value.
+/// Mean of the lowest tenth of values from 0 to 1, at least of one value, with its 95 % interval. 0
+/// without values. From 0 to 1 for a single value.
 ///
-/// It is the mean of its influence function `q + min(x - q, 0) n / k`, with q the value after the
-/// k lowest of n values x (Manistre, Hancock, North American Actuarial Journal 9, 2005). So its
+/// It is the mean of its influence function `q + min(x - q, 0) n / k`, with q the value after the k
+/// lowest of n values x (Manistre, Hancock, North American Actuarial Journal 9, 2005). So its
 /// interval is that of [`mean_of_probabilities`], with the freedom of k values. A percentile
 /// bootstrap never draws below the lowest value, and holds the truth of twenty flights in half of
 /// all cases.

@@ -1,9 +1,9 @@
 //! Store: a folder that never loses a flight.
 //!
-//! `study.json` names the program that wrote it. `flights.jsonl` holds one JSON object a line, which
-//! `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by one
-//! write of one line, so a killed program leaves at worst half a line at the end, which the next
-//! one takes off. One program at a time writes to the folder (`lock`).
+//! `study.json` names the program that wrote it. `flights.jsonl` holds one JSON object a line,
+//! which `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by
+//! one write of one line, so a killed program leaves at worst half a line at the end, which the
+//! next one takes off. One program at a time writes to the folder (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -296,8 +296,8 @@ fn too_many(place: impl Into<Place>) -> Error {
     Error::input(place, number, "at most those of the largest study", ANOTHER)
 }
 
-/// Calls a function with each whole line, and returns their length in bytes. Half a line of ours may
-/// follow them.
+/// Calls a function with each whole line, and returns their length in bytes. Half a line of ours
+/// may follow them.
 fn each_line(
     file: impl Read,
     path: &Path,
@@ -309,8 +309,8 @@ fn each_line(
         line.clear();
         let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
-        // Half a line at the end is skipped if it is one of ours. Foreign text is an error below, so
-        // that it is never cut off.
+        // Half a line at the end is skipped if it is one of ours. Foreign text is an error below,
+        // so that it is never cut off.
         let is_ours = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
         if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && is_ours) {
             return Ok(length);

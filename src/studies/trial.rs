@@ -19,7 +19,8 @@ use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
 /// Height of a capital on the film that is read. The reader resamples it to 32. Fewer pixels blur
 /// the trail, more cost time. For 20 words, each flown twice, the probability differs on average by
-/// 0.017 from that at 1920 × 1080, and by 0.21 at most, for Illi. Scenes are compared on equal films.
+/// 0.017 from that at 1920 × 1080, and by 0.21 at most, for Illi. Scenes are compared on equal
+/// films.
 const CAP_HEIGHT_PX: f64 = 48.0;
 
 /// A scene made ready to fly a word again and again.
@@ -36,8 +37,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Makes a scene ready for a word. If it cannot be planned, as with a gain that loses the drone,
-    /// every outcome is a lost drone: one bad candidate ends no study.
+    /// Makes a scene ready for a word. If it cannot be planned, as with a gain that loses the
+    /// drone, every outcome is a lost drone: one bad candidate ends no study.
     ///
     /// # Errors
     ///
@@ -115,10 +116,6 @@ impl Prepared {
     }
 
     /// The flights of one seed, one for each drone.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::planned`] and [`Shoot::fly`].
     pub fn fly(&self, seed: u64) -> Result<Vec<Flight>> {
         self.planned()?;
         self.shoot(seed).fly(&|_, _| {})
@@ -126,10 +123,6 @@ impl Prepared {
 
     /// The outcome of the flights of a seed, exposed and read. A lamp that passes before the lens
     /// leaves no photo: its drone counts as lost.
-    ///
-    /// # Errors
-    ///
-    /// Those of the stages, except that of a lost drone.
     pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
         let shot = flights.and_then(|flights| {
             let recordings = flights.into_iter().map(Recording::Flight).collect();
@@ -150,10 +143,6 @@ impl Prepared {
     }
 
     /// The photo of one seed with capitals of a height in pixels, at most as large as the scene's.
-    ///
-    /// # Errors
-    ///
-    /// Those of the stages.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();

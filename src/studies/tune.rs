@@ -84,10 +84,6 @@ impl TuneOptions {
 
     /// Ranks a scene (`tuned`) and the one that it was made of, on seeds that neither the search
     /// nor the finals had.
-    ///
-    /// # Errors
-    ///
-    /// Those of the flights and the store.
     pub fn test(
         &self,
         [start, tuned]: [&Scene; 2],
@@ -193,8 +189,8 @@ impl Tuned {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, for no word and for
-/// too small a budget. Those of the flights and the store.
+/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, for no word and
+/// for too small a budget. Those of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,

@@ -181,8 +181,8 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     if a.is_empty() || b.is_empty() {
         return Ok(());
     }
-    // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points: one of the
-    // plans may leave out an approach to a letter.
+    // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points: one of
+    // the plans may leave out an approach to a letter.
     let apart_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
         let nearest_m = from.iter().map(|p| {
             let to_each_m = to.iter().map(|q| (p - q).norm());

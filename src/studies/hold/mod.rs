@@ -2,14 +2,14 @@
 //!
 //! A quadcopter measures its altitude by satellites, by a ranger that looks down onto a floor that
 //! is not flat, and by air pressure that drifts. How its throttle τ becomes lift is unknown and
-//! changes with the battery: `z̈ = α⁰ + α¹ τ`.
-//! [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates altitude, vertical
-//! velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude on its estimates through
-//! [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full simulator.
+//! changes with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter)
+//! estimates altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude on
+//! its estimates through [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full
+//! simulator.
 //!
-//! Limits of the filter: while the throttle is held, α⁰ and α¹ are not observable separately (rank 5
-//! of 6, and 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports that
-//! one, and α¹ with its standard deviation.
+//! Limits of the filter: while the throttle is held, α⁰ and α¹ are not observable separately (rank
+//! 5 of 6, and 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports
+//! that one, and α¹ with its standard deviation.
 
 mod figures;
 mod full;
@@ -122,10 +122,6 @@ const STATE_COLUMNS: [&str; 6] =
 
 impl Hold {
     /// Writes the flight as CSV, a row a sample.
-    ///
-    /// # Errors
-    ///
-    /// Those of the writer.
     pub fn write_csv(&self, out: impl Write) -> std::io::Result<()> {
         let mut out = csv::Writer::from_writer(out);
         let columns = ["true", "estimated", "sigma"]

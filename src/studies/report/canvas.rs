@@ -74,8 +74,8 @@ pub(super) trait Surface {
     }
 }
 
-/// A part of a plane of the world, with y up: its upper left corner in pixels and in meters, and its
-/// scale.
+/// A part of a plane of the world, with y up: its upper left corner in pixels and in meters, and
+/// its scale.
 pub(super) struct Window {
     pub(super) corner_px: Point,
     pub(super) corner_m: Point,

@@ -13,7 +13,8 @@ type Of = fn(&LogFigures) -> Option<f64>;
 /// Most drones with a curve.
 const MOST_DRONES: usize = 7;
 
-/// The page: the `printed` table of the evening, its drones over time, and the file of `conditions`.
+/// The page: the `printed` table of the evening, its drones over time, and the file of
+/// `conditions`.
 pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &str) -> Page {
     let (n, sound) = (evening.logs.len(), evening.sound().count());
     let drones = evening.drones();

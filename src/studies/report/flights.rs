@@ -180,8 +180,8 @@ impl View {
         view
     }
 
-    /// Ranges of both axes, with a margin and including these heights, so that a meter is as long on
-    /// either.
+    /// Ranges of both axes, with a margin and including these heights, so that a meter is as long
+    /// on either.
     fn ranges(&self, heights_m: impl IntoIterator<Item = f64>) -> [Range<f64>; 2] {
         let points = self.curves.iter().flat_map(Curve::points);
         let [x, y] =

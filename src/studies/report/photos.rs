@@ -7,8 +7,8 @@ use kurbo::Vec2;
 use noctograph_core::srgb;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Transform of a point `q` of one picture, in pixels from its top left corner, to
-/// `scale R(rotation) q + shift` in another.
+/// Transform of a point `q` of one picture, in pixels from its top left corner, to `scale
+/// R(rotation) q + shift` in another.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
     /// Pixels of the other per pixel of the one.
@@ -20,14 +20,15 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// The transform that leaves the least squares of pairs of points (Umeyama, IEEE Transactions on
-    /// Pattern Analysis 13, 1991).
+    /// The transform that leaves the least squares of pairs of points (Umeyama, IEEE Transactions
+    /// on Pattern Analysis 13, 1991).
     pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
         let pairs = pairs.iter().map(|pair| pair.map(|[x, y]| Vec2::new(x, y)));
         let n = pairs.len().max(1) as f64;
         let [from, to] =
             [0, 1].map(|side| pairs.clone().fold(Vec2::ZERO, |sum, pair| sum + pair[side]) / n);
-        // About the centroids: of a turn the sine is in the cross and the cosine in the dot product.
+        // About the centroids: of a turn the sine is in the cross and the cosine in the dot
+        // product.
         let (mut along, mut across, mut square) = (0.0, 0.0, f64::MIN_POSITIVE);
         for [a, b] in pairs.map(|[a, b]| [a - from, b - to]) {
             along += a.dot(b);

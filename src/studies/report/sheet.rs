@@ -31,10 +31,6 @@ const FAST_CAP_HEIGHT_PX: f64 = 70.0;
 type Row = (String, Vec<(Photo, String)>);
 
 /// The median and the worst photo of each scene of a prepared study ([`Study::prepare`]).
-///
-/// # Errors
-///
-/// As [`Prepared::photo`].
 pub fn study_sheet(
     study: &Study,
     ready: &[Prepared],
@@ -61,10 +57,6 @@ pub fn study_sheet(
 }
 
 /// A photo of the first word on each rung of a [`Study::ladder`], in a row for each contender.
-///
-/// # Errors
-///
-/// As [`Prepared::photo`].
 pub fn acuity_sheet(
     ladder: &[Study],
     ready: &[Vec<Prepared>],

@@ -47,10 +47,6 @@ pub struct ShotNotes<'a> {
 }
 
 /// The report of a shot.
-///
-/// # Errors
-///
-/// As [`Shot::moments`].
 pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let scene = &shot.shoot.scene;
     let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();

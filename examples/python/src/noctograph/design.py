@@ -32,3 +32,9 @@ class Design(NamedTuple):
     yaw_rad: Any
     light: Any
     lights: dict[str, Any]
+
+
+def _design(is_one: bool, columns: list[Any], lights: dict[str, Any]) -> Design:
+    """A design of arrays with a row for each time; if `is_one`, of their first rows."""
+    row = 0 if is_one else slice(None)
+    return Design(*(column[row] for column in columns), {name: levels[row] for name, levels in lights.items()})
