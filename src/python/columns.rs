@@ -28,6 +28,7 @@ impl Columns {
         columns: usize,
         usual: f64,
     ) -> PyResult<Vec<f64>> {
+        // A missing column is the usual value in every row.
         let n = self.times_s.len();
         let Some(array) = array else { return Ok(vec![usual; columns * n]) };
         let values = numbers(array, name, columns)?;

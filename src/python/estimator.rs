@@ -25,6 +25,7 @@ impl PyEstimator {
     pub(super) fn begin(&self, avionics: &mut Avionics) {
         avionics.estimate_by(|start| {
             let made = Python::attach(|py| self.make.call1(py, (array(py, &start, 1)?,)));
+            // An estimate of NaN is a lost drone.
             let (this, made) = (self.clone(), made.map_err(|error| self.keep(error)).ok());
             Box::new(move |readings, tick_s| {
                 let Some(update) = &made else { return [f64::NAN; 12] };

@@ -34,13 +34,13 @@ use noctograph::sim::Session;
 /// position_m : numpy.ndarray
 ///     Position of the body in m, x right, y into the scene, z up, shape (N, 3).
 /// light : numpy.ndarray or dict of str to numpy.ndarray, optional
-///     Level of the headlights, 0 to 1, shape (N,); 1 by default. Of other lamps by their channels, those of
+///     Level of the headlights, 0 to 1, shape (N,). 1 by default. Of other lamps by their channels, those of
 ///     ``plan.lights``: ``{"headlights": on, "color-led": on}``, and of the ring ``"ring.red"``, ``"ring.green"``
 ///     and ``"ring.blue"``. Colors and lamps are the scene's (``light.color_led_wrgb``, ``light.deck``). A lamp of
 ///     a Crazyflie changes on its firmware's tick, up to 50 ms later: ``set={"light.tick_s": 0}`` in the scene
 ///     lights it when you say.
 /// attitude_rad : numpy.ndarray, optional
-///     Yaw, pitch and roll in rad, in this order, shape (N, 3); 0 by default. Yaw is about the world's z, then pitch
+///     Yaw, pitch and roll in rad, in this order, shape (N, 3). 0 by default. Yaw is about the world's z, then pitch
 ///     about y, then roll about x: the angles that ROS and PyBullet call roll, pitch, yaw and give in the opposite
 ///     order (``rpy[:, ::-1]``). `attitude_rad` makes them of quaternions.
 /// design_m : numpy.ndarray, optional
@@ -119,11 +119,13 @@ impl PyFlight {
             }
         });
         let samples = samples.collect();
+        // Arrays have no velocity, rate, estimate and motors: they are NaN, and not missed.
         let mut unlogged: BTreeSet<Quantity> =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
         unlogged.extend(design_m.is_none().then_some(Quantity::Design));
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
         let mut flight = flight.map_err(|error| raised(py, &error))?;
+        // Numbers that look like other units or axes.
         let doubts = doubts(&flight);
         let warnings = Diagnostic::warnings("arrays", doubts.iter().cloned());
         flight.edit(|flight| flight.warnings.extend(warnings));
@@ -157,7 +159,7 @@ impl PyFlight {
     /// plan : Plan
     ///     What was to be flown.
     /// begins_s : float, optional
-    ///     Time of the flight at which the plan begins, s; by default its first time.
+    ///     Time of the flight at which the plan begins, s. By default its first time.
     ///
     /// Returns
     /// -------
@@ -182,56 +184,56 @@ impl PyFlight {
         array(py, &self.flight.samples.iter().map(|it| it.time_s).collect::<Vec<_>>(), 1)
     }
 
-    /// numpy.ndarray: Position of the body in m, x right, y into the scene, z up; shape (N, 3).
+    /// numpy.ndarray: Position of the body in m, x right, y into the scene, z up, shape (N, 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Position)
     }
 
-    /// numpy.ndarray: Position that was to be flown, in m; shape (N, 3).
+    /// numpy.ndarray: Position that was to be flown, in m, shape (N, 3).
     #[getter]
     fn design_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Design)
     }
 
-    /// numpy.ndarray: Position according to the drone's estimator, in m; shape (N, 3).
+    /// numpy.ndarray: Position according to the drone's estimator, in m, shape (N, 3).
     #[getter]
     fn estimate_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Estimate)
     }
 
-    /// numpy.ndarray: Velocity in the body frame (x forward, y left, z up) in m/s; shape (N, 3).
+    /// numpy.ndarray: Velocity in the body frame (x forward, y left, z up) in m/s, shape (N, 3).
     #[getter]
     fn velocity_body_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Velocity)
     }
 
-    /// numpy.ndarray: Angular velocity in the body frame in rad/s; shape (N, 3).
+    /// numpy.ndarray: Angular velocity in the body frame in rad/s, shape (N, 3).
     #[getter]
     fn rate_body_rad_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Rate)
     }
 
-    /// numpy.ndarray: Yaw, pitch and roll in rad; shape (N, 3).
+    /// numpy.ndarray: Yaw, pitch and roll in rad, shape (N, 3).
     #[getter]
     fn attitude_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Attitude)
     }
 
-    /// numpy.ndarray: Motor commands m1 to m4, 0 to 65535; shape (N, 4).
+    /// numpy.ndarray: Motor commands m1 to m4, 0 to 65535, shape (N, 4).
     #[getter]
     fn motors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Motors)
     }
 
-    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel; each of shape
+    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel. Each of shape
     /// (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         arrays(py, &self.flight.lights)
     }
 
-    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...); each of
+    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...). Each of
     /// shape (N,).
     #[getter]
     fn extra<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
@@ -256,7 +258,7 @@ impl PyFlight {
         save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
-    /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
+    /// pandas.DataFrame: The columns of ``to_csv``. Needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data_frame(py, self.to_csv())
     }
@@ -340,14 +342,14 @@ fn motors_by(
 /// scene : Scene
 ///     Its drone, controller, estimator, air and seed.
 /// plans : list of Plan, optional
-///     The scene's own by default; with a controller, those of ``plan.reference = "design"`` and
+///     The scene's own by default. With a controller, those of ``plan.reference = "design"`` and
 ///     ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller.
 /// controller : callable, optional
 ///     ``controller(state, reference)``, or ``controller(state, reference, time_s)``, returns the motor commands m1 to m4, 0 to 65535, in place of the
-///     scene's controller; for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
+///     scene's controller, for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
 ///     pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y
 ///     left, z up). ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
-///     acceleration (m/s²), in the world; ``time_s`` is that of the flight, in s, as in ``Flight.time_s``. It is
+///     acceleration (m/s²), in the world. ``time_s`` is that of the flight, in s, as in ``Flight.time_s``. It is
 ///     called ``rates.attitude_hz`` times a second (500 by default) while the motors are on.
 ///
 /// estimator : callable, optional
@@ -355,12 +357,12 @@ fn motors_by(
 ///     at rest, shape (12,), and returns what is called at each tick (``rates.control_hz``, 500 by default) with
 ///     ``(readings, tick_s)`` and returns the estimate, shape (12,), as a controller gets it. ``readings`` is a dict:
 ///     at each tick ``"rate_rad_s"`` (gyroscope) and ``"specific_force_m_s2"`` (accelerometer: (0, 0, g) at rest), both
-///     (3,) in the body frame, and ``"throttle"``, the mean motor command since the last tick, 0 to 1; when it is due
+///     (3,) in the body frame, and ``"throttle"``, the mean motor command since the last tick, 0 to 1. When it is due
 ///     what ``sensors.positioning`` and ``sensors.heights`` measure: ``"position_m"`` (3,), ``"sweeps"``, a list of
 ///     (station, plane, angles of the four sensors in rad), ``"ranges"``, a list of (anchor, anchor whose distance was
 ///     subtracted or None, m), ``"time-of-flight"`` and ``"barometer"`` in m.
 /// covariance : bool
-///     Whether ``Flight.extra`` has what the drone's Kalman filter thinks of its estimate: ``estimate_sigma_m``, the
+///     True to add the uncertainty of the drone's Kalman filter to ``Flight.extra``: ``estimate_sigma_m``, the
 ///     standard deviation of the position over three axes, and ``estimate_nees``, its squared error over its
 ///     covariance, a third, 1 on average in the air where the filter is honest. A fleet's filter always has.
 ///

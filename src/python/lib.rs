@@ -82,6 +82,7 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
         }
         other => ("InfeasibleError", vec![other.to_string(), other.hint().to_owned()]),
     };
+    // If the class itself fails, its exception is raised.
     let made = py.import("noctograph.errors").and_then(|errors| {
         let arguments = PyTuple::new(py, arguments)?;
         errors.getattr(class)?.call1(arguments)

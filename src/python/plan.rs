@@ -23,12 +23,12 @@ use noctograph::shoot::{Shoot, Stop};
 /// time_s : numpy.ndarray
 ///     Rising times from 0 on in s, shape (N,). Between them the design moves on by velocity and acceleration.
 /// position_m : numpy.ndarray
-///     Position of the design in m, x right, y into the scene, z up, shape (N, 3); z up to 0 asks for motors off.
+///     Position of the design in m, x right, y into the scene, z up, shape (N, 3). A z up to 0 asks for motors off.
 /// light : numpy.ndarray or dict of str to numpy.ndarray, optional
-///     Level of the headlights from each setpoint on, 0 to 1, shape (N,), or of lamps by their channels; 0 by
+///     Level of the headlights from each setpoint on, 0 to 1, shape (N,), or of lamps by their channels. 0 by
 ///     default.
 /// velocity_m_s, acceleration_m_s2 : numpy.ndarray, optional
-///     In the axes of the position, shape (N, 3); 0 by default.
+///     In the axes of the position, shape (N, 3). 0 by default.
 /// sent_m : numpy.ndarray, optional
 ///     Positions that are sent in place of the design's, shape (N, 3).
 /// yaw_rad : float
@@ -87,6 +87,7 @@ impl PyPlan {
         let accelerations_m_s2 = columns.points("acceleration_m_s2", acceleration_m_s2)?;
         let sent_m = sent_m.map(|sent_m| columns.points("sent_m", Some(sent_m))).transpose()?;
         let lights = columns.lights(light, 0.0)?;
+        // A setpoint with light belongs to a letter.
         let setpoints = (0..columns.times_s.len()).map(|row| Setpoint {
             time_s: columns.times_s[row],
             position_m: positions_m[row],
@@ -126,20 +127,20 @@ impl PyPlan {
         self.array(py, |row| [self.0.setpoints[row].time_s])
     }
 
-    /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up; shape (N,
+    /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up, shape (N,
     /// 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.setpoints[row].position_m.data.0[0])
     }
 
-    /// numpy.ndarray: Velocity of each setpoint in m/s, in the axes of the position; shape (N, 3).
+    /// numpy.ndarray: Velocity of each setpoint in m/s, in the axes of the position, shape (N, 3).
     #[getter]
     fn velocity_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.setpoints[row].velocity_m_s.data.0[0])
     }
 
-    /// numpy.ndarray: Acceleration of each setpoint in m/s², in the axes of the position; shape (N,
+    /// numpy.ndarray: Acceleration of each setpoint in m/s², in the axes of the position, shape (N,
     /// 3).
     #[getter]
     fn acceleration_m_s2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -147,20 +148,20 @@ impl PyPlan {
     }
 
     /// numpy.ndarray: Position that is sent with each setpoint in m: the design's, or one that leads
-    /// the drone's controller; shape (N, 3).
+    /// the drone's controller, shape (N, 3).
     #[getter]
     fn sent_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.sent_m(row).data.0[0])
     }
 
-    /// dict of str to numpy.ndarray: Light commands sent with each setpoint, 0 to 1, by channel; each
+    /// dict of str to numpy.ndarray: Light commands sent with each setpoint, 0 to 1, by channel, each
     /// of shape (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         arrays(py, &self.0.lights)
     }
 
-    /// numpy.ndarray: Whether a lamp is to be lit from each setpoint on, 0 to 1; shape (N,).
+    /// numpy.ndarray: Level of the brightest lamp from each setpoint on, 0 to 1, shape (N,).
     #[getter]
     fn light<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         array(py, &self.0.lit(), 1)
@@ -186,6 +187,7 @@ impl PyPlan {
         py: Python<'py>,
         time_s: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        // One number or an array of times.
         let numpy = py.import("numpy")?;
         let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
         let times = numpy.call_method1("atleast_1d", (time_s,))?;
@@ -231,7 +233,7 @@ impl PyPlan {
         save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
-    /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
+    /// pandas.DataFrame: The columns of ``to_csv``. Needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data_frame(py, self.to_csv())
     }

@@ -97,6 +97,7 @@ impl PySessions {
         by_itself: bool,
     ) -> PyResult<Self> {
         let scene = scene.0.clone();
+        // Another controller gets a plan that is not made for the scene's.
         let scene = if by_itself { scene } else { for_any_controller(scene) };
         let conditions = conditions.to_owned();
         let prepared = run(py, &Stop::default(), move || {
@@ -153,6 +154,7 @@ impl PySessions {
         motors: Option<&Bound<'_, PyAny>>,
         n_commands: Vec<u32>,
     ) -> PyResult<()> {
+        // Checked before anything moves, so that a refused call changes nothing.
         let n = self.all().len();
         let motors = match motors {
             None => vec![None; n],

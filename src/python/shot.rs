@@ -57,20 +57,20 @@ impl PyShot {
 
 #[pymethods]
 impl PyShot {
-    /// numpy.ndarray: The photo, shape (height, width, 3), uint8, sRGB; read-only.
+    /// numpy.ndarray: The photo, shape (height, width, 3), uint8, sRGB. Read-only.
     #[getter]
     fn image<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         self.image.bind(py).clone()
     }
 
-    /// noctograph.answers.Verdict or None: The verdict, a dict with the keys of ``verdict.json``; None for a
+    /// noctograph.answers.Verdict or None: The verdict, a dict with the keys of ``verdict.json``. None for a
     /// drawing.
     #[getter]
     fn verdict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.shot.verdict)
     }
 
-    /// bool: Whether a viewer reads the word and no other.
+    /// bool: True if a viewer reads the word and no other.
     #[getter]
     fn legible(&self) -> bool {
         self.shot.verdict.as_ref().is_some_and(|verdict| verdict.legible)
@@ -103,7 +103,7 @@ impl PyShot {
     }
 
     /// numpy.ndarray: Luminous exposure by the lamps in lx s, linear sRGB, without the room's light
-    /// and the sensor's noise and limits; shape (height, width, 3), float32.
+    /// and the sensor's noise and limits, shape (height, width, 3), float32.
     #[getter]
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let film = self.film();
@@ -165,7 +165,7 @@ impl PyShot {
 ///     Word, lamps, camera and seed. Without a word the photo is not read.
 /// flights : Flight, str or os.PathLike, or list of them, optional
 ///     One for each drone, from any simulator, or files: flights, logs, and light traces (a lamp's places,
-///     directions and candela, as ``noctograph expose`` takes them); by default the scene's plans are flown. The
+///     directions and candela, as ``noctograph expose`` takes them). By default the scene's plans are flown. The
 ///     exposure begins with the first of them. A log without lights has those of the scene's word.
 ///
 /// Returns
@@ -183,6 +183,7 @@ pub(super) fn photograph(
     let recordings = flights.map(|flights| recordings_of(py, &flights, &scene)).transpose()?;
     let (recordings, warnings) = recordings
         .map_or((None, Vec::new()), |Warned { product, warnings }| (Some(product), warnings));
+    // A log without lights gets those of the scene's word.
     let stop = Stop::default();
     let until = stop.clone();
     let shot = run(py, &stop, move || {
@@ -219,6 +220,7 @@ fn recordings_of(
     flights: &Bound<'_, PyAny>,
     scene: &Scene,
 ) -> PyResult<Warned<Vec<Recording>>> {
+    // A single flight or file, or any iterable of them.
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
     let flights: Vec<Bound<'_, PyAny>> = if is_one {
         vec![flights.clone()]
@@ -328,6 +330,7 @@ pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String>
         false => Err(photo.extract::<PathBuf>()?),
     };
     run(py, &Stop::default(), move || {
+        // The photo may be turned: the reading of the likeliest side counts.
         let photo = photo.or_else(|path| photo::read(&path))?;
         Ok(noctograph::score::read_any_way_up(&photo, "").0.of_writing().text)
     })

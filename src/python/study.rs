@@ -86,6 +86,7 @@ pub(super) fn columns<'py>(
     for (name, values) in numbers.into_iter().chain(figures) {
         columns.set_item(name, array_of(py, bytemuck::cast_slice(&values), "f8", &shape)?)?;
     }
+    // Flags are bytes to numpy.
     let flags: [(&str, Vec<u8>); 2] = [
         ("legible", outcomes.iter().map(|outcome| outcome.legible.into()).collect()),
         ("lost", outcomes.iter().map(|outcome| outcome.lost.is_some().into()).collect()),
@@ -162,6 +163,7 @@ fn records(
     let trials: Vec<Trial> = study.trials().collect();
     let rest = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
     let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
+    // The two lists are merged in the order of the trials.
     let mut rest = evaluate(study, &study.prepare()?, &rest, store, until, count)?.into_iter();
     let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
         None => rest.next().expect("a record for each trial"),
@@ -225,6 +227,7 @@ pub(super) fn ranking<'py>(
         ranking.acuity = (!ladder.is_empty()).then(|| acuity(&ladder, &of_rungs));
         let unranked = unranked.into_iter();
         ranking.unranked = unranked.map(|(contender, note)| Unranked { contender, note }).collect();
+        // The keys of the command line, with all flights and tables.
         let report = ranking_report(&study, &ranking, records.len());
         let mut json = report.json;
         json["flights"] = json!(records);

@@ -95,6 +95,7 @@ pub fn fly_ladder(
     store: Option<&Store>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Vec<Record>>> {
+    // One rung after the other: the count of flights goes on.
     let (mut n_done, stop) = (0, Stop::default());
     let rungs = ladder.iter().zip(ready).map(|(study, ready)| {
         let trials: Vec<_> = study.trials().collect();

@@ -135,6 +135,7 @@ impl Conditions {
         if let Some((_, make)) = known.iter().find(|(name, _)| *name == named) {
             return Ok(make());
         }
+        // A known name goes before a file of that name.
         if Path::new(named).exists() {
             let hint = "leave out what is no condition";
             let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
@@ -169,6 +170,7 @@ impl Conditions {
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         let hint = "set keys such as motor_lag_s = 0.05; 0 switches one off";
         let keys: Vec<&str> = Self::SHAPE.settings().iter().map(|setting| setting.key).collect();
+        // Unknown keys first: serde would not suggest the nearest one.
         let table: toml::Table = toml.parse().unwrap_or_default();
         if let Some(unknown) = table.keys().find(|key| !keys.contains(&key.as_str())) {
             let listed = format!("the keys are {}", keys.join(", "));

@@ -220,6 +220,7 @@ impl Evening {
         let thrust_frac = mean(self.sound().map(|f| f.thrust_frac));
         let center_of_mass_m = [0, 1].map(|axis: usize| {
             let trim_m = mean(self.sound().map(|f| f.trim_m[axis]));
+            // Standard error of the mean, from that of each flight.
             let sigmas_m = self.sound().filter_map(|f| Some(f.trim_sigma_m?[axis]));
             let variance_m2 = mean(sigmas_m.map(|sigma_m| sigma_m * sigma_m));
             let sigma_m = (variance_m2 / self.sound().count() as f64).sqrt();
@@ -351,6 +352,7 @@ fn figures(
     if flight.has(Quantity::Motors) && !air.is_empty() && is_frozen(air) {
         return Err(Flaw::Frozen);
     }
+    // The scene's mass turns thrust per weight into newtons.
     let vehicle = &scene.vehicle;
     let identified = identify(flight, vehicle).map_err(|error| Flaw::Silent(error.to_string()))?;
     let lag = identified.lag.filter(RotorLag::is_identifiable);

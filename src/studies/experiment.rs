@@ -60,6 +60,7 @@ impl Study {
             };
             return Err(Error::input("study", counts, "at least one of each, and a seed", hint));
         }
+        // A name is the key of a row, a word that of a stratum.
         let mut names = HashSet::new();
         if let Some(again) = contenders.iter().find(|contender| !names.insert(&contender.name)) {
             let wanted = "scenes of different names";
@@ -97,6 +98,7 @@ impl Study {
     /// in every release. A secret seed has a keyed hash, so that nobody finds seeds by trial or one
     /// from another, of the 63 bits that a scene file takes.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
+        // The word is part of the name, so that words do not share their gusts.
         let name = index.to_le_bytes().into_iter().chain(word.bytes());
         if self.is_secret() {
             let hash = hmac_sha256(&self.seed.to_le_bytes(), name);
@@ -140,6 +142,7 @@ pub fn evaluate(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let count = counter(done);
+    // Each record goes into the store before it counts, so that no flight is lost.
     let records = trials.par_iter().map(|trial| {
         stop.check()?;
         let ready = &prepared[trial.contender * study.words.len() + trial.word];

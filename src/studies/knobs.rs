@@ -78,6 +78,7 @@ impl Knob {
         let texts = [of_controller, OBSERVER_AND_SPEED].map(str::split_whitespace);
         let knobs = texts.into_iter().flatten().map(|text| text.parse().expect("a knob of ours"));
         let mut knobs: Vec<Self> = knobs.collect();
+        // Knobs without effect would only spread the search.
         let unused = without_effect(scene, &knobs);
         knobs.retain(|knob| !unused.iter().any(|(key, _why)| knob.keys.contains(key)));
         knobs
@@ -85,6 +86,7 @@ impl Knob {
 
     /// Sets the knob in a scene to a fraction of its range, 0 to 1.
     fn set(&self, scene: &mut toml::Table, fraction: f64) -> Result<()> {
+        // All keys of a knob turn together.
         for key in &self.keys {
             let value = find(scene, key)?;
             *value = match (&self.turn, value.as_float()) {
@@ -184,6 +186,7 @@ impl FromStr for Knob {
         let broken = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
         let (keys, turn) = text.split_once('=').ok_or_else(broken)?;
         let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
+        // Two numbers are a range, anything else a list of words.
         let keys = keys.split('+').map(str::to_owned).collect();
         let turn = if let Some((low, high)) = turn.split_once("..") {
             let range @ [low, high] = [low, high].map(|end| end.parse().unwrap_or(f64::NAN));

@@ -102,6 +102,7 @@ impl Outcome {
     ///
     /// [`Error::Input`] with the figure that is out of range.
     pub(super) fn check(&self, place: &str) -> Result<()> {
+        // Rounding may take a similarity a little beyond 1.
         let scores = [
             ("probability", self.probability, 0.0..=1.0),
             ("log_odds", self.log_odds, -MAX_LOG_ODDS..=MAX_LOG_ODDS),

@@ -117,6 +117,7 @@ fn set(wanted: bool, key: &'static str, value: impl ToString) -> Candidate {
 /// Changes of letters, plan, drone and lamps.
 fn writing(scene: &Scene) -> Vec<Candidate> {
     let Scene { plan, letters, light, controller, .. } = scene;
+    // Half the speed, rounded to a centimeter a second.
     let slower_m_s = (50.0 * plan.stroke_speed_m_s).round() / 100.0;
     let is_slower = slower_m_s >= SLOW_M_S && slower_m_s < plan.stroke_speed_m_s;
     let is_word = letters.drawing.is_empty();
@@ -142,6 +143,7 @@ fn pictures(shoot: &Shoot) -> Result<Vec<Candidate>> {
     let Scene { camera, photo, .. } = &shoot.scene;
     let good = CameraOptions::default();
     let ends_s = shoot.plans.iter().map(|planned| planned.plan.duration_s());
+    // The exposure of the complete flight, focused on the word.
     let end_s = ends_s.fold(0.0, f64::max).ceil();
     let bounds_m = shoot.strokes.as_ref().map_or([0.0; 4], |strokes| strokes.bounds_m());
     let away_m = camera.camera(bounds_m, end_s)?.position_m.y.abs();

@@ -55,6 +55,7 @@ impl Search {
     /// If the cost is no number, or the point not one of the cube.
     pub(super) fn tell(&mut self, point: &[f64], cost: f64) {
         self.n_told += 1;
+        // Coordinates are estimated independently, as Bergstra et al. do.
         for (coordinate, value) in self.coordinates.iter_mut().zip(point) {
             coordinate.tell(*value, cost).expect("a number, within the cube");
         }

@@ -189,6 +189,7 @@ pub fn spread(
     if let Some(strokes) = base.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
         base.reader = Some(reader(strokes, &base.scene.score)?);
     }
+    // Small films are enough for a contact sheet.
     shrink(&mut base, CAP_HEIGHT_PX)?;
     let first = shoot.scene.seed;
     let count = counter(done);

@@ -72,6 +72,7 @@ pub(super) fn standard_error(values: &[f64]) -> f64 {
 /// bootstrap never draws below the lowest value, and holds the truth of twenty flights in half of
 /// all cases.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
+    // The k lowest of n, and the next one.
     let mut values = strata.concat();
     values.sort_unstable_by(f64::total_cmp);
     let n_lowest = values.len().div_ceil(10);

@@ -24,6 +24,7 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
     let columns = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
         .chain(flown.into_iter().chain(acuity).flatten());
+    // Speeds of the ladder join the rows of their contenders.
     let ranked = ranking.measures.iter().map(|measures| {
         let mut limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
         let limit = limits.find(|limit| limit.contender == measures.contender);
@@ -38,6 +39,7 @@ pub fn ranking_csv(ranking: &Ranking) -> String {
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
         let Measures { n_lost, n_flights, .. } = measures;
+        // The note names everything that a marker wants to know about a row.
         let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
         let mut row = value(measures);

@@ -48,12 +48,14 @@ impl Prepared {
         let mut scene = Scene { seed: 0, ..named.scene.clone() };
         scene.set_word(word);
         scene.check()?;
+        // A scene without a plan still gets a shoot, which gives every seed the same outcome.
         let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
             Err(Error::Infeasible { what, hint, .. }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
             }
             shoot => (shoot?, None),
         };
+        // One core a flight: the flights of a study run side by side.
         (shoot.judging, shoot.keeps_film) = (Judging::Scored, false);
         shoot.cores = Some(NonZero::<usize>::MIN);
         if let Some(strokes) = &shoot.strokes {

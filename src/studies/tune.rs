@@ -1,9 +1,9 @@
 //! Tuning: a scene's knobs are turned until its words read as surely as they can.
 //!
 //! 1. Search: a candidate flies the training words with the training seeds. The objective is its
-//!    mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits. Half
-//!    of its flights come first, and a candidate below the median of the others is then given up
-//!    (median rule: Golovin et al., "Google Vizier", KDD 2017).
+//!    mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits.
+//!    Half of its flights come first, and a candidate below the median of the others is then given
+//!    up (median rule: Golovin et al., "Google Vizier", KDD 2017).
 //! 2. Finals: the best few and the scene as it was fly again with fresh seeds, since the luckiest
 //!    of many is not the best.
 //! 3. Test: the winner, the luckiest of a few, meets the scene as it was on further seeds. It is
@@ -316,6 +316,7 @@ impl Tuning<'_> {
         let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let means = std::array::from_fn(|i| mean(flown.iter().map(|flown| flown.values()[i])));
         let figures = Flown::<f64>::from_values(means);
+        // Excess over each limit adds up, as does the fraction of lost drones.
         let limits = [
             (figures.rmse_x_m, MAX_RMSE_M[0]),
             (figures.rmse_y_m, MAX_RMSE_M[1]),

@@ -39,6 +39,7 @@ fn difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));
     #[expect(clippy::cast_possible_truncation, reason = "a log is short")]
     let n = ((to_s - from_s) / STEP_S) as u32;
+    // Both designs are walked forward once.
     let (mut walk_a, mut walk_b) = (a.walk(), b.walk());
     let times_s = (0..=n).map(|k| from_s + f64::from(k) * STEP_S);
     spread_m2(times_s.map(|t| walk_a.at_m(t) - walk_b.at_m(t - offset_s)))

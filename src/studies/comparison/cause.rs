@@ -66,6 +66,7 @@ fn power(vectors: &[Vector3<f64>]) -> f64 {
 
 /// The factor of `along` that comes closest to `vectors`.
 fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
+    // Least squares: Σ v · a / Σ a².
     let (dot, square) = vectors
         .iter()
         .zip(along)

@@ -128,6 +128,7 @@ pub fn hold_figures(
     runs: u32,
 ) -> Result<HoldFigures> {
     within("runs", runs.into(), 1.0, MAX_RUNS)?;
+    // Only means are kept of a flight: ten thousand of them fit into memory.
     let flown = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     });

@@ -69,6 +69,7 @@ pub fn hold(
         let hint = "name the preset bzzz, or set the kind and sensors of the altitude";
         return Err(Error::input("observer.kind", kind.name(), "altitude", hint));
     }
+    // Both models fly the same scenario with the same true drone.
     within("duration_s", duration_s, 1.0, MAX_DURATION_S)?;
     match model {
         HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
@@ -129,6 +130,7 @@ impl Hold {
             .flat_map(|kind| STATE_COLUMNS.iter().map(move |state| format!("{state}_{kind}")));
         let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
         out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
+        // The last reading of each sensor since the sample before, or an empty cell.
         for s in &self.samples {
             let numbers = [s.time_s, s.throttle].map(Some);
             let readings = AltitudeSensor::ALL.map(|sensor| {

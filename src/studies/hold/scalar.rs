@@ -87,6 +87,7 @@ struct Truth<'a> {
 impl<'a> Truth<'a> {
     /// The scalar model at the set altitude, with gain, offset and bias drawn by the seed.
     fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
+        // The same stream as in the full simulator: the drone is the same in both.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let hover = options.vehicle.hover_throttle();
         Self {

@@ -90,6 +90,7 @@ fn draw_strokes(
     bound: &Bound,
     lit_m: &Range<f64>,
 ) {
+    // Thinned to the step that a viewer can tell apart.
     let (mut shown_s, mut before) = (f64::NEG_INFINITY, None);
     for ((time_s, sigma_m), letter) in bound.time_s.iter().zip(&bound.sigma_m).zip(&bound.letter) {
         if time_s - shown_s < STEP_S {
@@ -112,6 +113,7 @@ fn draw_strokes(
 
 /// The anchors from above, each with its height and the number of drones that hear it.
 fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones: usize) {
+    // Anchors in their order, since those before one decide its line.
     let mut drawn: Vec<Point> = Vec::new();
     for (index, [x_m, y_m, z_m]) in uwb.anchors_m.iter().enumerate() {
         let center = above.px(Point::new(*x_m, *y_m));

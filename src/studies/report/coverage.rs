@@ -106,6 +106,7 @@ impl<'a> Map<'a> {
     fn draw_axes(&self, canvas: &mut Canvas, frame: Rect) {
         let (pen, Rect { x0: left, y0: above, y1: bottom, .. }) = (Pen::new(BLACK, 1.0), frame);
         canvas.frame(frame, pen);
+        // Ticks outside the frame, so that they hide no cell.
         let Rect { x0, y0, x1, y1 } = self.extent_m;
         for x_m in ticks(&(x0..x1), AXIS_PX) {
             let end = Point::new(self.window.px(Point::new(x_m, 0.0)).x, bottom);
@@ -127,6 +128,7 @@ impl<'a> Map<'a> {
     fn draw_legend(&self, canvas: &mut Canvas, corner: Point) {
         let title = corner + Vec2::new(0.0, 12.0);
         canvas.text("error, 1 σ", title, Anchor::Start, CAP_PX, BLACK);
+        // Seven steps of the color map, then the two grays.
         let [least, most] = self.errors_m;
         let errors = (0..=6).map(|step| {
             let fraction = f64::from(step) / 6.0;

@@ -23,6 +23,7 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
          hold against; gusts: those that turn a drone as its air did. -: the log does not show it.",
     );
+    // One panel a figure, with a curve for each drone over its sound flights.
     let most = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
     let panels: [(&str, f64, Of); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),

@@ -251,6 +251,7 @@ impl Panel {
 
     /// Points of all curves, a few pixels apart, from the panel's upper left corner.
     fn drawn_px(&self) -> Vec<Point> {
+        // Equal steps along each line.
         let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
         let mut points = Vec::new();
         for line in pieces.flat_map(|piece| piece.windows(2)) {

@@ -58,6 +58,7 @@ pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
     let time_s = start_s..ends_s.fold(start_s + 0.1, f64::max);
+    // A flight without a design has no error.
     let designed: Vec<_> = pens(traces).filter(|(trace, _)| trace.has_design()).collect();
     let panels = error_panels(&time_s, 0.05, |axis| {
         let curves = designed.iter().rev().map(|(trace, pen)| {
@@ -82,6 +83,7 @@ pub(super) fn error_panels(
 ) -> Vec<Panel> {
     let axes = [0, 1, 2].map(curves);
     let errors_m = axes.iter().flatten().flat_map(Curve::points).map(|(_, error_m)| error_m.abs());
+    // One scale for all three axes.
     let most_m = 1.05 * errors_m.fold(least_m, f64::max);
     let zero = Curve::whole(Pen::new(BLACK, 1.0), [(time_s.start, 0.0), (time_s.end, 0.0)]);
     let names = ["x error (m)", "y error (m)", "z error (m)"];

@@ -38,6 +38,7 @@ pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
 }
 
 fn draw(canvas: &mut impl Surface, photo: &Photo, marks: &Marks, verdict: &Verdict) {
+    // Pens grow with the photo. What matters most is drawn last.
     let pen_px = (f64::from(photo.width_px.max(photo.height_px)) / 800.0).max(0.8);
     canvas.layer("cells");
     for corners in &marks.cells {

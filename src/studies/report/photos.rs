@@ -108,6 +108,7 @@ pub fn placed(
     let smaller = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
     let small = shrink(render.clone(), (smaller.round() as u32).max(1));
+    // Both sides are rounded, so that their ratios differ a little.
     let ratio = [
         f64::from(small.width_px) / f64::from(render.width_px),
         f64::from(small.height_px) / f64::from(render.height_px),

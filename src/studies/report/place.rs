@@ -138,6 +138,7 @@ fn draw_grid(canvas: &mut Canvas, window: &Window, extent_m: Rect) {
     while extent_m.width().max(extent_m.height()) > 20.0 * grid_m {
         grid_m *= 10.0;
     }
+    // Upright lines with numbers below, then level ones with numbers on the left.
     let Rect { x0, y0, x1, y1 } = extent_m;
     for (is_upright, [low_m, high_m]) in [(true, [x0, x1]), (false, [y0, y1])] {
         let mut line_m = (low_m / grid_m).ceil() * grid_m + 0.0; // never -0

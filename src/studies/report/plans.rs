@@ -89,6 +89,7 @@ fn lines(plan: &Plan) -> Vec<Line> {
     let lit = plan.lit();
     let mut lines: Vec<Line> = Vec::new();
     let mut along_m = 0.0;
+    // Lit lines as they are, dark ones cut for their dashes.
     for (row, pair) in plan.setpoints.windows(2).enumerate() {
         let (from, to, lit) = (place(plan, row), place(plan, row + 1), lit[row] > 0.0);
         let length_m = libm::hypot(to.0 - from.0, to.1 - from.1);

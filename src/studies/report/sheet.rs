@@ -42,6 +42,7 @@ pub fn study_sheet(
         let p = measures.legibility.value;
         let title = format!("{}: read with probability {p:.3}", measures.contender);
         let mut photos = Vec::new();
+        // Photos are made anew, larger than those that were read.
         for (name, index) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
             let (trial, Record { word, outcome, .. }) = (trials[index], &records[index]);
             if outcome.flown.is_some() {
@@ -68,6 +69,7 @@ pub fn acuity_sheet(
         let title =
             format!("{}: reads up to {value:.2} m/s ({low:.2} to {high:.2})", limit.contender);
         let mut photos = Vec::new();
+        // The first flight of the contender on each rung. A lost drone has no photo.
         let rungs = ladder.iter().zip(ready).zip(limit.rungs.iter().zip(records));
         for ((study, ready), (rung, records)) in rungs {
             let mut flown = records.iter().zip(study.trials());

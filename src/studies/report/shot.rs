@@ -108,6 +108,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
         let numbers = shot.shoot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
         page = page.section("Plan").drawings(&[plan_view(&plans, &shot.shoot.scene.word, numbers)]);
     }
+    // Flights without samples, as of a light trace, have no plots.
     let traces = shot.flights.iter().enumerate().map(|(index, flight)| NamedFlight {
         name: format!("drone {}", index + 1),
         samples: flight.samples.clone(),
@@ -127,6 +128,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
 /// The paths of all drones in millimeters. A point is lit if a lamp of its drone writes there.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
+    // Every so many samples, so that the page stays small.
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let paths = shot.flights.iter().enumerate().map(|(drone, flight)| {
@@ -149,6 +151,7 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
 
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
+    // Settings as a photographer sets them by hand.
     let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
     let focus = match focus_m < INFINITY_M {
         true => format!("{focus_m:.2} m, by hand"),
