@@ -242,7 +242,7 @@ impl Conditions {
         for error_m in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
             *error_m = libm::hypot(*error_m, self.lighthouse_distortion_m);
         }
-        // All drones of a room share the frame: it is drawn as that of the first one.
+        // All drones of a room have one frame: it is drawn as that of the first one.
         let mut frame = Chance { drone: 0, ..*chance }.factor("lighthouse frame");
         for turn_rad in &mut sensors.frame_turn_rad {
             *turn_rad += self.lighthouse_frame_frac * frame.normal();

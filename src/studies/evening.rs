@@ -71,7 +71,7 @@ pub struct EveningLog {
     pub log: String,
     /// Reasons not to use it. A sound log has none.
     pub flaws: Vec<Flaw>,
-    /// Figures of its drone; `None` if nothing is identified.
+    /// Figures of its drone. `None` if nothing is identified.
     pub figures: Option<LogFigures>,
     /// What was guessed, mended or left out as it was read. JSON has the sentences.
     #[serde(serialize_with = "sentences")]

@@ -98,7 +98,7 @@ impl Study {
     /// in every release. A secret seed has a keyed hash, so that nobody finds seeds by trial or one
     /// from another, of the 63 bits that a scene file takes.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
-        // The word is part of the name, so that words do not share their gusts.
+        // The word is part of the name, so that words differ in their gusts.
         let name = index.to_le_bytes().into_iter().chain(word.bytes());
         if self.is_secret() {
             let hash = hmac_sha256(&self.seed.to_le_bytes(), name);

@@ -38,8 +38,8 @@ pub struct Unranked {
 pub struct Measures {
     /// Its name.
     pub contender: String,
-    /// 1 for the best. Contenders that cannot be told from the first of a place share it. `None` if
-    /// no flight was read, as after the loss of every drone.
+    /// 1 for the best. Contenders that cannot be told from the first of a place have the same.
+    /// `None` if no flight was read, as after the loss of every drone.
     pub place: Option<usize>,
     /// Flights.
     pub n_flights: usize,
@@ -82,10 +82,7 @@ pub struct Pair {
 const LEAST_READ: f64 = 0.0005;
 
 /// Ranks the contenders of a study by its records, which are those of all its trials in order.
-///
-/// # Panics
-///
-/// If there is not a record for every trial.
+/// Panics if there is not a record for every trial.
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
     let n_each = (records.len() / study.contenders.len().max(1)).max(1);

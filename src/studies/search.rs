@@ -19,11 +19,7 @@ pub(super) struct Search {
 const GOOD: f64 = 0.15;
 
 impl Search {
-    /// A search over `n_coordinates`.
-    ///
-    /// # Panics
-    ///
-    /// If there is no coordinate.
+    /// A search over `n_coordinates`. Panics if there is no coordinate.
     pub(super) fn new(n_coordinates: usize, seed: u64) -> Self {
         assert!(n_coordinates > 0, "a search along at least one coordinate");
         let unit = range(0.0, 1.0).expect("a range");
@@ -48,11 +44,7 @@ impl Search {
         values.collect()
     }
 
-    /// Adds the cost of a point.
-    ///
-    /// # Panics
-    ///
-    /// If the cost is no number, or the point not one of the cube.
+    /// Adds the cost of a point. Panics if the cost is no number, or the point not one of the cube.
     pub(super) fn tell(&mut self, point: &[f64], cost: f64) {
         self.n_told += 1;
         // Coordinates are estimated independently, as Bergstra et al. do.

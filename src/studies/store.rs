@@ -162,11 +162,8 @@ impl Store {
     /// # Errors
     ///
     /// [`Error::Io`], such as for a full disk. The line is then taken off again, and all before it
-    /// stays. [`Error::Input`] beyond the flights of the largest study.
-    ///
-    /// # Panics
-    ///
-    /// If another thread panicked while it wrote.
+    /// stays. [`Error::Input`] beyond the flights of the largest study. Panics if another thread
+    /// panicked while it wrote.
     pub fn put(&self, record: &Record) -> Result<()> {
         let line = line_of(record);
         let mut log = self.log.lock().expect("no writer panics");

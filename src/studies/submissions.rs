@@ -51,7 +51,7 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     }
     let mut read = Submissions { passed_over, ..Submissions::default() };
     for Handed { path, name, refused } in &handed {
-        // The longer name only for files that share one, so that rows stay short.
+        // The longer name only for files of one name, so that rows stay short.
         let is_shared = handed.iter().filter(|other| other.name == *name).count() > 1;
         let name = if is_shared { distinct(path, &handed) } else { name.clone() };
         let scene = match refused {

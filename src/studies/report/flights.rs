@@ -26,11 +26,7 @@ const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
 /// The flights from above, x to the right and y up, over the first trace's design, with black lines
-/// at the edges of the safety corridor. SVG.
-///
-/// # Panics
-///
-/// If there is no trace, or one without samples.
+/// at the edges of the safety corridor. SVG. Panics if there is no trace, or one without samples.
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
@@ -40,20 +36,14 @@ pub fn top_view(traces: &[NamedFlight]) -> String {
     view.svg("Flight from above", "y (m)", [x, y])
 }
 
-/// The flights from the front, x to the right and z up, over the first trace's design. SVG.
-///
-/// # Panics
-///
-/// If there is no trace, or one without samples.
+/// The flights from the front, x to the right and z up, over the first trace's design. SVG. Panics
+/// if there is no trace, or one without samples.
 pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
 
-/// Flown minus design over time, a panel an axis, each flight against its own design. SVG.
-///
-/// # Panics
-///
-/// If there is no trace, or one without samples.
+/// Flown minus design over time, a panel an axis, each flight against its own design. SVG. Panics
+/// if there is no trace, or one without samples.
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);

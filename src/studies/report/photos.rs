@@ -156,11 +156,7 @@ fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
 }
 
 /// Luminance of two pictures of one size in one: the render's orange, the photograph's blue, and
-/// white if they agree.
-///
-/// # Panics
-///
-/// If the sizes differ.
+/// white if they agree. Panics if the sizes differ.
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();

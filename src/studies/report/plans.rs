@@ -21,11 +21,7 @@ const MOST_TIMES: usize = 80;
 
 /// The plans of one word from the front: lit strokes colored by speed, dark paths dashed, the time
 /// at which each stroke begins, take-offs and landings, and the numbers of the strokes of a
-/// drawing. SVG.
-///
-/// # Panics
-///
-/// If there is no setpoint.
+/// drawing. SVG. Panics if there is no setpoint.
 pub fn plan_view(plans: &[Plan], word: &str, numbers: &[(usize, [f64; 2])]) -> String {
     assert!(plans.iter().any(|plan| !plan.setpoints.is_empty()), "a plan to draw");
     let lines: Vec<Line> = plans.iter().flat_map(lines).collect();

@@ -128,7 +128,7 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
 /// The paths of all drones in millimeters. A point is lit if a lamp of its drone writes there.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
-    // Every so many samples, so that the page stays small.
+    // Samples are skipped, so that the page stays small.
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
     let paths = shot.flights.iter().enumerate().map(|(drone, flight)| {

@@ -11,11 +11,8 @@ const FLIGHT: Pen = Pen::new(BLUE, 0.6);
 const ALL: Pen = Pen { filled: true, ..Pen::new(BLUE, 1.75) };
 const WITHIN: Pen = Pen { filled: true, ..Pen::new(VERMILION, 1.75) };
 
-/// The lit strokes of a spread's flights from the front, over their design. SVG.
-///
-/// # Panics
-///
-/// If every flight is lost.
+/// The lit strokes of a spread's flights from the front, over their design. SVG. Panics if every
+/// flight is lost.
 pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
@@ -45,11 +42,7 @@ fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<
 }
 
 /// The ends of both bands of a drone over time, while it writes, less the design, a panel an axis.
-/// SVG.
-///
-/// # Panics
-///
-/// If a band has no moments.
+/// SVG. Panics if a band has no moments.
 pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
