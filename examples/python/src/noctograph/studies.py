@@ -45,11 +45,11 @@ class Outcomes:
     similarity : ndarray of float64
         Likeness to the word's reference rendering, 0 to 1.
     legible, lost : ndarray of bool
-        The verdict; whether a drone crashed or flew out of control.
+        The verdict. True if a drone crashed or flew out of control.
     contour_m : ndarray of float64
         Mean distance from the path in the word's plane, m.
     lag_s : ndarray of float64
-        Lag behind the design, s; negative: a lead, ahead of it.
+        Lag behind the design, s. A negative one is a lead.
     rmse_x_m, rmse_y_m, rmse_z_m : ndarray of float64
         Root mean square error against the design, m.
     drift_y_m : ndarray of float64
@@ -88,7 +88,7 @@ class Outcomes:
 
 
 class _Line:
-    """A progress bar of text, where tqdm is not installed: notebooks and terminals show it."""
+    """A progress bar of text, if tqdm is not installed. Notebooks and terminals show it."""
 
     def __init__(self, what: str) -> None:
         self.what, self.shown, self.begun = what, -1, time.monotonic()
@@ -245,26 +245,26 @@ def fly_many(
     scenes : Scene or sequence of N Scene
         What to fly.
     seeds : int or sequence of S int
-        Seeds of the noise and of the conditions; a number S is the seeds from 0 to S − 1.
+        Seeds of the noise and of the conditions. A number S is the seeds from 0 to S − 1.
     gains : array_like (N, 4, 12) or (N, 4, 16), optional
-        Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene; (N, 4, 15) with
+        Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene. (N, 4, 15) with
         integrals of the position. Rows: torques about x, y, z (N m), thrust (N). Columns: position (m, world),
         yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame. Four columns more,
         as `Scene.gain` has, feed back the modeled rotors.
     controller : callable or type, optional
         A controller of your own for one drone, as for `fly`: ``controller(state, reference)``, or with
         ``time_s`` behind. All flights are in step, so that one with a memory is given as its class: one is
-        made for each flight, without arguments, or with the scene where its constructor has a `scene`.
+        made for each flight, without arguments, or with the scene if its constructor has a `scene`.
     estimator : callable, optional
         An estimator of your own for one drone, as for `fly`, made for each flight.
     vectorized : bool
-        Whether the controller takes all flights at once, arrays (N, 12), (N, 9) and (N,), and returns (N, 4):
+        True if the controller takes all flights at once, arrays (N, 12), (N, 9) and (N,), and returns (N, 4):
         as fast as the simulator. Rows of flights that are over are 0.
     conditions : {"still", "room", "drone"} or path
-        What differs from seed to seed: nothing but noise; drafts, battery and light of a room; the drone as
-        well; or a TOML file of conditions.
+        What differs from seed to seed: only noise, or drafts, battery and light of a room, or the drone as
+        well, or a TOML file of conditions.
     progress : bool or callable
-        Whether to show a bar (by tqdm, where installed, else as text), or a function of flights done and of all.
+        True to show a bar (by tqdm if installed, else as text), or a function of flights done and of all.
 
     Returns
     -------
@@ -315,12 +315,12 @@ def rank(
     Parameters
     ----------
     scenes : dict of str to Scene or tuple
-        The contenders by name; ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`, and
+        The contenders by name. ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`, and
         ``(scene, controller, estimator)`` with an estimator, too, where a controller of None is the scene's.
     vectorized : bool
         As for `fly_many`, of all controllers.
     words : sequence of str, or dict of str to int, optional
-        Words, with their numbers of seeds where these differ; the first scene's word by default.
+        Words, with their numbers of seeds if these differ. The first scene's word by default.
     seeds : int
         Seeds of each word.
     conditions : str
@@ -328,18 +328,18 @@ def rank(
     seed : int
         Seed that all seeds are drawn from.
     acuity : int, optional
-        Also finds the fastest strokes that read: so many more seeds of each word at each of eight speeds.
+        Also finds the fastest strokes that read: this number of further seeds of each word at each of eight speeds.
         ``report["acuity"]["limits"]`` has them. Above a P(read) of 0.96 this ranks, and P(read) does not.
     folder : path, optional
         Keeps the flights, so that the next call flies only what is new. Those of a class of your own are kept word
-        by word, while the file that defines it stays as it is; those of other callables are not.
+        by word, while the file that defines it stays as it is. Those of other callables are not.
     progress : bool or callable
         As for `fly_many`.
 
     Returns
     -------
     Report
-        The keys of ``noctograph rank --json``, and ``report["flights"]``; ``report.files`` has the tables as CSV.
+        The keys of ``noctograph rank --json``, and ``report["flights"]``. ``report.files`` has the tables as CSV.
     """
     if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
@@ -404,20 +404,20 @@ def tune(
     words, seeds
         As for `rank`; the seeds of a candidate.
     knobs : sequence of str, optional
-        Keys to vary with their bounds, as ``"plan.stroke_speed_m_s=0.2..0.8"``; the usual ones of the
+        Keys to vary with their bounds, as ``"plan.stroke_speed_m_s=0.2..0.8"``. The usual ones of the
         controller by default.
     budget : int
         Flights in all.
     conditions, seed, folder
         As for `rank`.
     callback : callable, optional
-        Called with the flights so far and the best candidate, a dict; False ends the search, and what it
+        Called with the flights so far and the best candidate, a dict. False ends the search, and what it
         raises is raised.
 
     Returns
     -------
     Scene
-        The tuned scene; the one that the search began with, unless the best candidate is distinguishably better on
+        The tuned scene, or the one that the search began with, unless the best candidate is distinguishably better on
         new seeds (``report["helped"]``).
     Report
         The keys of ``noctograph tune --json`` and all candidates.
