@@ -216,6 +216,7 @@ impl Conditions {
     /// Mass, center of mass, inertia, lag, moment of the air, and one weak propeller.
     fn draw_body(&self, body: &mut VehicleOptions, chance: &Chance) {
         body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
+        // Each factor has a stream, which is drawn even if its width is 0.
         let mut center = chance.factor("center of mass");
         for center_m in &mut body.center_of_mass_m {
             *center_m += self.center_of_mass_m * center.normal();

@@ -71,6 +71,7 @@ impl Study {
             let hint = "name each word once, with its number of seeds: NOOR:200";
             return Err(Error::input("words", again, "each word once", hint));
         }
+        // A store takes no more.
         if n_trials > MAX_TRIALS {
             let wanted = format!("at most {MAX_TRIALS} flights");
             return Err(Error::input("study", n_trials, wanted, "fewer words or seeds"));

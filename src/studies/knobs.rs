@@ -169,6 +169,7 @@ pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::
 
 /// The value of a key such as `controller.lqr.q[0]`.
 fn find<'a>(scene: &'a mut toml::Table, key: &str) -> Result<&'a mut toml::Value> {
+    // `a.b[2]` is the parts a, b and 2.
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
     let first = parts.next().and_then(|part| scene.get_mut(part));
     let value = parts.try_fold(first, |value, part| match value? {

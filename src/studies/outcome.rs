@@ -192,6 +192,7 @@ impl Flown {
 /// Fraction of the time over the letters in which a motor is saturated.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(so_far_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
+    // The column is the saturated time so far: its differences count over letters.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, so_far_s) in flight.samples.windows(2).zip(so_far_s.windows(2)) {
         if pair[0].letter.is_some() {

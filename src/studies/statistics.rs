@@ -228,6 +228,7 @@ pub(super) fn least_for_center(level: f64) -> u32 {
 
 /// Means of all subsets but the empty one, or of many drawn at random.
 fn subset_means(values: &[f64]) -> Vec<f64> {
+    // Sums of eight values at a time: a mean takes one look-up for each table.
     let tables: Vec<Vec<(f64, u32)>> = values.chunks(8).map(subset_sums).collect();
     if values.len() <= ALL_SUBSETS_OF {
         let masks = 0..1_usize << values.len();

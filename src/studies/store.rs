@@ -165,6 +165,7 @@ impl Store {
     /// stays. [`Error::Input`] beyond the flights of the largest study. Panics if another thread
     /// panicked while it wrote.
     pub fn put(&self, record: &Record) -> Result<()> {
+        // The line is made before the lock is taken, so that threads wait only for the write.
         let line = line_of(record);
         let mut log = self.log.lock().expect("no writer panics");
         if log.n_flights >= MAX_TRIALS {

@@ -92,6 +92,7 @@ impl TuneOptions {
         stop: &Stop,
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(Study, Ranking)> {
+        // Further seeds, which neither search nor finals had a chance to fit.
         let contenders = [("as it was", start), (TUNED, tuned)];
         let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
         let (contenders, conditions) = (contenders.into(), self.conditions.clone());

@@ -189,6 +189,7 @@ impl FlightMeans {
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
+        // Sums and counts, so that flights with more readings weigh more.
         let mut nis = [(0.0, 0.0); 3];
         for reading in quiet.iter().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
             let (sum, n) = &mut nis[reading.sensor as usize];

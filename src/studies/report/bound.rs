@@ -96,6 +96,7 @@ fn draw_strokes(
         if time_s - shown_s < STEP_S {
             continue;
         }
+        // Lit pieces are broad and colored, dark ones thin.
         shown_s = *time_s;
         let design_m = plan.design_m(*time_s);
         let point = front.px(Point::new(design_m.x, design_m.z));

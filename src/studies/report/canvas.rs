@@ -150,6 +150,7 @@ impl Canvas {
         cap_px: f64,
         color: Rgb,
     ) {
+        // Upward text is turned about its own point.
         let (anchor, turned) = match anchor {
             Anchor::Start => ("start", String::new()),
             Anchor::Middle => ("middle", String::new()),

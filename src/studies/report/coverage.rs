@@ -80,6 +80,7 @@ impl<'a> Map<'a> {
     fn draw_cells(&self, canvas: &mut Canvas) {
         let grid = self.grid;
         for (row, colors) in grid.places.chunks_exact(grid.x_m.len()).enumerate() {
+            // Equal neighbors are one rectangle, which keeps the file small.
             let colors: Vec<Rgb> = colors.iter().map(|place| self.color(place)).collect();
             let [low_m, high_m] = edges_m(&grid.z_m, row, row);
             let mut from = 0;

@@ -76,6 +76,7 @@ pub(super) fn error_panels(
     // One scale for all three axes.
     let most_m = 1.05 * errors_m.fold(least_m, f64::max);
     let zero = Curve::whole(Pen::new(BLACK, 1.0), [(time_s.start, 0.0), (time_s.end, 0.0)]);
+    // The line of no error lies below the curves.
     let names = ["x error (m)", "y error (m)", "z error (m)"];
     let panels = names.into_iter().zip(axes).map(|(y_name, curves)| {
         let curves = [vec![zero.clone()], curves].concat();

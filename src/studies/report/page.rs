@@ -62,6 +62,7 @@ impl Page {
         if rows.is_empty() {
             return self;
         }
+        // User text only enters a page through `escaped`.
         let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
         let names = row("th", names);
         self.with(&format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n"))

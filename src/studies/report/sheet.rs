@@ -112,6 +112,7 @@ fn contact_sheet(rows: &[Row]) -> Photo {
     let [width_px, height_px] =
         [width, height].map(|side| u32::try_from(side).expect("a sheet of photos"));
     let mut sheet = PhotoData { width_px, height_px, rgb8, scene_toml: None };
+    // Title, photos, captions: row by row.
     let mut top = GAP_PX;
     for ((title, photos), height) in rows.iter().zip(heights) {
         write(&mut sheet, title, [GAP_PX, top]);
