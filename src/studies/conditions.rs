@@ -126,7 +126,8 @@ impl Conditions {
     ///
     /// [`Error::Input`] for another name, and those of the file.
     pub fn find(named: &str) -> Result<Self> {
-        let known: [(&str, fn() -> Self); 4] = [
+        type Make = fn() -> Conditions;
+        let known: [(&str, Make); 4] = [
             ("room", Self::default),
             ("drone", Self::any_drone),
             ("evening", Self::evening),

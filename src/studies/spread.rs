@@ -111,8 +111,8 @@ impl Band {
     }
 
     /// Fraction of further flights that it holds at every moment: [`BAND_FRAC`]. With fewer than
-    /// [`LEAST_FLIGHTS`] flights, the fraction between the least and the most of n flights: `(n −
-    /// 1) / (n + 1)`.
+    /// [`LEAST_FLIGHTS`] flights, the fraction between the least and the most of n flights:
+    /// `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))

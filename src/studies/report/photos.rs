@@ -7,8 +7,8 @@ use kurbo::Vec2;
 use noctograph_core::srgb;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Transform of a point `q` of one picture, in pixels from its top left corner, to `scale
-/// R(rotation) q + shift` in another.
+/// Transform of a point `q` of one picture, in pixels from its top left corner, to
+/// `scale R(rotation) q + shift` in another.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Similarity {
     /// Pixels of the other per pixel of the one.
