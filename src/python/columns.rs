@@ -6,8 +6,7 @@ use nalgebra::Vector3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::{numbers, raised};
-use noctograph::error::Error;
+use super::{numbers, refused};
 use noctograph::plan::HEADLIGHTS;
 
 /// The columns of a plan or a flight, as long as the times. Their values are checked by the product
@@ -21,7 +20,7 @@ impl Columns {
         Ok(Self { times_s: numbers(time_s, "time_s", 1)? })
     }
 
-    /// A column of rows of so many numbers, by default all `usual`.
+    /// A column with rows of `columns` numbers, by default all `usual`.
     pub(super) fn column(
         &self,
         name: &str,
@@ -29,6 +28,7 @@ impl Columns {
         columns: usize,
         usual: f64,
     ) -> PyResult<Vec<f64>> {
+        // A missing column is the usual value in every row.
         let n = self.times_s.len();
         let Some(array) = array else { return Ok(vec![usual; columns * n]) };
         let values = numbers(array, name, columns)?;
@@ -37,7 +37,7 @@ impl Columns {
         }
         let actual = format!("{} rows", values.len() / columns);
         let hint = "one row for each time";
-        Err(raised(array.py(), &Error::input(name, actual, format!("{n} rows, as time_s"), hint)))
+        Err(refused(array.py(), name, actual, format!("{n} rows, as time_s"), hint))
     }
 
     /// A column of points or directions, by default all zero.
@@ -50,7 +50,7 @@ impl Columns {
         Ok(values.chunks(3).map(Vector3::from_column_slice).collect())
     }
 
-    /// Levels of lamps by their channels; a single array is of the headlights.
+    /// Levels of lamps by their channels. A single array is that of the headlights.
     pub(super) fn lights(
         &self,
         light: Option<&Bound<'_, PyAny>>,
@@ -59,11 +59,11 @@ impl Columns {
         let Some(Ok(channels)) = light.map(|light| light.cast::<PyDict>()) else {
             return Ok([(HEADLIGHTS.to_owned(), self.column("light", light, 1, usual)?)].into());
         };
-        let levels = |(name, levels): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let columns = channels.iter().map(|(name, levels)| {
             let name = name.extract::<String>()?;
             let levels = self.column(&format!("light[{name:?}]"), Some(&levels), 1, usual)?;
             Ok((name, levels))
-        };
-        channels.iter().map(levels).collect()
+        });
+        columns.collect()
     }
 }

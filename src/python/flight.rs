@@ -10,7 +10,7 @@ use super::estimator::PyEstimator;
 use super::plan::PyPlan;
 use super::scene::PyScene;
 use super::{
-    Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, run, run_showing,
+    Ends, Reduced, array, arrays, data_frame, numbers, raised, reduced, refused, run, run_showing,
     save_with, text_of, warn,
 };
 use noctograph::diagnostic::Diagnostic;
@@ -34,13 +34,13 @@ use noctograph::sim::Session;
 /// position_m : numpy.ndarray
 ///     Position of the body in m, x right, y into the scene, z up, shape (N, 3).
 /// light : numpy.ndarray or dict of str to numpy.ndarray, optional
-///     Level of the headlights, 0 to 1, shape (N,); 1 by default. Of other lamps by their channels, those of
+///     Level of the headlights, 0 to 1, shape (N,). 1 by default. Of other lamps by their channels, those of
 ///     ``plan.lights``: ``{"headlights": on, "color-led": on}``, and of the ring ``"ring.red"``, ``"ring.green"``
 ///     and ``"ring.blue"``. Colors and lamps are the scene's (``light.color_led_wrgb``, ``light.deck``). A lamp of
 ///     a Crazyflie changes on its firmware's tick, up to 50 ms later: ``set={"light.tick_s": 0}`` in the scene
 ///     lights it when you say.
 /// attitude_rad : numpy.ndarray, optional
-///     Yaw, pitch and roll in rad, in this order, shape (N, 3); 0 by default. Yaw is about the world's z, then pitch
+///     Yaw, pitch and roll in rad, in this order, shape (N, 3). 0 by default. Yaw is about the world's z, then pitch
 ///     about y, then roll about x: the angles that ROS and PyBullet call roll, pitch, yaw and give in the opposite
 ///     order (``rpy[:, ::-1]``). `attitude_rad` makes them of quaternions.
 /// design_m : numpy.ndarray, optional
@@ -63,15 +63,14 @@ impl PyFlight {
         Self { flight }
     }
 
-    /// An array of a quantity, NaN where the flight lacks it.
+    /// An array of a quantity, NaN if the flight lacks it.
     fn array<'py>(&self, py: Python<'py>, quantity: Quantity) -> PyResult<Bound<'py, PyAny>> {
-        let (has, numbers) = (self.flight.has(quantity), quantity.places());
-        let row = |sample: &FlightSample| match has {
-            true => sample.numbers()[numbers.clone()].to_vec(),
-            false => vec![f64::NAN; numbers.len()],
+        let (samples, places) = (&self.flight.samples, quantity.places());
+        let values: Vec<f64> = match self.flight.has(quantity) {
+            true => samples.iter().flat_map(|s| s.numbers()[places.clone()].to_vec()).collect(),
+            false => vec![f64::NAN; places.len() * samples.len()],
         };
-        let values: Vec<f64> = self.flight.samples.iter().flat_map(row).collect();
-        array(py, &values, numbers.len())
+        array(py, &values, places.len())
     }
 }
 
@@ -92,7 +91,7 @@ impl PyFlight {
         if times_s.len() < 2 {
             let hint = "hand over what was flown, a row for each time";
             let actual = format!("{} times", times_s.len());
-            return Err(raised(py, &Error::input("time_s", actual, "two or more", hint)));
+            return Err(refused(py, "time_s", actual, "two or more", hint));
         }
         let lasts_s = times_s.last().map_or(0.0, |last| last - times_s[0]);
         let step_s = lasts_s / times_s.len().max(2).saturating_sub(1) as f64;
@@ -100,13 +99,12 @@ impl PyFlight {
             let actual = format!("{lasts_s} s with a sample every {step_s:.1} s");
             let hint = "times are in seconds: divide milliseconds by 1000";
             let wanted = "at most an hour, and a sample every two seconds";
-            return Err(raised(py, &Error::input("time_s", actual, wanted, hint)));
+            return Err(refused(py, "time_s", actual, wanted, hint));
         }
         let positions_m = columns.points("position_m", Some(position_m))?;
         let angles_rad = columns.points("attitude_rad", attitude_rad)?;
         let designs_m = columns.points("design_m", design_m)?;
         let lights = columns.lights(light, 1.0)?;
-        let is_lit = |row: usize| lights.values().any(|levels| levels[row] > 0.0);
         let samples = (0..times_s.len()).map(|row| {
             let [yaw_rad, pitch_rad, roll_rad] = angles_rad[row].into();
             FlightSample {
@@ -116,16 +114,18 @@ impl PyFlight {
                 position_m: positions_m[row],
                 attitude: Attitude { yaw_rad, pitch_rad, roll_rad },
                 design_m: designs_m[row],
-                letter: is_lit(row).then_some(0),
+                letter: lights.values().any(|levels| levels[row] > 0.0).then_some(0),
                 ..FlightSample::default()
             }
         });
         let samples = samples.collect();
+        // Arrays have no velocity, rate, estimate and motors: they are NaN, and not missed.
         let mut unlogged: BTreeSet<Quantity> =
             [Quantity::Velocity, Quantity::Rate, Quantity::Estimate, Quantity::Motors].into();
         unlogged.extend(design_m.is_none().then_some(Quantity::Design));
         let flight = Flight::new(FlightData { samples, lights, unlogged, ..FlightData::default() });
         let mut flight = flight.map_err(|error| raised(py, &error))?;
+        // Numbers that look like other units or axes.
         let doubts = doubts(&flight);
         flight.edit(|flight| flight.warnings.extend(doubts.iter().cloned()));
         warn(py, doubts.iter().map(ToString::to_string))?;
@@ -158,7 +158,7 @@ impl PyFlight {
     /// plan : Plan
     ///     What was to be flown.
     /// begins_s : float, optional
-    ///     Time of the flight at which the plan begins, s; by default its first time.
+    ///     Time of the flight at which the plan begins, s. By default its first time.
     ///
     /// Returns
     /// -------
@@ -183,56 +183,56 @@ impl PyFlight {
         array(py, &self.flight.samples.iter().map(|it| it.time_s).collect::<Vec<_>>(), 1)
     }
 
-    /// numpy.ndarray: Position of the body in m, x right, y into the scene, z up; shape (N, 3).
+    /// numpy.ndarray: Position of the body in m, x right, y into the scene, z up, shape (N, 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Position)
     }
 
-    /// numpy.ndarray: Position that was to be flown, in m; shape (N, 3).
+    /// numpy.ndarray: Position that was to be flown, in m, shape (N, 3).
     #[getter]
     fn design_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Design)
     }
 
-    /// numpy.ndarray: Position according to the drone's estimator, in m; shape (N, 3).
+    /// numpy.ndarray: Position according to the drone's estimator, in m, shape (N, 3).
     #[getter]
     fn estimate_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Estimate)
     }
 
-    /// numpy.ndarray: Velocity in the body frame (x forward, y left, z up) in m/s; shape (N, 3).
+    /// numpy.ndarray: Velocity in the body frame (x forward, y left, z up) in m/s, shape (N, 3).
     #[getter]
     fn velocity_body_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Velocity)
     }
 
-    /// numpy.ndarray: Angular velocity in the body frame in rad/s; shape (N, 3).
+    /// numpy.ndarray: Angular velocity in the body frame in rad/s, shape (N, 3).
     #[getter]
     fn rate_body_rad_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Rate)
     }
 
-    /// numpy.ndarray: Yaw, pitch and roll in rad; shape (N, 3).
+    /// numpy.ndarray: Yaw, pitch and roll in rad, shape (N, 3).
     #[getter]
     fn attitude_rad<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Attitude)
     }
 
-    /// numpy.ndarray: Motor commands m1 to m4, 0 to 65535; shape (N, 4).
+    /// numpy.ndarray: Motor commands m1 to m4, 0 to 65535, shape (N, 4).
     #[getter]
     fn motors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, Quantity::Motors)
     }
 
-    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel; each of shape
+    /// dict of str to numpy.ndarray: Light commands in force, 0 to 1, by channel. Each of shape
     /// (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         arrays(py, &self.flight.lights)
     }
 
-    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...); each of
+    /// dict of str to numpy.ndarray: Further columns (``battery_v``, ``energy_j``, ...). Each of
     /// shape (N,).
     #[getter]
     fn extra<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
@@ -257,7 +257,7 @@ impl PyFlight {
         save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
-    /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
+    /// pandas.DataFrame: The columns of ``to_csv``. Needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data_frame(py, self.to_csv())
     }
@@ -293,55 +293,45 @@ pub(super) fn for_any_controller(mut scene: Scene) -> Scene {
     scene
 }
 
-/// Whether a function of Python takes a third argument by its place: the time.
-fn takes_time(py: Python<'_>, function: &Py<PyAny>) -> bool {
-    let taken = || -> PyResult<bool> {
-        let inspect = py.import("inspect")?;
-        let parameters = inspect.call_method1("signature", (function,))?.getattr("parameters")?;
-        let mut places = 0;
-        for parameter in parameters.call_method0("values")?.try_iter()? {
-            // As a number, 0 to 4: of a place alone, of a place or a name, any more places, ...
-            places += match parameter?.getattr("kind")?.extract::<u8>()? {
-                0 | 1 => 1,
-                2 => 3,
-                _ => 0,
-            };
-        }
-        Ok(places >= 3)
-    };
-    taken().unwrap_or(false)
-}
-
-/// A flight by a controller of Python; `Ok(Err)` is what it raised.
-fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<PyResult<Flight>> {
-    let timed = Python::attach(|py| takes_time(py, function));
-    while let Some((state, reference)) = session.waits() {
+/// A flight by a controller of Python. `Ok(Err)` is an exception of it.
+fn flown_by(
+    function: &Py<PyAny>,
+    takes_time: bool,
+    mut session: Session,
+    stop: &Stop,
+) -> Result<PyResult<Flight>> {
+    while let Some(seen) = session.waits() {
         stop.check()?;
-        let time_s = session.time_s();
-        let motors = Python::attach(|py| {
-            let (state, reference) = (array(py, &state, 1)?, array(py, &reference, 1)?);
-            let function = function.bind(py);
-            let motors = match timed {
-                true => function.call1((state, reference, time_s))?,
-                false => function.call1((state, reference))?,
-            };
-            let motors = numbers(&motors, "controller", 1)?;
-            let refuse = |actual: String| {
-                let (wanted, hint) = ("four motor commands", "return m1 to m4, 0 to 65535");
-                raised(py, &Error::input("controller", actual, wanted, hint))
-            };
-            if let Some(motor) = motors.iter().position(|motor| motor.is_nan()) {
-                return Err(refuse(format!("NaN for m{} at {time_s:.3} s", motor + 1)));
-            }
-            let n = motors.len();
-            motors.try_into().map_err(|_motors| refuse(format!("{n} numbers")))
-        });
-        match motors {
+        match motors_by(function, seen, session.time_s(), takes_time) {
             Ok(motors) => session.command(motors)?,
             Err(error) => return Ok(Err(error)),
         }
     }
     Ok(Ok(session.finish()))
+}
+
+/// Motor commands of a controller of Python at a time, which it gets if it takes it.
+fn motors_by(
+    function: &Py<PyAny>,
+    (state, reference): ([f64; 12], [f64; 9]),
+    time_s: f64,
+    takes_time: bool,
+) -> PyResult<[f64; 4]> {
+    Python::attach(|py| {
+        let (state, reference) = (array(py, &state, 1)?, array(py, &reference, 1)?);
+        let motors = match takes_time {
+            true => function.bind(py).call1((state, reference, time_s))?,
+            false => function.bind(py).call1((state, reference))?,
+        };
+        let motors = numbers(&motors, "controller", 1)?;
+        let actual = match (motors.iter().position(|motor| motor.is_nan()), motors.try_into()) {
+            (None, Ok(motors)) => return Ok(motors),
+            (Some(motor), _) => format!("NaN for m{} at {time_s:.3} s", motor + 1),
+            (None, Err(motors)) => format!("{} numbers", Vec::len(&motors)),
+        };
+        let (wanted, hint) = ("four motor commands", "return m1 to m4, 0 to 65535");
+        Err(refused(py, "controller", actual, wanted, hint))
+    })
 }
 
 /// Flies the plans of a scene, or other ones, one for each drone.
@@ -351,14 +341,14 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 /// scene : Scene
 ///     Its drone, controller, estimator, air and seed.
 /// plans : list of Plan, optional
-///     The scene's own by default; with a controller, those of ``plan.reference = "design"`` and
+///     The scene's own by default. With a controller, those of ``plan.reference = "design"`` and
 ///     ``plan.light_clock = "setpoint"``, which are not made for the scene's own controller.
 /// controller : callable, optional
 ///     ``controller(state, reference)``, or ``controller(state, reference, time_s)``, returns the motor commands m1 to m4, 0 to 65535, in place of the
-///     scene's controller; for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
+///     scene's controller, for one drone. ``state`` is the estimate, shape (12,): position (m, world), yaw,
 ///     pitch and roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame (x forward, y
 ///     left, z up). ``reference`` is the design at this instant, shape (9,): position (m), velocity (m/s) and
-///     acceleration (m/s²), in the world; ``time_s`` is that of the flight, in s, as in ``Flight.time_s``. It is
+///     acceleration (m/s²), in the world. ``time_s`` is that of the flight, in s, as in ``Flight.time_s``. It is
 ///     called ``rates.attitude_hz`` times a second (500 by default) while the motors are on.
 ///
 /// estimator : callable, optional
@@ -366,12 +356,12 @@ fn flown_by(function: &Py<PyAny>, mut session: Session, stop: &Stop) -> Result<P
 ///     at rest, shape (12,), and returns what is called at each tick (``rates.control_hz``, 500 by default) with
 ///     ``(readings, tick_s)`` and returns the estimate, shape (12,), as a controller gets it. ``readings`` is a dict:
 ///     at each tick ``"rate_rad_s"`` (gyroscope) and ``"specific_force_m_s2"`` (accelerometer: (0, 0, g) at rest), both
-///     (3,) in the body frame, and ``"throttle"``, the mean motor command since the last tick, 0 to 1; when it is due
+///     (3,) in the body frame, and ``"throttle"``, the mean motor command since the last tick, 0 to 1. When it is due
 ///     what ``sensors.positioning`` and ``sensors.heights`` measure: ``"position_m"`` (3,), ``"sweeps"``, a list of
 ///     (station, plane, angles of the four sensors in rad), ``"ranges"``, a list of (anchor, anchor whose distance was
 ///     subtracted or None, m), ``"time-of-flight"`` and ``"barometer"`` in m.
 /// covariance : bool
-///     Whether ``Flight.extra`` has what the drone's Kalman filter thinks of its estimate: ``estimate_sigma_m``, the
+///     True to add the uncertainty of the drone's Kalman filter to ``Flight.extra``: ``estimate_sigma_m``, the
 ///     standard deviation of the position over three axes, and ``estimate_nees``, its squared error over its
 ///     covariance, a third, 1 on average in the air where the filter is honest. A fleet's filter always has.
 ///
@@ -392,43 +382,47 @@ pub(super) fn fly(
     let estimator = estimator.map(PyEstimator::new);
     let estimates = estimator.clone();
     let plans = plans.map(|plans| plans.iter().map(|plan| plan.0.clone()).collect());
-    let scene = scene.0.clone();
-    let stop = Stop::default();
+    let (scene, stop) = (scene.0.clone(), Stop::default());
     let until = stop.clone();
-    let stage = move || {
-        let shoot = match plans {
-            None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
-            None => Shoot::new(scene)?,
-            Some(plans) => Shoot::with_plans(scene, plans)?,
-        };
-        let session = || {
-            shoot.session(|avionics| {
+    let takes_time = py.import("noctograph.studies")?.getattr("_takes_time")?;
+    let takes_time: bool = takes_time.call1((&controller,))?.extract()?;
+    let flown = run_showing(
+        py,
+        &stop,
+        |_| Ok(()),
+        Ends::Joined,
+        move || {
+            let shoot = match plans {
+                None if controller.is_some() => Shoot::new(for_any_controller(scene))?,
+                None => Shoot::new(scene)?,
+                Some(plans) => Shoot::with_plans(scene, plans)?,
+            };
+            let n = shoot.plans.len();
+            // Without functions of Python the drones fly together.
+            if controller.is_none() && estimates.is_none() && (n > 1 || !covariance) {
+                return shoot.fly(&|_, _| {}).map(Ok);
+            }
+            if n != 1 {
+                let (what, hint) = ("controller or estimator", "fly each plan by itself");
+                return Err(Error::input(what, format!("{n} plans"), "one plan", hint));
+            }
+            let mut session = shoot.session(|avionics| {
                 estimates.iter().for_each(|estimates| estimates.begin(avionics));
                 if covariance {
                     avionics.log_covariance();
                 }
-            })
-        };
-        match (&controller, shoot.plans.len()) {
-            (None, n) if estimates.is_none() && (n > 1 || !covariance) => {
-                shoot.fly(&|_, _| {}).map(Ok)
-            }
-            (None, 1) => {
-                let mut session = session()?;
-                session.fly_by_itself()?;
-                Ok(Ok(vec![session.finish()]))
-            }
-            (Some(function), 1) => {
-                Ok(flown_by(function, session()?, &until)?.map(|flight| vec![flight]))
-            }
-            (_, n) => {
-                let (what, hint) = ("controller or estimator", "fly each plan by itself");
-                Err(Error::input(what, format!("{n} plans"), "one plan", hint))
-            }
-        }
-    };
-    let flown = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
-    // What an estimator raised is why its drone was lost.
+            })?;
+            let flight = match &controller {
+                Some(function) => flown_by(function, takes_time, session, &until)?,
+                None => {
+                    session.fly_by_itself()?;
+                    Ok(session.finish())
+                }
+            };
+            Ok(flight.map(|flight| vec![flight]))
+        },
+    );
+    // The exception of an estimator is the cause of the loss of its drone.
     if let Some(thrown) = estimator.and_then(|estimator| estimator.thrown()) {
         return Err(thrown);
     }
@@ -458,7 +452,7 @@ pub(super) fn import_log(
     scene: Option<&PyScene>,
 ) -> PyResult<PyFlight> {
     let scene = scene.map(|scene| scene.0.clone());
-    let stage = move || {
+    let flight = run(py, &Stop::default(), move || {
         let firmware = scene.as_ref().map(|scene| scene.vehicle.firmware);
         let options = ImportOptions { firmware, ..ImportOptions::default() };
         let mut flight = import(&path, &options)?;
@@ -473,8 +467,7 @@ pub(super) fn import_log(
             flight.edit(|flight| flight.warnings.push(Diagnostic::warning("log", text)));
         }
         Ok(flight)
-    };
-    let flight = run(py, &Stop::default(), stage)?;
+    })?;
     warn(py, flight.warnings.iter().map(ToString::to_string))?;
     Ok(PyFlight::new(flight))
 }

@@ -59,10 +59,10 @@ mod _noctograph {
 fn raised(py: Python<'_>, error: &Error) -> PyErr {
     let (class, arguments) = match error {
         Error::Input { place, found, wanted, hint, .. } => {
-            // Of a scene's text that nobody wrote, a line says nothing.
+            // A line of a scene's text that nobody wrote means nothing.
             let mut place = (**place).clone();
             if place.0.first() == Some(&Segment::File("scene".into())) {
-                place.0.retain(|it| matches!(it, Segment::Key(_) | Segment::Index(_)));
+                place.0.retain(|part| matches!(part, Segment::Key(_) | Segment::Index(_)));
             }
             ("InputError", vec![place.to_string(), found.clone(), wanted.clone(), hint.clone()])
         }
@@ -82,11 +82,23 @@ fn raised(py: Python<'_>, error: &Error) -> PyErr {
         }
         other => ("InfeasibleError", vec![other.to_string(), other.hint().to_owned()]),
     };
+    // If the class itself fails, its exception is raised.
     let made = py.import("noctograph.errors").and_then(|errors| {
         let arguments = PyTuple::new(py, arguments)?;
         errors.getattr(class)?.call1(arguments)
     });
     made.map_or_else(|broken| broken, PyErr::from_value)
+}
+
+/// The exception of an input that cannot be used.
+fn refused(
+    py: Python<'_>,
+    place: &str,
+    found: impl std::fmt::Display,
+    wanted: impl Into<String>,
+    hint: &str,
+) -> PyErr {
+    raised(py, &Error::input(place, found, wanted, hint))
 }
 
 /// Warns of each text in the name of the caller's line: see `noctograph/errors.py`.
@@ -151,8 +163,7 @@ fn to_python<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bo
     py.import("json")?.call_method1("loads", (json,))
 }
 
-/// Runs a stage without the interpreter. On Ctrl-C it is told to stop and given a moment: its result
-/// is dropped.
+/// Runs a stage without the interpreter. Ctrl-C stops it, and its result is dropped.
 fn run<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -161,17 +172,16 @@ fn run<T: Send + 'static>(
     run_showing(py, stop, |_| Ok(()), Ends::ByItself, stage)
 }
 
-/// What becomes of a stage that was told to stop.
+/// The end of a stage that was stopped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ends {
     /// It calls no Python: it ends when it looks for the stop.
     ByItself,
-    /// It calls functions of Python, and must not do so when the interpreter ends: it is waited
-    /// for.
+    /// It calls functions of Python, and must not do so when the interpreter ends, which waits.
     Joined,
 }
 
-/// As [`run`], with a call of `show` now and then and at the end; what it raises stops the stage.
+/// As [`run`], with a call of `show` now and then and at the end. Its exception stops the stage.
 fn run_showing<T: Send + 'static>(
     py: Python<'_>,
     stop: &Stop,
@@ -185,24 +195,22 @@ fn run_showing<T: Send + 'static>(
             // Nobody listens after Ctrl-C.
             let _ = sender.send(stage());
         });
-        let looked = |looked: PyResult<()>| {
-            looked.inspect_err(|_| {
-                stop.now();
-                while ends == Ends::Joined && !worker.is_finished() {
-                    std::thread::sleep(Duration::from_millis(1));
-                }
-            })
-        };
         loop {
             match receiver.recv_timeout(LOOK) {
                 Ok(done) => return Ok(done),
-                Err(RecvTimeoutError::Timeout) => {
-                    looked(Python::attach(|py| py.check_signals().and_then(|()| show(py))))?;
-                }
+                Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
                     let text = "the program failed: please report what it printed";
                     return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
                 }
+            }
+            // The interpreter only now and then: the stage runs without it.
+            if let Err(error) = Python::attach(|py| py.check_signals().and_then(|()| show(py))) {
+                stop.now();
+                while ends == Ends::Joined && !worker.is_finished() {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                return Err(error);
             }
         }
     });
@@ -238,22 +246,16 @@ fn arrays<'py>(
     columns.iter().map(|(name, values)| Ok((name.clone(), array(py, values, 1)?))).collect()
 }
 
-/// What an array's values are, as a letter of numpy: `f` is floats, `c` complex numbers, `U` texts.
-fn py_kind(array: &Bound<'_, PyAny>) -> PyResult<String> {
-    let array = array.py().import("numpy")?.call_method1("asarray", (array,))?;
-    array.getattr("dtype")?.getattr("kind")?.extract()
-}
-
-/// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column; other shapes
+/// The numbers of an array of `(rows, columns)`, or of `(rows,)` for a single column. Other shapes
 /// are refused.
 fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec<f64>> {
-    let (py, given) = (array.py(), py_kind(array)?);
-    if !"biufO".contains(&*given) {
-        let actual = if given == "c" { "complex numbers" } else { "no numbers" };
-        return Err(raised(
-            py,
-            &Error::input(name, actual, "numbers", "look at what is handed over"),
-        ));
+    let py = array.py();
+    let array = py.import("numpy")?.call_method1("asarray", (array,))?;
+    // A letter of numpy: `f` is floats, `c` complex numbers, `U` texts, `O` objects.
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    if !"biufO".contains(&*kind) {
+        let actual = if kind == "c" { "complex numbers" } else { "no numbers" };
+        return Err(refused(py, name, actual, "numbers", "look at what is handed over"));
     }
     let array = py.import("numpy")?.call_method1("ascontiguousarray", (array, "f8"))?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
@@ -261,6 +263,7 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
         if columns == 1 { shape.len() == 1 } else { shape.len() == 2 && shape[1] == columns };
     if !fits {
         let wanted = if columns == 1 { "(N,)".to_owned() } else { format!("(N, {columns})") };
+        // The usual mistakes: quaternions, a column of one number a row, a transposed array.
         let hint = match name {
             "attitude_rad" if shape.last() == Some(&4) => {
                 "yaw, pitch, roll: nc.attitude_rad makes them of quaternions"
@@ -273,8 +276,7 @@ fn numbers(array: &Bound<'_, PyAny>, name: &str, columns: usize) -> PyResult<Vec
                 "one row for each time: the axes of a batch or of several drones are taken one by one"
             }
         };
-        let error = Error::input(name, format!("shape {shape:?}"), wanted, hint);
-        return Err(raised(py, &error));
+        return Err(refused(py, name, format!("shape {shape:?}"), wanted, hint));
     }
     let bytes = array.call_method0("tobytes")?;
     Ok(bytemuck::pod_collect_to_vec(bytes.cast::<PyBytes>()?.as_bytes()))

@@ -9,9 +9,8 @@ use pyo3::prelude::*;
 use super::columns::Columns;
 use super::scene::PyScene;
 use super::{
-    Reduced, array, arrays, data_frame, numbers, raised, reduced, run, save_with, text_of,
+    Reduced, array, arrays, data_frame, numbers, raised, reduced, refused, run, save_with, text_of,
 };
-use noctograph::error::Error;
 use noctograph::flight::table::on_grid;
 use noctograph::plan::{Plan, PlanData, Setpoint};
 use noctograph::report::plan_view;
@@ -24,12 +23,12 @@ use noctograph::shoot::{Shoot, Stop};
 /// time_s : numpy.ndarray
 ///     Rising times from 0 on in s, shape (N,). Between them the design moves on by velocity and acceleration.
 /// position_m : numpy.ndarray
-///     Position of the design in m, x right, y into the scene, z up, shape (N, 3); z up to 0 asks for motors off.
+///     Position of the design in m, x right, y into the scene, z up, shape (N, 3). A z up to 0 asks for motors off.
 /// light : numpy.ndarray or dict of str to numpy.ndarray, optional
-///     Level of the headlights from each setpoint on, 0 to 1, shape (N,), or of lamps by their channels; 0 by
+///     Level of the headlights from each setpoint on, 0 to 1, shape (N,), or of lamps by their channels. 0 by
 ///     default.
 /// velocity_m_s, acceleration_m_s2 : numpy.ndarray, optional
-///     In the axes of the position, shape (N, 3); 0 by default.
+///     In the axes of the position, shape (N, 3). 0 by default.
 /// sent_m : numpy.ndarray, optional
 ///     Positions that are sent in place of the design's, shape (N, 3).
 /// yaw_rad : float
@@ -88,6 +87,7 @@ impl PyPlan {
         let accelerations_m_s2 = columns.points("acceleration_m_s2", acceleration_m_s2)?;
         let sent_m = sent_m.map(|sent_m| columns.points("sent_m", Some(sent_m))).transpose()?;
         let lights = columns.lights(light, 0.0)?;
+        // A setpoint with light belongs to a letter.
         let setpoints = (0..columns.times_s.len()).map(|row| Setpoint {
             time_s: columns.times_s[row],
             position_m: positions_m[row],
@@ -127,20 +127,20 @@ impl PyPlan {
         self.array(py, |row| [self.0.setpoints[row].time_s])
     }
 
-    /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up; shape (N,
+    /// numpy.ndarray: Position of each setpoint in m, x right, y into the scene, z up, shape (N,
     /// 3).
     #[getter]
     fn position_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.setpoints[row].position_m.data.0[0])
     }
 
-    /// numpy.ndarray: Velocity of each setpoint in m/s, in the axes of the position; shape (N, 3).
+    /// numpy.ndarray: Velocity of each setpoint in m/s, in the axes of the position, shape (N, 3).
     #[getter]
     fn velocity_m_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.setpoints[row].velocity_m_s.data.0[0])
     }
 
-    /// numpy.ndarray: Acceleration of each setpoint in m/s², in the axes of the position; shape (N,
+    /// numpy.ndarray: Acceleration of each setpoint in m/s², in the axes of the position, shape (N,
     /// 3).
     #[getter]
     fn acceleration_m_s2<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -148,20 +148,20 @@ impl PyPlan {
     }
 
     /// numpy.ndarray: Position that is sent with each setpoint in m: the design's, or one that leads
-    /// the drone's controller; shape (N, 3).
+    /// the drone's controller, shape (N, 3).
     #[getter]
     fn sent_m<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, |row| self.0.sent_m(row).data.0[0])
     }
 
-    /// dict of str to numpy.ndarray: Light commands sent with each setpoint, 0 to 1, by channel; each
+    /// dict of str to numpy.ndarray: Light commands sent with each setpoint, 0 to 1, by channel, each
     /// of shape (N,).
     #[getter]
     fn lights<'py>(&self, py: Python<'py>) -> PyResult<BTreeMap<String, Bound<'py, PyAny>>> {
         arrays(py, &self.0.lights)
     }
 
-    /// numpy.ndarray: Whether a lamp is to be lit from each setpoint on, 0 to 1; shape (N,).
+    /// numpy.ndarray: Level of the brightest lamp from each setpoint on, 0 to 1, shape (N,).
     #[getter]
     fn light<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         array(py, &self.0.lit(), 1)
@@ -187,6 +187,7 @@ impl PyPlan {
         py: Python<'py>,
         time_s: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
+        // One number or an array of times.
         let numpy = py.import("numpy")?;
         let is_one = numpy.call_method1("ndim", (time_s,))?.extract::<usize>()? == 0;
         let times = numpy.call_method1("atleast_1d", (time_s,))?;
@@ -195,30 +196,29 @@ impl PyPlan {
         let times_s: Vec<f64> = times_s.into_iter().map(on_grid).collect();
         if let Some(row) = times_s.iter().position(|time_s| !time_s.is_finite()) {
             let actual = format!("{} in row {row}", times_s[row]);
-            let error = Error::input("time_s", actual, "finite times", "times in seconds");
-            return Err(raised(py, &error));
+            return Err(refused(py, "time_s", actual, "finite times", "times in seconds"));
         }
         if self.0.setpoints.is_empty() {
-            let error = Error::input("plan", "no setpoint", "one or more", "plan a word");
-            return Err(raised(py, &error));
+            return Err(refused(py, "plan", "no setpoint", "one or more", "plan a word"));
         }
         let rows: Vec<usize> = times_s.iter().map(|time_s| self.0.row_at(*time_s)).collect();
-        let design: Vec<[Vector3<f64>; 4]> =
-            times_s.iter().zip(&rows).map(|(time_s, row)| self.design(*time_s, *row)).collect();
-        let one = |made: Bound<'py, PyAny>| if is_one { made.get_item(0) } else { Ok(made) };
-        let vectors = |k: usize| {
-            let numbers: Vec<f64> = design.iter().flat_map(|it| it[k].data.0[0]).collect();
-            one(array(py, &numbers, 3)?)
-        };
-        let column = |levels: &[f64]| {
-            one(array(py, &rows.iter().map(|row| levels[*row]).collect::<Vec<_>>(), 1)?)
-        };
-        let yaw = one(array(py, &vec![self.0.yaw_rad; rows.len()], 1)?)?;
-        let lights = self.0.lights.iter().map(|(name, levels)| Ok((name.clone(), column(levels)?)));
-        let lights: BTreeMap<String, _> = lights.collect::<PyResult<_>>()?;
-        let parts = (vectors(0)?, vectors(1)?, vectors(2)?, vectors(3)?);
-        let arguments = (parts.0, parts.1, parts.2, parts.3, yaw, column(&self.0.lit())?, lights);
-        py.import("noctograph.design")?.getattr("Design")?.call1(arguments)
+        // Arrays with a row for each time: position, velocity, acceleration, jerk, yaw, light.
+        let mut arguments = Vec::new();
+        for derivative in 0..4 {
+            let designs = times_s.iter().zip(&rows).map(|(time_s, row)| self.design(*time_s, *row));
+            let numbers: Vec<f64> =
+                designs.flat_map(|design| design[derivative].data.0[0]).collect();
+            arguments.push(array(py, &numbers, 3)?);
+        }
+        let yaws = vec![self.0.yaw_rad; self.0.setpoints.len()];
+        for levels in [&yaws, &self.0.lit()] {
+            arguments.push(rows_of(py, levels, &rows)?);
+        }
+        let lights = self.0.lights.iter();
+        let lights = lights.map(|(name, levels)| Ok((name, rows_of(py, levels, &rows)?)));
+        let lights = lights.collect::<PyResult<BTreeMap<_, _>>>()?;
+        let made = py.import("noctograph.design")?.getattr("_design")?;
+        made.call1((is_one, arguments, lights))
     }
 
     /// The plan as CSV, one row a setpoint.
@@ -233,7 +233,7 @@ impl PyPlan {
         save_with(py, &path, self.to_csv().as_bytes(), scene)
     }
 
-    /// pandas.DataFrame: The columns of ``to_csv``; needs pandas.
+    /// pandas.DataFrame: The columns of ``to_csv``. Needs pandas.
     fn to_pandas<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         data_frame(py, self.to_csv())
     }
@@ -242,7 +242,7 @@ impl PyPlan {
         reduced(slf.as_any(), "from_csv", slf.get().to_csv())
     }
 
-    /// Drawing for notebooks: lit strokes colored by speed, dark ways dashed.
+    /// Drawing for notebooks: lit strokes colored by speed, dark paths dashed.
     fn _repr_svg_(&self) -> Option<String> {
         let plans = [self.0.clone()];
         (!plans[0].setpoints.is_empty()).then(|| plan_view(&plans, "", &[]))
@@ -252,6 +252,11 @@ impl PyPlan {
         let (n, duration_s) = (self.0.setpoints.len(), self.0.duration_s());
         format!("<Plan: {n} setpoints, {duration_s:.1} s, {:.1} s of light>", self.0.full_light_s())
     }
+}
+
+/// Values of a column in some rows.
+fn rows_of<'py>(py: Python<'py>, values: &[f64], rows: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    array(py, &rows.iter().map(|row| values[*row]).collect::<Vec<_>>(), 1)
 }
 
 /// Plans the word or drawing of a scene.

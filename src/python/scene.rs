@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyTuple};
 
-use super::{Reduced, array, raised, reduced, run, save, to_python};
-use noctograph::error::Error;
+use super::{Reduced, array, raised, reduced, refused, run, save, to_python};
 use noctograph::scene::Scene;
 use noctograph::shoot::Stop;
 use noctograph::sim::gain_design::{MOTOR_LAG_S, design};
@@ -21,9 +20,9 @@ use noctograph::vehicle::Mixer;
 ///     A scene to change, or its name: a preset (``cf21``, ``cf21-thrust-kit``, ``cf-brushless``, ``ae483-2022``,
 ///     ...), a shipped scene or a file ``*.toml`` or ``*.png`` of a photo.
 /// word : str, optional
-///     Word to write; the scene's by default.
+///     Word to write. The scene's by default.
 /// seed : int, optional
-///     Seed of all noise; the scene's by default.
+///     Seed of all noise. The scene's by default.
 /// set : dict, optional
 ///     Further keys of the scene, dotted or nested: ``{"vehicle.mass_kg": 0.038}`` is
 ///     ``{"vehicle": {"mass_kg": 0.038}}``. ``noctograph scene`` prints every key with its meaning.
@@ -51,13 +50,14 @@ impl PyScene {
         }
         let borrowed: Vec<(&str, &str)> =
             settings.iter().map(|(key, value)| (&**key, &**value)).collect();
-        let loaded = match scene.map(|scene| (scene, scene.cast::<Self>())) {
-            None => Scene::find("cf21", &borrowed).map(|loaded| loaded.scene),
-            Some((_, Ok(scene))) => Scene::parse_with(&scene.get().0.to_toml(), "scene", &borrowed),
-            Some((name, Err(_no_scene))) => {
-                Scene::find(&name.str()?.to_cow()?, &borrowed).map(|loaded| loaded.scene)
+        let loaded = match scene.and_then(|scene| scene.cast::<Self>().ok()) {
+            Some(scene) => Scene::parse_with(&scene.get().0.to_toml(), "scene", &borrowed),
+            None => {
+                let name = scene.map_or(Ok("cf21".to_owned()), |name| name.str()?.extract())?;
+                Scene::find(&name, &borrowed).map(|named| named.scene)
             }
         };
+        // The word last: its letters depend on the font.
         let mut loaded = loaded.map_err(|error| raised(py, &error))?;
         if let Some(word) = word {
             loaded.set_word(word);
@@ -65,7 +65,7 @@ impl PyScene {
         Ok(Self(loaded))
     }
 
-    /// str: The word; empty for a drawing.
+    /// str: The word. Empty for a drawing.
     #[getter]
     fn word(&self) -> &str {
         &self.0.word
@@ -105,16 +105,17 @@ impl PyScene {
     /// Parameters
     /// ----------
     /// key : str
-    ///     As ``"vehicle.mass_kg"``; a table's name gives its keys.
+    ///     As ``"vehicle.mass_kg"``. A table's name gives its keys.
     fn get<'py>(&self, py: Python<'py>, key: &str) -> PyResult<Bound<'py, PyAny>> {
         let scene = serde_json::to_value(&self.0).expect("a scene is a table");
+        // Keys of tables and indices of lists, one after the other.
         let value = key.split('.').try_fold(&scene, |value, part| {
             value.get(part).or_else(|| value.get(part.parse::<usize>().ok()?))
         });
         let hint = "`noctograph scene` prints every key; None is a key that is not set";
         match value {
             Some(value) => to_python(py, value),
-            None => Err(raised(py, &Error::input(key, "no such key", "a key of the scene", hint))),
+            None => Err(refused(py, key, "no such key", "a key of the scene", hint)),
         }
     }
 
@@ -129,7 +130,7 @@ impl PyScene {
         Scene::parse(toml, "scene").map(Self).map_err(|error| raised(py, &error))
     }
 
-    /// Writes ``to_toml`` to a file, which appears when it is whole; ``Scene(FILE)`` reads it
+    /// Writes ``to_toml`` to a file, which appears when it is whole. ``Scene(FILE)`` reads it
     /// again.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let scene = self.0.beside(&path).map_err(|error| raised(py, &error))?;
@@ -188,6 +189,7 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
     if let Ok(text) = value.extract::<String>() {
         return Ok(serde_json::json!(text).to_string());
     }
+    // Arrays and scalars of numpy, as Python's.
     if value.hasattr("tolist")? {
         return toml(&value.call_method0("tolist")?);
     }
@@ -195,7 +197,7 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         return value.str()?.extract();
     }
     if let Ok(number) = value.cast::<PyFloat>() {
-        // TOML writes them as Rust does: inf, -inf; NaN in small letters.
+        // TOML writes them as Rust does: inf, -inf and nan.
         return Ok(format!("{:?}", number.value()).to_lowercase());
     }
     if value.cast::<PyList>().is_ok() || value.cast::<PyTuple>().is_ok() {
@@ -203,5 +205,5 @@ fn toml(value: &Bound<'_, PyAny>) -> PyResult<String> {
         return Ok(format!("[{}]", items.join(", ")));
     }
     let (actual, wanted) = (value.get_type().name()?.to_string(), "a number, text, list or dict");
-    Err(raised(value.py(), &Error::input("set", actual, wanted, "convert it to one of these")))
+    Err(refused(value.py(), "set", actual, wanted, "convert it to one of these"))
 }

@@ -8,9 +8,9 @@ use pyo3::types::PyBytes;
 
 use super::flight::PyFlight;
 use super::scene::PyScene;
-use super::{Reduced, array_of, raised, run, save, to_python, warn};
+use super::{Reduced, array_of, raised, refused, run, save, to_python, warn};
 use noctograph::cli::verdict_table;
-use noctograph::diagnostic::{Change, Warned};
+use noctograph::diagnostic::{Change, Diagnostic, Warned};
 use noctograph::error::Error;
 use noctograph::expose::Film;
 use noctograph::logs::ImportOptions;
@@ -27,10 +27,11 @@ use noctograph::shoot::{Format, Recording, Shoot, Shot, Stop, infer_lights_if_da
 pub(super) struct PyShot {
     shot: Shot,
     image: Py<PyAny>,
-    warnings: Vec<String>,
+    /// Warnings of its flights and of their files.
+    warnings: Vec<Diagnostic>,
 }
 
-/// Largest picture in a notebook, bytes; as text it is a third more.
+/// Largest picture in a notebook, bytes. As text it is a third more.
 const MOST_BYTES: usize = 150_000;
 
 impl PyShot {
@@ -56,20 +57,20 @@ impl PyShot {
 
 #[pymethods]
 impl PyShot {
-    /// numpy.ndarray: The photo, shape (height, width, 3), uint8, sRGB; read-only.
+    /// numpy.ndarray: The photo, shape (height, width, 3), uint8, sRGB. Read-only.
     #[getter]
     fn image<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         self.image.bind(py).clone()
     }
 
-    /// noctograph.answers.Verdict or None: The verdict, a dict with the keys of ``verdict.json``; None for a
+    /// noctograph.answers.Verdict or None: The verdict, a dict with the keys of ``verdict.json``. None for a
     /// drawing.
     #[getter]
     fn verdict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         to_python(py, &self.shot.verdict)
     }
 
-    /// bool: Whether a viewer reads the word and no other.
+    /// bool: True if a viewer reads the word and no other.
     #[getter]
     fn legible(&self) -> bool {
         self.shot.verdict.as_ref().is_some_and(|verdict| verdict.legible)
@@ -79,7 +80,8 @@ impl PyShot {
     /// dark or face away, a shutter that misses the word, and the warnings of the flights.
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
+        let of_flights = self.warnings.iter().map(ToString::to_string);
+        of_flights.chain(problems(&self.shot)).collect()
     }
 
     /// list of Flight: One for each drone.
@@ -101,7 +103,7 @@ impl PyShot {
     }
 
     /// numpy.ndarray: Luminous exposure by the lamps in lx s, linear sRGB, without the room's light
-    /// and the sensor's noise and limits; shape (height, width, 3), float32.
+    /// and the sensor's noise and limits, shape (height, width, 3), float32.
     #[getter]
     fn film_lx_s<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let film = self.film();
@@ -147,11 +149,11 @@ impl PyShot {
 
     fn __repr__(&self) -> String {
         let (width, height) = (self.shot.photo.width_px, self.shot.photo.height_px);
-        let said = self.shot.verdict.as_ref().map_or_else(String::new, |verdict| {
+        let verdict = self.shot.verdict.as_ref().map_or_else(String::new, |verdict| {
             let not = if verdict.legible { "" } else { "not " };
             format!(", {} reads as {}: {not}legible", verdict.word, verdict.read)
         });
-        format!("<Shot: {width} × {height}{said}>")
+        format!("<Shot: {width} × {height}{verdict}>")
     }
 }
 
@@ -163,7 +165,7 @@ impl PyShot {
 ///     Word, lamps, camera and seed. Without a word the photo is not read.
 /// flights : Flight, str or os.PathLike, or list of them, optional
 ///     One for each drone, from any simulator, or files: flights, logs, and light traces (a lamp's places,
-///     directions and candela, as ``noctograph expose`` takes them); by default the scene's plans are flown. The
+///     directions and candela, as ``noctograph expose`` takes them). By default the scene's plans are flown. The
 ///     exposure begins with the first of them. A log without lights has those of the scene's word.
 ///
 /// Returns
@@ -178,11 +180,10 @@ pub(super) fn photograph(
     flights: Option<Bound<'_, PyAny>>,
 ) -> PyResult<PyShot> {
     let mut scene = scene.0.clone();
-    let (mut recordings, mut warnings) = (None, Vec::new());
-    if let Some(flights) = flights {
-        let (read, said) = recordings_of(py, &flights, &scene)?;
-        (recordings, warnings) = (Some(read), said);
-    }
+    let recordings = flights.map(|flights| recordings_of(py, &flights, &scene)).transpose()?;
+    let (recordings, warnings) = recordings
+        .map_or((None, Vec::new()), |Warned { product, warnings }| (Some(product), warnings));
+    // A log without lights gets those of the scene's word.
     let stop = Stop::default();
     let until = stop.clone();
     let shot = run(py, &stop, move || {
@@ -199,10 +200,7 @@ pub(super) fn photograph(
         };
         Shoot { format: Some(Format::Png), stop: until, ..shoot }.take(&|_, _| {})
     })?;
-    let problems = shot.problems.iter().map(|problem| problem.sentence(Change::to_string));
-    let problems: Vec<String> = problems.collect();
-    warn(py, problems.iter().cloned())?;
-    warnings.extend(problems);
+    warn(py, problems(&shot))?;
     let shape = [shot.photo.height_px as usize, shot.photo.width_px as usize, 3];
     let image = array_of(py, &shot.photo.rgb8, "u1", &shape)?;
     // It is the shot's, not a copy.
@@ -210,13 +208,19 @@ pub(super) fn photograph(
     Ok(PyShot { image: image.unbind(), shot, warnings })
 }
 
-/// The recordings of a flight or of several, and what is to be said of them. Files are warned of here, flights
-/// were when they were made.
+/// Problems of a shot, a sentence each.
+fn problems(shot: &Shot) -> impl Iterator<Item = String> {
+    shot.problems.iter().map(|problem| problem.sentence(Change::to_string))
+}
+
+/// The recordings of a flight or of several, with their warnings. Those of files are shown here,
+/// those of flights were shown when these were made.
 fn recordings_of(
     py: Python<'_>,
     flights: &Bound<'_, PyAny>,
     scene: &Scene,
-) -> PyResult<(Vec<Recording>, Vec<String>)> {
+) -> PyResult<Warned<Vec<Recording>>> {
+    // A single flight or file, or any iterable of them.
     let is_one = flights.cast::<PyFlight>().is_ok() || flights.extract::<PathBuf>().is_ok();
     let flights: Vec<Bound<'_, PyAny>> = if is_one {
         vec![flights.clone()]
@@ -225,18 +229,19 @@ fn recordings_of(
     };
     if flights.is_empty() {
         let hint = "leave it out to fly the scene's plans";
-        return Err(raised(py, &Error::input("flights", "none", "one for each drone", hint)));
+        return Err(refused(py, "flights", "none", "one for each drone", hint));
     }
     let firmware = Some(scene.vehicle.firmware);
     let options = ImportOptions { firmware, ..ImportOptions::default() };
-    let (mut recordings, mut said) = (Vec::new(), Vec::new());
+    let mut recordings = Warned::<Vec<Recording>>::default();
     for flight in flights {
         if let Ok(flight) = flight.cast::<PyFlight>() {
             let flight = &flight.get().flight;
-            said.extend(flight.warnings.iter().map(ToString::to_string));
-            recordings.push(Recording::Flight(flight.clone()));
+            recordings.warnings.extend(flight.warnings.iter().cloned());
+            recordings.product.push(Recording::Flight(flight.clone()));
             continue;
         }
+        // Everything else is a file's path.
         let path = flight.extract::<PathBuf>().map_err(|_no_path| {
             let actual = flight.get_type().to_string();
             let hint = "make one of its columns: nc.Flight(time_s, position_m, light=on)";
@@ -244,13 +249,13 @@ fn recordings_of(
         })?;
         let read = Recording::read(&path, &options);
         let Warned { product, warnings } = read.map_err(|error| raised(py, &error))?;
-        let warnings = warnings.iter().map(|warning| format!("{}: {warning}", path.display()));
-        let warnings: Vec<String> = warnings.collect();
-        warn(py, warnings.iter().cloned())?;
-        said.extend(warnings);
-        recordings.push(product);
+        let file = path.display().to_string();
+        let warnings: Vec<_> = warnings.into_iter().map(|warning| warning.in_file(&file)).collect();
+        warn(py, warnings.iter().map(ToString::to_string))?;
+        recordings.warnings.extend(warnings);
+        recordings.product.push(product);
     }
-    Ok((recordings, said))
+    Ok(recordings)
 }
 
 /// Scores a photo of a word as its camera sees it.
@@ -325,6 +330,7 @@ pub(super) fn read(py: Python<'_>, photo: &Bound<'_, PyAny>) -> PyResult<String>
         false => Err(photo.extract::<PathBuf>()?),
     };
     run(py, &Stop::default(), move || {
+        // The photo may be turned: the reading of the likeliest side counts.
         let photo = photo.or_else(|path| photo::read(&path))?;
         Ok(noctograph::score::read_any_way_up(&photo, "").0.of_writing().text)
     })
@@ -345,7 +351,7 @@ fn pixels(image: &Bound<'_, PyAny>) -> PyResult<Photo> {
     let Some((width_px, height_px)) = sides else {
         let (actual, wanted) =
             (format!("{dtype} of shape {shape:?}"), "uint8 of (height, width, 3)");
-        return Err(raised(py, &Error::input("image", actual, wanted, "leave out transparency")));
+        return Err(refused(py, "image", actual, wanted, "leave out transparency"));
     };
     let bytes = image.call_method0("tobytes")?;
     let rgb8 = bytes.cast::<PyBytes>()?.as_bytes().to_vec();

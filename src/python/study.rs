@@ -1,4 +1,4 @@
-//! Studies: many flights and what is read of them.
+//! Studies: many flights and their outcomes.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -13,15 +13,15 @@ use serde_json::json;
 use super::scene::PyScene;
 use super::{Ends, array_of, raised, run_showing, to_python};
 use noctograph::cli::{ranking_report, tuning_report};
-use noctograph::error::{Error, Result};
-use noctograph::scene::{NamedScene, Scene, SceneTask};
+use noctograph::error::Result;
+use noctograph::scene::{NamedScene, SceneTask};
 use noctograph::shoot::Stop;
 use noctograph::studies::{
     Candidate, Conditions, Flown, Knob, Outcome, Prepared, Record, Store, Study, Trial,
     TuneOptions, Unranked, acuity, evaluate, flights_csv, marks_csv, rank, ranking_csv, tune,
 };
 
-/// Runs a stage that counts what is done, and calls `progress(done, total)` of Python meanwhile.
+/// Runs a stage that counts its flights, and calls `progress(done, total)` of Python meanwhile.
 fn counted<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
@@ -50,7 +50,7 @@ pub(super) fn outcomes<'py>(
     let (shape, conditions) = ([scenes.len(), seeds.len()], conditions.to_owned());
     let judged = counted(py, progress, shape[0] * shape[1], move |until, counter| {
         let conditions = Conditions::find(&conditions)?;
-        let of_scene = |scene: Scene| {
+        let rows = scenes.into_par_iter().map(|scene| {
             until.check()?;
             let word = scene.word.clone();
             let prepared = Prepared::new(&NamedScene::new("scene", scene), &word, &conditions)?;
@@ -61,8 +61,8 @@ pub(super) fn outcomes<'py>(
                 Ok(outcome)
             });
             outcomes.collect::<Result<Vec<_>>>()
-        };
-        Ok(scenes.into_par_iter().map(of_scene).collect::<Result<Vec<_>>>()?.concat())
+        });
+        Ok(rows.collect::<Result<Vec<_>>>()?.concat())
     })?;
     columns(py, &judged, shape)
 }
@@ -74,29 +74,33 @@ pub(super) fn columns<'py>(
     shape: [usize; 2],
 ) -> PyResult<Bound<'py, PyDict>> {
     let columns = PyDict::new(py);
-    let numbers = |figure: &dyn Fn(&Outcome) -> f64| {
-        let values: Vec<f64> = outcomes.iter().map(figure).collect();
-        array_of(py, bytemuck::cast_slice(&values), "f8", &shape)
-    };
-    let flags = |figure: fn(&Outcome) -> bool| {
-        let values: Vec<u8> = outcomes.iter().map(|outcome| u8::from(figure(outcome))).collect();
-        array_of(py, &values, "?", &shape)
-    };
-    columns.set_item("probability", numbers(&|outcome| outcome.probability)?)?;
-    columns.set_item("similarity", numbers(&|outcome| outcome.similarity)?)?;
-    columns.set_item("legible", flags(|outcome| outcome.legible)?)?;
-    columns.set_item("lost", flags(|outcome| outcome.lost.is_some())?)?;
-    for (index, name) in Flown::<f64>::NAMES.into_iter().enumerate() {
-        let figure = |outcome: &Outcome| outcome.flown.map_or(f64::NAN, |it| it.values()[index]);
-        columns.set_item(name, numbers(&figure)?)?;
+    // A lost drone has no figures: NaN.
+    let figures = Flown::<f64>::NAMES.into_iter().enumerate().map(|(index, name)| {
+        let values = outcomes.iter().map(|outcome| outcome.flown.map(|it| it.values()[index]));
+        (name, values.map(|value| value.unwrap_or(f64::NAN)).collect())
+    });
+    let numbers: [(&str, Vec<f64>); 2] = [
+        ("probability", outcomes.iter().map(|outcome| outcome.probability).collect()),
+        ("similarity", outcomes.iter().map(|outcome| outcome.similarity).collect()),
+    ];
+    for (name, values) in numbers.into_iter().chain(figures) {
+        columns.set_item(name, array_of(py, bytemuck::cast_slice(&values), "f8", &shape)?)?;
     }
-    let read = |row: &[Outcome]| row.iter().map(|outcome| outcome.read.clone()).collect();
-    let rows: Vec<Vec<String>> = outcomes.chunks(shape[1].max(1)).map(read).collect();
-    columns.set_item("read", rows)?;
+    // Flags are bytes to numpy.
+    let flags: [(&str, Vec<u8>); 2] = [
+        ("legible", outcomes.iter().map(|outcome| outcome.legible.into()).collect()),
+        ("lost", outcomes.iter().map(|outcome| outcome.lost.is_some().into()).collect()),
+    ];
+    for (name, values) in flags {
+        columns.set_item(name, array_of(py, &values, "?", &shape)?)?;
+    }
+    let rows = outcomes.chunks(shape[1].max(1));
+    let read = rows.map(|row| row.iter().map(|outcome| outcome.read.as_str()).collect());
+    columns.set_item("read", read.collect::<Vec<Vec<&str>>>())?;
     Ok(columns)
 }
 
-/// What is ranked: scenes by name, words with their numbers of seeds, conditions.
+/// A study: scenes by name, words with their numbers of seeds, and a seed.
 fn study(scenes: Vec<(String, PyRef<'_, PyScene>)>, words: Vec<(String, u32)>, seed: u64) -> Study {
     let contenders =
         scenes.into_iter().map(|(name, scene)| NamedScene::new(&name, scene.0.clone())).collect();
@@ -133,11 +137,11 @@ pub(super) fn ladder(
     n: u32,
 ) -> PyResult<Vec<(Vec<PyScene>, Flights)>> {
     let ladder = rungs(&study(scenes, words, seed), n).map_err(|error| raised(py, &error))?;
-    let rung = |rung: Study| {
+    let rungs = ladder.into_iter().map(|rung| {
         let trials = flights(&rung);
-        (rung.contenders.into_iter().map(|it| PyScene(it.scene)).collect(), trials)
-    };
-    Ok(ladder.into_iter().map(rung).collect())
+        (rung.contenders.into_iter().map(|named| PyScene(named.scene)).collect(), trials)
+    });
+    Ok(rungs.collect())
 }
 
 /// The study with n seeds of each word on each rung of its ladder.
@@ -147,8 +151,8 @@ fn rungs(study: &Study, n: u32) -> Result<Vec<Study>> {
     ladder.iter().try_for_each(Study::check).map(|()| ladder)
 }
 
-/// The records of a study, of which some trials were flown elsewhere: their outcomes as JSON by
-/// their place.
+/// The records of a study. `flown` has the outcomes of trials that were flown elsewhere, as JSON by
+/// the trial's index.
 fn records(
     study: &Study,
     flown: &BTreeMap<usize, String>,
@@ -159,10 +163,10 @@ fn records(
     let trials: Vec<Trial> = study.trials().collect();
     let rest = trials.iter().enumerate().filter(|(index, _)| !flown.contains_key(index));
     let rest: Vec<Trial> = rest.map(|(_, trial)| *trial).collect();
-    let others = evaluate(study, &study.prepare()?, &rest, store, until, count)?;
-    let mut others = others.into_iter();
+    // The two lists are merged in the order of the trials.
+    let mut rest = evaluate(study, &study.prepare()?, &rest, store, until, count)?.into_iter();
     let records = trials.iter().enumerate().map(|(index, trial)| match flown.get(&index) {
-        None => others.next().expect("a record for each trial"),
+        None => rest.next().expect("a record for each trial"),
         Some(outcome) => Record {
             scene: "a controller of Python".into(),
             contender: study.contenders[trial.contender].name.clone(),
@@ -174,9 +178,10 @@ fn records(
     Ok(records.collect())
 }
 
-/// Ranks scenes: see `rank` of `noctograph/studies.py`. The table, and the keys of `ranking.json`
-/// with the flights. `flown` has the outcomes of trials that were flown elsewhere, as JSON, by their
-/// place among [`trials`]; `faster` the number of seeds on each rung of [`ladder`], with the same.
+/// Ranks scenes: see `rank` of `noctograph/studies.py`. Returns the table, and the keys of
+/// `ranking.json` with the flights. `flown` has the outcomes of trials that were flown elsewhere, as
+/// JSON, by their index among [`trials`]. `faster` has the number of seeds on each rung of
+/// [`ladder`], and such outcomes for each.
 #[pyfunction]
 #[pyo3(signature = (scenes, words, conditions, seed, folder, flown, unranked, progress, faster = None))]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
@@ -206,22 +211,23 @@ pub(super) fn ranking<'py>(
             study.check()?;
         }
         let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        let mut n_done = 0;
-        let mut records_of = |study: &Study, flown: &BTreeMap<usize, String>| {
-            let count = |n| counter.store(n_done + n, Ordering::Relaxed);
-            let records = records(study, flown, store.as_ref(), until, &count)?;
-            n_done += records.len() - flown.len();
-            Ok::<_, Error>(records)
-        };
-        let records = records_of(&study, &flown)?;
-        let of_rungs = ladder.iter().zip(&faster).map(|(rung, flown)| {
-            records_of(&Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
+        // The study itself, then the rungs of its ladder, under one count of flights.
+        let rungs = ladder.iter().zip(&faster).map(|(rung, flown)| {
+            (Study { conditions: study.conditions.clone(), ..rung.clone() }, flown)
         });
-        let of_rungs = of_rungs.collect::<Result<Vec<_>>>()?;
+        let (mut n_done, mut of_rungs) = (0, Vec::new());
+        for (study, flown) in std::iter::once((study.clone(), &flown)).chain(rungs) {
+            let count = &|n| counter.store(n_done + n, Ordering::Relaxed);
+            let records = records(&study, flown, store.as_ref(), until, count)?;
+            n_done += records.len() - flown.len();
+            of_rungs.push(records);
+        }
+        let records = of_rungs.remove(0);
         let mut ranking = rank(&study, &records);
         ranking.acuity = (!ladder.is_empty()).then(|| acuity(&ladder, &of_rungs));
         let unranked = unranked.into_iter();
         ranking.unranked = unranked.map(|(contender, note)| Unranked { contender, note }).collect();
+        // The keys of the command line, with all flights and tables.
         let report = ranking_report(&study, &ranking, records.len());
         let mut json = report.json;
         json["flights"] = json!(records);
@@ -252,7 +258,7 @@ pub(super) fn least_flights(n_contenders: usize) -> u32 {
     noctograph::studies::least_flights(n_contenders)
 }
 
-/// Tunes a scene: see `tune` of `noctograph/studies.py`. The table, the keys of
+/// Tunes a scene: see `tune` of `noctograph/studies.py`. Returns the table, the keys of
 /// `noctograph tune --json` with all candidates, and the tuned scene.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "Python names them")]
@@ -270,38 +276,54 @@ pub(super) fn tuning<'py>(
     let (base, stop) = (scene.0.clone(), Stop::default());
     let (until, conditions) = (stop.clone(), conditions.to_owned());
     let thrown = Arc::new(Mutex::new(None));
-    let (failed, ended) = (Arc::clone(&thrown), stop.clone());
-    let mut watch = move |n_flights: usize, best: &Candidate| {
-        let Some(callback) = &callback else { return true };
-        let call = |py: Python<'_>| {
-            let best = to_python(py, &json!(best))?;
-            let answer = callback.bind(py).call1((n_flights, best))?;
-            Ok(answer.is_none() || answer.is_truthy()?)
-        };
-        Python::attach(call).unwrap_or_else(|error| {
-            *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-            ended.now();
-            false
-        })
-    };
-    let stage = move || {
-        let knobs = match knobs {
-            None => Knob::usual(&base),
-            Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
-        };
-        let conditions = Conditions::find(&conditions)?;
-        let options =
-            TuneOptions { knobs, words, budget, test_seeds: 40, longest_s: None, conditions, seed };
-        let store = folder.map(|folder| Store::open(&folder)).transpose()?;
-        let tuned = tune(&base, &options, store.as_ref(), &until, &mut watch)?;
-        let mut report = tuning_report(&options, &tuned, None);
-        report.json["candidates"] = json!(tuned.candidates);
-        report.json["front"] = json!(tuned.front);
-        Ok((report, tuned.scene))
-    };
-    let result = run_showing(py, &stop, |_| Ok(()), Ends::Joined, stage);
-    // What the callback raised is the cause of the end.
+    let failed = Arc::clone(&thrown);
+    let result = run_showing(
+        py,
+        &stop,
+        |_| Ok(()),
+        Ends::Joined,
+        move || {
+            let knobs = match knobs {
+                None => Knob::usual(&base),
+                Some(knobs) => knobs.iter().map(|knob| knob.parse()).collect::<Result<_>>()?,
+            };
+            let conditions = Conditions::find(&conditions)?;
+            let options = TuneOptions {
+                knobs,
+                words,
+                budget,
+                test_seeds: 40,
+                longest_s: None,
+                conditions,
+                seed,
+            };
+            let store = folder.map(|folder| Store::open(&folder)).transpose()?;
+            let tuned = tune(&base, &options, store.as_ref(), &until, &mut |n_flights, best| {
+                let Some(callback) = &callback else { return true };
+                // An exception of the callback ends the search.
+                goes_on(callback, n_flights, best).unwrap_or_else(|error| {
+                    *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                    until.now();
+                    false
+                })
+            })?;
+            let mut report = tuning_report(&options, &tuned, None);
+            report.json["candidates"] = json!(tuned.candidates);
+            report.json["front"] = json!(tuned.front);
+            Ok((report, tuned.scene))
+        },
+    );
+    // It is the cause of the end, whatever the search itself says.
     let thrown = thrown.lock().unwrap_or_else(PoisonError::into_inner).take();
     let (report, scene) = thrown.map_or(result, Err)?;
     Ok((report.text, to_python(py, &report.json)?, PyScene(scene)))
+}
+
+/// The answer of a callback of Python after a candidate.
+fn goes_on(callback: &Py<PyAny>, n_flights: usize, best: &Candidate) -> PyResult<bool> {
+    Python::attach(|py| {
+        let best = to_python(py, best)?;
+        let answer = callback.bind(py).call1((n_flights, best))?;
+        Ok(answer.is_none() || answer.is_truthy()?)
+    })
 }

@@ -5,11 +5,10 @@
 //! slowest of the scenes up. Each rung has seeds of its own, the same for all contenders. Out:
 //! [`Acuity`].
 //!
-//! Of words that read below a speed and not above, the mean of P(read) over the ladder is the share
-//! of rungs below it (Spearman, British Journal of Psychology 2, 1908; Kärber 1931). So that mean
-//! and its interval are a speed and its interval, without a model of how P(read) falls. The ladder
-//! is a study whose words are its rungs, and two contenders are compared flight against flight, as
-//! [`rank`] does.
+//! If words read below a speed and not above it, the mean of P(read) over the ladder is the
+//! fraction of rungs below that speed (method of Spearman 1908 and Kärber 1931). So that mean and
+//! its interval are a speed and its interval, without a model of how P(read) falls. The ladder is a
+//! study whose words are its rungs, and [`rank`] compares two contenders flight against flight.
 //!
 //! The other axis, smaller letters, is bounded by the lamp: at 8 cm a true state and an estimate
 //! differ by 0.12 in P(read), at 2.5 m/s by 0.37. Not done: limits beyond the ladder.
@@ -65,15 +64,16 @@ pub struct Rung {
 }
 
 impl Study {
-    /// The study on each rung of the ladder, the slowest first: strokes, and their acceleration
-    /// in proportion.
+    /// The study on each rung of the ladder, the slowest first: strokes, and their acceleration in
+    /// proportion.
     pub fn ladder(&self) -> Vec<Self> {
-        let speeds_m_s = self.contenders.iter().map(|it| it.scene.plan.stroke_speed_m_s);
+        let speeds_m_s = self.contenders.iter().map(|named| named.scene.plan.stroke_speed_m_s);
         let slowest_m_s = speeds_m_s.fold(f64::INFINITY, f64::min);
-        let rung = |rung: u32| {
+        let rungs = (0..RUNGS).map(|rung| {
+            // Seeds of its own, so that rungs are independent.
             let mut study = Self { seed: self.seed ^ u64::from(rung + 1) << 40, ..self.clone() };
-            for plan in study.contenders.iter_mut().map(|it| &mut it.scene.plan) {
-                let speed_m_s = slowest_m_s * FIRST * libm::exp2(OCTAVES * f64::from(rung));
+            let speed_m_s = slowest_m_s * FIRST * libm::exp2(OCTAVES * f64::from(rung));
+            for plan in study.contenders.iter_mut().map(|named| &mut named.scene.plan) {
                 if let Style::Even(even) = &mut plan.style {
                     let scaled = even.acceleration_m_s2 * speed_m_s / plan.stroke_speed_m_s;
                     even.acceleration_m_s2 = scaled.min(MOST_M_S2);
@@ -82,23 +82,20 @@ impl Study {
                 plan.stroke_speed_m_s = speed_m_s;
             }
             study
-        };
-        (0..RUNGS).map(rung).collect()
+        });
+        rungs.collect()
     }
 }
 
 /// Flies the rungs of a [`Study::ladder`] with the scenes of each ([`Study::prepare`]), as
 /// [`evaluate`] does.
-///
-/// # Errors
-///
-/// Those of [`evaluate`].
 pub fn fly_ladder(
     ladder: &[Study],
     ready: &[Vec<Prepared>],
     store: Option<&Store>,
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Vec<Record>>> {
+    // One rung after the other: the count of flights goes on.
     let (mut n_done, stop) = (0, Stop::default());
     let rungs = ladder.iter().zip(ready).map(|(study, ready)| {
         let trials: Vec<_> = study.trials().collect();
@@ -111,40 +108,34 @@ pub fn fly_ladder(
 
 /// The limits of contenders by the records of each rung of a [`Study::ladder`].
 pub fn acuity(ladder: &[Study], records: &[Vec<Record>]) -> Acuity {
-    let (first, n_contenders) = (&ladder[0], ladder[0].contenders.len());
-    let parts = (0..n_contenders).flat_map(|index| {
-        records.iter().flat_map(move |rung| {
-            let n_each = rung.len() / n_contenders;
-            rung[index * n_each..(index + 1) * n_each].iter().cloned()
-        })
-    });
+    // One study whose words are those of all rungs: its records come contender by contender.
+    let contenders = &ladder[0].contenders;
+    let mut by_contender = records.concat();
+    by_contender.sort_by_key(|record| contenders.iter().position(|c| c.name == record.contender));
     let words = ladder.iter().flat_map(|study| study.words.clone()).collect();
-    let ranking = rank(&Study { words, ..first.clone() }, &parts.collect::<Vec<_>>());
-    let speeds_m_s: Vec<f64> =
-        ladder.iter().map(|study| study.contenders[0].scene.plan.stroke_speed_m_s).collect();
+    let ranking = rank(&Study { words, ..ladder[0].clone() }, &by_contender);
     let limits = ranking.measures.iter().map(|measures| {
-        let name = &measures.contender;
-        let mean_of_rung = |records: &Vec<Record>| {
-            let records = records.iter().filter(|record| record.contender == *name);
-            mean(records.map(|record| record.outcome.probability))
-        };
-        let rungs = speeds_m_s.iter().zip(records).map(|(stroke_speed_m_s, records)| Rung {
-            stroke_speed_m_s: *stroke_speed_m_s,
-            legibility: mean_of_rung(records),
+        let rungs = ladder.iter().zip(records).map(|(study, records)| {
+            let flown = records.iter().filter(|record| record.contender == measures.contender);
+            Rung {
+                stroke_speed_m_s: study.contenders[0].scene.plan.stroke_speed_m_s,
+                legibility: mean(flown.map(|record| record.outcome.probability)),
+            }
         });
+        let rungs: Vec<Rung> = rungs.collect();
         SpeedLimit {
-            contender: name.clone(),
+            contender: measures.contender.clone(),
             place: measures.place,
             n_flights: measures.n_flights,
-            stroke_speed_m_s: limit_m_s(speeds_m_s[0], measures.legibility),
-            rungs: rungs.collect(),
+            stroke_speed_m_s: limit_m_s(rungs[0].stroke_speed_m_s, measures.legibility),
+            rungs,
         }
     });
     Acuity { limits: limits.collect(), pairs: ranking.pairs }
 }
 
-/// The speed at which words of a mean P(read) over the ladder cease to read: half a rung above the
-/// last at which they do.
+/// Spearman and Kärber's estimate: of n rungs the first `n · mean P(read)` read, and the limit is
+/// half a rung above the last of them.
 fn limit_m_s(first_m_s: f64, legibility: Estimate) -> Estimate {
     let Estimate { value, low, high } = legibility;
     let [value, low, high] = [value, low, high]
@@ -166,7 +157,7 @@ mod tests {
 
     /// Records of contenders that read up to a speed, each with a soft edge.
     fn records(study: &Study, limits_m_s: [f64; 2]) -> Vec<Record> {
-        let record = |trial: crate::Trial| {
+        let records = study.trials().map(|trial| {
             let speed_m_s = study.contenders[trial.contender].scene.plan.stroke_speed_m_s;
             let octaves = libm::log2(limits_m_s[trial.contender] / speed_m_s);
             let shift = 0.2 * ((trial.seed % 8) as f64 / 7.0 - 0.5);
@@ -178,8 +169,8 @@ mod tests {
                 seed: trial.seed,
                 outcome: Outcome::example(p),
             }
-        };
-        study.trials().map(record).collect()
+        });
+        records.collect()
     }
 
     #[test]
@@ -187,7 +178,7 @@ mod tests {
         let ladder = study(4).ladder();
         let records: Vec<_> = ladder.iter().map(|rung| records(rung, [1.3, 1.45])).collect();
         let acuity = acuity(&ladder, &records);
-        let names: Vec<&str> = acuity.limits.iter().map(|it| it.contender.as_str()).collect();
+        let names: Vec<&str> = acuity.limits.iter().map(|limit| &*limit.contender).collect();
         assert_eq!(names, ["b", "a"], "the fastest first");
         for (limit, wanted_m_s) in acuity.limits.iter().zip([1.45, 1.3]) {
             let Estimate { value, low, high } = limit.stroke_speed_m_s;
@@ -202,13 +193,13 @@ mod tests {
         let held = (1..=50_u64).map(|seed| {
             let ladder = Study { seed, ..study(4) }.ladder();
             let records: Vec<_> = ladder.iter().map(|rung| records(rung, [1.3, 1.45])).collect();
-            let limits = acuity(&ladder, &records).limits;
-            let holds = |limit: &SpeedLimit| {
+            let limits = acuity(&ladder, &records).limits.into_iter();
+            let held = limits.filter(|limit| {
                 let wanted_m_s = if limit.contender == "a" { 1.3 } else { 1.45 };
                 let Estimate { low, high, .. } = limit.stroke_speed_m_s;
                 (low..=high).contains(&wanted_m_s)
-            };
-            limits.iter().filter(|limit| holds(limit)).count()
+            });
+            held.count()
         });
         let held: usize = held.sum();
         assert!((88..=100).contains(&held), "{held} of 100");

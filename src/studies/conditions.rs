@@ -1,9 +1,9 @@
 //! Conditions: how much a real drone differs from its scene, flight by flight.
 //!
-//! A controller is made for the scene; the flying drone departs from it, anew for each seed and
-//! drone. What is drawn is constant over a flight; gusts and the noise of the sensors are what
-//! differs within one. The same seed draws the same departure under every controller (common random
-//! numbers), and each factor has a stream of its own, so that adding a factor changes no other.
+//! A controller is made for the scene, and the flying drone departs from it, anew for each seed and
+//! drone. Departures are constant over a flight. Only gusts and the noise of the sensors vary
+//! within one. The same seed draws the same departure under every controller (common random
+//! numbers), and each factor has a separate stream, so that adding a factor changes no other.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -17,9 +17,11 @@ use noctograph_core::random::stream;
 use noctograph_core::settings::{Described, settings, suggestion};
 use noctograph_pipeline::scene::Scene;
 use noctograph_pipeline::shoot::Actual;
-use noctograph_sim::vehicle::{GustOptions, Gusts};
+use noctograph_sim::SimOptions;
+use noctograph_sim::sensors::LighthouseOptions;
+use noctograph_sim::vehicle::{GustOptions, Gusts, VehicleOptions};
 
-/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), which gusts act on where the scene
+/// Drag of a Crazyflie 2.1 in N/(m/s) (crazyflow's `cf2x_L250`), which gusts act on if the scene
 /// has none.
 const DRAG_N_S_M: [f64; 3] = [0.014_72, 0.014_72, 0.012_78];
 
@@ -31,21 +33,22 @@ pub(super) const ROOM_GUST_M_S: f64 = 0.08;
 
 settings! {
     /// How much flights differ from their scene. 0 leaves a factor as the scene has it. The
-    /// default, `room`, is an ordinary room and evening with a drone whose mass and trim the scene
-    /// knows; [`Self::any_drone`] is any drone of its make.
+    /// default, `room`, is an ordinary room with a drone whose mass and trim the scene knows.
+    /// [`Self::any_drone`] is any drone of its make.
     ///
     /// Measured on the reference flight, to which mass and trim were fitted, and on which the
     /// widths below were chosen: the 90 % band of 40 replays under `room` holds it 87 to 97 % of
-    /// the time on each axis (`tests/it/team_data.rs`), with noise and gusts alone 64 to 87 %. Of
-    /// others it holds nine tenths under PID, and less in y without an integral (`docs/model.md`).
+    /// the time on each axis (`tests/it/team_data.rs`). With noise and gusts only it holds 64 to 87
+    /// %. Of other flights it holds nine tenths under PID, and fewer in y without an integral
+    /// (`docs/model.md`).
     pub struct Conditions {
-        /// Mass, σ as a share of the scene's: half a gram of 35 for tape and another battery.
+        /// Mass, σ as a fraction of the scene's: half a gram of 35 for tape and another battery.
         mass_frac: f64 = 0.015, in 0.0..=1.0;
         /// Center of mass in body x and y, σ, m: a battery of 7 g that slides half a millimeter in
         /// its holder. Unequal motors act alike: of 3 %, σ, by 0.5 mm.
         center_of_mass_m: f64 = 0.1e-3, in 0.0..=0.1;
-        /// Moments of inertia, σ as a share of the scene's: published values for one drone differ
-        /// by a fifth.
+        /// Moments of inertia, σ as a fraction of the scene's: published values for one drone
+        /// differ by a fifth.
         inertia_frac: f64 = 0.1, in 0.0..=2.0;
         /// Time constant of the rotors on top of the scene's, uniform from 0 to this, s: the lower
         /// half of the published values (0.02 to 0.14 s), since gains that were flown tolerate it.
@@ -56,23 +59,23 @@ settings! {
         lighthouse_distortion_m: f64 = 0.007, in 0.0..=10.0;
         /// Turn of the Lighthouse's frame about each axis, rad, and error of its scale, σ. The
         /// drone is put by hand on the origin and one meter off, on the x-axis and on the floor,
-        /// when the geometry is estimated (cflib, `multi_bs_geometry_estimation.py`); each place is
+        /// when the geometry is estimated (cflib, `multi_bs_geometry_estimation.py`). Each place is
         /// known to the distortion of 7.5 mm of that data set, which makes 0.0075 √2 of a meter.
         /// The data set itself was turned onto its reference first, so that its error has no part
         /// of this.
         lighthouse_frame_frac: f64 = 0.01, in 0.0..=0.2;
         /// Moment of the air per airspeed on top of the scene's, uniform from 0 to this, N m/(m/s):
         /// the drone rears up against its motion. As much as the log of the reference flight shows
-        /// ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]); none is measured
-        /// on other drones.
+        /// ([`noctograph_sim::vehicle::VehicleOptions::airspeed_moment_n_s`]). None is measured on
+        /// other drones.
         airspeed_moment_n_s: f64 = 4.7e-4, in 0.0..=10.0;
-        /// Gusts, σ, m/s (Ornstein–Uhlenbeck), of a ventilated room; the scene's own where they are
+        /// Gusts, σ, m/s (Ornstein–Uhlenbeck), of a ventilated room, or the scene's if these are
         /// stronger. Uneven air turns the drone in proportion, as measured at 0.08.
         gust_m_s: f64 = 0.08, in 0.0..=30.0;
         /// Delay of the light commands on top of the scene's, uniform from 0 to this, s: one
         /// repeated radio packet.
         led_delay_s: f64 = 0.05, in 0.0..=5.0;
-        /// Charge that the battery lacks, uniform from 0 to this share, where the scene has a
+        /// Charge that the battery lacks, uniform from 0 to this fraction, if the scene has a
         /// battery.
         charge_used_frac: f64 = 0.33, in 0.0..=1.0;
         /// Mean duration of an outage of the radio, one in 10 s (`[radio]`), s. 0: none. An
@@ -83,7 +86,7 @@ settings! {
         /// magnetometer or a deck that sees directions. An evening's: 0.015 °/s/K (data sheet of
         /// the BMI088) times 10 K from calibration to flight.
         yaw_drift_rad_s: f64 = 0.0, in 0.0..=1.0;
-        /// Thrust that one motor lacks, uniform from 0 to this share. An evening's: a millimeter
+        /// Thrust that one motor lacks, uniform from 0 to this fraction. An evening's: a millimeter
         /// off one of two blades of 23 mm takes `(1 − (22/23)³) / 2`, since a blade's lift grows
         /// with r². Small faults begin at 5 % of a blade's length (Baldini et al. 2026, doi
         /// 10.1007/s10846-026-02369-x).
@@ -92,15 +95,15 @@ settings! {
         /// cells are retired (USABC, Electric Vehicle Battery Test Procedures Manual, 1996). It
         /// then fails the firmware's test, with a sag of 0.70 V (`BAT_LOADING_SAG_THRESHOLD`,
         /// firmware pull request 1192) under motors at 61 %
-        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000); the scene's resistance has 0.57 V at
+        /// (`HEALTH_BRUSHED_BAT_ON_PERIOD_PWM_RATIO`, 40000). The scene's resistance has 0.57 V at
         /// that load, which is hovering.
         battery_age: f64 = 0.0, in 0.0..=1e3;
     }
 }
 
 impl Conditions {
-    /// An ordinary room with any drone of the scene's make: a gram of 35 more or less; motors that
-    /// differ by 3 %, which is as half the center of mass of the reference flight.
+    /// An ordinary room with any drone of the scene's make: a gram of 35 more or less, and motors
+    /// that differ by 3 %, which acts like half the center of mass of the reference flight.
     pub fn any_drone() -> Self {
         Self { mass_frac: 0.03, center_of_mass_m: 0.5e-3, ..Self::default() }
     }
@@ -123,26 +126,28 @@ impl Conditions {
     ///
     /// [`Error::Input`] for another name, and those of the file.
     pub fn find(named: &str) -> Result<Self> {
-        match named {
-            "room" => Ok(Self::default()),
-            "drone" => Ok(Self::any_drone()),
-            "evening" => Ok(Self::evening()),
-            "still" => Ok(Self::still()),
-            file if Path::new(file).exists() => {
-                let hint = "leave out what is no condition";
-                let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
-                Self::parse(&limit.read_text(file.as_ref())?, file)
-            }
-            name => {
-                let known = ["room", "drone", "evening", "still"];
-                let hint = suggestion(name, known, || "name a file that exists".into());
-                let wanted = known.join(", ") + ", or a TOML file";
-                Err(Error::input("conditions", name, wanted, hint))
-            }
+        type Make = fn() -> Conditions;
+        let known: [(&str, Make); 4] = [
+            ("room", Self::default),
+            ("drone", Self::any_drone),
+            ("evening", Self::evening),
+            ("still", Self::still),
+        ];
+        if let Some((_, make)) = known.iter().find(|(name, _)| *name == named) {
+            return Ok(make());
         }
+        // A known name goes before a file of that name.
+        if Path::new(named).exists() {
+            let hint = "leave out what is no condition";
+            let limit = Limit { bytes: 1 << 20, what: "conditions", hint };
+            return Self::parse(&limit.read_text(named.as_ref())?, named);
+        }
+        let names = known.map(|(name, _)| name);
+        let hint = suggestion(named, names, || "name a file that exists".into());
+        Err(Error::input("conditions", named, names.join(", ") + ", or a TOML file", hint))
     }
 
-    /// Every flight is as its scene says; only noise differs.
+    /// Every flight is as its scene says. Only noise differs.
     pub fn still() -> Self {
         let keys = Self::SHAPE.settings().iter();
         let zeros: toml::Table = keys.map(|setting| (setting.key.to_owned(), 0.0.into())).collect();
@@ -158,7 +163,7 @@ impl Conditions {
         Described::check(self, "", None)
     }
 
-    /// Reads the text of a conditions file (TOML); `file` is its name in messages.
+    /// Reads the text of a conditions file (TOML). `file` is its name in messages.
     ///
     /// # Errors
     ///
@@ -166,10 +171,11 @@ impl Conditions {
     pub fn parse(toml: &str, file: &str) -> Result<Self> {
         let hint = "set keys such as motor_lag_s = 0.05; 0 switches one off";
         let keys: Vec<&str> = Self::SHAPE.settings().iter().map(|setting| setting.key).collect();
+        // Unknown keys first: serde would not suggest the nearest one.
         let table: toml::Table = toml.parse().unwrap_or_default();
         if let Some(unknown) = table.keys().find(|key| !keys.contains(&key.as_str())) {
-            let all = format!("the keys are {}", keys.join(", "));
-            let hint = suggestion(unknown, keys, || all);
+            let listed = format!("the keys are {}", keys.join(", "));
+            let hint = suggestion(unknown, keys, || listed);
             let key = format!("the unknown key {unknown}");
             return Err(Error::input(file, key, "a key of conditions", hint));
         }
@@ -183,61 +189,19 @@ impl Conditions {
 
     /// The drone and the lamps of one flight: of a seed, and a drone counted from 0.
     pub fn draw(&self, scene: &Scene, seed: u64, drone: u64) -> Actual {
-        let chance = |factor: &str| Chance::new(seed, drone, factor);
-        let mut center = chance("center of mass");
-        let mut inertia = chance("inertia");
+        let chance = Chance { seed, drone };
         let (mut sim, mut light) = (scene.sim(), scene.light.clone());
-
-        let body = &mut sim.vehicle;
-        body.mass_kg *= (1.0 + self.mass_frac * chance("mass").normal()).max(0.1);
-        for own in &mut body.center_of_mass_m {
-            *own += self.center_of_mass_m * center.normal();
-        }
-        for own in &mut body.inertia_kg_m2 {
-            *own *= (1.0 + self.inertia_frac * inertia.normal()).max(0.1);
-        }
-        let lag_s = self.motor_lag_s * chance("motor lag").uniform();
-        body.motor_rise_s += lag_s;
-        body.motor_fall_s += lag_s;
-        body.airspeed_moment_n_s += self.airspeed_moment_n_s * chance("airspeed moment").uniform();
-
-        let sensors = &mut sim.sensors.lighthouse;
-        for own in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
-            *own = libm::hypot(*own, self.lighthouse_distortion_m);
-        }
-        // All drones of a room share the frame.
-        let mut frame = Chance::new(seed, 0, "lighthouse frame");
-        for own in &mut sensors.frame_turn_rad {
-            *own += self.lighthouse_frame_frac * frame.normal();
-        }
-        sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
-        if self.gust_m_s > 0.0 {
-            let mut gusts = match sim.air.gusts {
-                Gusts::OrnsteinUhlenbeck(own) => own,
-                Gusts::None | Gusts::Dryden => {
-                    GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() }
-                }
-            };
-            gusts.sigma_m_s = gusts.sigma_m_s.map(|own_m_s| own_m_s.max(self.gust_m_s));
-            sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
-            if body.body_drag_n_s_m == [0.0; 3] {
-                // Faint gusts bring little drag, so that 0 leaves the scene as it is.
-                let share = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
-                body.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * share);
-            }
-        }
-        let used_frac = self.charge_used_frac * chance("charge").uniform();
+        self.draw_body(&mut sim.vehicle, &chance);
+        self.draw_lighthouse(&mut sim.sensors.lighthouse, &chance);
+        self.draw_gusts(&mut sim);
+        let used_frac = self.charge_used_frac * chance.factor("charge").uniform();
         sim.battery.charge_frac = (sim.battery.charge_frac - used_frac).max(0.0);
-        let age = self.battery_age * chance("battery age").uniform();
+        let age = self.battery_age * chance.factor("battery age").uniform();
+        // At age 1 the sag is 0.70 V in place of 0.57 V, and a fifth of the capacity is gone.
         sim.battery.resistance_ohm *= 1.0 + (0.70 / 0.57 - 1.0) * age;
         sim.battery.capacity_ah *= (1.0 - 0.2 * age).max(0.05);
-        let mut propeller = chance("propeller");
-        let lost_frac = self.motor_loss_frac * propeller.uniform();
-        #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
-        let motor = (4.0 * propeller.uniform()) as usize;
-        let own = &mut sim.vehicle.motor_loss_frac[motor];
-        *own = 1.0 - (1.0 - *own) * (1.0 - lost_frac);
-        sim.sensors.imu.gyro_bias_rad_s[2] += self.yaw_drift_rad_s * chance("yaw drift").normal();
+        let drift_rad_s = self.yaw_drift_rad_s * chance.factor("yaw drift").normal();
+        sim.sensors.imu.gyro_bias_rad_s[2] += drift_rad_s;
         if self.radio_outage_s > 0.0 {
             let radio = &mut sim.radio;
             radio.drones = radio.drones.max(1);
@@ -246,20 +210,86 @@ impl Conditions {
             }
             radio.outage_s += self.radio_outage_s;
         }
-        light.radio_delay_s += self.led_delay_s * chance("led delay").uniform();
+        light.radio_delay_s += self.led_delay_s * chance.factor("led delay").uniform();
         Actual { sim, light }
+    }
+
+    /// Mass, center of mass, inertia, lag, moment of the air, and one weak propeller.
+    fn draw_body(&self, body: &mut VehicleOptions, chance: &Chance) {
+        body.mass_kg *= (1.0 + self.mass_frac * chance.factor("mass").normal()).max(0.1);
+        // Each factor has a stream, which is drawn even if its width is 0.
+        let mut center = chance.factor("center of mass");
+        for center_m in &mut body.center_of_mass_m {
+            *center_m += self.center_of_mass_m * center.normal();
+        }
+        let mut inertia = chance.factor("inertia");
+        for inertia_kg_m2 in &mut body.inertia_kg_m2 {
+            *inertia_kg_m2 *= (1.0 + self.inertia_frac * inertia.normal()).max(0.1);
+        }
+        let lag_s = self.motor_lag_s * chance.factor("motor lag").uniform();
+        body.motor_rise_s += lag_s;
+        body.motor_fall_s += lag_s;
+        let moment_n_s = self.airspeed_moment_n_s * chance.factor("airspeed moment").uniform();
+        body.airspeed_moment_n_s += moment_n_s;
+        let mut propeller = chance.factor("propeller");
+        let lost_frac = self.motor_loss_frac * propeller.uniform();
+        #[expect(clippy::cast_possible_truncation, reason = "0 to 3")]
+        let motor = (4.0 * propeller.uniform()) as usize;
+        // The scene's loss and this one act one after the other.
+        let loss_frac = &mut body.motor_loss_frac[motor];
+        *loss_frac = 1.0 - (1.0 - *loss_frac) * (1.0 - lost_frac);
+    }
+
+    fn draw_lighthouse(&self, sensors: &mut LighthouseOptions, chance: &Chance) {
+        for error_m in [&mut sensors.distortion_m, &mut sensors.station_position_error_m] {
+            *error_m = libm::hypot(*error_m, self.lighthouse_distortion_m);
+        }
+        // All drones of a room have one frame: it is drawn as that of the first one.
+        let mut frame = Chance { drone: 0, ..*chance }.factor("lighthouse frame");
+        for turn_rad in &mut sensors.frame_turn_rad {
+            *turn_rad += self.lighthouse_frame_frac * frame.normal();
+        }
+        sensors.frame_scale_error += self.lighthouse_frame_frac * frame.normal();
+    }
+
+    fn draw_gusts(&self, sim: &mut SimOptions) {
+        if self.gust_m_s <= 0.0 {
+            return;
+        }
+        let mut gusts = match &sim.air.gusts {
+            Gusts::OrnsteinUhlenbeck(gusts) => gusts.clone(),
+            Gusts::None | Gusts::Dryden => {
+                GustOptions { sigma_m_s: [0.0; 3], ..GustOptions::default() }
+            }
+        };
+        gusts.sigma_m_s = gusts.sigma_m_s.map(|sigma_m_s| sigma_m_s.max(self.gust_m_s));
+        sim.air.gusts = Gusts::OrnsteinUhlenbeck(gusts);
+        if sim.vehicle.body_drag_n_s_m == [0.0; 3] {
+            // Faint gusts bring little drag, so that 0 leaves the scene as it is.
+            let fraction = (self.gust_m_s / ROOM_GUST_M_S).min(1.0);
+            sim.vehicle.body_drag_n_s_m = DRAG_N_S_M.map(|drag| drag * fraction);
+        }
     }
 }
 
-/// Random numbers of one factor in one flight: a function of seed, drone and the factor's name.
-struct Chance(ChaCha8Rng);
+/// A flight whose factors are drawn.
+struct Chance {
+    seed: u64,
+    drone: u64,
+}
 
 impl Chance {
-    fn new(seed: u64, drone: u64, factor: &str) -> Self {
-        let drone = if drone == 0 { String::new() } else { format!("{drone}:") };
-        Self(stream(seed, format!("study:{drone}{factor}").bytes()))
+    /// The stream of a factor: a function of seed, drone and the factor's name.
+    fn factor(&self, factor: &str) -> Stream {
+        let drone = if self.drone == 0 { String::new() } else { format!("{}:", self.drone) };
+        Stream(stream(self.seed, format!("study:{drone}{factor}").bytes()))
     }
+}
 
+/// Random numbers of one factor in one flight.
+struct Stream(ChaCha8Rng);
+
+impl Stream {
     /// Uniform in `[0, 1)`.
     fn uniform(&mut self) -> f64 {
         self.0.random()
@@ -278,7 +308,7 @@ mod tests {
     use crate::statistics::mean;
     use noctograph_pipeline::scene::Preset;
 
-    fn drawn(conditions: &Conditions, seed: u64, drone: u64) -> noctograph_sim::SimOptions {
+    fn drawn(conditions: &Conditions, seed: u64, drone: u64) -> SimOptions {
         conditions.draw(&Scene::preset(Preset::Ae4832022), seed, drone).sim
     }
 

@@ -15,7 +15,7 @@ use noctograph_pipeline::shoot::Stop;
 /// Most flights of a study: a week of one core.
 pub(super) const MAX_TRIALS: usize = 500_000;
 
-/// Seeds of a search's finals and tests are its seed and these, bit by bit (exclusive or).
+/// Seeds of a search's finals and tests are its seed exclusive-or one of these.
 pub(super) const FINALS: u64 = u64::MAX;
 pub(super) const TESTS: u64 = 0x5eed << 48;
 
@@ -60,6 +60,7 @@ impl Study {
             };
             return Err(Error::input("study", counts, "at least one of each, and a seed", hint));
         }
+        // A name is the key of a row, a word that of a stratum.
         let mut names = HashSet::new();
         if let Some(again) = contenders.iter().find(|contender| !names.insert(&contender.name)) {
             let wanted = "scenes of different names";
@@ -70,6 +71,7 @@ impl Study {
             let hint = "name each word once, with its number of seeds: NOOR:200";
             return Err(Error::input("words", again, "each word once", hint));
         }
+        // A store takes no more.
         if n_trials > MAX_TRIALS {
             let wanted = format!("at most {MAX_TRIALS} flights");
             return Err(Error::input("study", n_trials, wanted, "fewer words or seeds"));
@@ -93,10 +95,11 @@ impl Study {
         })
     }
 
-    /// Seed of the flight number `index` of a word: no other word shares its weather. Below 2^31
-    /// for a public seed of the study, as in every release. Of a secret one, the 63 bits that a
-    /// scene file takes, from a keyed hash: nobody finds them by trial, nor one by another.
+    /// Seed of the flight number `index` of a word. Below 2^31 for a public seed of the study, as
+    /// in every release. A secret seed has a keyed hash, so that nobody finds seeds by trial or one
+    /// from another, of the 63 bits that a scene file takes.
     fn trial_seed(&self, word: &str, index: u32) -> u64 {
+        // The word is part of the name, so that words differ in their gusts.
         let name = index.to_le_bytes().into_iter().chain(word.bytes());
         if self.is_secret() {
             let hash = hmac_sha256(&self.seed.to_le_bytes(), name);
@@ -106,17 +109,13 @@ impl Study {
         fnv_1a(self.seed.to_le_bytes().into_iter().chain(name)) >> 33
     }
 
-    /// Whether the seed is no number that people type, nor one that a search draws from such a one.
+    /// True unless the seed is a number that people type, or one that a search draws from such.
     fn is_secret(&self) -> bool {
         let drawn_from = [self.seed, FINALS ^ self.seed, TESTS ^ self.seed];
         drawn_from.iter().all(|seed| *seed >= PUBLIC_SEEDS)
     }
 
     /// Every contender made ready for every word, contender by contender.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::new`].
     pub fn prepare(&self) -> Result<Vec<Prepared>> {
         let prepared = self.contenders.par_iter().flat_map(|contender| {
             let words = self.words.par_iter();
@@ -126,15 +125,15 @@ impl Study {
     }
 }
 
-/// Flies trials with the scenes of [`Study::prepare`], on as many threads as rayon's pool has;
-/// trials in the store are not flown again, and new ones go into it at once. `done` is called with
-/// the number of trials that are done, from any thread; `stop` ends the study between two flights.
+/// Flies trials with the scenes of [`Study::prepare`] on the threads of rayon's pool. Trials in the
+/// store are not flown again, and new ones go into it at once. `done` gets the number of trials
+/// that are done, from any thread. `stop` ends the study between two flights.
 ///
-/// The records come in the order of the trials: they depend on nothing but the study.
+/// The records come in the order of the trials and depend on nothing but the study.
 ///
 /// # Errors
 ///
-/// Those of the flights and the store, [`Error::Stopped`]; earlier trials stay in the store.
+/// Those of the flights and the store, and [`Error::Stopped`]. Earlier trials stay in the store.
 pub fn evaluate(
     study: &Study,
     prepared: &[Prepared],
@@ -144,25 +143,23 @@ pub fn evaluate(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Record>> {
     let count = counter(done);
+    // Each record goes into the store before it counts, so that no flight is lost.
     let records = trials.par_iter().map(|trial| {
         stop.check()?;
         let ready = &prepared[trial.contender * study.words.len() + trial.word];
-        let name = &study.contenders[trial.contender].name;
-        let record = match store.and_then(|store| store.get(ready.digest(), trial.seed)) {
-            Some(outcome) => ready.record(name, trial.seed, outcome),
-            None => {
-                let record = ready.record(name, trial.seed, ready.outcome(trial.seed)?);
-                store.map_or(Ok(()), |store| store.put(&record))?;
-                record
-            }
-        };
+        let known = store.and_then(|store| store.get(ready.digest(), trial.seed));
+        let outcome = known.clone().map_or_else(|| ready.outcome(trial.seed), Ok)?;
+        let record = ready.record(&study.contenders[trial.contender].name, trial.seed, outcome);
+        if let Some(store) = store.filter(|_| known.is_none()) {
+            store.put(&record)?;
+        }
         count();
         Ok(record)
     });
     records.collect()
 }
 
-/// Tells, from any thread, how often it was called.
+/// Passes on the number of its calls, from any thread.
 pub(super) fn counter(done: &(dyn Fn(usize) + Sync)) -> impl Fn() + Sync {
     let finished = AtomicUsize::new(0);
     move || done(finished.fetch_add(1, Ordering::Relaxed) + 1)
@@ -203,17 +200,17 @@ mod tests {
 
     #[test]
     fn flights_of_a_secret_seed_cannot_be_counted_through() {
-        let drawn = |seed| {
+        fn drawn(seed: u64) -> Vec<u64> {
             let words = vec![("I".to_owned(), 200), ("L".to_owned(), 200)];
             let trials = Study { seed, words, ..study() };
-            trials.trials().map(|trial| trial.seed).collect::<Vec<u64>>()
-        };
+            trials.trials().map(|trial| trial.seed).collect()
+        }
         for secret in [1 << 47, 211_106_232_532_992, u64::MAX / 3] {
             let seeds = drawn(secret);
-            let bits = |bit: u32| seeds.iter().filter(|seed| *seed >> bit & 1 == 1).count();
             for bit in 0..63 {
+                let n_set = seeds.iter().filter(|seed| *seed >> bit & 1 == 1).count();
                 // 400 seeds, each flown by both scenes: sixty of 800 off are six sigma of 400.
-                assert!(bits(bit).abs_diff(400) < 2 * 60, "bit {bit}: {}", bits(bit));
+                assert!(n_set.abs_diff(400) < 2 * 60, "bit {bit}: {n_set}");
             }
             assert!(seeds.iter().all(|seed| i64::try_from(*seed).is_ok()), "for a scene file");
             let both: HashSet<u64> = seeds.iter().chain(&drawn(secret + 1)).copied().collect();

@@ -27,7 +27,7 @@ pub enum Turn {
     Choice(Vec<String>),
 }
 
-/// The usual knobs of controllers by regulators, without a gain of one's own.
+/// The usual knobs of controllers by regulators, if their gain is designed.
 const LQR: &str = "
     controller.kind=lqr|lqr-feedforward|lqr-integral
     controller.lqr.q[0]+controller.lqr.q[1]*=0.1..10
@@ -57,14 +57,14 @@ const PID: &str = "
     controller.pid.vel_z[0]*=0.3..3
     controller.pid.vel_z[1]*=0.1..10
     controller.pid.roll[0]+controller.pid.pitch[0]*=0.5..2";
-/// Those of the filter and of the plan.
-const TRUST_AND_SPEED: &str = "
+/// Those of the observer and of the plan.
+const OBSERVER_AND_SPEED: &str = "
     observer.luenberger.q[0]+observer.luenberger.q[1]+observer.luenberger.q[2]*=0.05..5
     plan.stroke_speed_m_s=0.12..0.4";
 
 impl Knob {
-    /// The usual knobs of a scene: weights by groups that share a meaning, feed-forward, trust in
-    /// the measured position, speed; of these, what has an effect in it.
+    /// The usual knobs of a scene that have an effect in it: weights, in groups of one meaning,
+    /// feed-forward, weights of the measured position, speed.
     pub fn usual(scene: &Scene) -> Vec<Self> {
         let of_controller = match scene.controller.kind {
             _ if scene.controller.lqr.k.is_some() => "",
@@ -75,26 +75,28 @@ impl Knob {
             ControllerKind::Geometric => GEOMETRIC,
             ControllerKind::Pid => PID,
         };
-        let texts = [of_controller, TRUST_AND_SPEED].map(str::split_whitespace);
+        let texts = [of_controller, OBSERVER_AND_SPEED].map(str::split_whitespace);
         let knobs = texts.into_iter().flatten().map(|text| text.parse().expect("a knob of ours"));
         let mut knobs: Vec<Self> = knobs.collect();
-        let idle = without_effect(scene, &knobs);
-        knobs.retain(|knob| !idle.iter().any(|(key, _why)| knob.keys.contains(key)));
+        // Knobs without effect would only spread the search.
+        let unused = without_effect(scene, &knobs);
+        knobs.retain(|knob| !unused.iter().any(|(key, _why)| knob.keys.contains(key)));
         knobs
     }
 
-    /// Sets the knob in a scene to a share of its way, 0 to 1.
-    fn set(&self, scene: &mut toml::Table, share: f64) -> Result<()> {
-        let between =
-            |[least, most]: [f64; 2]| libm::exp(libm::log(least) + share * libm::log(most / least));
+    /// Sets the knob in a scene to a fraction of its range, 0 to 1.
+    fn set(&self, scene: &mut toml::Table, fraction: f64) -> Result<()> {
+        // All keys of a knob turn together.
         for key in &self.keys {
             let value = find(scene, key)?;
             *value = match (&self.turn, value.as_float()) {
-                (Turn::Times(range), Some(own)) => toml::Value::Float(own * between(*range)),
-                (Turn::To(range), Some(_)) => toml::Value::Float(between(*range)),
+                (Turn::Times(range), Some(own)) => {
+                    toml::Value::Float(own * log_between(*range, fraction))
+                }
+                (Turn::To(range), Some(_)) => toml::Value::Float(log_between(*range, fraction)),
                 (Turn::Choice(words), None) if value.is_str() => {
                     #[expect(clippy::cast_possible_truncation, reason = "a few words")]
-                    let index = (share * words.len() as f64) as usize;
+                    let index = (fraction * words.len() as f64) as usize;
                     toml::Value::String(words[index.min(words.len() - 1)].clone())
                 }
                 _ => {
@@ -105,6 +107,11 @@ impl Knob {
         }
         Ok(())
     }
+}
+
+/// The value at a fraction of a range, evenly in its logarithm.
+fn log_between([least, most]: [f64; 2], fraction: f64) -> f64 {
+    libm::exp(libm::log(least) + fraction * libm::log(most / least))
 }
 
 const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q[2]*=0.1..10 or \
@@ -118,8 +125,8 @@ const HINT: &str = "for example plan.stroke_speed_m_s=0.1..0.4, controller.lqr.q
 /// [`Scene::check`].
 pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
     let mut values = scene.to_table();
-    for (knob, share) in knobs.iter().zip(point) {
-        knob.set(&mut values, *share)?;
+    for (knob, fraction) in knobs.iter().zip(point) {
+        knob.set(&mut values, *fraction)?;
     }
     let scene = Scene::from_table(values)?;
     scene.check()?;
@@ -129,13 +136,14 @@ pub fn turned(scene: &Scene, knobs: &[Knob], point: &[f64]) -> Result<Scene> {
 /// Keys of knobs that have no effect in a scene, whatever its choices are turned to, each with the
 /// reason.
 pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, String)> {
+    // The scene under every combination of the choices.
     let mut scenes = vec![scene.clone()];
     for knob in knobs {
         let Turn::Choice(words) = &knob.turn else { continue };
         let unchosen = scenes.clone();
-        for share in (0..words.len()).map(|step| (step as f64 + 0.5) / words.len() as f64) {
+        for fraction in (0..words.len()).map(|step| (step as f64 + 0.5) / words.len() as f64) {
             let knob = std::slice::from_ref(knob);
-            scenes.extend(unchosen.iter().flat_map(|scene| turned(scene, knob, &[share])));
+            scenes.extend(unchosen.iter().flat_map(|scene| turned(scene, knob, &[fraction])));
         }
     }
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
@@ -148,7 +156,7 @@ pub(super) fn without_effect(scene: &Scene, knobs: &[Knob]) -> Vec<(String, Stri
     .collect()
 }
 
-/// The scene's own values of the keys that knobs turn, by key.
+/// The scene's values of the keys that knobs turn, by key.
 ///
 /// # Errors
 ///
@@ -161,6 +169,7 @@ pub fn settings(scene: &Scene, knobs: &[Knob]) -> Result<BTreeMap<String, toml::
 
 /// The value of a key such as `controller.lqr.q[0]`.
 fn find<'a>(scene: &'a mut toml::Table, key: &str) -> Result<&'a mut toml::Value> {
+    // `a.b[2]` is the parts a, b and 2.
     let mut parts = key.split(['.', '[']).map(|part| part.trim_end_matches(']'));
     let first = parts.next().and_then(|part| scene.get_mut(part));
     let value = parts.try_fold(first, |value, part| match value? {
@@ -178,6 +187,7 @@ impl FromStr for Knob {
         let broken = || Error::input("knob", text, "KEYS=LOW..HIGH, KEYS*=… or KEY=a|b", HINT);
         let (keys, turn) = text.split_once('=').ok_or_else(broken)?;
         let (keys, times) = keys.strip_suffix('*').map_or((keys, false), |keys| (keys, true));
+        // Two numbers are a range, anything else a list of words.
         let keys = keys.split('+').map(str::to_owned).collect();
         let turn = if let Some((low, high)) = turn.split_once("..") {
             let range @ [low, high] = [low, high].map(|end| end.parse().unwrap_or(f64::NAN));
@@ -233,8 +243,8 @@ mod tests {
             let mut scene = Scene::preset(Preset::Ae4832022);
             scene.controller.kind = kind;
             let knobs = Knob::usual(&scene);
-            for share in [0.0, 0.5, 0.999] {
-                turned(&scene, &knobs, &vec![share; knobs.len()]).unwrap();
+            for fraction in [0.0, 0.5, 0.999] {
+                turned(&scene, &knobs, &vec![fraction; knobs.len()]).unwrap();
             }
         }
     }

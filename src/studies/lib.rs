@@ -3,15 +3,15 @@
 //! Products in: scenes, words, seeds and [`Conditions`]. Products out: a ranking, a tuned scene.
 //!
 //! 1. A scene made ready for a word ([`Prepared`]) flies seed after seed. Each flight is exposed at
-//!    the reader's own resolution on a small film and read: one [`Outcome`].
-//! 2. The seed alone decides gusts, noise and how the drone departs from its scene, so controllers
+//!    the reader's resolution on a small film and read: one [`Outcome`].
+//! 2. Only the seed decides gusts, noise and how the drone departs from its scene. So controllers
 //!    are compared flight by flight under common random numbers.
-//! 3. Every outcome goes into a [`Store`] at once; trials in there are never flown again. An
+//! 3. Every outcome goes into a [`Store`] at once, and trials in it are never flown again. An
 //!    interrupted study continues with the numbers of an uninterrupted one, on any number of
 //!    threads and machines.
 //!
 //! Sources: common random numbers and paired comparison, Law, "Simulation Modeling and Analysis"
-//! (2015), chapter 11; bootstrap intervals, Efron, Tibshirani (1993).
+//! (2015), chapter 11. Bootstrap intervals, Efron, Tibshirani (1993).
 //!
 //! Not modeled: readers who differ, learning pilots, photographers who choose another exposure for
 //! each controller.

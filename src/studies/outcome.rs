@@ -20,29 +20,29 @@ const MAX_FIGURE: f64 = 1e12;
 pub struct Outcome {
     /// The letters that were read.
     pub read: String,
-    /// Whether every letter was read as intended.
+    /// True if every letter was read as intended.
     pub all_read: bool,
-    /// Whether the word counts as legible.
+    /// True if the word counts as legible.
     pub legible: bool,
     /// Probability that a viewer reads the word and no other at first sight, 0 to 1:
     /// [`Verdict::read_probability`].
     pub probability: f64,
-    /// Its log-odds, −10 to 10: they still have a slope where the probability is flat.
+    /// Its log-odds, −10 to 10: they have a slope where the probability is flat.
     pub log_odds: f64,
-    /// Mean share of the intended letters, 0 to 1: it has a slope where the probability has none.
+    /// Mean probability of the intended letters, 0 to 1. It has a slope where the word's has none.
     pub similarity: f64,
-    /// Figures of the flight; `None` where a drone was lost.
+    /// Figures of the flight. `None` if a drone was lost.
     #[serde(flatten)]
     pub flown: Option<Flown>,
-    /// How a drone was lost; `None` where none was.
+    /// How a drone was lost. `None` if none was.
     pub lost: Option<String>,
 }
 
 /// Declares [`Flown`] with the list of its figures.
 macro_rules! figures {
     ($($(#[$doc:meta])* $name:ident,)*) => {
-        /// Figures of a flight, over the letters where nothing else is said. Of several drones: the
-        /// mean, but the largest drift, tilt and duration, and all energy.
+        /// Figures of a flight, over the letters unless stated otherwise. Of several drones: the
+        /// mean, but the largest drift, tilt and duration, and the sum of the energy.
         #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
         pub struct Flown<T = f64> {
             $($(#[$doc])* pub $name: T,)*
@@ -80,18 +80,18 @@ figures! {
     drift_y_m,
     /// Largest tilt: roll or pitch.
     tilt_rad,
-    /// Share of the time in which a motor is saturated.
+    /// Fraction of the time in which a motor is saturated.
     saturated_frac,
     /// Duration of the whole flight.
     duration_s,
-    /// Energy of the whole flight: current of the thrust and of the electronics at the
-    /// open-circuit voltage.
+    /// Energy of the whole flight: current of the thrust and of the electronics at the open-circuit
+    /// voltage.
     energy_j,
 }
 
 impl Outcome {
-    /// Objective of a search: the log-odds of the word, and the mean similarity of its letters
-    /// where these are flat (ten for perfect letters, to be of the same size).
+    /// Objective of a search: the log-odds of the word, and the mean similarity of its letters in
+    /// case these are flat (ten for perfect letters, to be of the same size).
     pub fn merit(&self) -> f64 {
         self.log_odds + MAX_LOG_ODDS * self.similarity
     }
@@ -102,17 +102,17 @@ impl Outcome {
     ///
     /// [`Error::Input`] with the figure that is out of range.
     pub(super) fn check(&self, place: &str) -> Result<()> {
+        // Rounding may take a similarity a little beyond 1.
         let scores = [
             ("probability", self.probability, 0.0..=1.0),
             ("log_odds", self.log_odds, -MAX_LOG_ODDS..=MAX_LOG_ODDS),
             ("similarity", self.similarity, -1.01..=1.01),
         ];
-        let figures = self
-            .flown
-            .into_iter()
-            .flat_map(|flown| Flown::<f64>::NAMES.into_iter().zip(flown.values()));
-        let figures = figures.map(|(name, value)| (name, value, -MAX_FIGURE..=MAX_FIGURE));
-        for (name, value, range) in scores.into_iter().chain(figures) {
+        let figures = self.flown.map(|flown| {
+            let figures = Flown::<f64>::NAMES.into_iter().zip(flown.values());
+            figures.map(|(name, value)| (name, value, -MAX_FIGURE..=MAX_FIGURE))
+        });
+        for (name, value, range) in scores.into_iter().chain(figures.into_iter().flatten()) {
             if !range.contains(&value) {
                 let wanted = format!("a number from {} to {}", range.start(), range.end());
                 let hint = "take the line out, or name another folder";
@@ -154,14 +154,14 @@ impl Outcome {
 impl Flown {
     /// Figures of the flights of one photo.
     pub(super) fn new(flights: &[Flight], believed: &SimOptions) -> Result<Self> {
-        let each = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
-        let each: Vec<[f64; 10]> = each.collect::<Result<_>>()?;
+        let drones = flights.iter().map(|flight| Ok(Self::from_flight(flight, believed)?.values()));
+        let drones: Vec<[f64; 10]> = drones.collect::<Result<_>>()?;
         Ok(Self::from_values(std::array::from_fn(|index| {
-            let of_drones = each.iter().map(|values| values[index]);
+            let values = drones.iter().map(|values| values[index]);
             match Self::NAMES[index] {
-                "drift_y_m" | "tilt_rad" | "duration_s" => of_drones.fold(0.0, f64::max),
-                "energy_j" => of_drones.sum(),
-                _ => mean(of_drones),
+                "drift_y_m" | "tilt_rad" | "duration_s" => values.fold(0.0, f64::max),
+                "energy_j" => values.sum(),
+                _ => mean(values),
             }
         })))
     }
@@ -181,7 +181,7 @@ impl Flown {
             tilt_rad,
             saturated_frac: saturated_frac(flight),
             duration_s: flight.samples.last().map_or(0.0, |last| last.time_s),
-            // Where the scene has no battery, that of a full one.
+            // A scene without a battery counts the energy of a full one.
             energy_j: flight
                 .at_end(ENERGY_J)
                 .unwrap_or_else(|| modeled_energy_j(&flight.samples, believed)),
@@ -189,9 +189,10 @@ impl Flown {
     }
 }
 
-/// Share of the time over the letters in which a motor is saturated.
+/// Fraction of the time over the letters in which a motor is saturated.
 fn saturated_frac(flight: &Flight) -> f64 {
     let Some(so_far_s) = flight.extra.get(SATURATED_S) else { return 0.0 };
+    // The column is the saturated time so far: its differences count over letters.
     let (mut written_s, mut saturated_s) = (0.0, 0.0);
     for (pair, so_far_s) in flight.samples.windows(2).zip(so_far_s.windows(2)) {
         if pair[0].letter.is_some() {
@@ -247,7 +248,7 @@ mod tests {
             flights(Scene { word: "I".into(), ..Scene::preset(Preset::Ae4832022) })[0].samples[0];
         sample.motors = [10_000.0; 4];
         let later = FlightSample { time_s: sample.time_s + 2.0, ..sample };
-        // 40 000 units of 1.95 µN draw 6.68 A/N; a full battery has 4.2 V.
+        // 40 000 units of 1.95 µN draw 6.68 A/N. A full battery has 4.2 V.
         let want_j = 2.0 * 4.2 * (0.24 + 6.68 * 0.078);
         let found_j = modeled_energy_j(&[sample, later], &SimOptions::default());
         assert!((found_j - want_j).abs() < 1e-9, "{found_j} for {want_j}");

@@ -1,10 +1,10 @@
-//! Ranking: contenders in order of legibility, and which of them are indistinguishable.
+//! Ranking: contenders in order of legibility, and which of them cannot be told apart.
 
 use serde::Serialize;
 
 use super::statistics::{
-    Estimate, LEVEL, center, least_for_center, mean, mean_of_probabilities, mean_of_strata, share,
-    worst_decile,
+    Estimate, LEVEL, center, least_for_center, mean, mean_of_probabilities, mean_of_strata,
+    proportion, worst_decile,
 };
 use super::{Acuity, Flown, Record, Study};
 
@@ -19,7 +19,7 @@ pub struct Ranking {
     pub least_flights: u32,
     /// Those that are not ranked.
     pub unranked: Vec<Unranked>,
-    /// How small they write, where that was asked for.
+    /// How fast they write, if that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub acuity: Option<Acuity>,
 }
@@ -38,8 +38,8 @@ pub struct Unranked {
 pub struct Measures {
     /// Its name.
     pub contender: String,
-    /// 1 for the best; those that cannot be told from the first of a place share it. `None` where
-    /// no flight was read, as where the drone was lost on every one.
+    /// 1 for the best. Contenders that cannot be told from the first of a place have the same.
+    /// `None` if no flight was read, as after the loss of every drone.
     pub place: Option<usize>,
     /// Flights.
     pub n_flights: usize,
@@ -48,13 +48,13 @@ pub struct Measures {
     /// Mean probability that a viewer reads the word and no other at first sight
     /// ([`Verdict::read_probability`](noctograph_score::Verdict::read_probability)).
     pub legibility: Estimate,
-    /// Share of flights whose photo is legible.
+    /// Fraction of flights whose photo is legible.
     pub legible: Estimate,
     /// Mean of its worst tenth.
     pub worst_decile: Estimate,
-    /// Share of flights in which every letter was read as it should.
+    /// Fraction of flights in which every letter was read as it should.
     pub all_read: Estimate,
-    /// Mean of the figures of the flights that were not lost; `None` where all were.
+    /// Mean of the figures of the flights that were not lost. `None` if every one was.
     pub flown: Option<Flown<Estimate>>,
     /// A contender before it with the same flights, to the last bit.
     pub equal_to: Option<String>,
@@ -71,48 +71,42 @@ pub struct Pair {
     /// The other.
     pub worse: String,
     /// Mean difference of probability, with an interval at a level that holds for all pairs
-    /// together (Bonferroni): by typical values, from -1 to 1 where the flights are too few.
+    /// together (Bonferroni): by typical values, from -1 to 1 if the flights are too few.
     pub difference: Estimate,
-    /// Whether the two differ, at a level that holds for all pairs together (Holm, Scandinavian
-    /// Journal of Statistics 6, 1979): where the interval excludes zero, or one does that is as
-    /// wide as the pairs need that are left when those are taken out.
+    /// True if the two differ at a level that holds for all pairs together (Holm, Scandinavian
+    /// Journal of Statistics 6, 1979).
     pub distinguishable: bool,
 }
 
-/// Least P(read) of a place: what is below is printed as 0.000.
+/// Least P(read) of a place: less is printed as 0.000.
 const LEAST_READ: f64 = 0.0005;
 
 /// Ranks the contenders of a study by its records, which are those of all its trials in order.
-///
-/// # Panics
-///
-/// If there is not a record for every trial.
+/// Panics if there is not a record for every trial.
 pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     assert_eq!(records.len(), study.n_trials(), "a record for every trial");
     let n_each = (records.len() / study.contenders.len().max(1)).max(1);
-    let of_contenders = records.chunks(n_each).enumerate();
-    let mut measures: Vec<Measures> =
-        of_contenders.map(|(index, records)| measure(study, records, index * n_each)).collect();
-    for (index, own) in records.chunks(n_each).enumerate() {
-        let mut before = records.chunks(n_each).take(index);
-        let outcomes = own.iter().map(|record| &record.outcome);
-        let equal = before.find(|it| it.iter().map(|record| &record.outcome).eq(outcomes.clone()));
-        if measures[index].flown.is_some() {
-            measures[index].equal_to = equal.map(|other| other[0].contender.clone());
+    let by_contender: Vec<&[Record]> = records.chunks(n_each).collect();
+    let mut ranked: Vec<(Measures, Vec<f64>)> = Vec::new();
+    for (index, records) in by_contender.iter().enumerate() {
+        let mut measures = measure(study, records, index * n_each);
+        if measures.flown.is_some() {
+            let equal = by_contender[..index].iter().find(|before| flew_alike(before, records));
+            measures.equal_to = equal.map(|before| before[0].contender.clone());
         }
+        let probabilities = records.iter().map(|record| record.outcome.probability);
+        ranked.push((measures, probabilities.collect()));
     }
-    measures.sort_by(|a, b| b.legibility.value.total_cmp(&a.legibility.value));
-    let probabilities = |contender: &str| {
-        let records = records.iter().filter(|record| record.contender == contender);
-        records.map(|record| record.outcome.probability).collect()
-    };
-    let names = measures.iter().map(|measures| measures.contender.as_str());
-    let pairs = pairs(&names.map(|n| (n, probabilities(n))).collect::<Vec<_>>());
+    ranked.sort_by(|(a, _), (b, _)| b.legibility.value.total_cmp(&a.legibility.value));
+    let named: Vec<_> = ranked.iter().map(|(m, values)| (&*m.contender, &values[..])).collect();
+    let pairs = pairs(&named);
+    let mut measures: Vec<Measures> = ranked.into_iter().map(|(measures, _)| measures).collect();
+    // A place begins with the first contender that differs from the first of the place before.
     let mut first_of_place = 0;
     for index in 0..measures.len() {
         let [best, this] = [first_of_place, index].map(|index| &measures[index].contender);
-        let both = |pair: &&Pair| (&pair.better, &pair.worse) == (best, this);
-        if pairs.iter().find(both).is_some_and(|pair| pair.distinguishable) {
+        let mut told_apart = pairs.iter().filter(|pair| pair.distinguishable);
+        if told_apart.any(|pair| (&pair.better, &pair.worse) == (best, this)) {
             first_of_place = index;
         }
         let is_read = measures[index].legibility.value >= LEAST_READ;
@@ -120,6 +114,11 @@ pub fn rank(study: &Study, records: &[Record]) -> Ranking {
     }
     let least_flights = least_flights(measures.len());
     Ranking { measures, pairs, least_flights, unranked: Vec::new(), acuity: None }
+}
+
+/// True if two contenders have the same outcomes, to the last bit.
+fn flew_alike(a: &[Record], b: &[Record]) -> bool {
+    a.iter().map(|record| &record.outcome).eq(b.iter().map(|record| &record.outcome))
 }
 
 /// Flights of each of some contenders below which no two can be told apart, however they differ.
@@ -133,11 +132,11 @@ fn level(n_pairs: usize) -> f64 {
 }
 
 /// Every two contenders, by their probabilities flight by flight, the better ones first.
-fn pairs(contenders: &[(&str, Vec<f64>)]) -> Vec<Pair> {
+fn pairs(contenders: &[(&str, &[f64])]) -> Vec<Pair> {
     let (mut pairs, mut differences) = (Vec::new(), Vec::new());
     for (place, (better, a)) in contenders.iter().enumerate() {
         for (worse, b) in &contenders[place + 1..] {
-            let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            let apart: Vec<f64> = a.iter().zip(*b).map(|(a, b)| a - b).collect();
             pairs.push(Pair {
                 better: (*better).to_owned(),
                 worse: (*worse).to_owned(),
@@ -147,9 +146,15 @@ fn pairs(contenders: &[(&str, Vec<f64>)]) -> Vec<Pair> {
             differences.push(apart);
         }
     }
-    let (n_pairs, mut n_open) = (pairs.len(), 0);
-    while n_open != pairs.iter().filter(|pair| !pair.distinguishable).count() {
-        n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
+    // Holm's procedure: pairs that are told apart leave a milder level for the rest, until no more
+    // are. The first round is Bonferroni's, and has the intervals.
+    let (n_pairs, mut n_before) = (pairs.len(), 0);
+    loop {
+        let n_open = pairs.iter().filter(|pair| !pair.distinguishable).count();
+        if n_open == n_before {
+            return pairs;
+        }
+        n_before = n_open;
         let open = pairs.iter_mut().zip(&differences).filter(|(pair, _)| !pair.distinguishable);
         for (pair, apart) in open {
             let Some(interval) = center(apart, level(n_open)) else { continue };
@@ -159,7 +164,6 @@ fn pairs(contenders: &[(&str, Vec<f64>)]) -> Vec<Pair> {
             }
         }
     }
-    pairs
 }
 
 /// The values of one contender's records that have one, word by word.
@@ -168,14 +172,14 @@ fn strata(
     mut records: &[Record],
     value: impl Fn(&Record) -> Option<f64>,
 ) -> Vec<Vec<f64>> {
-    let of_word = |(_, n): &(String, u32)| {
-        let of_word = records.split_off(..*n as usize).unwrap_or_default();
-        of_word.iter().filter_map(&value).collect()
-    };
-    study.words.iter().map(of_word).collect()
+    let words = study.words.iter().map(|(_, n)| {
+        let records = records.split_off(..*n as usize).unwrap_or_default();
+        records.iter().filter_map(&value).collect()
+    });
+    words.collect()
 }
 
-/// Measures of the best place, of one contender's records; `first` is the number of its first.
+/// Measures of one contender, without its place. `first` is the index of its first record.
 fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
     let probabilities = strata(study, records, |record| Some(record.outcome.probability));
     // A lost drone leaves no photo.
@@ -185,23 +189,23 @@ fn measure(study: &Study, records: &[Record], first: usize) -> Measures {
         let [a, b] = [a, b].map(|index| &records[*index].outcome);
         a.probability.total_cmp(&b.probability).then(a.similarity.total_cmp(&b.similarity))
     });
-    let photo = |index: usize| first + photos.get(index).copied().unwrap_or(0);
-    let figure = |index: usize| {
-        let value = |record: &Record| Some(record.outcome.flown?.values()[index]);
-        mean_of_strata(&strata(study, records, value))
-    };
+    let [worst, median] = [0, photos.len() / 2].map(|index| photos.get(index).unwrap_or(&0));
+    let figures = std::array::from_fn(|index| {
+        let values = strata(study, records, |r| Some(r.outcome.flown?.values()[index]));
+        mean_of_strata(&values)
+    });
     Measures {
         contender: records[0].contender.clone(),
         place: None,
         n_flights: records.len(),
         n_lost: records.iter().filter(|record| record.outcome.lost.is_some()).count(),
         legibility: mean_of_probabilities(&probabilities),
-        legible: share(records.iter().map(|record| record.outcome.legible)),
+        legible: proportion(records.iter().map(|record| record.outcome.legible)),
         worst_decile: worst_decile(&probabilities),
-        all_read: share(records.iter().map(|record| record.outcome.all_read)),
-        flown: (!photos.is_empty()).then(|| Flown::from_values(std::array::from_fn(figure))),
+        all_read: proportion(records.iter().map(|record| record.outcome.all_read)),
+        flown: (!photos.is_empty()).then(|| Flown::from_values(figures)),
         equal_to: None,
-        median_and_worst: [photo(photos.len() / 2), photo(0)],
+        median_and_worst: [first + median, first + worst],
     }
 }
 
@@ -223,19 +227,19 @@ mod tests {
         let n = u32::try_from(probabilities[0].len()).unwrap();
         let words = vec![("I".to_owned(), n)];
         let study = Study { contenders, words, conditions: Conditions::still(), seed: 0 };
-        let values = probabilities.iter().flat_map(|list| list.iter());
-        let records: Vec<Record> = study
-            .trials()
-            .zip(values)
-            .map(|(trial, &probability)| Record {
-                scene: String::new(),
-                contender: study.contenders[trial.contender].name.clone(),
-                word: "I".into(),
-                seed: trial.seed,
-                outcome: Outcome::example(probability),
-            })
-            .collect();
-        rank(&study, &records)
+        rank(&study, &records(&study, probabilities.concat().into_iter().map(Outcome::example)))
+    }
+
+    /// Records of a study of one word with these outcomes.
+    fn records(study: &Study, outcomes: impl Iterator<Item = Outcome>) -> Vec<Record> {
+        let records = study.trials().zip(outcomes).map(|(trial, outcome)| Record {
+            scene: String::new(),
+            contender: study.contenders[trial.contender].name.clone(),
+            word: "I".into(),
+            seed: trial.seed,
+            outcome,
+        });
+        records.collect()
     }
 
     #[test]
@@ -260,7 +264,7 @@ mod tests {
 
     #[test]
     fn places_follow_the_order_and_ties_share_the_place_of_their_first() {
-        // b is steadily a little worse than a; c is worse still, and now and then the best.
+        // b is steadily a little worse than a. c is worse still, and now and then the best.
         let a: Vec<f64> = (0..20).map(|k| 0.9 - 0.001 * f64::from(k)).collect();
         let b: Vec<f64> = a.iter().map(|p| p - 0.01).collect();
         let c: Vec<f64> = (0..20).map(|k| if k % 3 == 0 { 0.95 } else { 0.8 }).collect();
@@ -283,20 +287,13 @@ mod tests {
             conditions: Conditions::still(),
             seed: 0,
         };
-        let records = study.trials().map(|trial| Record {
-            scene: String::new(),
-            contender: "a".into(),
-            word: "I".into(),
-            seed: trial.seed,
-            outcome: Outcome::lost("I", "it turns over".into()),
-        });
-        let records: Vec<Record> = records.collect();
-        assert_eq!(places(&rank(&study, &records)), [None]);
+        let lost = std::iter::repeat_with(|| Outcome::lost("I", "it turns over".into()));
+        assert_eq!(places(&rank(&study, &records(&study, lost))), [None]);
     }
 
     #[test]
     fn what_is_told_apart_leaves_a_milder_level_for_the_others() {
-        // b is far worse in all flights; c is a little worse than a in all but one. Ten of the 1023
+        // b is far worse in all flights. c is a little worse than a in all but one. Ten of the 1023
         // subset means of that difference are below zero: 8 are for three pairs, 25 for one.
         let a = [0.9; 10];
         let mut c = [0.89; 10];
@@ -307,20 +304,27 @@ mod tests {
         assert!(pair.difference.low <= 0.0, "not by Bonferroni: {pair:?}");
     }
 
-    /// Share of studies in which contenders that do not differ are told apart.
+    /// Pairs of contenders with these probabilities.
+    fn pairs_of(contenders: &[Vec<f64>]) -> Vec<Pair> {
+        pairs(&contenders.iter().map(|values| ("x", &values[..])).collect::<Vec<_>>())
+    }
+
+    /// About normal: the sum of twelve uniform numbers.
+    fn normal(rng: &mut ChaCha8Rng) -> f64 {
+        (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
+    }
+
+    /// Fraction of studies in which contenders that do not differ are told apart.
     fn family_wise_error(n_contenders: u32, n_flights: u32, n_studies: u32) -> f64 {
-        let told_apart = |study: &u32| {
-            let mut rng = ChaCha8Rng::seed_from_u64(u64::from(*study));
-            let mut normal = || (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+        let wrong = (0..n_studies).into_par_iter().filter(|study| {
+            let rng = &mut ChaCha8Rng::seed_from_u64(u64::from(*study));
             // Probabilities near 0.9, as flights have: skewed, and alike within a seed.
-            let seeds: Vec<f64> = (0..n_flights).map(|_| 2.0 + normal()).collect();
-            let mut list =
-                || seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal()))).collect();
-            let lists: Vec<(&str, Vec<f64>)> = (0..n_contenders).map(|_| ("x", list())).collect();
-            pairs(&lists).iter().any(|pair| pair.distinguishable)
-        };
-        let n_wrong = (0..n_studies).into_par_iter().filter(told_apart).count();
-        n_wrong as f64 / f64::from(n_studies)
+            let seeds: Vec<f64> = (0..n_flights).map(|_| 2.0 + normal(rng)).collect();
+            let contenders = (0..n_contenders)
+                .map(|_| seeds.iter().map(|s| 1.0 / (1.0 + libm::exp(-s - normal(rng)))).collect());
+            pairs_of(&contenders.collect::<Vec<_>>()).iter().any(|pair| pair.distinguishable)
+        });
+        wrong.count() as f64 / f64::from(n_studies)
     }
 
     #[test]
@@ -335,17 +339,17 @@ mod tests {
 
     #[test]
     fn thirty_six_contenders_are_told_apart_and_equal_ones_are_not() {
-        let lists = |step: f64| -> Vec<(&'static str, Vec<f64>)> {
-            let list = |k: u32| {
+        fn pairs_apart(step: f64) -> Vec<Pair> {
+            let contenders = (0..36_u32).map(|k| {
                 let mut rng = ChaCha8Rng::seed_from_u64(u64::from(k));
                 let noise = std::iter::repeat_with(|| 0.01 * rng.random::<f64>()).take(60);
                 noise.map(|noise| 0.9 - step * f64::from(k) + noise).collect()
-            };
-            (0..36).map(|k| ("x", list(k))).collect()
-        };
+            });
+            pairs_of(&contenders.collect::<Vec<_>>())
+        }
         // A step is twelve standard errors of a difference.
-        assert!(pairs(&lists(0.0065)).iter().all(|pair| pair.distinguishable));
-        let alike = pairs(&lists(0.0));
+        assert!(pairs_apart(0.0065).iter().all(|pair| pair.distinguishable));
+        let alike = pairs_apart(0.0);
         assert!(alike.iter().all(|pair| !pair.distinguishable && pair.difference.high < 0.01));
     }
 

@@ -15,15 +15,11 @@ pub(super) struct Search {
     n_told: usize,
 }
 
-/// Share of the points that count as good.
+/// Fraction of the points that count as good, γ of Bergstra et al.
 const GOOD: f64 = 0.15;
 
 impl Search {
-    /// A search over `n_coordinates`.
-    ///
-    /// # Panics
-    ///
-    /// If there is no coordinate.
+    /// A search over `n_coordinates`. Panics if there is no coordinate.
     pub(super) fn new(n_coordinates: usize, seed: u64) -> Self {
         assert!(n_coordinates > 0, "a search along at least one coordinate");
         let unit = range(0.0, 1.0).expect("a range");
@@ -38,23 +34,20 @@ impl Search {
     /// The next point to try.
     pub(super) fn ask(&mut self) -> Vec<f64> {
         let rng = &mut self.rng;
-        // Few points give no estimate.
+        // Too few points for a density: drawn evenly.
         if self.n_told < 2 * self.coordinates.len() {
             return self.coordinates.iter().map(|_| rng.random()).collect();
         }
-        let coordinates = self.coordinates.iter_mut();
-        coordinates
-            .map(|one| one.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12))
-            .collect()
+        let values = self.coordinates.iter_mut().map(|coordinate| {
+            coordinate.ask(rng).expect("points are known").clamp(0.0, 1.0 - 1e-12)
+        });
+        values.collect()
     }
 
-    /// Adds the cost of a point.
-    ///
-    /// # Panics
-    ///
-    /// If the cost is no number, or the point not one of the cube.
+    /// Adds the cost of a point. Panics if the cost is no number, or the point not one of the cube.
     pub(super) fn tell(&mut self, point: &[f64], cost: f64) {
         self.n_told += 1;
+        // Coordinates are estimated independently, as Bergstra et al. do.
         for (coordinate, value) in self.coordinates.iter_mut().zip(point) {
             coordinate.tell(*value, cost).expect("a number, within the cube");
         }

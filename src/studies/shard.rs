@@ -1,7 +1,7 @@
 //! Shard: a part of a study's flights, flown by any process on any machine.
 //!
-//! Its file is named by the study and the part, is a function of both alone and appears whole or
-//! not at all: a shard may be flown twice, be killed and flown again, or be cut otherwise the next
+//! Its file is named by the study and the part, depends on nothing else, and appears whole or not
+//! at all. So a shard may be flown twice, killed and flown again, or be cut otherwise the next
 //! time.
 
 use std::path::{Path, PathBuf};
@@ -36,12 +36,8 @@ impl std::str::FromStr for Shard {
 }
 
 impl Shard {
-    /// Flies every `count`th trial of a study into a file of a folder, unless it lies there
+    /// Flies every `count`th trial of a study into a file of a folder, unless that is there
     /// already. Returns the file, and the number of its flights.
-    ///
-    /// # Errors
-    ///
-    /// Those of the flights, and [`Error::Io`]; then nothing is left.
     pub fn fly(
         self,
         study: &Study,
@@ -49,6 +45,7 @@ impl Shard {
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(PathBuf, usize)> {
         let prepared = study.prepare()?;
+        // Every part has flights of all contenders and words.
         let trials: Vec<Trial> = study.trials().skip(self.index - 1).step_by(self.count).collect();
         let name = format!("{}-{}-of-{}.jsonl", digest(study, &prepared), self.index, self.count);
         let path = folder.join(name);
@@ -61,12 +58,8 @@ impl Shard {
     }
 }
 
-/// The files of a study's shards in a folder, however they were cut, for [`Store::take`];
+/// The files of a study's shards in a folder, however they were cut, for [`Store::take`].
 /// `prepared` is that of [`Study::prepare`].
-///
-/// # Errors
-///
-/// [`Error::Io`].
 pub fn shards(study: &Study, prepared: &[Prepared], folder: &Path) -> Result<Vec<PathBuf>> {
     let (mut files, stem) = (files_in(folder)?, digest(study, prepared));
     files.retain(|path| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with(&stem)));
@@ -106,15 +99,14 @@ mod tests {
         let study = study();
         let trials: Vec<Trial> = study.trials().collect();
         let ready = study.prepare().unwrap();
-        let evaluated = |store| evaluate(&study, &ready, &trials, store, &Stop::default(), &|_| {});
-        let alone = evaluated(None).unwrap();
+        let stop = Stop::default();
+        let alone = evaluate(&study, &ready, &trials, None, &stop, &|_| {}).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let fly =
-            |index, count| Shard { index, count }.fly(&study, folder.path(), &|_| {}).unwrap();
-        let n: usize =
-            [(3, 3), (1, 3), (2, 2)].map(|(index, count)| fly(index, count).1).iter().sum();
+        let flown = [(1, 3), (2, 2), (3, 3)].map(|(index, count)| {
+            Shard { index, count }.fly(&study, folder.path(), &|_| {}).unwrap()
+        });
+        let n: usize = flown.iter().map(|(_, n)| n).sum();
         assert_eq!(n, 5, "2/2 shares a flight with 1/3, and the last flight is in none");
-        let path = fly(3, 3).0;
         let other = Study { seed: 2, ..study.clone() };
         Shard { index: 1, count: 5 }.fly(&other, folder.path(), &|_| {}).unwrap();
 
@@ -123,13 +115,15 @@ mod tests {
         let paths = shards(&study, &ready, folder.path()).unwrap();
         paths.iter().for_each(|path| store.take(path).unwrap());
         let known = alone.iter().filter_map(|record| store.get(&record.scene, record.seed));
-        assert_eq!(known.count(), store.n_known(), "of this study alone");
-        assert_eq!(evaluated(Some(&store)).unwrap(), alone);
+        assert_eq!(known.count(), store.n_known(), "of this study only");
+        let stored = evaluate(&study, &ready, &trials, Some(&store), &stop, &|_| {}).unwrap();
+        assert_eq!(stored, alone);
 
-        let line = std::fs::read_to_string(&path).unwrap();
-        std::fs::write(&path, line.replacen("\"probability\":0.", "\"probability\":0.1", 1))
+        let path = &flown[2].0;
+        let line = std::fs::read_to_string(path).unwrap();
+        std::fs::write(path, line.replacen("\"probability\":0.", "\"probability\":0.1", 1))
             .unwrap();
-        let error = store.take(&path).unwrap_err().to_string();
+        let error = store.take(path).unwrap_err().to_string();
         assert!(error.contains("two outcomes of I"), "{error}");
     }
 }

@@ -1,10 +1,10 @@
-//! Spread: how far flights of one plan lie apart, and whether their photos read.
+//! Spread: how far flights of one plan lie apart, and if their photos read.
 //!
 //! Products in: a shoot and [`Conditions`]. Products out: the photos and verdicts of its flights,
-//! and two [`Band`]s for each drone: of flights that each have a room and a drone of their own, and
-//! of flights of one drone in one room. What [`Conditions`] draw is constant over a flight: the
-//! drone's mass, trim, rotors and charge, and the geometry of the room's base stations. Gusts and
-//! the noise of sensors differ within a flight.
+//! and two [`Band`]s for each drone: of flights that differ in room and drone, and of flights of
+//! one drone in one room. What [`Conditions`] draw is constant over a flight: the drone's mass,
+//! trim, rotors and charge, and the geometry of the room's base stations. Gusts and the noise of
+//! sensors differ within a flight.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -20,13 +20,13 @@ use noctograph_picture::photo::Photo;
 use noctograph_pipeline::shoot::{Judging, Shoot};
 use noctograph_score::{Verdict, is_judged};
 
-/// Share of flights that a band holds at every moment.
+/// Fraction of flights that a band holds at every moment.
 pub const BAND_FRAC: f64 = 0.9;
-/// Fewest flights whose band can hold that share: two of twenty lie outside.
+/// Fewest flights whose band can hold that fraction: two of twenty lie outside.
 pub const LEAST_FLIGHTS: usize = 19;
 /// Time between two moments of a band.
 const STEP_S: f64 = 0.1;
-/// Farthest in time that a sample may be from the moment that it stands for.
+/// Largest distance in time between a moment and its nearest sample.
 const NEAR_S: f64 = 0.02;
 /// Height of a capital in the photos.
 const CAP_HEIGHT_PX: f64 = 64.0;
@@ -34,7 +34,7 @@ const CAP_HEIGHT_PX: f64 = 64.0;
 /// Flights of one plan under conditions.
 #[derive(Clone, Debug)]
 pub struct Spread {
-    /// Each with a room and drones of its own.
+    /// Flights that differ in room and drones.
     pub flights: Vec<SpreadFlight>,
     /// Their band, for each drone.
     pub all: Vec<Band>,
@@ -47,23 +47,23 @@ pub struct Spread {
 pub struct SpreadFlight {
     /// Seed of its noise and of its departures from the scene.
     pub seed: u64,
-    /// Flights of all drones, photo and verdict; or how a drone was lost.
+    /// Flights of all drones, photo and verdict, or how a drone was lost.
     pub shot: std::result::Result<SpreadShot, String>,
 }
 
-/// What came of a flight.
+/// The products of a flight.
 #[derive(Clone, Debug)]
 pub struct SpreadShot {
     /// Flights, one for each drone.
     pub flights: Vec<Flight>,
     /// The photo, on a small film.
     pub photo: Photo,
-    /// The verdict; `None` where the reader does not know the letters.
+    /// The verdict. `None` if the reader does not know the letters.
     pub verdict: Option<Verdict>,
 }
 
-/// Where [`BAND_FRAC`] of flights are, axis by axis and moment by moment. With fewer than
-/// [`LEAST_FLIGHTS`], where all of them are ([`Band::holds_frac`]).
+/// The band that holds [`BAND_FRAC`] of flights, axis by axis and moment by moment. With fewer than
+/// [`LEAST_FLIGHTS`] it holds all of them ([`Band::holds_frac`]).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Band {
     /// Number of flights behind it.
@@ -74,14 +74,14 @@ pub struct Band {
     pub ends_m: Vec<[Vector3<f64>; 3]>,
     /// Design at each.
     pub design_m: Vec<Vector3<f64>>,
-    /// Whether a letter is written at each.
+    /// True where a letter is written.
     pub writes: Vec<bool>,
 }
 
 /// How a flight lies in a band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
-    /// Share of its moments inside, on each axis.
+    /// Fraction of its moments inside, on each axis.
     pub inside: Vector3<f64>,
     /// Width of the band, relative to a band about the same median with [`BAND_FRAC`] of them.
     pub width: Vector3<f64>,
@@ -89,7 +89,7 @@ pub struct Held {
 
 impl Band {
     /// The band of flights of one plan.
-    pub fn new(flights: &[&Flight], place_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
+    pub fn new(flights: &[&Flight], position_m: impl Fn(&FlightSample) -> Vector3<f64>) -> Self {
         let mut band = Self { n_flights: flights.len(), ..Self::default() };
         let Some(first) = flights.first() else { return band };
         let mut next_s = f64::NEG_INFINITY;
@@ -98,9 +98,10 @@ impl Band {
                 continue;
             }
             next_s = sample.time_s.max(next_s) + STEP_S;
-            let same = flights.iter().filter_map(|flight| flight.samples.get(index));
-            let places_m: Vec<Vector3<f64>> = same.map(&place_m).collect();
-            let axes = [0, 1, 2].map(|axis| ends(places_m.iter().map(|p| p[axis]).collect()));
+            // Flights of one plan have their samples at equal times.
+            let samples = flights.iter().filter_map(|flight| flight.samples.get(index));
+            let positions_m: Vec<Vector3<f64>> = samples.map(&position_m).collect();
+            let axes = [0, 1, 2].map(|axis| ends(positions_m.iter().map(|p| p[axis]).collect()));
             band.time_s.push(sample.time_s);
             band.ends_m.push([0, 1, 2].map(|end| Vector3::from(axes.map(|ends| ends[end]))));
             band.design_m.push(sample.design_m);
@@ -109,15 +110,15 @@ impl Band {
         band
     }
 
-    /// Share of further flights that it holds at every moment: [`BAND_FRAC`]. With fewer than
-    /// [`LEAST_FLIGHTS`] flights, the share between the least and the most of n flights:
+    /// Fraction of further flights that it holds at every moment: [`BAND_FRAC`]. With fewer than
+    /// [`LEAST_FLIGHTS`] flights, the fraction between the least and the most of n flights:
     /// `(n − 1) / (n + 1)`.
     pub fn holds_frac(&self) -> f64 {
         let n = self.n_flights as f64;
         BAND_FRAC.min((n - 1.0).max(0.0) / (n + 1.0))
     }
 
-    /// Mean of half its width while letters are written; over all moments where none are known.
+    /// Mean of half its width while letters are written, or over all moments if none are known.
     pub fn half_width_m(&self) -> Vector3<f64> {
         let any = self.writes.contains(&true);
         let writes = self.ends_m.iter().zip(&self.writes).filter(|(_, writes)| **writes || !any);
@@ -129,24 +130,25 @@ impl Band {
 
     /// How another flight lies in it, over the moments with samples nearby.
     pub fn held(&self, samples: &[FlightSample]) -> Held {
-        let mut shares: [Vec<f64>; 3] = Default::default();
+        // Distances from the median, relative to the band's end on the same side.
+        let mut ratios: [Vec<f64>; 3] = Default::default();
         for (time_s, [low, middle, high]) in self.time_s.iter().zip(&self.ends_m) {
             let after = samples.partition_point(|sample| sample.time_s < *time_s);
             let near = samples[after.saturating_sub(1)..].iter().take(2);
             let near = near.map(|sample| ((sample.time_s - time_s).abs(), sample));
             let near = near.min_by(|(a_s, _), (b_s, _)| a_s.total_cmp(b_s));
             let Some((_, sample)) = near.filter(|(away_s, _)| *away_s <= NEAR_S) else { continue };
-            for (axis, shares) in shares.iter_mut().enumerate() {
-                let off_m = sample.position_m[axis] - middle[axis];
-                let end_m = if off_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
-                shares.push((off_m / end_m).max(0.0));
+            for (axis, ratios) in ratios.iter_mut().enumerate() {
+                let apart_m = sample.position_m[axis] - middle[axis];
+                let end_m = if apart_m < 0.0 { low[axis] } else { high[axis] } - middle[axis];
+                ratios.push((apart_m / end_m).max(0.0));
             }
         }
-        shares.iter_mut().for_each(|shares| shares.sort_by(f64::total_cmp));
-        let shares = shares.each_ref();
+        ratios.iter_mut().for_each(|ratios| ratios.sort_by(f64::total_cmp));
+        let ratios = ratios.each_ref();
         Held {
-            inside: shares.map(|all| mean(all.iter().map(|s| f64::from(*s <= 1.0)))).into(),
-            width: shares.map(|sorted| 1.0 / quantile(sorted, BAND_FRAC)).into(),
+            inside: ratios.map(|axis| mean(axis.iter().map(|r| f64::from(*r <= 1.0)))).into(),
+            width: ratios.map(|sorted| 1.0 / quantile(sorted, BAND_FRAC)).into(),
         }
     }
 }
@@ -155,27 +157,26 @@ impl Band {
 fn ends(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - BAND_FRAC);
-    [tail, 0.5, 1.0 - tail].map(|share| quantile(&values, share))
+    [tail, 0.5, 1.0 - tail].map(|probability| quantile(&values, probability))
 }
 
-/// The quantile of sorted values: the next value lies below it with this probability. Ends at the
-/// least and the largest value.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
+/// The quantile of sorted values by Weibull's plotting position, `k / (n + 1)`: the next value lies
+/// below it with this probability. Within the least and the largest value.
+fn quantile(sorted: &[f64], probability: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
-    let place = (share * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
+    let rank = (probability * (last as f64 + 2.0) - 1.0).clamp(0.0, last as f64);
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    let below = place.floor() as usize;
+    let below = rank.floor() as usize;
     let above = (below + 1).min(last);
-    sorted[below] + (sorted[above] - sorted[below]) * (place - place.floor())
+    sorted[below] + (sorted[above] - sorted[below]) * (rank - rank.floor())
 }
 
 /// Flies a shoot `n` times under conditions, and again as often with one drone in one room. The
-/// seeds follow the scene's; `done` is told how many flights are done.
+/// seeds follow the scene's. `done` gets the number of flights so far.
 ///
 /// # Errors
 ///
-/// Those of the stages, except that of a lost drone; [`Error::Infeasible`] where every flight is
-/// lost.
+/// Those of the stages, except that of a lost drone. [`Error::Infeasible`] if every flight is lost.
 pub fn spread(
     shoot: &Shoot,
     conditions: &Conditions,
@@ -188,10 +189,12 @@ pub fn spread(
     if let Some(strokes) = base.strokes.as_ref().filter(|strokes| is_judged(strokes)) {
         base.reader = Some(reader(strokes, &base.scene.score)?);
     }
+    // Small films are enough for a contact sheet.
     shrink(&mut base, CAP_HEIGHT_PX)?;
     let first = shoot.scene.seed;
     let count = counter(done);
     let seeds: Vec<u64> = (first..).take(n).collect();
+    // Each seed with its room and drones, photographed and read.
     let flights = seeds.par_iter().map(|seed| {
         let shot = or_lost(drawn(&base, conditions, *seed, *seed).take(&|_, _| {}));
         count();
@@ -200,6 +203,7 @@ pub fn spread(
         Ok(SpreadFlight { seed: *seed, shot })
     });
     let flights: Vec<SpreadFlight> = flights.collect::<Result<_>>()?;
+    // The same seeds in the room of the first, with its drones: only flown.
     let again = seeds.par_iter().map(|seed| {
         let flown = or_lost(drawn(&base, conditions, *seed, first).fly(&|_, _| {}));
         count();
@@ -226,7 +230,7 @@ pub fn spread(
     Ok(Spread { all, within, flights })
 }
 
-/// A shoot with the noise of a seed, and the drones and the room of another.
+/// A shoot with the noise of one seed, and the drones and the room of another.
 fn drawn(base: &Shoot, conditions: &Conditions, seed: u64, room_seed: u64) -> Shoot {
     let mut shoot = Shoot { room_seed: Some(room_seed), ..base.clone() };
     let actual = (0..).map(|drone| conditions.draw(&base.scene, room_seed, drone));

@@ -1,20 +1,20 @@
-//! Statistics of flights: means, shares, tails and how sure they are.
+//! Statistics of flights: means, proportions, tails and their confidence intervals.
 //!
 //! | figure | interval |
 //! |---|---|
-//! | mean | Student's t, within strata (the flights of a word) where each has two values |
+//! | mean | Student's t, within strata (the flights of a word) if each has two values |
 //! | mean of probabilities | the same without its skewness: Hall, JRSS B 54 (1992) |
-//! | share | Agresti, Coull (1998); Brown, Cai, `DasGupta`, Statistical Science 16 (2001) |
+//! | proportion | Agresti, Coull (1998); Brown, Cai, `DasGupta`, Statistical Science 16 (2001) |
 //! | difference of pairs | typical values: Hartigan, Journal of the ASA 64 (1969) |
 //! | worst tenth | that of probabilities, of its influence function (`worst_decile`) |
 //! | other figures | percentile bootstrap: Efron, Tibshirani, "An Introduction to the Bootstrap" (1993) |
 //!
-//! Random numbers have a fixed seed, so that an interval is a function of its values alone.
+//! Random numbers have a fixed seed, so that an interval is a function of its values only.
 //!
 //! The means of all subsets of n differences divide the line into 2ⁿ intervals that hold the center
-//! of a symmetric law with the same probability, whatever that law is: an exact interval even of
-//! few values, and the randomization test of Fisher and Pitman in one. Too few values have none: at
-//! a level of 95 % six are needed.
+//! of a symmetric law with equal probability, whatever that law is. So the interval is exact even
+//! for few values, and is the randomization test of Fisher and Pitman, too. Too few values have
+//! none: a level of 95 % needs six.
 
 use std::borrow::Borrow;
 
@@ -22,20 +22,20 @@ use rand::rngs::ChaCha8Rng;
 use rand::{RngExt, SeedableRng};
 use serde::Serialize;
 
-/// Samples that are drawn anew. The ends of a 95 % interval then rest on 50 of them.
+/// Bootstrap samples. The ends of a 95 % interval then rest on 50 of them.
 const RESAMPLES: usize = 2000;
-/// Subsets that are drawn where there are more: an end at a level of 1 - 0.05 / 45, as of
-/// ten contenders, rests on 11 of them.
+/// Subsets that are drawn if there are more: an end at a level of 1 - 0.05 / 45, as of ten
+/// contenders, rests on 11 of them.
 const SUBSETS: usize = 20_000;
 /// Most values whose subsets are all enumerated.
 const ALL_SUBSETS_OF: usize = 14;
 
-/// Weight, in values, of the variance that is assumed of probabilities before any is seen
-/// (`mean_of_probabilities`). More widens the intervals of few values: with 1, those of six good
-/// flights hold the mean in 99 % of cases; with 0, in 90 to 93 %.
+/// Weight, in values, of the prior variance of probabilities (`mean_of_probabilities`). More widens
+/// the intervals of few values: with 1, those of six good flights hold the mean in 99 % of cases,
+/// with 0, in 90 to 93 %.
 const PRIOR_VALUES: f64 = 0.25;
 
-/// A figure and the interval in which it lies at a stated level.
+/// A figure and its confidence interval at a stated level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Estimate {
     /// The figure of all values.
@@ -49,49 +49,50 @@ pub struct Estimate {
 /// Level of all intervals but those of `center`.
 pub(super) const LEVEL: f64 = 0.95;
 
-/// Mean; 0 without values.
+/// Mean. 0 without values.
 pub(super) fn mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
     let mut n = 0.0_f64;
     let sum: f64 = values.into_iter().inspect(|_| n += 1.0).map(|value| *value.borrow()).sum();
     sum / n.max(1.0)
 }
 
-/// Standard error of the mean; 0 for fewer than two values.
+/// Standard error of the mean. 0 for fewer than two values.
 pub(super) fn standard_error(values: &[f64]) -> f64 {
     let (n, middle) = (values.len() as f64, mean(values));
     let variance = mean(values.iter().map(|value| (value - middle) * (value - middle)));
     if n < 2.0 { 0.0 } else { (variance / (n - 1.0)).sqrt() }
 }
 
-/// Mean of the lowest tenth of values from 0 to 1, at least of one value, with its 95 % interval;
-/// 0 without values. From 0 to 1 for a single value.
+/// Mean of the lowest tenth of values from 0 to 1, at least of one value, with its 95 % interval. 0
+/// without values. From 0 to 1 for a single value.
 ///
-/// It is the mean of `q + min(x - q, 0) n / k`, of the k lowest of n values x and the next one, q:
-/// its influence function (Manistre, Hancock, North American Actuarial Journal 9, 2005). So its
+/// It is the mean of its influence function `q + min(x - q, 0) n / k`, with q the value after the k
+/// lowest of n values x (Manistre, Hancock, North American Actuarial Journal 9, 2005). So its
 /// interval is that of [`mean_of_probabilities`], with the freedom of k values. A percentile
-/// bootstrap never draws what is below the lowest value, and holds the truth of twenty flights in
-/// half of all cases.
+/// bootstrap never draws below the lowest value, and holds the truth of twenty flights in half of
+/// all cases.
 pub(super) fn worst_decile(strata: &[Vec<f64>]) -> Estimate {
+    // The k lowest of n, and the next one.
     let mut values = strata.concat();
     values.sort_unstable_by(f64::total_cmp);
     let n_lowest = values.len().div_ceil(10);
     let value = mean(&values[..n_lowest]);
     let Some(next) = values.get(n_lowest) else { return Estimate { value, low: 0.0, high: 1.0 } };
-    let share = n_lowest as f64 / values.len() as f64;
-    let influences = values.iter().map(|x| next + (x - next).min(0.0) / share).collect();
+    let fraction = n_lowest as f64 / values.len() as f64;
+    let influences = values.iter().map(|x| next + (x - next).min(0.0) / fraction).collect();
     let spread = spread(&[influences]).expect("two values");
     Spread { freedom: (n_lowest as f64 - 1.0).max(1.0), ..spread }.interval(value)
 }
 
-/// The median; 0 without values. Sorts the values.
+/// The median. 0 without values. Sorts the values.
 pub fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let n = values.len();
     if n == 0 { 0.0 } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }
 
-/// Mean of all values with its 95 % interval by Student's t, from the spread within strata, or of
-/// all values where a stratum has fewer than two. Unbounded for a single value.
+/// Mean of all values with its 95 % interval by Student's t, from the variance within strata, or of
+/// all values if a stratum has fewer than two. Unbounded for a single value.
 pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let Some(Spread { n, freedom, variance, .. }) = spread(strata) else {
@@ -105,24 +106,24 @@ pub(super) fn mean_of_strata(strata: &[Vec<f64>]) -> Estimate {
 /// the skewness of the values by Hall's cubic transformation (Journal of the Royal Statistical
 /// Society B 54, 1992), within 0 and 1. From 0 to 1 for a single value.
 ///
-/// Probabilities of being read are skewed: most flights are alike, and a few are far below. Few
-/// values often lack these, and their spread is then too small. So a quarter of a value is added to
-/// the variance, and nothing to the mean: one whose log-odds spread by 1. Flights of the program
-/// spread by 0.4 where nearly all read, and by 1.5 where few do. Measured on flights of the program
-/// (`coverage`, docs/model.md); failures that no value shows, such as one in ten flights, are
-/// beyond any interval.
+/// Probabilities of being read are skewed: most flights are alike, and a few are far below. Small
+/// samples often lack these, and their variance is then too small. So a quarter of a value with a σ
+/// of 1 in log-odds is added to the variance, and nothing to the mean. Flights of the program have
+/// a σ of 0.4 if nearly all read, and of 1.5 if few do (`coverage`, docs/model.md). Failures that
+/// no value shows, such as one in ten flights, are beyond any interval.
 pub(super) fn mean_of_probabilities(strata: &[Vec<f64>]) -> Estimate {
     let value = mean(strata.iter().flatten());
     let Some(Spread { n, freedom, variance, third_moment }) = spread(strata) else {
         return Estimate { value, low: 0.0, high: 1.0 };
     };
+    // dp/d(log-odds) = p (1 - p): the prior's σ of 1 in log-odds as a σ of probability.
     let per_log_odds = value * (1.0 - value);
-    let assumed = PRIOR_VALUES * per_log_odds * per_log_odds;
-    let variance = (freedom * variance + assumed) / (freedom + PRIOR_VALUES);
+    let prior = PRIOR_VALUES * per_log_odds * per_log_odds;
+    let variance = (freedom * variance + prior) / (freedom + PRIOR_VALUES);
     match variance > 0.0 {
         true => Spread { n, freedom, variance, third_moment }.interval(value),
-        // All are 0, or all 1: a share.
-        false => Estimate { value, ..share(strata.iter().flatten().map(|value| *value > 0.5)) },
+        // All are 0, or all 1: a proportion.
+        false => Estimate { value, ..proportion(strata.iter().flatten().map(|p| *p > 0.5)) },
     }
 }
 
@@ -139,20 +140,20 @@ struct Spread {
 }
 
 impl Spread {
-    /// Interval of a mean from 0 to 1: the ends whose `(mean - end) / sigma` Hall's transformation
-    /// `x + λ x²/3 + λ² x³/27 + λ/(6 n)`, of the skewness λ, takes to Student's t.
+    /// Interval of a mean from 0 to 1. Hall's transformation `x + λ x²/3 + λ² x³/27 + λ/(6 n)` of
+    /// `x = (mean - end) / σ`, with the skewness λ, has Student's t at its ends.
     fn interval(&self, value: f64) -> Estimate {
         let Self { n, freedom, variance, third_moment } = *self;
         let sigma = variance.sqrt();
         let skewness = if sigma > 0.0 { third_moment / (variance * sigma) } else { 0.0 };
         let [low, high] = [1.0, -1.0].map(|side| {
             let t = side * student_t(freedom) / n.sqrt();
-            let x = match skewness.abs() < 1e-6 {
-                true => t,
-                false => {
-                    let cube = 1.0 + skewness * (t - skewness / (6.0 * n));
-                    3.0 / skewness * (libm::cbrt(cube) - 1.0)
-                }
+            // The transformation's inverse, which is a cube root.
+            let x = if skewness.abs() < 1e-6 {
+                t
+            } else {
+                let cube = 1.0 + skewness * (t - skewness / (6.0 * n));
+                3.0 / skewness * (libm::cbrt(cube) - 1.0)
             };
             value - sigma * x
         });
@@ -169,15 +170,15 @@ fn spread(strata: &[Vec<f64>]) -> Option<Spread> {
         n += n_values;
         freedom += n_values - 1.0;
         squares += error * error;
-        let cube = |value: &f64| (value - middle) * (value - middle) * (value - middle);
-        // Two values have no third moment.
+        // n² / ((n - 1) (n - 2)) removes the bias of the third moment. Two values have none.
         let unbiased = n_values * n_values / ((n_values - 1.0) * (n_values - 2.0).max(1.0));
-        cubes += unbiased * values.iter().map(cube).sum::<f64>();
+        let deviations = values.iter().map(|value| value - middle);
+        cubes += unbiased * deviations.map(|apart| apart * apart * apart).sum::<f64>();
     }
     (n > 0.0).then(|| Spread { n, freedom, variance: squares / n, third_moment: cubes / n })
 }
 
-/// The strata, or all values as one stratum where some stratum has a single value.
+/// The strata, or all values as one stratum if some stratum has a single value.
 fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
     match strata.iter().any(|values| values.len() == 1) {
         true => vec![strata.concat()],
@@ -185,10 +186,10 @@ fn pooled(strata: &[Vec<f64>]) -> Vec<Vec<f64>> {
     }
 }
 
-/// Share of true values with its 95 % interval: Agresti and Coull's, which is Wilson's with the
-/// spread at its middle. Wilson's holds a share near 0 or 1 in 84 % of cases where about one
-/// flight in five studies differs; this one in 90 to 99 %.
-pub(super) fn share(values: impl IntoIterator<Item = bool>) -> Estimate {
+/// Proportion of true values with its 95 % interval: Agresti and Coull's, which is Wilson's with
+/// the variance at its middle. If about one flight in five studies differs, Wilson's holds the
+/// truth in 84 % of cases, this one in 90 to 99 %.
+pub(super) fn proportion(values: impl IntoIterator<Item = bool>) -> Estimate {
     const Z: f64 = 1.959_964;
     let hits: Vec<f64> = values.into_iter().map(f64::from).collect();
     let (value, n) = (mean(&hits), hits.len() as f64 + Z * Z);
@@ -197,13 +198,14 @@ pub(super) fn share(values: impl IntoIterator<Item = bool>) -> Estimate {
     Estimate { value, low: (middle - reach).max(0.0), high: (middle + reach).min(1.0) }
 }
 
-/// Mean of differences, with a confidence interval of their distribution's center at `level` by the
-/// means of subsets; `None` for too few differences. Beyond the level that the drawn subsets
-/// resolve, as of more than thirty contenders, it is wider: Hoeffding's bound (Journal of the ASA
-/// 58, 1963) on the means of all subsets.
+/// Mean of differences, with a confidence interval of their distribution's center at `level`:
+/// Hartigan's typical values. `None` for too few differences. Beyond the level that the drawn
+/// subsets resolve, as of more than thirty contenders, it is wider: Hoeffding's bound (Journal of
+/// the ASA 58, 1963) on the means of all subsets.
 pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
     let (n, value) = (differences.len() as f64, mean(differences));
     let mut means = subset_means(differences);
+    // The subset means that are cut off at either end.
     #[expect(clippy::cast_possible_truncation, reason = "within the subsets")]
     let beyond = (0.5 * (1.0 - level) * (means.len() + 1) as f64 + 1e-9) as usize;
     if beyond > 0 {
@@ -211,7 +213,7 @@ pub(super) fn center(differences: &[f64], level: f64) -> Option<Estimate> {
             .map(|end| *means.select_nth_unstable_by(end, f64::total_cmp).1);
         return Some(Estimate { value, low, high });
     }
-    // A center c is excluded where 2 exp(-(Σ (d - c))² / (2 Σ (d - c)²)) is less than 1 - level.
+    // Hoeffding excludes a center c if 2 exp(-(Σ (d - c))² / (2 Σ (d - c)²)) < 1 - level.
     let bound = 2.0 * libm::log(2.0 / (1.0 - level));
     let reach = standard_error(differences) * (bound * (n - 1.0) / (n - bound)).sqrt();
     let is_drawn = differences.len() > ALL_SUBSETS_OF && n > bound;
@@ -226,6 +228,7 @@ pub(super) fn least_for_center(level: f64) -> u32 {
 
 /// Means of all subsets but the empty one, or of many drawn at random.
 fn subset_means(values: &[f64]) -> Vec<f64> {
+    // Sums of eight values at a time: a mean takes one look-up for each table.
     let tables: Vec<Vec<(f64, u32)>> = values.chunks(8).map(subset_sums).collect();
     if values.len() <= ALL_SUBSETS_OF {
         let masks = 0..1_usize << values.len();
@@ -237,7 +240,7 @@ fn subset_means(values: &[f64]) -> Vec<f64> {
     (0..SUBSETS).filter_map(|_| subset_mean(&tables, &mut bytes)).collect()
 }
 
-/// Sum and number of the values in every subset of eight values; the bits of its index choose them.
+/// Sum and number of the values in every subset of eight values. The bits of its index choose them.
 fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     let subsets = (0..1_usize << eight.len()).map(|mask| {
         let chosen = eight.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1);
@@ -246,7 +249,7 @@ fn subset_sums(eight: &[f64]) -> Vec<(f64, u32)> {
     subsets.collect()
 }
 
-/// Mean of one subset, chosen by an index in each table; `None` for the empty one.
+/// Mean of one subset, chosen by an index in each table. `None` for the empty one.
 fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>) -> Option<f64> {
     let sums = tables.iter().zip(indices).map(|(table, index)| table[index % table.len()]);
     let (sum, n) = sums.fold((0.0, 0), |(sum, n), (more, count)| (sum + more, n + count));
@@ -257,18 +260,21 @@ fn subset_mean(tables: &[Vec<(f64, u32)>], indices: impl Iterator<Item = usize>)
 fn student_t(freedom: f64) -> f64 {
     const BEYOND: f64 = 0.05;
     const NORMAL: f64 = -1.959_964;
+    // One and two degrees of freedom have closed forms.
     if freedom < 2.0 {
         return 1.0 / libm::tan(0.5 * std::f64::consts::PI * BEYOND);
     }
     if freedom < 3.0 {
         return (2.0 / (BEYOND * (2.0 - BEYOND)) - 2.0).sqrt();
     }
+    // The names are those of Hill's algorithm.
     let a = 1.0 / (freedom - 0.5);
     let b = 48.0 / (a * a);
     let mut c = ((20_700.0 * a / b - 98.0) * a - 16.0) * a + 96.36;
     let d = ((94.5 / (b + c) - 3.0) / b + 1.0) * (0.5 * a * std::f64::consts::PI).sqrt() * freedom;
     let mut y = libm::pow(d * BEYOND, 2.0 / freedom);
     if y > 0.05 + a {
+        // Many degrees: an asymptotic inverse expansion about the normal quantile.
         let x = NORMAL;
         y = x * x;
         if freedom < 5.0 {
@@ -278,6 +284,7 @@ fn student_t(freedom: f64) -> f64 {
         y = (((((0.4 * y + 6.3) * y + 36.0) * y + 94.5) / c - y - 3.0) / b + 1.0) * x;
         y = libm::expm1(a * y * y);
     } else {
+        // Few degrees: an expansion in the tail.
         let tail = (1.0
             / (((freedom + 6.0) / (freedom * y) - 0.089 * d - 0.822) * (freedom + 2.0) * 3.0)
             + 0.5 / (freedom + 4.0))
@@ -295,20 +302,20 @@ pub(super) fn bootstrap(strata: &[Vec<f64>], statistic: impl Fn(&mut [f64]) -> f
         return Estimate { value, low: value, high: value };
     }
     let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let mut drawn: Vec<f64> = (0..RESAMPLES)
-        .map(|_| {
-            values.clear();
-            for stratum in &strata {
-                values.extend(stratum.iter().map(|_| stratum[rng.random_range(0..stratum.len())]));
-            }
-            statistic(&mut values)
-        })
-        .collect();
+    // As many values of each stratum as it has, with replacement.
+    let drawn = (0..RESAMPLES).map(|_| {
+        values.clear();
+        for stratum in &strata {
+            values.extend(stratum.iter().map(|_| stratum[rng.random_range(0..stratum.len())]));
+        }
+        statistic(&mut values)
+    });
+    let mut drawn: Vec<f64> = drawn.collect();
     drawn.sort_unstable_by(f64::total_cmp);
     let beyond = 0.5 * (1.0 - LEVEL);
     #[expect(clippy::cast_possible_truncation, reason = "within the samples")]
     let [low, high] = [beyond, 1.0 - beyond]
-        .map(|share| drawn[((share * RESAMPLES as f64) as usize).min(RESAMPLES - 1)]);
+        .map(|quantile| drawn[((quantile * RESAMPLES as f64) as usize).min(RESAMPLES - 1)]);
     Estimate { value, low, high }
 }
 
@@ -345,27 +352,16 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_and_shares_are_those_of_the_tables() {
-        let table = [
-            (1.0, 12.706),
-            (2.0, 4.303),
-            (3.0, 3.182),
-            (4.0, 2.776),
-            (5.0, 2.571),
-            (10.0, 2.228),
-            (30.0, 2.042),
-            (1000.0, 1.962),
-        ];
-        for (freedom, wanted) in table {
-            assert!(
-                (student_t(freedom) - wanted).abs() < 1e-3,
-                "{freedom}: {}",
-                student_t(freedom)
-            );
+    fn quantiles_and_proportions_are_those_of_the_tables() {
+        let freedoms = [1.0, 2.0, 3.0, 4.0, 5.0, 10.0, 30.0, 1000.0];
+        let wanted = [12.706, 4.303, 3.182, 2.776, 2.571, 2.228, 2.042, 1.962];
+        for (freedom, wanted) in freedoms.into_iter().zip(wanted) {
+            let t = student_t(freedom);
+            assert!((t - wanted).abs() < 1e-3, "{freedom}: {t}");
         }
         // R's binom.confint(x, n, methods = "agresti-coull").
         for (hits, n, low, high) in [(0, 10, 0.0, 0.3209), (8, 10, 0.4794, 0.9541)] {
-            let estimate = share((0..n).map(|i| i < hits));
+            let estimate = proportion((0..n).map(|i| i < hits));
             assert!(
                 (estimate.low - low).abs() < 1e-4 && (estimate.high - high).abs() < 1e-4,
                 "{estimate:?}"
@@ -374,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn what_differs_between_words_alone_does_not_widen_the_interval() {
+    fn differences_between_words_do_not_widen_the_interval() {
         let estimate = mean_of_strata(&[vec![1.0; 50], vec![5.0; 50]]);
         assert_eq!((estimate.low, estimate.value, estimate.high), (3.0, 3.0, 3.0));
         let once = mean_of_probabilities(&[vec![0.1], vec![0.5]]);
@@ -410,13 +406,9 @@ mod tests {
     fn intervals_hold_what_they_promise() {
         // 300 samples of 30 uniform numbers: 95 % of the intervals hold the true mean.
         let mut rng = ChaCha8Rng::seed_from_u64(7);
-        let hits = (0..300)
-            .filter(|_| {
-                let values: Vec<f64> = (0..30).map(|_| rng.random()).collect();
-                let estimate = mean_of_strata(&[values]);
-                estimate.low <= 0.5 && 0.5 <= estimate.high
-            })
-            .count();
+        let samples = (0..300).map(|_| (0..30).map(|_| rng.random()).collect());
+        let estimates = samples.map(|values| mean_of_strata(&[values]));
+        let hits = estimates.filter(|mean| (mean.low..=mean.high).contains(&0.5)).count();
         assert!((275..=297).contains(&hits), "{hits} of 300");
     }
 }

@@ -1,9 +1,9 @@
 //! Store: a folder that never loses a flight.
 //!
-//! `study.json` says which program wrote it; `flights.jsonl` holds one JSON object a line, which
-//! `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by one
-//! write of one line, so a killed program leaves at worst half a line at the end, which the next
-//! one takes off. One program at a time has the folder (`lock`).
+//! `study.json` names the program that wrote it. `flights.jsonl` holds one JSON object a line,
+//! which `jq`, `pandas.read_json(lines=True)` and `DuckDB` read as it is. A record is appended by
+//! one write of one line, so a killed program leaves at worst half a line at the end, which the
+//! next one takes off. One program at a time writes to the folder (`lock`).
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -22,8 +22,7 @@ use noctograph_core::input_error;
 
 /// Layout of the folder and meaning of its figures: 2 since a likelier rival caps `probability`.
 const FORMAT: u32 = 2;
-/// Records between two syncs to disk. Killing the program loses none of them; pulling the plug
-/// loses at most so many.
+/// Records between two syncs to disk, which a power failure loses. Killing the program loses none.
 const SYNC_EVERY: usize = 64;
 /// Longest line that is read.
 const MAX_LINE_BYTES: usize = 1 << 20;
@@ -74,12 +73,13 @@ pub struct Store {
 /// Outcomes by the scene and the seed of their flight.
 type Known = BTreeMap<String, BTreeMap<u64, Outcome>>;
 
-/// Adds the outcome of a file's flight; whether it is the first one. Another one is refused.
+/// Adds the outcome of a file's flight, and returns true if the flight is new. A second outcome of
+/// a flight is refused.
 fn add(known: &mut Known, record: Record, path: &Path) -> Result<bool> {
     let Record { scene, seed, outcome, word, .. } = record;
     match known.entry(scene).or_default().entry(seed) {
-        Entry::Vacant(place) => {
-            place.insert(outcome);
+        Entry::Vacant(entry) => {
+            entry.insert(outcome);
             Ok(true)
         }
         Entry::Occupied(known) if *known.get() == outcome => Ok(false),
@@ -105,12 +105,12 @@ impl Store {
     /// Name of the file with the flights.
     pub const FLIGHTS: &str = "flights.jsonl";
 
-    /// Opens a store, making it where there is none.
+    /// Opens a store, and makes it if there is none.
     ///
     /// # Errors
     ///
-    /// [`Error::Infeasible`] where another process has it open; [`Error::Input`] where another
-    /// version of this program wrote it or a line is broken; [`Error::Io`].
+    /// [`Error::Infeasible`] if another process has it open. [`Error::Input`] if another version of
+    /// this program wrote it or a line is broken. [`Error::Io`].
     pub fn open(folder: &Path) -> Result<Self> {
         std::fs::create_dir_all(folder).map_err(|source| Error::write(folder, source))?;
         let path = folder.join(Self::FLIGHTS);
@@ -121,21 +121,17 @@ impl Store {
                 return Err(Error::input(file.display(), "no regular file", wanted, ANOTHER));
             }
         }
+        // The lock before anything is read or written.
         let lock = lock(folder)?;
         check_header(folder)?;
-        let unwritable = |source| Error::write(&path, source);
-        let mut options = OpenOptions::new();
-        options.read(true).write(true).create(true).truncate(false);
-        let mut file = options.open(&path).map_err(unwritable)?;
+        let mut file = writable(&path)?;
         let (mut known, mut n_flights) = (Known::default(), 0);
         let length = each_line(&file, &path, |record| {
             n_flights += 1;
-            add(&mut known, record, &path).map(|_is_new| ())
+            add(&mut known, record, &path).map(drop)
         })?;
-        if file.metadata().map_err(unwritable)?.len() > length {
-            file.set_len(length).map_err(unwritable)?;
-        }
-        file.seek(SeekFrom::Start(length)).map_err(unwritable)?;
+        // Half a line of a killed program is taken off.
+        cut(&mut file, length).map_err(|source| Error::write(&path, source))?;
         let log = Mutex::new(Log { file, length, n_flights });
         Ok(Self { path, known, log, _lock: lock })
     }
@@ -149,8 +145,7 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// As [`Self::read`] and [`Self::put`]; [`Error::Input`] where a flight has another outcome
-    /// there.
+    /// As [`Self::read`] and [`Self::put`]. [`Error::Input`] if a flight has another outcome there.
     pub fn take(&mut self, path: &Path) -> Result<()> {
         Self::read(path)?.into_iter().try_for_each(|record| {
             if add(&mut self.known, record.clone(), path)? { self.put(&record) } else { Ok(()) }
@@ -166,13 +161,11 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`], such as for a full disk; then the line is taken off again, and all before it
-    /// stays. [`Error::Input`] beyond the flights of the largest study.
-    ///
-    /// # Panics
-    ///
-    /// If another thread panicked while it wrote.
+    /// [`Error::Io`], such as for a full disk. The line is then taken off again, and all before it
+    /// stays. [`Error::Input`] beyond the flights of the largest study. Panics if another thread
+    /// panicked while it wrote.
     pub fn put(&self, record: &Record) -> Result<()> {
+        // The line is made before the lock is taken, so that threads wait only for the write.
         let line = line_of(record);
         let mut log = self.log.lock().expect("no writer panics");
         if log.n_flights >= MAX_TRIALS {
@@ -203,7 +196,7 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::Io`]; then nothing is left.
+    /// [`Error::Io`]. Nothing is left then.
     pub fn write(path: &Path, records: &[Record]) -> Result<()> {
         let lines: Vec<u8> = records.iter().flat_map(line_of).collect();
         Output::create(path)?.keep_on_disk(lines).map(drop)
@@ -222,9 +215,8 @@ impl Drop for Store {
 impl Log {
     fn append(&mut self, line: &[u8]) -> std::io::Result<()> {
         if let Err(error) = self.file.write_all(line) {
-            // Half a line would be taken off at the next start; better not to leave it.
-            let _ = self.file.set_len(self.length);
-            let _ = self.file.seek(SeekFrom::Start(self.length));
+            // The next record goes behind the last whole line.
+            let _ = cut(&mut self.file, self.length);
             return Err(error);
         }
         self.length += line.len() as u64;
@@ -238,31 +230,40 @@ fn line_of(record: &Record) -> Vec<u8> {
     line
 }
 
+/// A file to read and write, which is made if there is none.
+fn writable(path: &Path) -> Result<File> {
+    let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
+    file.map_err(|source| Error::write(path, source))
+}
+
+/// Cuts a file to a length, and writes on from there.
+fn cut(file: &mut File, length: u64) -> std::io::Result<()> {
+    file.set_len(length)?;
+    file.seek(SeekFrom::End(0)).map(drop)
+}
+
 /// Takes the folder for this process, until the file is closed.
 fn lock(folder: &Path) -> Result<File> {
     let path = folder.join(LOCK);
-    let unwritable = |source| Error::write(&path, source);
-    let file = OpenOptions::new().create(true).write(true).truncate(false).open(&path);
-    let file = file.map_err(unwritable)?;
+    let file = writable(&path)?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(Error::infeasible(
             format!("{}: another noctograph is writing here", folder.display()),
             "wait until it is done, or name another folder",
         )),
-        Err(TryLockError::Error(source)) => Err(unwritable(source)),
+        Err(TryLockError::Error(source)) => Err(Error::write(&path, source)),
     }
 }
 
-/// Checks the header of the folder; writes that of a new one.
+/// Checks the header of the folder, and writes that of a new one.
 fn check_header(folder: &Path) -> Result<()> {
     let path = folder.join(HEADER_FILE);
     let noctograph = format!("{} (source {SOURCE})", env!("CARGO_PKG_VERSION"));
     let ours = Header { noctograph, format: FORMAT };
     if !path.exists() {
         let text = serde_json::to_string(&ours).expect("plain data") + "\n";
-        Output::create(&path)?.keep_on_disk(text)?;
-        return Ok(());
+        return Output::create(&path)?.keep_on_disk(text).map(drop);
     }
     let (text, wanted) = (HEADER.read_text(&path)?, "the header of a store");
     let text = text.trim();
@@ -270,21 +271,21 @@ fn check_header(folder: &Path) -> Result<()> {
         let hint = "remove it (a power failure may leave it so); the flights beside it stay";
         return Err(Error::input(path.display(), "an empty file", wanted, hint));
     }
-    let header: Header = serde_json::from_str(text).map_err(|_broken| {
+    let Header { noctograph, format } = serde_json::from_str(text).map_err(|_broken| {
         let start: String = text.chars().take(60).collect();
         Error::input(path.display(), start, wanted, "name another folder: this one holds no study")
     })?;
-    if header != ours {
-        let (theirs, ours) = (header.noctograph, ours.noctograph);
-        let format = header.format;
-        return Err(input_error!(
-            path.display(),
-            "flights of noctograph {theirs} (format {format})",
-            "{ours} (format {FORMAT})",
-            "name another folder: flights of two builds cannot be compared",
-        ));
+    // Another build flies other flights, whatever its version is.
+    if (&noctograph, format) == (&ours.noctograph, FORMAT) {
+        return Ok(());
     }
-    Ok(())
+    let wanted = ours.noctograph;
+    Err(input_error!(
+        path.display(),
+        "flights of noctograph {noctograph} (format {format})",
+        "{wanted} (format {FORMAT})",
+        "name another folder: flights of two builds cannot be compared",
+    ))
 }
 
 /// More flights than the largest study has.
@@ -293,8 +294,8 @@ fn too_many(place: impl Into<Place>) -> Error {
     Error::input(place, number, "at most those of the largest study", ANOTHER)
 }
 
-/// Calls a function with each whole line; how many bytes they take. What follows may be half a line
-/// of ours.
+/// Calls a function with each whole line, and returns their length in bytes. Half a line of ours
+/// may follow them.
 fn each_line(
     file: impl Read,
     path: &Path,
@@ -306,19 +307,21 @@ fn each_line(
         line.clear();
         let limited = Read::take(&mut reader, MAX_LINE_BYTES as u64);
         let n = { limited }.read_until(b'\n', &mut line).map_err(|e| Error::read(path, e))?;
-        let begun = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
-        if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && begun) {
+        // Half a line at the end is skipped if it is one of ours. Foreign text is an error below,
+        // so that it is never cut off.
+        let is_ours = line.starts_with(BEGINNING) || BEGINNING.starts_with(&line);
+        if n == 0 || (line.last() != Some(&b'\n') && n < MAX_LINE_BYTES && is_ours) {
             return Ok(length);
         }
         count += 1;
-        let place = || format!("{}:{count}", path.display());
+        let place = format!("{}:{count}", path.display());
         if count > MAX_TRIALS {
-            return Err(too_many(place()));
+            return Err(too_many(place));
         }
         let hint = "take the line out, or name another folder";
         let record: Record = serde_json::from_slice(&line)
-            .map_err(|error| Error::input(place(), error, "a flight as one JSON object", hint))?;
-        record.outcome.check(&place())?;
+            .map_err(|error| Error::input(&*place, error, "a flight as one JSON object", hint))?;
+        record.outcome.check(&place)?;
         each(record)?;
         length += n as u64;
     }

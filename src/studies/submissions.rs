@@ -1,6 +1,5 @@
 //! Submissions: the scenes of a course under a task, and those that are refused.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::Unranked;
@@ -13,8 +12,7 @@ use noctograph_pipeline::scene::{NamedScene, SceneTask};
 pub struct Submissions {
     /// Scenes under the names of their rows.
     pub scenes: Vec<NamedScene>,
-    /// Submissions that are broken, or change what they may not, and entries of folders that are
-    /// none; the others are as they are.
+    /// Submissions that are broken or change what they may not, and other entries of folders.
     pub refused: Vec<Unranked>,
     /// Hidden files of folders, by folder.
     pub passed_over: Vec<String>,
@@ -30,12 +28,12 @@ struct Handed {
 
 /// Reads submissions: files (TOML), folders of them, and folders of a folder for each student, as
 /// learning platforms hand them out. A row has the name of its file, behind that of the student's
-/// folder; a name that two of them have is as much of the path as tells them apart. Every other
-/// entry of a folder has a row that says why it is none, but hidden files, which are named.
+/// folder. If two files have that name, the row has as much of the path as tells them apart. Every
+/// other entry of a folder has a row with the reason, except hidden files, which are only named.
 ///
 /// # Errors
 ///
-/// As [`entries_in`]; [`Error::Input`] where nothing is handed in.
+/// As [`entries_in`]. [`Error::Input`] if nothing is handed in.
 pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
     let (mut handed, mut passed_over) = (Vec::new(), Vec::new());
     for path in named.iter().map(PathBuf::from) {
@@ -51,18 +49,21 @@ pub fn submissions(task: &SceneTask, named: &[String]) -> Result<Submissions> {
         let (folders, hint) = (named.join(", "), "name the folder that has the files *.toml");
         return Err(Error::input("submissions", folders + ": no files", "at least one", hint));
     }
-    let mut n_named = BTreeMap::new();
-    handed.iter().for_each(|it| *n_named.entry(it.name.clone()).or_insert(0) += 1);
     let mut read = Submissions { passed_over, ..Submissions::default() };
     for Handed { path, name, refused } in &handed {
-        let name = if n_named[name] == 1 { name.clone() } else { distinct(path, &handed) };
+        // The longer name only for files of one name, so that rows stay short.
+        let is_shared = handed.iter().filter(|other| other.name == *name).count() > 1;
+        let name = if is_shared { distinct(path, &handed) } else { name.clone() };
         let scene = match refused {
-            Some(why) => Err(format!("refused: {why}")),
-            None => task.submission(path).map_err(|it| format!("refused: {it} ({})", it.hint())),
+            Some(why) => Err((*why).to_owned()),
+            None => task.submission(path).map_err(|error| format!("{error} ({})", error.hint())),
         };
         match scene {
             Ok(scene) => read.scenes.push(NamedScene::new(&name, scene)),
-            Err(note) => read.refused.push(Unranked { contender: name, note }),
+            Err(why) => {
+                let note = format!("refused: {why}");
+                read.refused.push(Unranked { contender: name, note });
+            }
         }
     }
     Ok(read)
@@ -76,7 +77,7 @@ fn gather(
     passed_over: &mut Vec<String>,
 ) -> Result<()> {
     let (mut hidden, before) = (Vec::new(), handed.len());
-    let row = |name: &str| student.map_or(name.to_owned(), |student| format!("{student}/{name}"));
+    let prefix = student.map_or(String::new(), |student| format!("{student}/"));
     for path in entries_in(folder)? {
         let name = file_name(&path);
         if name.starts_with('.') {
@@ -87,10 +88,12 @@ fn gather(
         if refused.is_none() && path.is_dir() {
             gather(&path, Some(&name), handed, passed_over)?;
         } else {
-            let name = row(&if refused.is_none() { stem(&path) } else { name });
+            // A refused entry is named with its ending, which is often the reason.
+            let name = prefix.clone() + &if refused.is_none() { stem(&path) } else { name };
             handed.push(Handed { path, name, refused });
         }
     }
+    // A student who handed nothing in has a row, too.
     if let Some(student) = student.filter(|_| handed.len() == before) {
         let (path, name) = (folder.to_owned(), student.to_owned());
         handed.push(Handed { path, name, refused: Some("no file *.toml is in it") });
@@ -118,22 +121,27 @@ fn why_not(path: &Path, is_in_student: bool) -> Option<&'static str> {
     })
 }
 
-/// The end of a path that no other submission has, as short as may be; all of a path that is named
-/// twice.
-fn distinct(path: &Path, all: &[Handed]) -> String {
-    let end = |path: &Path, n: usize, has_ending: bool| {
-        let path = if has_ending { path.to_owned() } else { path.with_extension("") };
-        let parts: Vec<_> =
-            path.components().map(|it| it.as_os_str().to_string_lossy().into_owned()).collect();
-        parts[parts.len().saturating_sub(n)..].join("/")
-    };
-    let ends = (1..=path.components().count()).flat_map(|n| [(n, false), (n, true)]);
-    let is_distinct = |&(n, has_ending): &(usize, bool)| {
-        let wanted = end(path, n, has_ending);
-        all.iter().filter(|it| end(&it.path, n, has_ending) == wanted).count() == 1
-    };
-    let shortest = ends.into_iter().find(is_distinct);
-    shortest.map_or_else(|| path.display().to_string(), |(n, ends)| end(path, n, ends))
+/// The shortest end of a path that no other submission has. The whole path if it is named twice.
+fn distinct(path: &Path, handed: &[Handed]) -> String {
+    for n in 1..=path.components().count() {
+        // Without the ending of the name first.
+        for has_ending in [false, true] {
+            let end = end(path, n, has_ending);
+            if handed.iter().filter(|other| self::end(&other.path, n, has_ending) == end).count()
+                == 1
+            {
+                return end;
+            }
+        }
+    }
+    path.display().to_string()
+}
+
+/// The last `n` parts of a path.
+fn end(path: &Path, n: usize, has_ending: bool) -> String {
+    let path = if has_ending { path.to_owned() } else { path.with_extension("") };
+    let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    parts[parts.len().saturating_sub(n)..].join("/")
 }
 
 fn stem(path: &Path) -> String {
@@ -167,22 +175,22 @@ mod tests {
         }
         let task = SceneTask::new(Scene::find("cf21", &[]).unwrap().scene, &[]).unwrap();
         let read = submissions(&task, &[folder.path().display().to_string()]).unwrap();
-        let names: Vec<&str> = read.scenes.iter().map(|it| &*it.name).collect();
+        let names: Vec<&str> = read.scenes.iter().map(|scene| &*scene.name).collect();
         assert_eq!(names, ["BEN", "anna", "bo_12/gains"]);
-        let said = read.refused.iter().map(|it| format!("{} {}", it.contender, it.note));
-        let said: Vec<String> = said.collect();
-        for named in [
+        let rows = read.refused.iter().map(|row| format!("{} {}", row.contender, row.note));
+        let rows: Vec<String> = rows.collect();
+        for wanted in [
             "cy.toml.txt refused: not called *.toml",
             "dora.zip refused: an archive: unpack it",
             "eve_13/gains.py refused: a controller in Python: python -m noctograph.grade flies it",
             "ida_14 refused: no file *.toml is in it",
             "bo_12/more refused: a folder in a student's folder",
         ] {
-            assert!(said.iter().any(|it| it == named), "{named}: {said:?}");
+            assert!(rows.iter().any(|row| row == wanted), "{wanted}: {rows:?}");
         }
         for link in ["fay.toml", "gus.toml", "h"] {
             let wanted = format!("{link} refused: {LINK}");
-            assert!(cfg!(not(unix)) || said.contains(&wanted), "{link}: {said:?}");
+            assert!(cfg!(not(unix)) || rows.contains(&wanted), "{link}: {rows:?}");
         }
         let [hidden] = &read.passed_over[..] else { panic!("{:?}", read.passed_over) };
         assert!(hidden.ends_with("not read, as hidden: .ed.toml"), "{hidden}");
@@ -190,14 +198,16 @@ mod tests {
 
     #[test]
     fn a_name_that_two_submissions_have_is_the_end_of_the_path_that_tells_them_apart() {
-        let all =
+        fn names<const N: usize>(paths: [&str; N]) -> [String; N] {
+            let name = String::new;
+            let handed =
+                paths.map(|path| Handed { path: path.into(), name: name(), refused: None });
+            handed.each_ref().map(|file| distinct(&file.path, &handed))
+        }
+        let paths =
             ["/c/x/ada/gains.toml", "/c/x/bo/gains.toml", "/c/y/bo/gains.toml", "a.toml", "a.TOML"];
-        let all = all.map(|path| Handed { path: path.into(), name: String::new(), refused: None });
-        let names = all.each_ref().map(|it| distinct(&it.path, &all));
-        assert_eq!(names, ["ada/gains", "x/bo/gains", "y/bo/gains", "a.toml", "a.TOML"]);
-        let twice =
-            [0, 0].map(|_| Handed { path: "/c/a.toml".into(), name: String::new(), refused: None });
-        assert_eq!(distinct(&twice[0].path, &twice), "/c/a.toml");
+        assert_eq!(names(paths), ["ada/gains", "x/bo/gains", "y/bo/gains", "a.toml", "a.TOML"]);
+        assert_eq!(names(["/c/a.toml"; 2]), ["/c/a.toml"; 2]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use serde_json::Value;
 
-use super::{Flown, Knob, Ranking, Record, Tuned};
+use super::{Flown, Knob, Measures, Ranking, Record, Tuned};
 
 /// A column: its name, and the path of its values in a row's JSON.
 type Column = (String, String);
@@ -13,38 +13,37 @@ pub fn flights_csv(records: &[Record]) -> String {
     let verdict =
         columns("contender word seed read all_read legible probability log_odds similarity");
     let flown = Flown::<f64>::NAMES.map(|name| column(name, name));
-    let all = verdict.chain(flown).chain(columns("lost"));
-    table(all, records.iter().map(value))
+    table(verdict.chain(flown).chain(columns("lost")), records.iter().map(value))
 }
 
-/// A row for each scene, the best first; intervals of 95 %.
+/// A row for each scene, the best first, with intervals of 95 %.
 pub fn ranking_csv(ranking: &Ranking) -> String {
     let read = ["legibility", "legible", "worst_decile", "all_read"];
     let flown = Flown::<f64>::NAMES.map(|name| estimate(name, &format!("flown/{name}")));
-    let all = columns("place contender flights=n_flights lost=n_lost note")
+    let acuity = ranking.acuity.as_ref().map(|_| estimate("acuity_m_s", "acuity"));
+    let columns = columns("place contender flights=n_flights lost=n_lost note")
         .chain(read.into_iter().flat_map(|name| estimate(name, name)))
-        .chain(flown.into_iter().flatten());
-    let limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
-    let limits: Vec<_> = limits.map(|it| (&it.contender, value(&it.stroke_speed_m_s))).collect();
-    let acuity = (!limits.is_empty()).then(|| estimate("acuity_m_s", "acuity"));
+        .chain(flown.into_iter().chain(acuity).flatten());
+    // Speeds of the ladder join the rows of their contenders.
     let ranked = ranking.measures.iter().map(|measures| {
-        let limit = limits.iter().find(|(name, _)| **name == measures.contender);
+        let mut limits = ranking.acuity.iter().flat_map(|acuity| &acuity.limits);
+        let limit = limits.find(|limit| limit.contender == measures.contender);
         let mut row = value(measures);
-        row["acuity"] = limit.map_or(Value::Null, |(_, limit)| limit.clone());
+        row["acuity"] = value(&limit.map(|limit| limit.stroke_speed_m_s));
         row
     });
-    let unranked = ranking.unranked.iter().map(value);
-    table(all.chain(acuity.into_iter().flatten()), ranked.chain(unranked))
+    table(columns, ranked.chain(ranking.unranked.iter().map(value)))
 }
 
 /// A row for each submission: marks are 100 times P(read), 0 for those that are not ranked.
 pub fn marks_csv(ranking: &Ranking) -> String {
     let ranked = ranking.measures.iter().map(|measures| {
-        let (mut row, n_lost) = (value(measures), measures.n_lost);
-        row["marks"] = ((1000.0 * measures.legibility.value).round() / 10.0).into();
-        let lost = (n_lost > 0).then(|| format!("lost on {n_lost} of {}", measures.n_flights));
-        let lost = lost.map(|lost| lost + " flights");
+        let Measures { n_lost, n_flights, .. } = measures;
+        // The note names everything that a marker wants to know about a row.
+        let lost = (*n_lost > 0).then(|| format!("lost on {n_lost} of {n_flights} flights"));
         let equal = measures.equal_to.as_ref().map(|other| format!("flies exactly as {other}"));
+        let mut row = value(measures);
+        row["marks"] = ((1000.0 * measures.legibility.value).round() / 10.0).into();
         row["note"] = lost.into_iter().chain(equal).collect::<Vec<_>>().join("; ").into();
         row
     });
@@ -53,16 +52,16 @@ pub fn marks_csv(ranking: &Ranking) -> String {
         row["marks"] = 0.into();
         row
     });
-    let read = "p_read=legibility/value low=legibility/low high=legibility/high";
-    let all = columns("name=contender place").chain(columns(read)).chain(columns("marks note"));
-    table(all, ranked.chain(unranked))
+    let names = "name=contender place p_read=legibility/value low=legibility/low \
+                 high=legibility/high marks note";
+    table(columns(names), ranked.chain(unranked))
 }
 
 /// A row for each candidate, in the order of the search, with the scene's value of each key that a
 /// knob turns.
 pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
     let keys = knobs.iter().flat_map(|knob| &knob.keys);
-    let all = columns("number flights=n_flights given_up merit legibility")
+    let columns = columns("number flights=n_flights given_up merit legibility")
         .chain(estimate("legible", "legible"))
         .chain(columns("duration_s broken on_front"))
         .chain(keys.map(|key| column(key, &format!("settings/{key}"))));
@@ -71,14 +70,14 @@ pub fn candidates_csv(tuned: &Tuned, knobs: &[Knob]) -> String {
         row["on_front"] = tuned.front.contains(&candidate.number).into();
         row
     });
-    table(all, rows)
+    table(columns, rows)
 }
 
 fn column(name: &str, path: &str) -> Column {
     (name.to_owned(), format!("/{path}"))
 }
 
-/// Columns by their names, each with its path where that is another.
+/// Columns by their names, each with its path behind `=` if that is another.
 fn columns(names: &str) -> impl Iterator<Item = Column> {
     names.split(' ').map(|name| {
         let (name, path) = name.split_once('=').unwrap_or((name, name));
@@ -99,26 +98,25 @@ fn value(row: &impl Serialize) -> Value {
 
 fn table(columns: impl Iterator<Item = Column>, rows: impl Iterator<Item = Value>) -> String {
     let (names, paths): (Vec<String>, Vec<String>) = columns.unzip();
-    let cells = |row: Value| {
-        paths.iter().map(|path| row.pointer(path).map_or(String::new(), cell)).collect()
-    };
     let mut out = csv::Writer::from_writer(Vec::new());
-    for row in std::iter::once(names).chain(rows.map(cells)) {
-        out.write_record(row).expect("writing into memory");
+    out.write_record(names).expect("writing into memory");
+    for row in rows {
+        let cells = paths.iter().map(|path| row.pointer(path).map_or(String::new(), cell));
+        out.write_record(cells).expect("writing into memory");
     }
     String::from_utf8(out.into_inner().expect("in memory")).expect("text was written")
 }
 
-/// A JSON value as a CSV cell. A spreadsheet takes a text that begins with one of `=+-@` for a
-/// formula, and a terminal obeys control characters: a name, which a submission chooses, stands
-/// behind an apostrophe (OWASP, CSV injection), and with U+FFFD in their place.
+/// A JSON value as a CSV cell. Submissions choose their names, so texts are made harmless: one that
+/// begins with `=+-@`, a formula to a spreadsheet, gets an apostrophe (OWASP, CSV injection), and
+/// control characters, which a terminal obeys, become U+FFFD.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => {
             let apostrophe = if text.starts_with(['=', '+', '-', '@']) { "'" } else { "" };
-            let obeyed = |c: char| c.is_control() && c != '\n' && c != '\t';
-            apostrophe.to_owned() + &text.replace(obeyed, "\u{fffd}")
+            let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';
+            apostrophe.to_owned() + &text.replace(is_control, "\u{fffd}")
         }
         // As Rust prints it: without an exponent.
         Value::Number(number) if number.is_f64() => number.as_f64().unwrap_or(0.0).to_string(),

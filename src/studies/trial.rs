@@ -17,9 +17,10 @@ use noctograph_pipeline::shoot::{Judging, Recording, Shoot};
 use noctograph_plan::Plan;
 use noctograph_score::{CALIBRATION, Reader, ScoreOptions};
 
-/// Height of a capital on the film that is read; the reader resamples it to 32. Fewer pixels blur
-/// the trail, more cost time. For 20 words, each flown twice, the probability is on average 0.017
-/// off that at 1920 × 1080, and 0.21 at most, for Illi. Scenes are compared on equal films.
+/// Height of a capital on the film that is read. The reader resamples it to 32. Fewer pixels blur
+/// the trail, more cost time. For 20 words, each flown twice, the probability differs on average by
+/// 0.017 from that at 1920 × 1080, and by 0.21 at most, for Illi. Scenes are compared on equal
+/// films.
 const CAP_HEIGHT_PX: f64 = 48.0;
 
 /// A scene made ready to fly a word again and again.
@@ -36,8 +37,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Makes a scene ready for a word. Where it cannot be planned, as with a gain that loses the
-    /// drone, every outcome says so: one bad candidate ends no study.
+    /// Makes a scene ready for a word. If it cannot be planned, as with a gain that loses the
+    /// drone, every outcome is a lost drone: one bad candidate ends no study.
     ///
     /// # Errors
     ///
@@ -47,12 +48,14 @@ impl Prepared {
         let mut scene = Scene { seed: 0, ..named.scene.clone() };
         scene.set_word(word);
         scene.check()?;
+        // A scene without a plan still gets a shoot, which gives every seed the same outcome.
         let (mut shoot, unplanned) = match Shoot::new(scene.clone()) {
             Err(Error::Infeasible { what, hint, .. }) => {
                 (Shoot::with_plans(scene.clone(), Vec::new())?, Some([what, hint]))
             }
             shoot => (shoot?, None),
         };
+        // One core a flight: the flights of a study run side by side.
         (shoot.judging, shoot.keeps_film) = (Judging::Scored, false);
         shoot.cores = Some(NonZero::<usize>::MIN);
         if let Some(strokes) = &shoot.strokes {
@@ -90,8 +93,8 @@ impl Prepared {
         &self.scene
     }
 
-    /// Names everything that decides an outcome except the seed: program, reader, scene, word and
-    /// conditions. 16 hexadecimal digits.
+    /// Digest of everything that decides an outcome except the seed: program, reader, scene, word
+    /// and conditions. 16 hexadecimal digits.
     pub fn digest(&self) -> &str {
         &self.digest
     }
@@ -115,26 +118,19 @@ impl Prepared {
     }
 
     /// The flights of one seed, one for each drone.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::planned`] and [`Shoot::fly`].
     pub fn fly(&self, seed: u64) -> Result<Vec<Flight>> {
         self.planned()?;
         self.shoot(seed).fly(&|_, _| {})
     }
 
-    /// The outcome of the flights of a seed, exposed and read. One whose lamp passes before the
-    /// lens leaves no photo: it is lost.
-    ///
-    /// # Errors
-    ///
-    /// Those of the stages, except that of a lost drone.
+    /// The outcome of the flights of a seed, exposed and read. A lamp that passes before the lens
+    /// leaves no photo: its drone counts as lost.
     pub fn judge(&self, flights: Result<Vec<Flight>>, seed: u64) -> Result<Outcome> {
-        let recordings =
-            |flights: Vec<Flight>| flights.into_iter().map(Recording::Flight).collect();
-        let expose = |recordings| Shoot { recordings, ..self.shoot(seed) }.take(&|_, _| {});
-        let shot = match or_lost(flights.map(recordings).and_then(expose))? {
+        let shot = flights.and_then(|flights| {
+            let recordings = flights.into_iter().map(Recording::Flight).collect();
+            Shoot { recordings, ..self.shoot(seed) }.take(&|_, _| {})
+        });
+        let shot = match or_lost(shot)? {
             Ok(shot) => shot,
             Err(how) => return Ok(Outcome::lost(self.word(), how)),
         };
@@ -148,12 +144,7 @@ impl Prepared {
         Record { scene, contender, word: self.word().to_owned(), seed, outcome }
     }
 
-    /// The photo of one seed with capitals of a height in pixels, at most as large as the scene's
-    /// own.
-    ///
-    /// # Errors
-    ///
-    /// Those of the stages.
+    /// The photo of one seed with capitals of a height in pixels, at most as large as the scene's.
     pub fn photo(&self, seed: u64, cap_height_px: f64) -> Result<Photo> {
         let mut shoot = Shoot { judging: Judging::Skipped, ..self.shoot(seed) };
         shoot.scene.camera = self.scene.camera.clone();
@@ -163,7 +154,7 @@ impl Prepared {
     }
 }
 
-/// What was flown, or how a drone was lost.
+/// The product of a flight, or how a drone was lost.
 pub(super) fn or_lost<T>(flown: Result<T>) -> Result<std::result::Result<T, String>> {
     match flown {
         Ok(flown) => Ok(Ok(flown)),
@@ -179,6 +170,7 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
     let end_s = shoot.plans.iter().map(|planned| planned.plan.duration_s()).fold(0.0, f64::max);
     let (bounds_m @ [left, bottom, right, top], scene) = (strokes.bounds_m(), &mut shoot.scene);
     scene.camera.shutter_close_s.get_or_insert(end_s);
+    // The height of the word's middle, from edge to edge, in pixels.
     let camera = scene.camera.camera(bounds_m, end_s)?;
     let ends_m = [bottom, top].map(|z_m| Vector3::new(0.5 * (left + right), 0.0, z_m));
     // Out of sight there is nothing to shrink.
@@ -198,7 +190,7 @@ pub(super) fn shrink(shoot: &mut Shoot, cap_height_px: f64) -> Result<()> {
 /// Readers that are kept for the next scene: preparing one takes as long as reading ten photos.
 const MAX_READERS: usize = 64;
 
-/// The reader of a word, made once for all scenes that share it.
+/// The reader of a word, made once for all its scenes.
 pub(super) fn reader(strokes: &Strokes, options: &ScoreOptions) -> Result<Arc<Reader>> {
     type Made = (Strokes, ScoreOptions, Arc<Reader>);
     static MADE: Mutex<Vec<Made>> = Mutex::new(Vec::new());

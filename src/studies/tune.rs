@@ -1,13 +1,13 @@
 //! Tuning: a scene's knobs are turned until its words read as surely as they can.
 //!
-//! A candidate flies the training words with the training seeds; its mean merit
-//! ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits, is the
-//! objective. Half of its flights come first: a candidate that is then below the median of the
-//! others is given up (median rule: Golovin et al., "Google Vizier", KDD 2017), so the budget goes
-//! to the promising. At last the best few and the scene as it was fly again with fresh seeds: the
-//! luckiest of many is not the best. The winner of those, the luckiest of a few, then meets the
-//! scene as it was on seeds of their own, and is the result only where it is distinguishably
-//! better.
+//! 1. Search: a candidate flies the training words with the training seeds. The objective is its
+//!    mean merit ([`Outcome::merit`](super::Outcome::merit)), less a penalty for broken limits.
+//!    Half of its flights come first, and a candidate below the median of the others is then given
+//!    up (median rule: Golovin et al., "Google Vizier", KDD 2017).
+//! 2. Finals: the best few and the scene as it was fly again with fresh seeds, since the luckiest
+//!    of many is not the best.
+//! 3. Test: the winner, the luckiest of a few, meets the scene as it was on further seeds. It is
+//!    the result only if it is distinguishably better.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use serde::Serialize;
 use super::experiment::{FINALS, TESTS, evaluate};
 use super::knobs::{Knob, settings, turned, without_effect};
 use super::search::Search;
-use super::statistics::{Estimate, mean, median, share};
+use super::statistics::{Estimate, mean, median, proportion};
 use super::{Conditions, Flown, Ranking, Record, Store, Study, Trial, least_flights, rank};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::input_error;
@@ -44,7 +44,7 @@ const MAX_RMSE_M: [f64; 3] = [0.166, 0.116, 0.136];
 const MAX_DRIFT_Y_M: f64 = CORRIDOR_M;
 /// Largest tilt: the Lighthouse deck still sees its stations.
 const MAX_TILT_RAD: f64 = 30.0_f64.to_radians();
-/// Share of the time with a motor at its limit.
+/// Fraction of the time with a motor at its limit.
 const MAX_SATURATED_FRAC: f64 = 0.05;
 
 /// How to tune.
@@ -54,11 +54,11 @@ pub struct TuneOptions {
     pub knobs: Vec<Knob>,
     /// Words that are trained on, each with its number of seeds for a candidate.
     pub words: Vec<(String, u32)>,
-    /// Flights in all, finals included; those of the test come on top.
+    /// Flights of search and finals. Those of the test come on top.
     pub budget: usize,
-    /// Seeds of each word in the test that decides: six at least, which can tell two apart.
+    /// Seeds of each word in the test: at least six, which can tell two apart.
     pub test_seeds: u32,
-    /// Longest flight of a candidate; `None`: as long as the scene's that it begins from.
+    /// Longest flight of a candidate. `None`: as long as the flight of the scene as it was.
     pub longest_s: Option<f64>,
     /// How flights differ from their scene.
     pub conditions: Conditions,
@@ -82,12 +82,8 @@ impl TuneOptions {
         self.finals() + LEAST_CANDIDATES * self.n_each()
     }
 
-    /// Ranks a scene (`tuned`) and the one that it comes from, on seeds that neither the search
+    /// Ranks a scene (`tuned`) and the one that it was made of, on seeds that neither the search
     /// nor the finals had.
-    ///
-    /// # Errors
-    ///
-    /// Those of the flights and the store.
     pub fn test(
         &self,
         [start, tuned]: [&Scene; 2],
@@ -96,6 +92,7 @@ impl TuneOptions {
         stop: &Stop,
         done: &(dyn Fn(usize) + Sync),
     ) -> Result<(Study, Ranking)> {
+        // Further seeds, which neither search nor finals had a chance to fit.
         let contenders = [("as it was", start), (TUNED, tuned)];
         let contenders = contenders.map(|(name, scene)| NamedScene::new(name, scene.clone()));
         let (contenders, conditions) = (contenders.into(), self.conditions.clone());
@@ -106,7 +103,7 @@ impl TuneOptions {
         Ok((study, ranking))
     }
 
-    /// Checks that there is something to turn, to write and to spend.
+    /// Checks that there are knobs, words and a budget for them.
     ///
     /// # Errors
     ///
@@ -132,7 +129,7 @@ impl TuneOptions {
 pub struct Candidate {
     /// Its number, in the order of asking.
     pub number: usize,
-    /// Setting of each knob, 0 to 1; empty for the scene as it was.
+    /// Setting of each knob, 0 to 1. Empty for the scene as it was.
     #[serde(skip)]
     pub point: Vec<f64>,
     /// The scene's values of the keys that the knobs turn, in their own units.
@@ -143,11 +140,11 @@ pub struct Candidate {
     pub merit: f64,
     /// Mean probability of being read.
     pub legibility: f64,
-    /// Share of flights whose photo is legible.
+    /// Fraction of flights whose photo is legible.
     pub legible: Estimate,
-    /// Mean time of a flight; `None` where every one was lost.
+    /// Mean time of a flight. `None` if every drone was lost.
     pub duration_s: Option<f64>,
-    /// How much of its limits it broke: 0 keeps to all, 1 is a whole limit.
+    /// Excess over its limits, in limits: 0 keeps to all of them.
     pub broken: f64,
     /// Given up after half of its flights.
     pub given_up: bool,
@@ -162,15 +159,15 @@ impl Candidate {
 /// The result of tuning.
 #[derive(Clone, Debug)]
 pub struct Tuned {
-    /// The scene with the best knobs; the scene as it was unless they won the test.
+    /// The scene with the best knobs if they won the test, else the scene as it was.
     pub scene: Scene,
-    /// The winner of the finals against the scene as it was, on new seeds; `None` where that won.
+    /// The winner of the finals against the scene as it was, on new seeds. `None` if that won.
     pub test: Option<(Study, Ranking)>,
-    /// Its figures in the finals.
+    /// Figures of the winner in the finals.
     pub best: Candidate,
     /// Figures of the scene as it was in the same finals.
     pub before: Candidate,
-    /// Every candidate in the order of asking; the first is the scene as it was.
+    /// Every candidate in the order of asking. The first is the scene as it was.
     pub candidates: Vec<Candidate>,
     /// Numbers of the candidates within the limits that no other beats in both flight time and
     /// legibility, the fastest first.
@@ -180,23 +177,21 @@ pub struct Tuned {
 }
 
 impl Tuned {
-    /// Whether a candidate won the test against the scene as it was.
+    /// True if a candidate won the test against the scene as it was.
     pub fn helped(&self) -> bool {
-        fn is_won(ranking: &Ranking) -> bool {
+        self.test.as_ref().is_some_and(|(_, ranking)| {
             ranking.measures[0].contender == TUNED && ranking.pairs[0].distinguishable
-        }
-        self.test.as_ref().is_some_and(|(_, ranking)| is_won(ranking))
+        })
     }
 }
 
 /// Tunes a scene. After each candidate `watch` gets the number of flights and the best candidate so
-/// far, and returns whether to go on to the next; then come the finals. `stop` ends it between two
-/// flights.
+/// far, and returns false to go on to the finals. `stop` ends it between two flights.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, no word or too
-/// small a budget; those of the flights and the store.
+/// [`Error::Input`] for knobs that the scene lacks or that have no effect in it, for no word and
+/// for too small a budget. Those of the flights and the store.
 pub fn tune(
     base: &Scene,
     options: &TuneOptions,
@@ -206,18 +201,20 @@ pub fn tune(
 ) -> Result<Tuned> {
     options.check()?;
     if let Some((key, why)) = without_effect(base, &options.knobs).into_iter().next() {
-        let (idle, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
-        return Err(Error::input("knob", idle, "a key that has one in this scene", hint));
+        let (unused, hint) = (format!("{key}, which has no effect: {why}"), "leave it out");
+        return Err(Error::input("knob", unused, "a key that has one in this scene", hint));
     }
     let (n_each, finals, training) = (options.n_each(), options.finals(), (options.seed, 1));
     let mut tuning =
         Tuning { base, options, store, longest_s: options.longest_s, stop, n_flights: 0 };
-    let as_it_is = tuning.candidate(0, &[], training, Some(f64::INFINITY))?;
-    tuning.longest_s = tuning.longest_s.or(as_it_is.duration_s);
+    // The scene as it was comes first: its duration is the limit of the others.
+    let as_it_was = tuning.candidate(0, &[], training, Some(f64::INFINITY))?;
+    tuning.longest_s = tuning.longest_s.or(as_it_was.duration_s);
     let mut search = Search::new(options.knobs.len(), options.seed);
-    let (mut candidates, mut best) = (vec![as_it_is], 0);
+    let (mut candidates, mut best) = (vec![as_it_was], 0);
     while tuning.n_flights + n_each + finals <= options.budget {
         let point = search.ask();
+        // Median rule, once there is a median to speak of.
         let mut costs: Vec<f64> =
             candidates.iter().filter(|c| !c.given_up).map(Candidate::cost).collect();
         let bar = if costs.len() < 5 { f64::INFINITY } else { median(&mut costs) };
@@ -233,10 +230,13 @@ pub fn tune(
     }
     let [before, best] = tuning.finals(&candidates)?;
     let (scene, front) = (turned(base, &options.knobs, &best.point)?, front(&candidates));
+    // The winner of the finals is tested unless it is the scene as it was.
     let n_seeds = options.test_seeds.max(least_flights(2));
     let words = options.words.iter().map(|(word, _)| (word.clone(), n_seeds)).collect();
-    let test = || options.test([base, &scene], words, store, stop, &|_| {});
-    let test = (best.number != before.number).then(test).transpose()?;
+    let test = match best.number == before.number {
+        true => None,
+        false => Some(options.test([base, &scene], words, store, stop, &|_| {})?),
+    };
     let n_flights = tuning.n_flights;
     let mut tuned = Tuned { scene, test, best, before, front, n_flights, candidates };
     if !tuned.helped() {
@@ -245,7 +245,7 @@ pub fn tune(
     Ok(tuned)
 }
 
-/// A tuning on its way.
+/// A search and its flights so far.
 struct Tuning<'a> {
     base: &'a Scene,
     options: &'a TuneOptions,
@@ -256,8 +256,8 @@ struct Tuning<'a> {
 }
 
 impl Tuning<'_> {
-    /// Flies a candidate with a seed for all its seeds, `times` as often as in training. With a
-    /// bar, half of its flights come first, and the candidate is given up where they cost more.
+    /// Flies a candidate, `times` as often as in training, with seeds drawn from `seed`. With a
+    /// bar, half of its flights come first, and the candidate is given up if they cost more.
     fn candidate(
         &mut self,
         number: usize,
@@ -279,37 +279,33 @@ impl Tuning<'_> {
         let study = Study { contenders, words, conditions: conditions.clone(), seed };
         study.check()?;
         let prepared = study.prepare()?;
-        let fly =
-            |trials: &[Trial]| evaluate(&study, &prepared, trials, self.store, self.stop, &|_| {});
         let trials: Vec<Trial> = study.trials().collect();
-        // Every other flight, so that each word has its share.
-        let [first, rest] = match bar {
-            Some(_) => [0, 1].map(|odd| trials.iter().skip(odd).step_by(2).copied().collect()),
-            None => [trials, Vec::new()],
-        };
-        let mut records = fly(&first)?;
-        let mut candidate = self.judged(&unflown, &records);
-        candidate.given_up = bar.is_some_and(|bar| candidate.cost() > bar);
-        if !candidate.given_up && !rest.is_empty() {
-            records.extend(fly(&rest)?);
+        // With a bar every other flight first, so that half of each word's are among them.
+        let n_parts = if bar.is_some() { 2 } else { 1 };
+        let (mut records, mut candidate) = (Vec::new(), unflown.clone());
+        for part in 0..n_parts {
+            let trials: Vec<Trial> = trials.iter().skip(part).step_by(n_parts).copied().collect();
+            records.extend(evaluate(&study, &prepared, &trials, self.store, self.stop, &|_| {})?);
             candidate = self.judged(&unflown, &records);
+            candidate.given_up = part == 0 && bar.is_some_and(|bar| candidate.cost() > bar);
+            if candidate.given_up {
+                break;
+            }
         }
         self.n_flights += records.len();
         Ok(candidate)
     }
 
-    /// The scene as it was and the best of all candidates: fresh seeds, more of them.
+    /// The scene as it was and the best of all candidates, by more flights with fresh seeds.
     fn finals(&mut self, candidates: &[Candidate]) -> Result<[Candidate; 2]> {
         let (as_it_was, others) = candidates.split_first().expect("the scene as it was is one");
-        let mut order: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
-        order.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
-        let mut finalists = Vec::new();
-        for Candidate { number, point, .. } in
-            std::iter::once(as_it_was).chain(order).take(FINALISTS)
-        {
-            let flights = (self.options.seed ^ FINALS, FINAL_TIMES);
-            finalists.push(self.candidate(*number, point, flights, None)?);
-        }
+        let mut by_cost: Vec<&Candidate> = others.iter().filter(|c| !c.given_up).collect();
+        by_cost.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
+        by_cost.insert(0, as_it_was);
+        let flights = (self.options.seed ^ FINALS, FINAL_TIMES);
+        let finalists = by_cost.iter().take(FINALISTS);
+        let finalists = finalists.map(|c| self.candidate(c.number, &c.point, flights, None));
+        let mut finalists = finalists.collect::<Result<Vec<_>>>()?;
         // The first of equal ones: the scene as it was.
         let best = finalists.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
         let best = best.expect("the scene as it was is one").clone();
@@ -321,6 +317,7 @@ impl Tuning<'_> {
         let flown: Vec<Flown> = records.iter().filter_map(|record| record.outcome.flown).collect();
         let means = std::array::from_fn(|i| mean(flown.iter().map(|flown| flown.values()[i])));
         let figures = Flown::<f64>::from_values(means);
+        // Excess over each limit adds up, as does the fraction of lost drones.
         let limits = [
             (figures.rmse_x_m, MAX_RMSE_M[0]),
             (figures.rmse_y_m, MAX_RMSE_M[1]),
@@ -336,7 +333,7 @@ impl Tuning<'_> {
             n_flights: records.len(),
             merit: mean(records.iter().map(|record| record.outcome.merit())),
             legibility: mean(records.iter().map(|record| record.outcome.probability)),
-            legible: share(records.iter().map(|record| record.outcome.legible)),
+            legible: proportion(records.iter().map(|record| record.outcome.legible)),
             duration_s: (!flown.is_empty()).then_some(figures.duration_s),
             broken: excess.fold(lost, |sum, excess| sum + excess) + candidate.broken,
             ..candidate.clone()
@@ -344,17 +341,16 @@ impl Tuning<'_> {
     }
 }
 
-/// Share of a Crazyflie's motor lag that a regulator, on paper, does not stand; 0 is good.
+/// Fraction of a Crazyflie's motor lag that the design of a regulator does not tolerate. 0 is good.
 fn margin_broken(scene: &Scene) -> f64 {
-    match scene.controller.kind.law() {
-        Law::StateFeedback { .. } => {}
-        Law::Cascade | Law::Geometric | Law::Own => return 0.0,
+    if !matches!(scene.controller.kind.law(), Law::StateFeedback { .. }) {
+        return 0.0;
     }
-    let stood_s = match design(&scene.sim(), MOTOR_LAG_S) {
+    let longest_s = match design(&scene.sim(), MOTOR_LAG_S) {
         Ok(design) => design.longest_lag_s.unwrap_or(f64::INFINITY),
         Err(_no_gain) => 0.0,
     };
-    (1.0 - stood_s / MOTOR_LAG_S).max(0.0)
+    (1.0 - longest_s / MOTOR_LAG_S).max(0.0)
 }
 
 /// Candidates that keep to the limits and that no other beats in both time and legibility.
@@ -367,13 +363,15 @@ fn front(candidates: &[Candidate]) -> Vec<usize> {
     kept.sort_by(|(a_s, a), (b_s, b)| {
         a_s.total_cmp(b_s).then(b.legibility.total_cmp(&a.legibility))
     });
-    let mut most = f64::NEG_INFINITY;
-    let better = kept.into_iter().filter(|(_, candidate)| {
-        let better = candidate.legibility > most;
-        most = most.max(candidate.legibility);
-        better
-    });
-    better.map(|(_, candidate)| candidate.number).collect()
+    // The fastest first: one that reads no better than a faster one is beaten.
+    let (mut front, mut most) = (Vec::new(), f64::NEG_INFINITY);
+    for (_, candidate) in kept {
+        if candidate.legibility > most {
+            most = candidate.legibility;
+            front.push(candidate.number);
+        }
+    }
+    front
 }
 
 #[cfg(test)]
@@ -401,14 +399,14 @@ mod tests {
     fn tuning_finds_the_speed_that_reads_and_says_what_it_flew() {
         let mut base = Scene::preset(Preset::Ae4832022);
         base.plan.stroke_speed_m_s = 1.5;
-        let (mut heard, mut options) = (0, options(48 + 40));
+        let (mut n_seen, mut options) = (0, options(48 + 40));
         options.longest_s = Some(60.0);
         let tuned = tune(&base, &options, None, &Stop::default(), &mut |n_flights, _| {
-            heard = n_flights;
+            n_seen = n_flights;
             true
         })
         .unwrap();
-        assert!(tuned.n_flights <= 88 && heard > 20, "{} flights, {heard}", tuned.n_flights);
+        assert!(tuned.n_flights <= 88 && n_seen > 20, "{} flights, {n_seen}", tuned.n_flights);
         assert!(tuned.scene.plan.stroke_speed_m_s < 0.6, "{}", tuned.scene.plan.stroke_speed_m_s);
         assert!(tuned.best.merit > tuned.candidates[0].merit + 1.0, "{:?}", tuned.best);
         assert!(tuned.candidates.iter().any(|c| c.given_up), "some were given up");
@@ -450,18 +448,18 @@ mod tests {
 
     #[test]
     fn the_front_holds_what_nothing_beats() {
-        let all = [
+        let figures = [
             (0, 60.0, 0.8, 0.0),
             (1, 40.0, 0.7, 0.0),
             (2, 50.0, 0.6, 0.0),
             (3, 30.0, 0.9, 0.5),
             (4, 70.0, 0.8, 0.0),
         ];
-        let all = all.map(|(number, duration_s, legibility, broken)| {
+        let candidates = figures.map(|(number, duration_s, legibility, broken)| {
             let duration_s = Some(duration_s);
             Candidate { number, legibility, duration_s, broken, ..Candidate::default() }
         });
-        assert_eq!(front(&all), [1, 0]);
+        assert_eq!(front(&candidates), [1, 0]);
     }
 
     #[test]

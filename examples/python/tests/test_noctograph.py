@@ -209,8 +209,8 @@ def test_a_drone_that_stands_is_asked_about():
     with pytest.warns(UserWarning, match="never left the floor.*reach 0.6 of 65535"):
         (flight,) = nc.fly(scene, controller=shares)
     assert "never left the floor" in flight.warnings[0]
-    with pytest.warns(UserWarning, match="2 of 2 drones never left the floor.*reach 0.6 of 65535"):
-        nc.fly_many(scene, 2, controller=shares, progress=False)
+    with pytest.warns(UserWarning, match="2 of 2 flights: .*never left the floor.*reach 0.6 of 65535"):
+        nc.fly_many(scene, np.int64(2), controller=shares, progress=False)
 
 
 def test_the_acuity_of_a_controller_is_a_speed():

@@ -193,7 +193,7 @@ def test_commands_in_other_units_are_told_of(scene, command):
     assert any("never left the floor" in it and f"{command:.1f} of 65535" in it for it in said)
     assert said == flight.warnings
     said, outcomes = heard(lambda: nc.fly_many(scene, 2, controller=lambda s, r: [command] * 4, progress=False))
-    assert any("2 of 2 drones never left the floor" in it for it in said) and not outcomes.legible.any()
+    assert any("2 of 2 flights: the drone never left the floor" in it for it in said) and not outcomes.legible.any()
 
 
 def table(path, plan, columns):

@@ -12,18 +12,17 @@ const REACH_S: f64 = 3.0;
 /// files' grid is 1e-6 m.
 const EQUAL_M2: f64 = 1e-11;
 
-/// Time to add to B's stamps so that its design agrees best with A's, but for a constant offset.
-///
-/// The search starts where the first moves of the designs coincide, and minimizes the mean square
-/// difference. Clocks that agree already are left alone.
+/// Time to add to B's timestamps so that its design agrees best with A's, but for a constant offset
+/// in position. Clocks that agree already are not touched.
 pub(super) fn offset_s(a: &Flight, b: &Flight) -> Result<f64> {
     let [a, b] = [design(a, "flight A")?, design(b, "flight B")?];
-    let cost = |offset_s: f64| difference_m2(&a, &b, offset_s);
-    if cost(0.0) < EQUAL_M2 {
+    if difference_m2(&a, &b, 0.0) < EQUAL_M2 {
         return Ok(0.0);
     }
+    // About the offset at which the first moves coincide, the least mean square difference.
     let about_s = a.first_move_s() - b.first_move_s();
-    Ok(minimize([about_s - REACH_S, about_s + REACH_S], cost, cost))
+    let range_s = [about_s - REACH_S, about_s + REACH_S];
+    Ok(minimize(range_s, |s| difference_m2(&a, &b, s), |s| difference_m2(&a, &b, s)))
 }
 
 fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
@@ -34,12 +33,13 @@ fn design(flight: &Flight, name: &str) -> Result<DesignPath> {
     })
 }
 
-/// Over the time that either design covers; each is held before its start and after its end.
+/// Over the time that either design covers. Each is held before its start and after its end.
 fn difference_m2(a: &DesignPath, b: &DesignPath, offset_s: f64) -> f64 {
     let ([a0, a1], [b0, b1]) = (a.span_s(), b.span_s().map(|t| t + offset_s));
     let (from_s, to_s) = (a0.min(b0), a1.max(b1));
     #[expect(clippy::cast_possible_truncation, reason = "a log is short")]
     let n = ((to_s - from_s) / STEP_S) as u32;
+    // Both designs are walked forward once.
     let (mut walk_a, mut walk_b) = (a.walk(), b.walk());
     let times_s = (0..=n).map(|k| from_s + f64::from(k) * STEP_S);
     spread_m2(times_s.map(|t| walk_a.at_m(t) - walk_b.at_m(t - offset_s)))

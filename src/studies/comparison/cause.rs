@@ -1,4 +1,4 @@
-//! What explains most of the difference between two flights.
+//! The cause that explains most of the difference between two flights.
 
 use nalgebra::Vector3;
 
@@ -8,7 +8,7 @@ use noctograph_plan::tracking::{DesignPath, MAX_LAG_S, minimize, spread_m2};
 /// Time over which noise averages out and an error along the path does not, s: a stroke of 0.1 m.
 const SMOOTH_S: f64 = 0.5;
 
-/// Larger changes of size are no error of a positioning system: B flies another path.
+/// Larger changes of size are not an error of a positioning system: B flies another path.
 const MOST_SCALE: f64 = 0.5;
 
 /// A cause of the difference, by how much flight B is apart from A.
@@ -22,42 +22,41 @@ pub enum Discrepancy {
     Scale(f64),
     /// B leaves A's path by this, m (root mean square), slowly enough to repeat.
     Path(f64),
-    /// B shakes about its own path by this, m (root mean square).
+    /// B shakes about its path by this, m (root mean square).
     Noise(f64),
 }
 
-/// The cause that explains the largest share of the mean square distance, each by itself, and that
-/// share; `None` where the flights do not differ.
+/// The cause that explains the largest fraction of the mean square distance, each by itself, and
+/// that fraction. `None` if the flights do not differ.
 pub(super) fn first(pairs: &[[FlightSample; 2]]) -> Option<(Discrepancy, f64)> {
     let apart: Vec<_> = pairs.iter().map(|[a, b]| b.position_m - a.position_m).collect();
     let total = power(&apart);
     if total == 0.0 {
         return None;
     }
+    // Offset: the mean. Scale: least squares of the rest along A's distances from its middle.
     let middle = mean(pairs.iter().map(|[a, _]| a.position_m));
     let arms: Vec<_> = pairs.iter().map(|[a, _]| a.position_m - middle).collect();
     let offset = mean(apart.iter().copied());
     let centered: Vec<_> = apart.iter().map(|d| d - offset).collect();
     let (late_s, late) = lag(pairs);
-    let grown = Some(fit(&centered, &arms)).filter(|by| by.abs() <= MOST_SCALE).unwrap_or(0.0);
-    // What neither a shift, a lag nor a scale explains: its slow and its fast part.
+    let scale = Some(fit(&centered, &arms)).filter(|by| by.abs() <= MOST_SCALE).unwrap_or(0.0);
+    // The residual of offset, lag and scale: its slow part repeats, its fast part is noise.
     let drift = mean(late.iter().copied());
-    let rest: Vec<_> = centered
-        .iter()
-        .zip(late.iter().zip(&arms))
-        .map(|(d, (late, arm))| d - (late - drift) - arm * grown)
-        .collect();
+    let parts = centered.iter().zip(late.iter().zip(&arms));
+    let rest: Vec<_> = parts.map(|(d, (late, arm))| d - (late - drift) - arm * scale).collect();
     let slow = smoothed(pairs, &rest);
     let fast: Vec<_> = rest.iter().zip(&slow).map(|(d, slow)| d - slow).collect();
     let causes = [
-        (Discrepancy::Lag(late_s), power(&late) / total),
-        (Discrepancy::Offset(offset), offset.norm_squared() / total),
-        (Discrepancy::Scale(grown), grown * grown * power(&arms) / total),
-        (Discrepancy::Path(power(&slow).sqrt()), power(&slow) / total),
-        (Discrepancy::Noise(power(&fast).sqrt()), power(&fast) / total),
+        (Discrepancy::Lag(late_s), power(&late)),
+        (Discrepancy::Offset(offset), offset.norm_squared()),
+        (Discrepancy::Scale(scale), scale * scale * power(&arms)),
+        (Discrepancy::Path(power(&slow).sqrt()), power(&slow)),
+        (Discrepancy::Noise(power(&fast).sqrt()), power(&fast)),
     ];
-    let largest = causes.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
-    largest.map(|(cause, share)| (cause, share.min(1.0)))
+    let fractions = causes.map(|(cause, power)| (cause, power / total));
+    let largest = fractions.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    largest.map(|(cause, fraction)| (cause, fraction.min(1.0)))
 }
 
 /// Mean square length.
@@ -67,6 +66,7 @@ fn power(vectors: &[Vector3<f64>]) -> f64 {
 
 /// The factor of `along` that comes closest to `vectors`.
 fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
+    // Least squares: Σ v · a / Σ a².
     let (dot, square) = vectors
         .iter()
         .zip(along)
@@ -74,28 +74,36 @@ fn fit(vectors: &[Vector3<f64>], along: &[Vector3<f64>]) -> f64 {
     if square > 0.0 { dot / square } else { 0.0 }
 }
 
-/// How late B is, found like `--align flown` and the lag of a flight: the shift of A that comes
-/// closest to B but for a constant offset. Then, at each sample, how far A moves in that time.
+/// The lag of B: the shift in time of A that comes closest to B but for a constant offset, as
+/// `--align flown` finds it. And at each sample, how far A moves in that time.
 fn lag(pairs: &[[FlightSample; 2]]) -> (f64, Vec<Vector3<f64>>) {
     let a = DesignPath::through(pairs.iter().map(|[a, _]| (a.time_s, a.position_m)));
-    let shifted = |late_s: f64| {
-        let mut walk = a.walk();
-        pairs.iter().map(move |[a, _]| walk.at_m(a.time_s - late_s))
-    };
-    let cost = |late_s: f64| {
-        let beside = pairs.iter().zip(shifted(late_s));
+    fn cost(a: &DesignPath, pairs: &[[FlightSample; 2]], late_s: f64) -> f64 {
+        let beside = pairs.iter().zip(shifted(a, pairs, late_s));
         spread_m2(beside.map(|([_, b], a_m)| b.position_m - a_m))
-    };
-    let found_s = minimize([-MAX_LAG_S, MAX_LAG_S], cost, cost);
-    // For flights that do not move, any shift is as good; one at an end of the search is not best.
-    let is_best = found_s.abs() < MAX_LAG_S - 1e-3 && cost(found_s) < cost(0.0);
-    let late_s = if is_best { found_s } else { 0.0 };
-    let moved = pairs.iter().zip(shifted(late_s)).map(|([a, _], a_m)| a_m - a.position_m);
-    (late_s, moved.collect())
+    }
+    let range_s = [-MAX_LAG_S, MAX_LAG_S];
+    let late_s = minimize(range_s, |s| cost(&a, pairs, s), |s| cost(&a, pairs, s));
+    // If the flights do not move, any shift is as good. The best is not at an end of the search.
+    let is_best = late_s.abs() < MAX_LAG_S - 1e-3 && cost(&a, pairs, late_s) < cost(&a, pairs, 0.0);
+    let late_s = if is_best { late_s } else { 0.0 };
+    let moved = pairs.iter().zip(shifted(&a, pairs, late_s));
+    (late_s, moved.map(|([a, _], a_m)| a_m - a.position_m).collect())
+}
+
+/// The path at the times of the pairs, later by a lag.
+fn shifted(
+    path: &DesignPath,
+    pairs: &[[FlightSample; 2]],
+    late_s: f64,
+) -> impl Iterator<Item = Vector3<f64>> {
+    let mut walk = path.walk();
+    pairs.iter().map(move |[a, _]| walk.at_m(a.time_s - late_s))
 }
 
 /// The mean over [`SMOOTH_S`] around each sample.
 fn smoothed(pairs: &[[FlightSample; 2]], values: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
+    // A running sum over the samples `from..to` of the window.
     let (mut from, mut to, mut sum) = (0, 0, Vector3::zeros());
     let means = pairs.iter().map(|[middle, _]| {
         while to < values.len() && pairs[to][0].time_s <= middle.time_s + SMOOTH_S / 2.0 {
@@ -129,41 +137,36 @@ mod tests {
 
     #[test]
     fn each_cause_is_found_with_its_amount() {
-        let (lag, share) = first_cause(|t| square((t - 0.1).max(0.0)));
-        assert!(
-            matches!(lag, Discrepancy::Lag(s) if (s - 0.1).abs() < 1e-3) && share > 0.99,
-            "{lag:?}"
-        );
-        // Over whole strokes, where a delay differs from a step along the velocity.
-        for late_s in [0.3, 0.5, 0.8, -0.5] {
-            let (lag, share) = first_cause(|t| square((t - late_s).max(0.0)));
-            assert!(
-                matches!(lag, Discrepancy::Lag(s) if (s - late_s).abs() < 2e-3) && share > 0.97,
-                "{late_s} s is {lag:?}, {share}"
-            );
+        // The longer lags are over whole strokes, along which a delay differs from a step.
+        for (late_s, within_s, least) in [
+            (0.1, 1e-3, 0.99),
+            (0.3, 2e-3, 0.97),
+            (0.5, 2e-3, 0.97),
+            (0.8, 2e-3, 0.97),
+            (-0.5, 2e-3, 0.97),
+        ] {
+            let (lag, part) = first_cause(|t| square((t - late_s).max(0.0)));
+            let is_right = matches!(lag, Discrepancy::Lag(s) if (s - late_s).abs() < within_s);
+            assert!(is_right && part > least, "{late_s} s is {lag:?}, {part}");
         }
         let aside = Vector3::new(0.03, 0.0, -0.04);
-        let (offset, share) = first_cause(|t| square(t) + aside);
-        assert!(
-            matches!(offset, Discrepancy::Offset(m) if (m - aside).norm() < 1e-9),
-            "{offset:?}"
-        );
-        assert!(share > 0.99, "{share}");
+        let (offset, part) = first_cause(|t| square(t) + aside);
+        let is_right = matches!(offset, Discrepancy::Offset(m) if (m - aside).norm() < 1e-9);
+        assert!(is_right && part > 0.99, "{offset:?}, {part}");
         let middle = Vector3::new(0.2, 0.0, 0.7);
-        let (scale, share) = first_cause(|t| middle + (square(t) - middle) * 1.05);
-        assert!(matches!(scale, Discrepancy::Scale(s) if (s - 0.05).abs() < 1e-3), "{scale:?}");
-        assert!(share > 0.99, "{share}");
-        let [(noise, share), (path, path_share)] = [0.05, 2.9].map(|period_s| {
+        let (scale, part) = first_cause(|t| middle + (square(t) - middle) * 1.05);
+        let is_right = matches!(scale, Discrepancy::Scale(s) if (s - 0.05).abs() < 1e-3);
+        assert!(is_right && part > 0.99, "{scale:?}, {part}");
+        let [(noise, noise_part), (path, path_part)] = [0.05, 2.9].map(|period_s| {
             let rate_rad_s = std::f64::consts::TAU / period_s;
             first_cause(|t| square(t) + Vector3::z() * (0.02 * libm::sin(rate_rad_s * t)))
         });
         assert!(matches!(noise, Discrepancy::Noise(m) if (m - 0.0141).abs() < 1e-3), "{noise:?}");
-        assert!(share > 0.9, "{share}");
         assert!(matches!(path, Discrepancy::Path(m) if (m - 0.0141).abs() < 2e-3), "{path:?}");
-        assert!(path_share > 0.8, "{path_share}");
+        assert!(noise_part > 0.9 && path_part > 0.8, "{noise_part} {path_part}");
         // No positioning system has such a scale: B is half as large and turned by half a turn.
-        let (path, share) = first_cause(|t| middle + (square(t) - middle) * -0.5);
-        assert!(matches!(path, Discrepancy::Path(_)) && share > 0.8, "{path:?}, {share}");
+        let (path, part) = first_cause(|t| middle + (square(t) - middle) * -0.5);
+        assert!(matches!(path, Discrepancy::Path(_)) && part > 0.8, "{path:?}, {part}");
     }
 
     /// An L, which ends elsewhere than it began.

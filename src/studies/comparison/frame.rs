@@ -1,4 +1,4 @@
-//! Frames of two flights: where one has no setpoints, its frame may be another.
+//! Frames of two flights: a flight without setpoints may be in another frame.
 
 use nalgebra::{Rotation3, Vector3};
 use serde::Serialize;
@@ -12,14 +12,14 @@ use noctograph_core::input_error;
 const TWO_FRAMES_M: f64 = 0.15;
 /// Most that a transform may leave between two flights that are one.
 const MOST_LEFT_M: f64 = 0.05;
-/// Share of the distance that a transform of two frames leaves at most.
-const LEFT_SHARE: f64 = 0.3;
+/// Largest fraction of the distance that a transform of two frames leaves.
+const LEFT_FRAC: f64 = 0.3;
 /// Turns that are tried.
 const TURNS: u32 = 24;
 /// A path that is narrower has no direction.
 const NARROW_M: f64 = 0.05;
 
-/// What lays the frame of flight B onto that of A.
+/// Transform of flight B's frame to that of A.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct FrameAlignment {
     /// Turn about the vertical.
@@ -44,18 +44,18 @@ impl FrameAlignment {
 
     /// Moves a sample: its positions and its heading.
     pub fn place(&self, sample: &mut FlightSample) {
-        for place_m in [&mut sample.position_m, &mut sample.estimate_m] {
-            *place_m = self.rotation() * *place_m + self.shift_m;
+        for position_m in [&mut sample.position_m, &mut sample.estimate_m] {
+            *position_m = self.rotation() * *position_m + self.shift_m;
         }
         let yaw_rad = sample.attitude.yaw_rad + self.turn_rad;
         sample.attitude.yaw_rad = libm::remainder(yaw_rad, std::f64::consts::TAU);
     }
 }
 
-/// The seconds to add to B's clock, and its placement where its frame is another than A's: one of
+/// The seconds to add to B's clock, and the transform of its frame if that differs from A's: one of
 /// the two has no setpoints, they are decimeters apart, and a turn and a shift leave centimeters.
 ///
-/// `clock` finds those seconds for a flight in the place of B.
+/// `clock` finds those seconds for a flight in place of B.
 pub(super) fn place(
     a: &Flight,
     b: &Flight,
@@ -66,18 +66,12 @@ pub(super) fn place(
     if [a, b].iter().all(|flight| flight.has(Quantity::Design)) {
         return Ok((offset_s, None));
     }
-    let alignment = |flight: &Flight, offset_s: f64| -> Result<Option<(f64, FrameAlignment)>> {
-        let [a, mut b] = [options.part.samples(a)?, options.part.samples(flight)?];
-        b.iter_mut().for_each(|sample| sample.time_s += offset_s);
-        Ok(fit(&pairs(&a, &b, options.max_gap_s)))
-    };
-    let Some((apart_m, mut best)) =
-        alignment(b, offset_s)?.filter(|(apart_m, _)| *apart_m >= TWO_FRAMES_M)
-    else {
+    let fitted = fit_at([a, b], options, offset_s)?;
+    let Some((apart_m, mut best)) = fitted.filter(|(apart_m, _)| *apart_m >= TWO_FRAMES_M) else {
         return Ok((offset_s, None));
     };
     let mut best_s = offset_s;
-    // A turned path sets the clock wrong: each turn has an offset of its own.
+    // A turned path sets the clock wrong: the clock is set anew for each turn.
     for step in 1..TURNS {
         if best.left_m <= 0.5 * MOST_LEFT_M {
             break;
@@ -86,23 +80,23 @@ pub(super) fn place(
         let turn = FrameAlignment { turn_rad, shift_m: Vector3::zeros(), left_m: 0.0 };
         let turned = turn.placed(b);
         let offset_s = clock(&turned)?;
-        if let Some((_, further)) =
-            alignment(&turned, offset_s)?.filter(|(_, f)| f.left_m < best.left_m)
-        {
+        let further = fit_at([a, &turned], options, offset_s)?;
+        if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {
             best = FrameAlignment { turn_rad: turn_rad + further.turn_rad, ..further };
             best_s = offset_s;
         }
     }
-    // Once more with the whole turn, which the last step of its search had in part.
+    // Once more with the complete turn: the best step had the rest of it after its clock was set.
     let again_s = clock(&best.placed(b))?;
-    if let Some((_, further)) = alignment(b, again_s)?.filter(|(_, f)| f.left_m < best.left_m) {
+    let further = fit_at([a, b], options, again_s)?;
+    if let Some((_, further)) = further.filter(|(_, f)| f.left_m < best.left_m) {
         (best, best_s) = (further, again_s);
     }
     best.turn_rad = libm::remainder(best.turn_rad, std::f64::consts::TAU);
     if best.left_m <= MOST_LEFT_M {
         return Ok((best_s, Some(best)));
     }
-    if best.left_m < LEFT_SHARE * apart_m {
+    if best.left_m < LEFT_FRAC * apart_m {
         let left_m = best.left_m;
         return Err(input_error!(
             "flights A and B",
@@ -114,12 +108,25 @@ pub(super) fn place(
     Ok((offset_s, None))
 }
 
-/// The distance of pairs, and the turn and shift of B that make it least.
+/// As [`fit`], of two flights with an offset of B's clock.
+fn fit_at(
+    [a, b]: [&Flight; 2],
+    options: &ComparisonOptions,
+    offset_s: f64,
+) -> Result<Option<(f64, FrameAlignment)>> {
+    let [a, mut b] = [options.part.samples(a)?, options.part.samples(b)?];
+    b.iter_mut().for_each(|sample| sample.time_s += offset_s);
+    Ok(fit(&pairs(&a, &b, options.max_gap_s)))
+}
+
+/// The distance of pairs, root mean square, and the turn and shift of B that make it least
+/// (orthogonal Procrustes problem about the vertical: Schönemann, Psychometrika 31, 1966).
 fn fit(pairs: &[[FlightSample; 2]]) -> Option<(f64, FrameAlignment)> {
     if pairs.len() < 10 {
         return None;
     }
     let n = pairs.len() as f64;
+    // The turn is about the centroids: atan2(Σ b × a, Σ b · a).
     let [a_m, b_m] = [0, 1].map(|side| mean(pairs.iter().map(|pair| pair[side].position_m)));
     let (mut sin, mut cos, mut spread_m2) = (0.0, 0.0, 0.0);
     for [a, b] in pairs {

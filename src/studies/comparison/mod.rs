@@ -3,14 +3,13 @@
 //! Products in: two [`Flight`]s, A and B. Product out: [`Comparison`].
 //!
 //! Method: B's clock is shifted so that both designs or both paths agree, or by a given time, and B
-//! is interpolated linearly at the times of A's samples. Samples of A are left out where B's
-//! neighbors are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, and
+//! is interpolated linearly at the times of A's samples. Samples of A are left out if B's neighbors
+//! are further apart than [`ComparisonOptions::max_gap_s`], as after lost packets, or if they are
 //! outside the compared part of either flight.
 //!
-//! A flight without setpoints, such as a motion capture's, may be in another frame: where a turn
-//! about the vertical and a shift leave centimeters, it is laid onto the other
-//! ([`FrameAlignment`]); where they leave more, and yet most of the distance is theirs, the
-//! comparison is refused.
+//! A flight without setpoints, such as a motion capture's, may be in another frame. If a turn about
+//! the vertical and a shift leave centimeters, they are applied ([`FrameAlignment`]). If they leave
+//! more, and yet most of the distance is theirs, the comparison is refused.
 //!
 //! Not done: clocks of different rates, which are converted where a log is imported.
 
@@ -44,7 +43,7 @@ pub struct ComparisonOptions {
     /// Alignment of B's clock to A's.
     pub alignment: Alignment,
     /// Longest gap between two samples of B that is interpolated. A Crazyflie's log has a sample
-    /// every 10 to 30 ms; a longer limit hides oscillations of 1 to 4 Hz, a much shorter one
+    /// every 10 to 30 ms. A longer limit hides oscillations of 1 to 4 Hz, a much shorter one
     /// discards good samples.
     pub max_gap_s: f64,
 }
@@ -58,8 +57,8 @@ impl Default for ComparisonOptions {
 /// Alignment of the clock of flight B to that of flight A.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alignment {
-    /// Best agreement of the designs. Where one design is held between setpoints and the other is
-    /// not, it is off by half the time between two setpoints.
+    /// Best agreement of the designs. If one design is held between setpoints and the other is not,
+    /// its error is half the time between two setpoints.
     Design,
     /// Best agreement of the flown positions in the air: for a log whose setpoints lead its design,
     /// as those through the inverse of the position loop do.
@@ -73,9 +72,9 @@ pub enum Alignment {
 pub struct Comparison {
     /// Part of the flights that the figures cover.
     pub part: Part,
-    /// Time added to B's stamps.
+    /// Time added to B's timestamps.
     pub offset_s: f64,
-    /// What laid B's frame onto A's; `None` where they are one.
+    /// Transform of B's frame to A's. `None` if they are one.
     #[serde(rename = "frame")]
     pub placement: Option<FrameAlignment>,
     /// Number of compared samples of A.
@@ -89,11 +88,11 @@ pub struct Comparison {
     pub mean_m: Vector3<f64>,
     /// Maximum distance in position.
     pub max_m: f64,
-    /// Root mean square of the attitude; `None` where a flight has none.
+    /// Root mean square of the attitude. `None` if a flight has none.
     #[serde(rename = "attitude_rmse_rad")]
     pub attitude_rmse: Option<Attitude>,
-    /// What explains most of the difference, and its share of the mean square; `None` where there
-    /// is no difference.
+    /// The cause that explains most of the difference, and its fraction of the mean square. `None`
+    /// if there is no difference.
     #[serde(skip)]
     pub first: Option<(Discrepancy, f64)>,
 }
@@ -102,22 +101,19 @@ pub struct Comparison {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for an option out of range; where a flight has no sample in the part; where
-/// designs are aligned and a flight has none; and where the flights have no time in common.
+/// [`Error::Input`] for an option out of range, a flight without samples in the part, a flight
+/// without a design if designs are aligned, and flights without a time in common.
 pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Comparison> {
     within("max_gap_s", options.max_gap_s, 0.0, 60.0)?;
-    let clock = |b: &Flight| match options.alignment {
-        Alignment::Design => align::offset_s(a, b),
-        Alignment::Flown => align::offset_s(&flown(a)?, &flown(b)?),
-        Alignment::Offset(offset_s) => Ok(offset_s),
-    };
-    let offset_s = clock(b)?;
+    // The clock first, since a frame is found by pairs of equal time.
+    let offset_s = options.alignment.offset_s(a, b)?;
     match options.alignment {
         Alignment::Design => check_words(a, b)?,
         Alignment::Offset(offset_s) => within("offset_s", offset_s, -1e6, 1e6)?,
         Alignment::Flown => {}
     }
-    let (offset_s, placement) = frame::place(a, b, options, offset_s, &clock)?;
+    let clock = &|b: &Flight| options.alignment.offset_s(a, b);
+    let (offset_s, placement) = frame::place(a, b, options, offset_s, clock)?;
     let [samples_a, mut samples_b] = [options.part.samples(a)?, options.part.samples(b)?];
     for sample in &mut samples_b {
         sample.time_s += offset_s;
@@ -125,13 +121,14 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     }
     let pairs = pairs(&samples_a, &samples_b, options.max_gap_s);
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
-        let span =
-            |s: &[FlightSample]| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s);
-        let spans = format_args!("A at {}, B at {}", span(&samples_a), span(&samples_b));
+        let [a, b] = [samples_a, samples_b]
+            .map(|s| format!("{:.2} … {:.2} s", s[0].time_s, s[s.len() - 1].time_s));
+        let (spans, wanted) = (format!("A at {a}, B at {b}"), "a time that both cover");
         let hint = "shift B's clock, or compare two flights of the same plan";
-        let error = Error::input("flights A and B", spans, "a time that both cover", hint);
+        let error = Error::input("flights A and B", spans, wanted, hint);
         return Err(error.coded("clocks-apart"));
     };
+    // Angles are compared the short way round.
     let apart = pairs.iter().map(|[a, b]| a.position_m - b.position_m);
     let turned = pairs.iter().map(|[a, b]| {
         let apart = angles_rad(&a.attitude) - angles_rad(&b.attitude);
@@ -152,7 +149,18 @@ pub fn compare(a: &Flight, b: &Flight, options: &ComparisonOptions) -> Result<Co
     })
 }
 
-/// A flight in the air whose design is what was flown.
+impl Alignment {
+    /// Seconds to add to B's times.
+    fn offset_s(self, a: &Flight, b: &Flight) -> Result<f64> {
+        match self {
+            Self::Design => align::offset_s(a, b),
+            Self::Flown => align::offset_s(&flown(a)?, &flown(b)?),
+            Self::Offset(offset_s) => Ok(offset_s),
+        }
+    }
+}
+
+/// A flight in the air whose design is its path.
 fn flown(flight: &Flight) -> Result<Flight> {
     let samples = Part::Airborne.samples(flight)?.into_iter();
     let samples = samples.map(|s| FlightSample { design_m: s.position_m, ..s }).collect();
@@ -173,12 +181,14 @@ fn check_words(a: &Flight, b: &Flight) -> Result<()> {
     if a.is_empty() || b.is_empty() {
         return Ok(());
     }
-    // Nine tenths of the points: a way of flying may leave out an approach to a letter.
+    // Partial Hausdorff distance (Huttenlocher et al. 1993) of nine tenths of the points: one of
+    // the plans may leave out an approach to a letter.
     let apart_m = [(&a, &b), (&b, &a)].map(|(from, to)| {
-        let to_each_m = from.iter().map(|p| to.iter().map(move |q| (p - q).norm()));
-        let nearest_m = to_each_m.map(|apart_m| apart_m.fold(f64::MAX, f64::min));
-        let mut all: Vec<(f64, f64)> = nearest_m.map(|apart_m| (apart_m, 1.0)).collect();
-        weighted_quantile(&mut all, 0.9).unwrap_or(0.0)
+        let nearest_m = from.iter().map(|p| {
+            let to_each_m = to.iter().map(|q| (p - q).norm());
+            (to_each_m.fold(f64::MAX, f64::min), 1.0)
+        });
+        weighted_quantile(&mut nearest_m.collect::<Vec<_>>(), 0.9).unwrap_or(0.0)
     });
     let apart_m = apart_m[0].max(apart_m[1]);
     if apart_m <= OTHER_LETTERS_M {
@@ -209,8 +219,8 @@ fn pairs(a: &[FlightSample], b: &[FlightSample], max_gap_s: f64) -> Vec<[FlightS
     pairs
 }
 
-/// Interpolates between two consecutive samples; `None` where they do not enclose the time or are
-/// too far apart.
+/// Interpolates between two consecutive samples. `None` if they do not enclose the time or are too
+/// far apart.
 fn between(
     before: &FlightSample,
     after: &FlightSample,

@@ -34,7 +34,7 @@ fn two_clocks_and_two_rates_are_brought_together_by_the_design() {
 }
 
 #[test]
-fn flown_paths_set_the_clocks_where_setpoints_lead() {
+fn flown_paths_set_the_clocks_if_setpoints_lead() {
     let (a, mut b) = (aside(1.0, 0.004), aside(1.0, 0.01));
     b.edit(|b| {
         for sample in &mut b.samples {
@@ -52,7 +52,7 @@ fn flown_paths_set_the_clocks_where_setpoints_lead() {
 }
 
 #[test]
-fn equal_clocks_are_left_alone() {
+fn equal_clocks_are_not_touched() {
     let (a, b) = (aside(1.0, 0.004), aside(1.0, 0.01));
     let comparison = compare(&a, &b, &ComparisonOptions::default()).unwrap();
     assert_eq!(comparison.offset_s, 0.0);
@@ -134,10 +134,16 @@ fn flights_that_cannot_be_compared_are_refused_with_their_reason() {
     assert!(apart.contains("A at 0.00 … 12.00 s, B at 50.00 … 62.00 s"), "{apart}");
     let alignment = Alignment::Offset(0.0);
     let options = ComparisonOptions { alignment, part: Part::All, ..Default::default() };
-    assert!(compare(&undesigned, &a, &options).is_ok(), "a design is needed for the clocks alone");
+    assert!(compare(&undesigned, &a, &options).is_ok(), "only the clocks need a design");
 }
 
-/// A motion capture's record of the square: positions alone, turned about the vertical and shifted.
+/// For [`captured`], whose clock is 7 s late.
+fn seven_seconds_later() -> ComparisonOptions {
+    let (part, alignment) = (Part::All, Alignment::Offset(-7.0));
+    ComparisonOptions { part, alignment, ..Default::default() }
+}
+
+/// A motion capture's record of the square: only positions, turned about the vertical and shifted.
 fn captured(turn_rad: f64, shift_m: Vector3<f64>, noise_m: f64) -> Flight {
     let mut flight = aside(1.0, 0.01);
     let turn = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), turn_rad);
@@ -156,13 +162,8 @@ fn captured(turn_rad: f64, shift_m: Vector3<f64>, noise_m: f64) -> Flight {
 }
 
 #[test]
-fn a_flight_in_another_frame_is_laid_onto_the_first_where_that_leaves_centimeters() {
-    let a = aside(1.0, 0.004);
-    let options = ComparisonOptions {
-        part: Part::All,
-        alignment: Alignment::Offset(-7.0),
-        ..Default::default()
-    };
+fn a_flight_in_another_frame_is_laid_onto_the_first_if_that_leaves_centimeters() {
+    let (a, options) = (aside(1.0, 0.004), seven_seconds_later());
     for (turn_rad, shift_m) in [
         (0.0, Vector3::new(2.0, -1.0, 0.3)),
         (0.9, Vector3::new(0.5, 0.0, 0.0)),
@@ -184,12 +185,7 @@ fn a_flight_in_another_frame_is_laid_onto_the_first_where_that_leaves_centimeter
 
 #[test]
 fn one_frame_is_not_moved_and_two_that_no_transform_joins_are_refused() {
-    let a = aside(1.0, 0.004);
-    let options = ComparisonOptions {
-        part: Part::All,
-        alignment: Alignment::Offset(-7.0),
-        ..Default::default()
-    };
+    let (a, options) = (aside(1.0, 0.004), seven_seconds_later());
     let near_by = compare(&a, &captured(0.0, Vector3::new(0.05, 0.0, 0.0), 0.0), &options).unwrap();
     assert_eq!(near_by.placement, None);
     near(near_by.mean_m.x, -0.05, 1e-3, "an error of centimeters is an error");

@@ -135,7 +135,7 @@ fn flights_of_drawn_drones_give_back_what_was_drawn() {
 }
 
 #[test]
-fn what_speaks_against_a_log_is_named_with_its_number() {
+fn flaws_of_a_log_are_named_with_their_number() {
     let scene = Scene::preset(Preset::Cf21);
     let sample = |i: u32| FlightSample {
         time_s: f64::from(i) * 0.01,
@@ -152,18 +152,20 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
     let log = GatheredLog { path: "a".into(), drone: "a".into(), name: "a".into() };
     let flaws = |flight: Result<Flight>| EveningLog::new(&log, flight, &scene).flaws;
     assert_eq!(flaws(Ok(hover())), []);
-    let warnings = |flight: Flight| EveningLog::new(&log, Ok(flight), &scene).warnings;
-    assert!(warnings(hover())[0].contains("does not show the rotors' lag"));
+    let still = EveningLog::new(&log, Ok(hover()), &scene);
+    assert!(still.warnings[0].message.contains("does not show the rotors' lag"));
+    let json = serde_json::to_value(&still).unwrap();
+    assert_eq!(json["warnings"], serde_json::json!([still.warnings[0].message]));
     let mut moving = hover();
     moving.edit(|moving| moving.samples[1500].design_m.x = 0.1);
-    assert_eq!(warnings(moving), [""; 0]);
+    assert_eq!(EveningLog::new(&log, Ok(moving), &scene).warnings, []);
     let (mut short, mut holed, mut limited, mut silent) = (hover(), hover(), hover(), hover());
     short.edit(|short| short.samples.truncate(500));
     assert!(matches!(flaws(Ok(short))[..], [Flaw::Short(s)] if (s - 4.99).abs() < 1e-9));
     holed.edit(|holed| _ = holed.samples.drain(1000..1500));
     holed.edit(|holed| holed.gaps = vec![[9.99, 15.0]]);
     assert!(
-        matches!(flaws(Ok(holed))[..], [Flaw::Gaps(share)] if (share - 5.01 / 29.99).abs() < 1e-9)
+        matches!(flaws(Ok(holed))[..], [Flaw::Gaps(frac)] if (frac - 5.01 / 29.99).abs() < 1e-9)
     );
     limited.edit(|limited| limited.samples[..100].iter_mut().for_each(|s| s.motors[1] = 65_535.0));
     assert!(matches!(flaws(Ok(limited))[..], [Flaw::Saturated(s)] if (s - 1.0).abs() < 1e-9));
@@ -178,7 +180,7 @@ fn what_speaks_against_a_log_is_named_with_its_number() {
 }
 
 #[test]
-fn what_was_guessed_as_a_log_was_read_is_told() {
+fn guesses_about_a_log_are_its_warnings() {
     let (scene, folder) = (Scene::preset(Preset::Cf21), tempfile::tempdir().unwrap());
     let rows = (0..200).map(|i| format!("{},0,0.1,0.5", 0.01 * f64::from(i)));
     let text = format!("# firmware: 2025.12\nt,x,y,z\n{}\n", rows.collect::<Vec<_>>().join("\n"));
@@ -186,8 +188,8 @@ fn what_was_guessed_as_a_log_was_read_is_told() {
     let firmware = Some(scene.vehicle.firmware);
     let options = ImportOptions { firmware, ..ImportOptions::default() };
     let evening = Evening::import(folder.path(), &options, &scene, &|_| {}).unwrap();
-    let said = &evening.logs[0].warnings;
-    assert!(said.iter().any(|warning| warning.contains("firmware 2025.12")), "{said:?}");
-    assert!(said.iter().any(|warning| warning.contains("z is taken to point up")), "{said:?}");
-    assert!(said.iter().all(|warning| !warning.contains("not in the log")), "{said:?}");
+    let warnings: Vec<String> = evening.logs[0].warnings.iter().map(ToString::to_string).collect();
+    let text = warnings.join("\n");
+    assert!(text.contains("firmware 2025.12") && text.contains("z is taken to point up"), "{text}");
+    assert!(!text.contains("not in the log"), "{text}");
 }

@@ -32,7 +32,7 @@ pub struct HoldFigures {
     pub estimate_m: Estimate,
     /// Distance from the held altitude, root mean square with its 95 % interval, m.
     pub hold_m: Estimate,
-    /// Share of the time in which the altitude is inside its 95 % band.
+    /// Fraction of the time in which the altitude is inside its 95 % band.
     pub inside: f64,
     /// Error of the estimated hover throttle, root mean square.
     pub hover_throttle: f64,
@@ -42,13 +42,13 @@ pub struct HoldFigures {
     pub nis: [Option<f64>; 3],
     /// Steps of the floor in a flight, on average: found, and seen by the ranger.
     pub steps: [f64; 2],
-    /// Promises; none of the scenario that stays hard.
+    /// Limits. `None` for the scenario that stays hard.
     pub bounds: Option<Bounds>,
-    /// Promises that were not kept.
+    /// Limits that were missed.
     pub missed: Vec<String>,
 }
 
-/// How well the filter knows what it does not know of a state.
+/// Consistency of a state's variance with its error.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct Consistency {
     /// Name of the state.
@@ -56,18 +56,18 @@ pub struct Consistency {
     /// Mean over time and runs of the squared error over its variance, with its 95 % interval: 1 of
     /// a filter whose covariance is right (Bar-Shalom, Li, Kirubarajan 2001, section 5.4).
     pub error: Estimate,
-    /// What that means.
+    /// Its class.
     pub verdict: HoldVerdict,
 }
 
 settings! {
-    /// Whether a standard deviation is as large as the error, within [`CONSISTENT`].
+    /// A standard deviation beside the error, within [`CONSISTENT`].
     pub enum HoldVerdict {
-        /// It is.
+        /// As large.
         "consistent" => Consistent,
-        /// It is too small.
+        /// Too small.
         "overconfident" => Overconfident,
-        /// It is too large.
+        /// Too large.
         "conservative" => Conservative,
     }
 }
@@ -82,14 +82,14 @@ impl HoldVerdict {
     }
 }
 
-/// What a scenario promises.
+/// Limits of a scenario's figures.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Bounds {
     /// Error of the estimated altitude, root mean square, m.
     pub estimate_m: f64,
     /// Distance from the held altitude, root mean square, m.
     pub hold_m: f64,
-    /// Share of the time inside the 95 % band, least and most.
+    /// Fraction of the time inside the 95 % band, least and most.
     pub inside: [f64; 2],
     /// Error of the estimated hover throttle, root mean square.
     pub hover_throttle: f64,
@@ -100,8 +100,8 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The promises of a scenario; none for a step of the floor while the satellites are silent,
-    /// when only the barometer knows the altitude.
+    /// The limits of a scenario. None for a step of the floor while the satellites are silent, when
+    /// only the barometer measures the altitude.
     fn new(scenario: HoldScenario) -> Option<Self> {
         let (estimate_m, hold_m) = match scenario {
             HoldScenario::Calm | HoldScenario::Drift => (0.027, 0.056),
@@ -119,7 +119,7 @@ impl Bounds {
 ///
 /// # Errors
 ///
-/// As [`hold`]; [`noctograph_core::error::Error::Input`] for no or more than 10 000 runs.
+/// As [`hold`]. [`noctograph_core::error::Error::Input`] for no or more than 10 000 runs.
 pub fn hold_figures(
     model: HoldModel,
     options: &SimOptions,
@@ -128,14 +128,17 @@ pub fn hold_figures(
     runs: u32,
 ) -> Result<HoldFigures> {
     within("runs", runs.into(), 1.0, MAX_RUNS)?;
+    // Only means are kept of a flight: ten thousand of them fit into memory.
     let flown = (0..runs).into_par_iter().map(|run| {
         Ok(FlightMeans::new(&hold(model, options, scenario, DURATION_S, seed + u64::from(run))?))
     });
     // Of several errors that of the first run.
     let flown: Vec<Result<FlightMeans>> = flown.collect();
     let flown: Vec<FlightMeans> = flown.into_iter().collect::<Result<_>>()?;
-    let column = |value: fn(&FlightMeans) -> f64| flown.iter().map(value).collect::<Vec<_>>();
-    let root_mean = |squares: &mut [f64]| mean(&*squares).sqrt();
+    let mean_of = |value: fn(&FlightMeans) -> f64| mean(flown.iter().map(value));
+    let root_mean_square = |square: fn(&FlightMeans) -> f64| {
+        bootstrap(&[flown.iter().map(square).collect()], |squares| mean(&*squares).sqrt())
+    };
     let states = STATE_NAMES.iter().enumerate().map(|(index, state)| {
         let squares = flown.iter().map(|run| run.states[index]).collect();
         let error = bootstrap(&[squares], |squares| mean(&*squares));
@@ -145,17 +148,17 @@ pub fn hold_figures(
         scenario: scenario.name(),
         model: model.name(),
         runs,
-        estimate_m: bootstrap(&[column(|run| run.estimate_m2)], root_mean),
-        hold_m: bootstrap(&[column(|run| run.hold_m2)], root_mean),
-        inside: mean(column(|run| run.inside)),
-        hover_throttle: mean(column(|run| run.hover_throttle_sq)).sqrt(),
+        estimate_m: root_mean_square(|run| run.estimate_m2),
+        hold_m: root_mean_square(|run| run.hold_m2),
+        inside: mean_of(|run| run.inside),
+        hover_throttle: mean_of(|run| run.hover_throttle_sq).sqrt(),
         states: states.collect(),
         nis: AltitudeSensor::ALL.map(|sensor| {
             let sums = flown.iter().map(|run| run.nis[sensor as usize]);
             let (sum, n) = sums.fold((0.0, 0.0), |(sum, n), (s, m)| (sum + s, n + m));
             (n > 0.0).then(|| sum / n)
         }),
-        steps: [mean(column(|run| run.steps[0])), mean(column(|run| run.steps[1]))],
+        steps: [mean_of(|run| run.steps[0]), mean_of(|run| run.steps[1])],
         bounds: Bounds::new(scenario),
         missed: Vec::new(),
     };
@@ -174,7 +177,7 @@ struct FlightMeans {
     states: [f64; 6],
     /// Sum of the normalized innovations squared, and their number.
     nis: [(f64, f64); 3],
-    /// Found and seen.
+    /// Found by the filter, and seen by the ranger.
     steps: [f64; 2],
 }
 
@@ -182,9 +185,11 @@ impl FlightMeans {
     fn new(flight: &Hold) -> Self {
         let events_s = flight.events_s();
         let samples: Vec<_> = flight.samples.iter().filter(|s| s.time_s >= FROM_S).collect();
+        // Consistency counts away from events, where the model is wrong on purpose.
         let mut quiet = samples.clone();
         quiet.retain(|s| !events_s.iter().any(|event_s| (s.time_s - event_s).abs() <= EVENT_S));
         let errors_m: Vec<f64> = samples.iter().map(|s| s.estimate[0] - s.truth[0]).collect();
+        // Sums and counts, so that flights with more readings weigh more.
         let mut nis = [(0.0, 0.0); 3];
         for reading in quiet.iter().flat_map(|s| &s.readings).filter(|reading| reading.taken) {
             let (sum, n) = &mut nis[reading.sensor as usize];
@@ -218,38 +223,36 @@ impl HoldFigures {
     /// Limits that the scenario's figures miss.
     fn misses(&self) -> Vec<String> {
         let Some(bounds) = self.bounds else { return Vec::new() };
-        let Bounds { estimate_m, hold_m, inside, hover_throttle, nis, steps } = bounds;
-        let cm = |m: f64| format!("{:.1} cm", 100.0 * m);
-        let (estimated_m, held_m) = (self.estimate_m.value, self.hold_m.value);
-        let throttle = self.hover_throttle;
-        let [detected, seen] = self.steps;
-        let mut promises = vec![
-            (
-                estimated_m <= estimate_m,
-                format!("estimate {} above {}", cm(estimated_m), cm(estimate_m)),
-            ),
-            (held_m <= hold_m, format!("hold {} above {}", cm(held_m), cm(hold_m))),
-            (
-                (inside[0]..=inside[1]).contains(&self.inside),
-                format!("inside {:.3}, not {} to {}", self.inside, inside[0], inside[1]),
-            ),
-            (
-                throttle <= hover_throttle,
-                format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"),
-            ),
-        ];
-        promises.extend(self.nis.iter().flatten().map(|value| {
-            let text = format!("NIS {value:.2}, not {} to {}", nis[0], nis[1]);
-            ((nis[0]..=nis[1]).contains(value), text)
+        let Bounds { estimate_m, hold_m, inside: [low, high], hover_throttle, nis, steps } = bounds;
+        let mut missed = Vec::new();
+        for (name, found_m, limit_m) in
+            [("estimate", self.estimate_m.value, estimate_m), ("hold", self.hold_m.value, hold_m)]
+        {
+            if found_m > limit_m {
+                let [found_cm, limit_cm] = [found_m, limit_m].map(|m| 100.0 * m);
+                missed.push(format!("{name} {found_cm:.1} cm above {limit_cm:.1} cm"));
+            }
+        }
+        if !(low..=high).contains(&self.inside) {
+            missed.push(format!("inside {:.3}, not {low} to {high}", self.inside));
+        }
+        if self.hover_throttle > hover_throttle {
+            let throttle = self.hover_throttle;
+            missed.push(format!("hover throttle off by {throttle:.4}, more than {hover_throttle}"));
+        }
+        // Consistency: of innovations in both directions, of states only if σ is too small.
+        let [low, high] = nis;
+        let beyond = self.nis.iter().flatten().filter(|nis| !(low..=high).contains(*nis));
+        missed.extend(beyond.map(|nis| format!("NIS {nis:.2}, not {low} to {high}")));
+        let too_sure = self.states.iter().filter(|s| s.verdict == HoldVerdict::Overconfident);
+        missed.extend(too_sure.map(|Consistency { state, error, .. }| {
+            format!("{state} overconfident: squared error over variance {:.2}", error.value)
         }));
-        promises.extend(self.states.iter().map(|Consistency { state, error, verdict }| {
-            let text =
-                format!("{state} overconfident: squared error over variance {:.2}", error.value);
-            (*verdict != HoldVerdict::Overconfident, text)
-        }));
-        let text = format!("{detected:.2} steps found of {seen:.2}");
-        promises.push(((detected - seen).abs() <= steps, text));
-        promises.into_iter().filter(|(kept, _)| !kept).map(|(_, text)| text).collect()
+        let [found, seen] = self.steps;
+        if (found - seen).abs() > steps {
+            missed.push(format!("{found:.2} steps found of {seen:.2}"));
+        }
+        missed
     }
 }
 
@@ -263,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn every_scenario_is_estimated_and_held_as_promised_in_the_scalar_model() {
+    fn every_scenario_keeps_to_its_limits_in_the_scalar_model() {
         for scenario in HoldScenario::ALL {
             let figures = figures(HoldModel::Scalar, *scenario, 80);
             assert_eq!(figures.missed, [""; 0], "{figures:?}");
@@ -271,7 +274,7 @@ mod tests {
         }
     }
 
-    /// The filter knows what it does not know of motion and thrust.
+    /// The variances of motion and thrust are as large as their errors.
     fn assert_consistent(figures: &HoldFigures) {
         let [least, most] = CONSISTENT;
         for (index, Consistency { state, error, .. }) in figures.states.iter().enumerate() {
@@ -284,13 +287,13 @@ mod tests {
     }
 
     #[test]
-    fn the_full_simulator_keeps_the_promises_too() {
+    fn the_full_simulator_keeps_to_the_limits_too() {
         for scenario in HoldScenario::ALL {
             // Of eight flights, one with a gain far from the believed one decides.
             let figures = figures(HoldModel::Full, *scenario, 12);
             assert_consistent(&figures);
             let Some(bounds) = figures.bounds else { continue };
-            // Fewer flights than the promises are made for: a seventh looser.
+            // Fewer flights than the limits are made for: a seventh looser.
             assert!(figures.estimate_m.value < 1.15 * bounds.estimate_m, "{figures:?}");
             assert!(figures.hold_m.value < 1.15 * bounds.hold_m, "{figures:?}");
             assert!((0.92..=0.99).contains(&figures.inside), "{figures:?}");
@@ -323,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn a_promise_that_is_broken_is_told() {
+    fn a_missed_limit_is_named() {
         let mut figures = figures(HoldModel::Scalar, HoldScenario::Calm, 2);
         (figures.hold_m.value, figures.steps[0]) = (0.2, 1.0);
         let missed = figures.misses();

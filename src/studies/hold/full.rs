@@ -25,6 +25,7 @@ pub(super) fn hold(
     let drone = Drone { believed, ..Drone::new(&actual, seed) };
     let watch = &mut |tick: u32, plant: &Plant, avionics: &Avionics| {
         let Some(filter) = avionics.altitude() else { return };
+        // Readings of all ticks since the last sample go into the next.
         readings.extend_from_slice(filter.readings());
         if tick.is_multiple_of(ticks_per_sample) {
             let throttle = avionics.motors().iter().sum::<f64>() / (4.0 * actual.vehicle.motor_max);
@@ -39,22 +40,22 @@ pub(super) fn hold(
     Ok(Hold { set_m: SET_M, samples, steps })
 }
 
-/// True states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The floor
-/// is the one that the tilted ranger sees; a steady draft is part of α⁰.
+/// True states, in the order of [`AltitudeState`](noctograph_sim::AltitudeState). The floor is the
+/// one that the tilted ranger sees. A steady draft is part of α⁰.
 fn truth(plant: &Plant, actual: &SimOptions, barometer_m: f64) -> [f64; 6] {
-    let body = plant.body();
-    let (at_m, down) = (body.position_m, -body.matrix().column(2));
-    let ranger_m = -actual.floor.distance_m(&at_m, &down) * down.z - at_m.z;
-    let (v, gain) = (body.velocity_m_s.z, plant.gain_m_s2());
-    let vehicle = &actual.vehicle;
+    let (body, vehicle) = (plant.body(), &actual.vehicle);
+    let (position_m, down) = (body.position_m, -body.matrix().column(2));
+    let ranger_m = -actual.floor.distance_m(&position_m, &down) * down.z - position_m.z;
     let draft_m_s2 = vehicle.body_drag_n_s_m[2] / vehicle.mass_kg * actual.air.wind_m_s[2];
-    [at_m.z, v, draft_m_s2 - GRAVITY_M_S2, gain, ranger_m, barometer_m]
+    let offset_m_s2 = draft_m_s2 - GRAVITY_M_S2;
+    let [z_m, v_m_s] = [position_m.z, body.velocity_m_s.z];
+    [z_m, v_m_s, offset_m_s2, plant.gain_m_s2(), ranger_m, barometer_m]
 }
 
 /// Setpoints along x at a steady speed, one a second.
 fn level_flight(duration_s: f64) -> Plan {
-    let whole = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
-    let setpoints = whole.chain([duration_s]).map(|time_s| Setpoint {
+    let seconds = (0..3600).map(f64::from).take_while(|time_s| *time_s < duration_s);
+    let setpoints = seconds.chain([duration_s]).map(|time_s| Setpoint {
         time_s,
         position_m: Vector3::new(SPEED_M_S * time_s, 0.0, SET_M),
         velocity_m_s: Vector3::x() * SPEED_M_S,

@@ -2,13 +2,13 @@
 //!
 //! A quadcopter measures its altitude by satellites, by a ranger that looks down onto a floor that
 //! is not flat, and by air pressure that drifts. How its throttle τ becomes lift is unknown and
-//! changes with the battery: `z̈ = α⁰ + α¹ τ`.
-//! [`AltitudeFilter`](noctograph_sim::AltitudeFilter) estimates altitude, vertical
-//! velocity, α⁰, α¹ and both biases; [`hold()`] holds an altitude on its estimates through
-//! [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full simulator.
+//! changes with the battery: `z̈ = α⁰ + α¹ τ`. [`AltitudeFilter`](noctograph_sim::AltitudeFilter)
+//! estimates altitude, vertical velocity, α⁰, α¹ and both biases. [`hold()`] holds an altitude on
+//! its estimates through [`HoldScenario`]s, in two [`HoldModel`]s: a scalar one, and the full
+//! simulator.
 //!
-//! What the filter cannot know: while the throttle is held, α⁰ and α¹ are not observable apart
-//! (rank 5 of 6; 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports
+//! Limits of the filter: while the throttle is held, α⁰ and α¹ are not observable separately (rank
+//! 5 of 6, and 4 while the satellites are silent), only the hover throttle −α⁰/α¹ is. It reports
 //! that one, and α¹ with its standard deviation.
 
 mod figures;
@@ -38,9 +38,9 @@ const EVENT_M: f64 = 0.1;
 const SET_M: f64 = 1.5;
 
 settings! {
-    /// What flies.
+    /// The simulated drone.
     pub enum HoldModel {
-        /// Vertical motion alone: a gain, an offset, a lag of the motors and gusts.
+        /// Only vertical motion: a gain, an offset, a lag of the motors and gusts.
         "scalar" => Scalar,
         /// The full simulator: body, rotors, battery, sensors, controller.
         "full" => Full,
@@ -50,12 +50,12 @@ settings! {
 /// Holds an altitude for a time through a scenario, with the noise of a seed.
 ///
 /// The drone, its sensors, the filter and the gains are those of the options. The drone's true lift
-/// differs from what they say, by a share drawn from the seed.
+/// differs from theirs by a fraction drawn from the seed.
 ///
 /// # Errors
 ///
-/// As [`SimOptions::check`]; [`Error::Input`] for options without an altitude filter, and for a
-/// duration out of range; [`Error::Infeasible`] for a drone that does not stay in the air.
+/// As [`SimOptions::check`]. [`Error::Input`] for options without an altitude filter, and for a
+/// duration out of range. [`Error::Infeasible`] for a drone that does not stay in the air.
 pub fn hold(
     model: HoldModel,
     options: &SimOptions,
@@ -69,6 +69,7 @@ pub fn hold(
         let hint = "name the preset bzzz, or set the kind and sensors of the altitude";
         return Err(Error::input("observer.kind", kind.name(), "altitude", hint));
     }
+    // Both models fly the same scenario with the same true drone.
     within("duration_s", duration_s, 1.0, MAX_DURATION_S)?;
     match model {
         HoldModel::Scalar => scalar::hold(options, scenario, duration_s, seed),
@@ -116,22 +117,20 @@ const STATES: [AltitudeState; 6] = [
 
 /// Their names in tables.
 pub const STATE_NAMES: [&str; 6] = ["z", "v", "α⁰", "α¹", "ranger", "barometer"];
+/// Their columns in files.
+const STATE_COLUMNS: [&str; 6] =
+    ["z_m", "v_m_s", "offset_m_s2", "gain_m_s2", "ranger_bias_m", "barometer_bias_m"];
 
 impl Hold {
     /// Writes the flight as CSV, a row a sample.
-    ///
-    /// # Errors
-    ///
-    /// Those of the writer.
     pub fn write_csv(&self, out: impl Write) -> std::io::Result<()> {
         let mut out = csv::Writer::from_writer(out);
-        let states =
-            ["z_m", "v_m_s", "offset_m_s2", "gain_m_s2", "ranger_bias_m", "barometer_bias_m"];
         let columns = ["true", "estimated", "sigma"]
             .iter()
-            .flat_map(|kind| states.iter().map(move |state| format!("{state}_{kind}")));
+            .flat_map(|kind| STATE_COLUMNS.iter().map(move |state| format!("{state}_{kind}")));
         let head = ["time_s", "throttle", "gnss_m", "time_of_flight_m", "barometer_m"];
         out.write_record(head.map(str::to_owned).into_iter().chain(columns))?;
+        // The last reading of each sensor since the sample before, or an empty cell.
         for s in &self.samples {
             let numbers = [s.time_s, s.throttle].map(Some);
             let readings = AltitudeSensor::ALL.map(|sensor| {
@@ -144,6 +143,19 @@ impl Hold {
             out.write_record(cells)?;
         }
         out.flush()
+    }
+
+    /// Times at which the floor below the ranger stepped, for at least two samples.
+    pub fn events_s(&self) -> Vec<f64> {
+        let (mut events_s, mut last_m) = (Vec::new(), None);
+        for pair in self.samples.windows(2) {
+            let last_m = last_m.get_or_insert(pair[0].truth[4]);
+            if pair.iter().all(|sample| (sample.truth[4] - *last_m).abs() > EVENT_M) {
+                events_s.push(pair[0].time_s);
+                *last_m = pair[0].truth[4];
+            }
+        }
+        events_s
     }
 }
 
@@ -163,21 +175,6 @@ impl HoldSample {
     /// Throttle −α⁰/α¹ that carries the drone's weight: true and estimated.
     pub fn hover_throttle(&self) -> [f64; 2] {
         [self.truth, self.estimate].map(|states| -states[2] / states[3])
-    }
-}
-
-impl Hold {
-    /// Times at which the floor that the ranger sees stepped, for two samples at least.
-    pub fn events_s(&self) -> Vec<f64> {
-        let floors_m: Vec<f64> = self.samples.iter().map(|sample| sample.truth[4]).collect();
-        let (mut events_s, mut last_m) = (Vec::new(), floors_m.first().copied().unwrap_or(0.0));
-        for (sample, pair_m) in self.samples.iter().zip(floors_m.windows(2)) {
-            if pair_m.iter().all(|floor_m| (floor_m - last_m).abs() > EVENT_M) {
-                events_s.push(sample.time_s);
-                last_m = pair_m[0];
-            }
-        }
-        events_s
     }
 }
 
@@ -212,18 +209,15 @@ mod tests {
             let flight =
                 hold(model, &Scene::preset(Preset::Bzzz).sim(), HoldScenario::Silent, 35.0, 3)
                     .unwrap();
-            let sigma_m = |time_s: f64| {
-                let sample = flight.samples.iter().find(|s| s.time_s >= time_s - 1e-9);
-                sample.map_or(0.0, |s| s.sigma[0])
-            };
             // It grows at once to what the ranger over a known floor bounds, and stays there.
-            let before_m = sigma_m(19.9);
-            assert!(sigma_m(20.1) > 1.1 * before_m, "{model:?}: {} m", sigma_m(20.1));
-            for time_s in [20.5, 22.0, 25.0, 29.9] {
-                let found_m = sigma_m(time_s);
-                assert!(found_m > 1.3 * before_m, "{model:?}: {found_m} m at {time_s} s");
-            }
-            assert!(sigma_m(31.1) < 1.05 * before_m, "{model:?}: {} m", sigma_m(31.1));
+            let [before_m, first_m, later_m @ .., after_m] =
+                [19.9, 20.1, 20.5, 22.0, 25.0, 29.9, 31.1].map(|time_s| {
+                    let mut samples = flight.samples.iter();
+                    samples.find(|s| s.time_s >= time_s - 1e-9).unwrap().sigma[0]
+                });
+            assert!(first_m > 1.1 * before_m, "{model:?}: {first_m} m");
+            assert!(later_m.iter().all(|m| *m > 1.3 * before_m), "{model:?}: {later_m:?} m");
+            assert!(after_m < 1.05 * before_m, "{model:?}: {after_m} m");
         }
     }
 

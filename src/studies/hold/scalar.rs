@@ -16,7 +16,7 @@ const TRUTH_HZ: u32 = 100;
 /// Spread of the barometer's bias at the start, m.
 const BAROMETER_BIAS_M: f64 = 0.3;
 
-/// Flies a scenario, as [`super::hold()`] says.
+/// Flies a scenario, see [`super::hold()`].
 pub(super) fn hold(
     options: &SimOptions,
     scenario: HoldScenario,
@@ -26,10 +26,7 @@ pub(super) fn hold(
     let hover = options.believed_hover_throttle();
     let [k_z, k_v] = altitude_gains(&options.controller.altitude)?;
     let mut truth = Truth::new(options, scenario, seed);
-    let carried =
-        AltitudeSensor::ALL.into_iter().filter(|sensor| carries(&options.sensors, *sensor));
-    let sensors = carried.map(|it| (it, Noise::new(seed, 0, &format!("hold {it:?}"))));
-    let mut sensors: Vec<(AltitudeSensor, Noise)> = sensors.collect();
+    let mut sensors = AltitudeSensor::ALL.map(|s| (s, Noise::new(seed, 0, &format!("hold {s:?}"))));
     let gnss = &options.sensors.gnss;
     let mut filter = AltitudeFilter::new(&options.observer.altitude, hover, SET_M);
     let (mut throttle, mut samples) = (hover, Vec::new());
@@ -38,16 +35,19 @@ pub(super) fn hold(
     for tick in 0..=n_ticks {
         let time_s = f64::from(tick) / f64::from(TRUTH_HZ);
         if tick.is_multiple_of(TRUTH_HZ / SAMPLES_HZ) {
-            let hears_gnss = scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
+            // Time update, then a measurement update for each sensor that the drone carries.
             if tick > 0 {
                 filter.predict(throttle, 1.0 / f64::from(SAMPLES_HZ));
             }
+            let hears_gnss = scenario.hears_gnss(time_s) && !gnss.is_silent(time_s);
             for (sensor, noise) in &mut sensors {
                 let error = noise.normal();
-                if *sensor != AltitudeSensor::Gnss || hears_gnss {
+                let is_heard = *sensor != AltitudeSensor::Gnss || hears_gnss;
+                if is_heard && carries(&options.sensors, *sensor) {
                     filter.update(*sensor, truth.measured_m(*sensor, time_s, error));
                 }
             }
+            // State feedback on the estimates.
             let [z, v] = [AltitudeState::Altitude, AltitudeState::Velocity]
                 .map(|state| filter.estimate(state));
             throttle = filter.thrust_map().throttle(-k_z * (z - SET_M) - k_v * v);
@@ -87,6 +87,7 @@ struct Truth<'a> {
 impl<'a> Truth<'a> {
     /// The scalar model at the set altitude, with gain, offset and bias drawn by the seed.
     fn new(options: &'a SimOptions, scenario: HoldScenario, seed: u64) -> Self {
+        // The same stream as in the full simulator: the drone is the same in both.
         let mut drawn = Noise::new(seed, 0, DRONE);
         let hover = options.vehicle.hover_throttle();
         Self {
@@ -131,6 +132,7 @@ impl<'a> Truth<'a> {
         let (dt, vehicle) = (1.0 / f64::from(TRUTH_HZ), &self.options.vehicle);
         let lag_s = 0.5 * (vehicle.motor_rise_s + vehicle.motor_fall_s);
         self.throttle += (throttle - self.throttle) * (dt / lag_s).min(1.0);
+        // Gusts are an Ornstein–Uhlenbeck process, the barometer's bias a random walk.
         let [sigma, correlation_s] = GUST;
         self.gust_m_s2 += -self.gust_m_s2 * dt / correlation_s
             + sigma * (2.0 * dt / correlation_s).sqrt() * self.gusts.normal();

@@ -5,9 +5,9 @@ use noctograph_core::settings::settings;
 use noctograph_sim::SimOptions;
 use noctograph_sim::vehicle::{BatteryOptions, Compensation, FloorStep, GustOptions, Gusts};
 
-/// Spread of the true lift per throttle about the vehicle's, as a share of it.
+/// σ of the true lift per throttle about the vehicle's, as a fraction of it.
 pub(super) const GAIN_SPREAD: f64 = 0.05;
-/// Spread of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
+/// σ of the true α⁰ about gravity, m/s²: lift at no throttle, or a steady draft.
 pub(super) const OFFSET_SPREAD_M_S2: f64 = 0.1;
 /// Gusts: standard deviation of the vertical acceleration, m/s², and correlation time, s.
 pub(super) const GUST: [f64; 2] = [0.15, 2.0];
@@ -17,7 +17,7 @@ const TABLE_M: f64 = 0.5;
 const TABLE_S: [f64; 2] = [20.0, 40.0];
 /// When the satellites are silent, s.
 const SILENT_S: [f64; 2] = [20.0, 30.0];
-/// Share of the lift that the battery loses, and the time that this takes, s.
+/// Fraction of the lift that the battery loses, and the time that this takes, s.
 const DRAIN_FRAC: f64 = 0.25;
 const DRAIN_S: f64 = 60.0;
 /// Drift of the air pressure, m/s.
@@ -42,13 +42,13 @@ settings! {
         "drain" => Drain,
         /// Air pressure drifts by 2 cm/s.
         "drift" => Drift,
-        /// Step and silence together: the barometer alone must find the step.
+        /// Step and silence together: only the barometer shows the step.
         "step-silent" => StepSilent,
     }
 }
 
 impl HoldScenario {
-    /// Whether a table is below the flight.
+    /// True if a table is below the flight.
     pub fn has_step(self) -> bool {
         matches!(self, Self::Step | Self::StepSilent)
     }
@@ -59,7 +59,7 @@ impl HoldScenario {
         if is_above { TABLE_M } else { 0.0 }
     }
 
-    /// Whether the satellites are heard at a time.
+    /// True if the satellites are heard at a time.
     pub(super) fn hears_gnss(self, time_s: f64) -> bool {
         !(self.is_silent() && (SILENT_S[0]..SILENT_S[1]).contains(&time_s))
     }
@@ -68,7 +68,7 @@ impl HoldScenario {
         matches!(self, Self::Silent | Self::StepSilent)
     }
 
-    /// Share of the full lift that the battery gives at a time.
+    /// Fraction of the full lift that the battery gives at a time.
     pub(super) fn lift_frac(self, time_s: f64) -> f64 {
         if self == Self::Drain { 1.0 - DRAIN_FRAC * time_s / DRAIN_S } else { 1.0 }
     }
@@ -97,6 +97,7 @@ impl HoldScenario {
         if self == Self::Drain {
             drain(&mut actual);
         }
+        // Gusts and draft as wind that makes the same acceleration through the body's drag.
         let [sigma_m_s2, time_s] = GUST;
         let drag_n_s_m = actual.vehicle.body_drag_n_s_m[2];
         if actual.air.gusts == Gusts::None && drag_n_s_m > 0.0 {
@@ -116,23 +117,22 @@ impl HoldScenario {
 /// Name of the noise that draws the true drone, the same in both models.
 pub(super) const DRONE: &str = "hold drone";
 
-/// Gives a drone in hover a battery whose lift falls as the scenario says, through its own
+/// Gives a drone in hover a battery whose lift falls by [`DRAIN_FRAC`] in [`DRAIN_S`], through its
 /// resistance and thrust: a straight open-circuit curve, and a charge that lasts as long.
 fn drain(options: &mut SimOptions) {
     let weight_n = options.vehicle.mass_kg * noctograph_core::crazyflie::GRAVITY_M_S2;
     let battery = &mut options.battery;
     let current_a = battery.idle_current_a + battery.current_a_per_n * weight_n;
-    let lift_n = |open_v: f64| {
-        let [a, b, c, d] = battery.thrust_from_v_n;
-        let v = open_v - battery.resistance_ohm * current_a;
-        a + v * (b + v * (c + v * d))
-    };
     let full_v = battery.open_circuit_v(battery.charge_frac);
-    let wanted_n = (1.0 - DRAIN_FRAC) * lift_n(full_v);
+    let wanted_n = (1.0 - DRAIN_FRAC) * lift_n(battery, full_v, current_a);
+    // The voltage of the lift at the end, by bisection.
     let (mut low_v, mut high_v) = (0.0, full_v);
     for _ in 0..BISECTIONS {
         let middle_v = 0.5 * (low_v + high_v);
-        *if lift_n(middle_v) < wanted_n { &mut low_v } else { &mut high_v } = middle_v;
+        match lift_n(battery, middle_v, current_a) < wanted_n {
+            true => low_v = middle_v,
+            false => high_v = middle_v,
+        }
     }
     let tenth_v = (full_v - low_v) / 10.0;
     *battery = BatteryOptions {
@@ -143,4 +143,11 @@ fn drain(options: &mut SimOptions) {
         cut_off_v: 0.0,
         ..battery.clone()
     };
+}
+
+/// Full thrust at an open-circuit voltage while a current is drawn.
+fn lift_n(battery: &BatteryOptions, open_v: f64, current_a: f64) -> f64 {
+    let [a, b, c, d] = battery.thrust_from_v_n;
+    let v = open_v - battery.resistance_ohm * current_a;
+    a + v * (b + v * (c + v * d))
 }

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use kurbo::{Point, Rect, Vec2};
+
 use super::canvas::{Anchor, Canvas, Pen, Surface, Window};
 use super::coverage::viridis;
 use super::figure::{BLUE, VERMILION, range};
@@ -23,46 +25,48 @@ const STEP_S: f64 = 0.05;
 fn view(points: impl IntoIterator<Item = [f64; 2]>, left_px: f64) -> Window {
     let [left, bottom, right, top] = geometry::bounds(points);
     let span_m = (right - left).max(top - bottom).max(0.1);
-    let corner_m = [0.5 * (left + right) - 0.5 * span_m, 0.5 * (bottom + top) + 0.5 * span_m];
-    Window { corner_px: [left_px, MARGIN_PX], corner_m, px_per_m: VIEW_PX / span_m }
+    let middle_m = Point::new(0.5 * (left + right), 0.5 * (bottom + top));
+    let corner_m = middle_m + 0.5 * span_m * Vec2::new(-1.0, 1.0);
+    Window { corner_px: Point::new(left_px, MARGIN_PX), corner_m, px_per_m: VIEW_PX / span_m }
 }
 
 /// The end at which a label is anchored so that it stays within its view.
 fn anchor(view: &Window, x_px: f64) -> Anchor {
-    if x_px > view.corner_px[0] + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
+    if x_px > view.corner_px.x + 0.5 * VIEW_PX { Anchor::End } else { Anchor::Start }
 }
 
 /// Draws the strokes of all drones colored by the bound, and beside them the anchors from above
-/// with the best place of one more.
+/// with the best position of one more.
 pub fn bound_map(
     plans: &[&Plan],
     bounds: &[Bound],
     uwb: &UwbOptions,
     one_more_m: [f64; 3],
 ) -> String {
-    let flown_m = || plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
+    // The two views: of the plans, and of the plans with the anchors.
+    let flown_m = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let anchors_m = uwb.anchors_m.iter().chain([&one_more_m]).map(|[x, y, _]| [*x, *y]);
-    let front = view(flown_m().map(|p| [p.x, p.z]), MARGIN_PX);
-    let above = flown_m().map(|p| [p.x, p.y]).chain(anchors_m);
+    let front = view(flown_m.clone().map(|p| [p.x, p.z]), MARGIN_PX);
+    let above = flown_m.map(|p| [p.x, p.y]).chain(anchors_m);
     let above = view(above, 2.0 * MARGIN_PX + VIEW_PX);
-
     let width_px = 3.0 * MARGIN_PX + 2.0 * VIEW_PX + LEGEND_PX;
     let mut canvas = Canvas::white([width_px, 2.0 * MARGIN_PX + VIEW_PX]);
     let title = "best possible estimate along the strokes, seen from the front";
-    label(&mut canvas, [MARGIN_PX, 30.0], title);
-    label(&mut canvas, [above.corner_px[0], 30.0], "anchors and flight, seen from above");
+    label(&mut canvas, Point::new(MARGIN_PX, 30.0), title);
+    let title = "anchors and flight, seen from above";
+    label(&mut canvas, Point::new(above.corner_px.x, 30.0), title);
     let lit_m = lit_m(bounds);
     for (plan, bound) in plans.iter().zip(bounds) {
         draw_strokes(&mut canvas, &front, plan, bound, &lit_m);
-        let points = plan.setpoints.iter().map(|s| above.px([s.position_m.x, s.position_m.y]));
-        canvas.line(points, Pen::new([136; 3], 1.0));
+        let path_m = plan.setpoints.iter().map(|s| Point::new(s.position_m.x, s.position_m.y));
+        canvas.line(path_m.map(|point_m| above.px(point_m)), Pen::new([136; 3], 1.0));
     }
     draw_anchors(&mut canvas, &above, uwb, plans.len());
     let [x_m, y_m, z_m] = one_more_m;
-    let [x, y] = above.px([x_m, y_m]);
-    canvas.ring([x, y], 7.0, Pen::new(VERMILION, 3.0));
-    let text = format!("one more here: z {z_m:.1} m");
-    canvas.text(text, [x, y + 22.0], anchor(&above, x), CAP_PX, VERMILION);
+    let center = above.px(Point::new(x_m, y_m));
+    canvas.ring(center, 7.0, Pen::new(VERMILION, 3.0));
+    let (text, below) = (format!("one more here: z {z_m:.1} m"), center + Vec2::new(0.0, 22.0));
+    canvas.text(text, below, anchor(&above, center.x), CAP_PX, VERMILION);
     draw_legend(&mut canvas, &lit_m);
     canvas.svg()
 }
@@ -74,11 +78,11 @@ fn lit_m(bounds: &[Bound]) -> Range<f64> {
     if lit_m.start > lit_m.end { 0.0..1.0 } else { lit_m }
 }
 
-fn label(canvas: &mut Canvas, place_px: [f64; 2], text: &str) {
-    canvas.text(text, place_px, Anchor::Start, CAP_PX, [0; 3]);
+fn label(canvas: &mut Canvas, left: Point, text: &str) {
+    canvas.text(text, left, Anchor::Start, CAP_PX, [0; 3]);
 }
 
-/// A drone's way from the front: lit strokes in the color of their bound, the rest thin.
+/// A drone's path from the front: lit strokes in the color of their bound, the rest thin.
 fn draw_strokes(
     canvas: &mut Canvas,
     front: &Window,
@@ -86,54 +90,56 @@ fn draw_strokes(
     bound: &Bound,
     lit_m: &Range<f64>,
 ) {
+    // Thinned to the step that a viewer can tell apart.
     let (mut shown_s, mut before) = (f64::NEG_INFINITY, None);
-    let color =
-        |sigma_m: f64| viridis((sigma_m - lit_m.start) / (lit_m.end - lit_m.start).max(1e-6));
     for ((time_s, sigma_m), letter) in bound.time_s.iter().zip(&bound.sigma_m).zip(&bound.letter) {
         if time_s - shown_s < STEP_S {
             continue;
         }
+        // Lit pieces are broad and colored, dark ones thin.
         shown_s = *time_s;
-        let place_m = plan.design_m(*time_s);
-        let place_px = front.px([place_m.x, place_m.z]);
+        let design_m = plan.design_m(*time_s);
+        let point = front.px(Point::new(design_m.x, design_m.z));
         if let Some(from) = before {
+            let fraction = (sigma_m - lit_m.start) / (lit_m.end - lit_m.start).max(1e-6);
             let pen = match letter {
-                Some(_) => Pen::new(color(*sigma_m), 6.0),
+                Some(_) => Pen::new(viridis(fraction), 6.0),
                 None => Pen::new([221; 3], 1.0),
             };
-            canvas.line([from, place_px], pen);
+            canvas.line([from, point], pen);
         }
-        before = Some(place_px);
+        before = Some(point);
     }
 }
 
 /// The anchors from above, each with its height and the number of drones that hear it.
 fn draw_anchors(canvas: &mut Canvas, above: &Window, uwb: &UwbOptions, n_drones: usize) {
+    // Anchors in their order, since those before one decide its line.
+    let mut drawn: Vec<Point> = Vec::new();
     for (index, [x_m, y_m, z_m]) in uwb.anchors_m.iter().enumerate() {
-        let [x, y] = above.px([*x_m, *y_m]);
-        let hear = uwb.heard.iter().filter(|heard| heard.contains(&index)).count();
-        let is_heard_by_all = uwb.heard.is_empty() || hear == n_drones;
-        let by = if is_heard_by_all { "all".to_owned() } else { hear.to_string() };
+        let center = above.px(Point::new(*x_m, *y_m));
+        let n_hear = uwb.heard.iter().filter(|heard| heard.contains(&index)).count();
+        let is_heard_by_all = uwb.heard.is_empty() || n_hear == n_drones;
+        let by = if is_heard_by_all { "all".to_owned() } else { n_hear.to_string() };
         // Anchors on one pole have a line each.
-        let near = |[other_x_m, other_y_m, _]: &&[f64; 3]| {
-            libm::hypot(other_x_m - x_m, other_y_m - y_m) * above.px_per_m < 80.0
-        };
-        let line = uwb.anchors_m[..index].iter().filter(near).count();
+        let line = drawn.iter().filter(|other| (**other - center).hypot2() < 80.0 * 80.0).count();
         let down_px = if line == 0 { -10.0 } else { 4.0 + 16.0 * line as f64 };
-        canvas.dot([x, y], 6.0, BLUE);
+        canvas.dot(center, 6.0, BLUE);
         let text = format!("{index}: z {z_m:.1} m, heard by {by}");
-        canvas.text(text, [x, y + down_px], anchor(above, x), CAP_PX, [0; 3]);
+        let label = center + Vec2::new(0.0, down_px);
+        canvas.text(text, label, anchor(above, center.x), CAP_PX, [0; 3]);
+        drawn.push(center);
     }
 }
 
 fn draw_legend(canvas: &mut Canvas, lit_m: &Range<f64>) {
     let x = 3.0 * MARGIN_PX + 2.0 * VIEW_PX - 20.0;
-    label(canvas, [x, MARGIN_PX], "1 \u{3c3} over 3 axes");
+    label(canvas, Point::new(x, MARGIN_PX), "1 \u{3c3} over 3 axes");
     for step in 0..=5 {
-        let share = f64::from(step) / 5.0;
+        let fraction = f64::from(step) / 5.0;
         let y = MARGIN_PX + 14.0 + 20.0 * f64::from(step);
-        let sigma_m = lit_m.start + share * (lit_m.end - lit_m.start);
-        canvas.cell([x, y, x + 18.0, y + 20.0], viridis(share));
-        label(canvas, [x + 26.0, y + 15.0], &format!("{:.1} cm", 100.0 * sigma_m));
+        let sigma_m = lit_m.start + fraction * (lit_m.end - lit_m.start);
+        canvas.cell(Rect::new(x, y, x + 18.0, y + 20.0), viridis(fraction));
+        label(canvas, Point::new(x + 26.0, y + 15.0), &format!("{:.1} cm", 100.0 * sigma_m));
     }
 }

@@ -4,6 +4,7 @@
 //! in SVG, and written in single strokes as pixels.
 
 use base64::prelude::{BASE64_STANDARD, Engine};
+use kurbo::{Point, Rect, Vec2};
 use tiny_skia::{
     FillRule, IntSize, LineCap, LineJoin, Paint, PathBuilder, Pixmap, Stroke, Transform,
 };
@@ -14,34 +15,34 @@ use noctograph_picture::photo::{self, Photo, PhotoData};
 /// Red, green, blue.
 pub(super) type Rgb = [u8; 3];
 
-/// Height of capitals by the size of a typeface.
-const CAP_SHARE: f64 = 0.7;
+/// Height of capitals, relative to the size of a typeface.
+pub(super) const CAP_RATIO: f64 = 0.7;
 
-/// Width of written strokes, and the space between characters, by the height of capitals.
-const STROKE_SHARE: f64 = 0.12;
-const SPACE_SHARE: f64 = 0.25;
+/// Width of written strokes, and the space between characters, relative to the height of capitals.
+const STROKE_RATIO: f64 = 0.12;
+const SPACE_RATIO: f64 = 0.25;
 
-/// What a group of an SVG file gives its shapes.
+/// Attributes that a group of an SVG file gives its shapes.
 const GROUP: &str = "fill=\"none\" stroke-linecap=\"round\" stroke-linejoin=\"round\">\n";
 
-/// What a line is drawn with.
+/// Style of a line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pen {
     pub(super) color: Rgb,
     pub(super) width_px: f64,
     pub(super) dashed: bool,
-    /// Whether what a line surrounds is filled, thinly.
+    /// True if the area inside the line is filled, thinly.
     pub(super) filled: bool,
 }
 
 impl Pen {
-    /// A whole line.
+    /// A solid line.
     pub(super) const fn new(color: Rgb, width_px: f64) -> Self {
         Self { color, width_px, dashed: false, filled: false }
     }
 }
 
-/// The point of a text's lower edge that stands at its place.
+/// The point of a text's lower edge that its position means.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
     Start,
@@ -51,40 +52,46 @@ pub(super) enum Anchor {
     Upward,
 }
 
-/// What lines, dots and words are drawn on, whatever becomes of them.
+/// A surface for lines, dots and words: an SVG file or pixels.
 pub(super) trait Surface {
     /// Begins a layer, by its name.
     fn layer(&mut self, name: &str);
 
-    fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen);
+    fn line(&mut self, points: impl IntoIterator<Item = Point>, pen: Pen);
 
-    fn dot(&mut self, place_px: [f64; 2], radius_px: f64, color: Rgb);
+    fn dot(&mut self, center: Point, radius_px: f64, color: Rgb);
 
     /// Writes a text whose capitals have a height, from its lower left corner on.
-    fn write(&mut self, text: &str, place_px: [f64; 2], cap_px: f64, color: Rgb);
+    fn write(&mut self, text: &str, corner: Point, cap_px: f64, color: Rgb);
 
-    /// The rim of a disk.
-    fn ring(&mut self, [x, y]: [f64; 2], radius_px: f64, pen: Pen) {
-        let corner = |i: u32| {
+    /// The outline of a disk, as a polygon of 24 corners.
+    fn ring(&mut self, center: Point, radius_px: f64, pen: Pen) {
+        let corners = (0..=24).map(|i| {
             let (sin, cos) = libm::sincos(f64::from(i) * std::f64::consts::TAU / 24.0);
-            [x + radius_px * cos, y + radius_px * sin]
-        };
-        self.line((0..=24).map(corner), pen);
+            center + radius_px * Vec2::new(cos, sin)
+        });
+        self.line(corners, pen);
     }
 }
 
-/// A part of a plane of the world: its upper left corner in pixels and in meters, and its scale.
+/// A part of a plane of the world, with y up: its upper left corner in pixels and in meters, and
+/// its scale.
 pub(super) struct Window {
-    pub(super) corner_px: [f64; 2],
-    pub(super) corner_m: [f64; 2],
+    pub(super) corner_px: Point,
+    pub(super) corner_m: Point,
     pub(super) px_per_m: f64,
 }
 
 impl Window {
-    /// The pixel of a place, to the right and up.
-    pub(super) fn px(&self, [across_m, up_m]: [f64; 2]) -> [f64; 2] {
-        let (right_m, down_m) = (across_m - self.corner_m[0], self.corner_m[1] - up_m);
-        [self.corner_px[0] + right_m * self.px_per_m, self.corner_px[1] + down_m * self.px_per_m]
+    /// The pixel of a point of the plane.
+    pub(super) fn px(&self, point_m: Point) -> Point {
+        let Vec2 { x, y } = point_m - self.corner_m;
+        self.corner_px + self.px_per_m * Vec2::new(x, -y)
+    }
+
+    /// The pixels of a rectangle of the plane.
+    pub(super) fn rect_px(&self, rect_m: Rect) -> Rect {
+        Rect::from_points(self.px(rect_m.origin()), self.px(Point::new(rect_m.x1, rect_m.y1)))
     }
 }
 
@@ -92,14 +99,14 @@ impl Window {
 pub(super) struct Canvas(String);
 
 impl Canvas {
-    /// A white canvas; its sides are rounded up to whole pixels.
+    /// A white canvas. Its sides are rounded up to integers.
     pub(super) fn white(size_px: [f64; 2]) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "thousands")]
         let size_px = size_px.map(|side| side.ceil() as u32);
         Self::new(size_px, "<rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n")
     }
 
-    /// A canvas over a photo, which the file has inside.
+    /// A canvas over a photo, which is embedded in the file.
     pub(super) fn over(photo: &Photo) -> Self {
         let PhotoData { width_px, height_px, .. } = &**photo;
         let image = format!(
@@ -118,18 +125,18 @@ impl Canvas {
         ))
     }
 
-    /// The rim of a rectangle: left, top, right, bottom.
-    pub(super) fn frame(&mut self, [left, top, right, bottom]: [f64; 4], pen: Pen) {
-        self.line([[left, top], [right, top], [right, bottom], [left, bottom], [left, top]], pen);
+    /// The outline of a rectangle.
+    pub(super) fn frame(&mut self, Rect { x0, y0, x1, y1 }: Rect, pen: Pen) {
+        let corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)];
+        self.line(corners.map(Point::from), pen);
     }
 
-    /// A rectangle without smoothed edges, so that neighbors meet: left, top, right, bottom.
-    pub(super) fn cell(&mut self, [left, top, right, bottom]: [f64; 4], color: Rgb) {
+    /// A rectangle without smoothed edges, so that neighbors meet.
+    pub(super) fn cell(&mut self, rect: Rect, color: Rgb) {
+        let (Rect { x0, y0, .. }, width, height) = (rect, rect.width(), rect.height());
         self.0 += &format!(
-            "<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{:.1}\" \
+            "<rect x=\"{x0:.1}\" y=\"{y0:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" \
              fill=\"{}\" shape-rendering=\"crispEdges\"/>\n",
-            right - left,
-            bottom - top,
             hex(color)
         );
     }
@@ -138,23 +145,22 @@ impl Canvas {
     pub(super) fn text(
         &mut self,
         text: impl AsRef<str>,
-        [x, y]: [f64; 2],
+        Point { x, y }: Point,
         anchor: Anchor,
         cap_px: f64,
         color: Rgb,
     ) {
+        // Upward text is turned about its own point.
         let (anchor, turned) = match anchor {
             Anchor::Start => ("start", String::new()),
             Anchor::Middle => ("middle", String::new()),
             Anchor::End => ("end", String::new()),
             Anchor::Upward => ("middle", format!(" transform=\"rotate(-90 {x:.1} {y:.1})\"")),
         };
+        let (size, color, text) = (cap_px / CAP_RATIO, hex(color), escaped(text.as_ref()));
         self.0 += &format!(
-            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{:.1}\" \
-             fill=\"{}\"{turned}>{}</text>\n",
-            cap_px / CAP_SHARE,
-            hex(color),
-            escaped(text.as_ref())
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\" font-size=\"{size:.1}\" \
+             fill=\"{color}\"{turned}>{text}</text>\n"
         );
     }
 
@@ -169,41 +175,42 @@ impl Surface for Canvas {
         self.0 += &format!("</g>\n<g id=\"{name}\" {GROUP}");
     }
 
-    fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
-        let dash = match pen.dashed {
-            true => " stroke-dasharray=\"3 3\" stroke-linecap=\"butt\"",
-            false => "",
-        };
-        let points = points.into_iter().map(|[x, y]| format!("{x:.1},{y:.1}"));
-        let (points, color) = (points.collect::<Vec<_>>().join(" "), hex(pen.color));
-        let fill = format!(" fill=\"{color}\" fill-opacity=\"0.15\"");
-        let fill = if pen.filled { &*fill } else { "" };
+    fn line(&mut self, points: impl IntoIterator<Item = Point>, pen: Pen) {
+        let points = points.into_iter().map(|Point { x, y }| format!("{x:.1},{y:.1}"));
+        let points = points.collect::<Vec<_>>().join(" ");
+        let Pen { width_px, dashed, filled, .. } = pen;
+        let color = hex(pen.color);
         self.0 += &format!(
-            "<polyline points=\"{points}\" stroke=\"{color}\" stroke-width=\"{:.1}\"{dash}{fill}/>\n",
-            pen.width_px
+            "<polyline points=\"{points}\" stroke=\"{color}\" stroke-width=\"{width_px:.1}\""
         );
+        if dashed {
+            self.0 += " stroke-dasharray=\"3 3\" stroke-linecap=\"butt\"";
+        }
+        if filled {
+            self.0 += &format!(" fill=\"{color}\" fill-opacity=\"0.15\"");
+        }
+        self.0 += "/>\n";
     }
 
-    fn dot(&mut self, [x, y]: [f64; 2], radius_px: f64, color: Rgb) {
+    fn dot(&mut self, Point { x, y }: Point, radius_px: f64, color: Rgb) {
         let fill = hex(color);
         self.0 += &format!(
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius_px:.1}\" fill=\"{fill}\"/>\n"
         );
     }
 
-    fn write(&mut self, text: &str, place_px: [f64; 2], cap_px: f64, color: Rgb) {
-        self.text(text, place_px, Anchor::Start, cap_px, color);
+    fn write(&mut self, text: &str, corner: Point, cap_px: f64, color: Rgb) {
+        self.text(text, corner, Anchor::Start, cap_px, color);
     }
 }
 
-/// Pixels that are drawn on.
+/// A photo as a surface.
 pub(super) struct Pixels {
     pixels: Pixmap,
     letters: Font,
 }
 
 impl Pixels {
-    /// Those of a photo.
     pub(super) fn new(photo: &Photo) -> Self {
         let rgba = photo.rgb8.as_chunks::<3>().0.iter().flat_map(|&[r, g, b]| [r, g, b, 255]);
         let size = IntSize::from_wh(photo.width_px, photo.height_px);
@@ -223,12 +230,7 @@ impl Pixels {
 
     /// The lines of a text from its lower left corner on, and its right end. Characters that the
     /// font lacks are left out.
-    pub(super) fn letters(
-        &self,
-        text: &str,
-        [left, baseline]: [f64; 2],
-        cap_px: f64,
-    ) -> (Vec<Vec<[f64; 2]>>, f64) {
+    pub(super) fn letters(&self, text: &str, corner: Point, cap_px: f64) -> (Vec<Vec<Point>>, f64) {
         let (mut lines, mut right) = (Vec::new(), 0.0);
         for character in text.chars() {
             let Some(aspect) = self.letters.aspect(character) else { continue };
@@ -238,20 +240,21 @@ impl Pixels {
             let moves = self.letters.glyph(character, cell).map_or(Vec::new(), |glyph| glyph.moves);
             for run in moves.chunk_by(|a, b| a.lit == b.lit).filter(|run| run[0].lit) {
                 let ends = std::iter::once(run[0].from_m).chain(run.iter().map(|step| step.to_m));
-                lines.push(ends.map(|[x, y]| [left + x, baseline - y]).collect());
+                lines.push(ends.map(|[x, y]| corner + Vec2::new(x, -y)).collect());
             }
-            right += width_m + SPACE_SHARE * cap_px;
+            right += width_m + SPACE_RATIO * cap_px;
         }
-        (lines, left + right - SPACE_SHARE * cap_px)
+        (lines, corner.x + right - SPACE_RATIO * cap_px)
     }
 }
 
 impl Surface for Pixels {
     fn layer(&mut self, _name: &str) {}
 
-    fn line(&mut self, points: impl IntoIterator<Item = [f64; 2]>, pen: Pen) {
+    fn line(&mut self, points: impl IntoIterator<Item = Point>, pen: Pen) {
         let mut path = PathBuilder::new();
-        for [x, y] in points.into_iter().map(|point| point.map(narrow)) {
+        for Point { x, y } in points {
+            let [x, y] = [x, y].map(narrow);
             if path.is_empty() { path.move_to(x, y) } else { path.line_to(x, y) }
         }
         let Some(path) = path.finish() else { return };
@@ -260,16 +263,16 @@ impl Surface for Pixels {
         self.pixels.stroke_path(&path, &paint(pen.color), &stroke, Transform::identity(), None);
     }
 
-    fn dot(&mut self, place_px: [f64; 2], radius_px: f64, color: Rgb) {
-        let [x, y] = place_px.map(narrow);
-        let Some(path) = PathBuilder::from_circle(x, y, narrow(radius_px)) else { return };
+    fn dot(&mut self, center: Point, radius_px: f64, color: Rgb) {
+        let [x, y, radius] = [center.x, center.y, radius_px].map(narrow);
+        let Some(path) = PathBuilder::from_circle(x, y, radius) else { return };
         let (rule, transform) = (FillRule::Winding, Transform::identity());
         self.pixels.fill_path(&path, &paint(color), rule, transform, None);
     }
 
-    fn write(&mut self, text: &str, place_px: [f64; 2], cap_px: f64, color: Rgb) {
-        let pen = Pen::new(color, (STROKE_SHARE * cap_px).max(1.0));
-        for line in self.letters(text, place_px, cap_px).0 {
+    fn write(&mut self, text: &str, corner: Point, cap_px: f64, color: Rgb) {
+        let pen = Pen::new(color, (STROKE_RATIO * cap_px).max(1.0));
+        for line in self.letters(text, corner, cap_px).0 {
             self.line(line, pen);
         }
     }
@@ -281,7 +284,7 @@ fn paint([r, g, b]: Rgb) -> Paint<'static> {
     paint
 }
 
-/// Text as it stands in SVG and HTML.
+/// Text with the characters escaped that mean something in SVG and HTML.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
@@ -301,9 +304,9 @@ mod tests {
 
     fn draw(surface: &mut impl Surface) {
         surface.layer("shapes");
-        surface.line([[40.0, 20.0], [60.0, 20.0]], Pen::new([0, 0, 255], 4.0));
-        surface.dot([80.0, 20.0], 5.0, [0, 255, 0]);
-        surface.write("I<&", [50.0, 50.0], 14.0, [0, 0, 0]);
+        surface.line([(40.0, 20.0), (60.0, 20.0)].map(Point::from), Pen::new([0, 0, 255], 4.0));
+        surface.dot(Point::new(80.0, 20.0), 5.0, [0, 255, 0]);
+        surface.write("I<&", Point::new(50.0, 50.0), 14.0, [0, 0, 0]);
     }
 
     #[test]
@@ -321,7 +324,7 @@ mod tests {
         assert!((49..54).contains(&ends[0]) && (65..100).contains(&ends[1]), "{ends:?}");
         let mut canvas = Canvas::white([100.0, 60.0]);
         draw(&mut canvas);
-        canvas.text("II", [40.0, 50.0], Anchor::Upward, 14.0, [0, 0, 0]);
+        canvas.text("II", Point::new(40.0, 50.0), Anchor::Upward, 14.0, [0, 0, 0]);
         let svg = canvas.svg();
         assert!(svg.contains("<g id=\"shapes\"") && svg.contains("I&lt;&amp;</text>"), "{svg}");
         assert!(svg.contains("rotate(-90 40.0 50.0)"), "{svg}");

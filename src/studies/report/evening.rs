@@ -1,7 +1,7 @@
-//! An evening's page: its flights, its drones over time, and the conditions that they make.
+//! An evening's page: its flights, its drones over time, and their conditions.
 
 use super::Page;
-use super::canvas::Pen;
+use super::canvas::{Pen, Rgb};
 use super::figure::{Curve, Figure, Panel};
 use super::studies::{COLORS, around};
 use crate::{Evening, EveningLog, LogFigures};
@@ -13,7 +13,8 @@ type Of = fn(&LogFigures) -> Option<f64>;
 /// Most drones with a curve.
 const MOST_DRONES: usize = 7;
 
-/// The page: what is `printed` of the evening, its drones over time, and the file of `conditions`.
+/// The page: the `printed` table of the evening, its drones over time, and the file of
+/// `conditions`.
 pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &str) -> Page {
     let (n, sound) = (evening.logs.len(), evening.sound().count());
     let drones = evening.drones();
@@ -22,28 +23,8 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         "Thrust per command and weight, of the scene's; trim: the center of mass that the motors \
          hold against; gusts: those that turn a drone as its air did. -: the log does not show it.",
     );
-    let curves = |figure: Of| -> Vec<Curve> {
-        let curves = drones.iter().zip(COLORS).map(|((_, logs), color)| {
-            let value = |(index, log): (usize, &EveningLog)| {
-                Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
-            };
-            let sound = logs.iter().filter(|log| log.flaws.is_empty());
-            let points: Vec<(f64, f64)> = sound.enumerate().filter_map(value).collect();
-            // A short bar at each flight, so that one alone is seen.
-            let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
-            let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
-            Curve { pen: Pen::new(color, 2.0), pieces }
-        });
-        curves.collect()
-    };
+    // One panel a figure, with a curve for each drone over its sound flights.
     let most = drones.iter().map(|(_, logs)| logs.len()).max().unwrap_or(1);
-    let panel = |(y_name, least, figure): (&'static str, f64, Of)| {
-        let curves = curves(figure);
-        let values = curves.iter().flat_map(Curve::points).map(|(_, value)| value);
-        let x = 0.5..most as f64 + 0.5;
-        let panel = Panel::new([x, around(values, least)], HEIGHT_PX, y_name, curves);
-        Panel { counts: true, ..panel }
-    };
     let panels: [(&str, f64, Of); 4] = [
         ("thrust (%)", 4.0, |f| Some(100.0 * f.thrust_frac)),
         ("trim x (mm)", 0.5, |f| Some(1e3 * f.trim_m[0])),
@@ -51,12 +32,20 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         ("rotor lag (ms)", 20.0, |f| f.lag_s.map(|lag_s| 1e3 * lag_s)),
     ];
     if sound > 0 {
+        let panels = panels.map(|(y_name, least, figure)| {
+            let logs = drones.iter().map(|(_, logs)| *logs);
+            let curves: Vec<Curve> =
+                logs.zip(COLORS).map(|(logs, color)| curve(logs, figure, color)).collect();
+            let values = curves.iter().flat_map(Curve::points).map(|(_, value)| value);
+            let axes = [0.5..most as f64 + 0.5, around(values, least)];
+            Panel { counts: true, ..Panel::new(axes, HEIGHT_PX, y_name, curves) }
+        });
         let pens = COLORS.map(|color| Pen::new(color, 2.0));
         let figure = Figure {
             title: "Thrust, trim and lag, flight by flight".to_owned(),
             legend: drones.iter().map(|(name, _)| (*name).to_owned()).zip(pens).collect(),
             x_name: "sound flight, in the order of the names",
-            panels: panels.into_iter().map(panel).collect(),
+            panels: panels.into(),
         };
         page = page.section("Drones over time").drawings(&[figure.svg()]);
         if drones.len() > MOST_DRONES {
@@ -64,4 +53,17 @@ pub fn evening_page(title: &str, evening: &Evening, printed: &str, conditions: &
         }
     }
     page.section("Conditions").printed(conditions)
+}
+
+/// A figure of a drone's sound flights, in their order.
+fn curve(logs: &[EveningLog], figure: Of, color: Rgb) -> Curve {
+    let sound = logs.iter().filter(|log| log.flaws.is_empty()).enumerate();
+    let points = sound.filter_map(|(index, log)| {
+        Some((index as f64 + 1.0, log.figures.as_ref().and_then(figure)?))
+    });
+    let points: Vec<(f64, f64)> = points.collect();
+    // A short bar at each flight, so that a single one is seen.
+    let bars = points.iter().map(|(x, y)| vec![(x - 0.1, *y), (x + 0.1, *y)]);
+    let pieces = bars.chain([points.clone()]).filter(|piece| piece.len() > 1).collect();
+    Curve { pen: Pen::new(color, 2.0), pieces }
 }

@@ -2,14 +2,15 @@
 
 use std::ops::Range;
 
-use super::canvas::{Anchor, Canvas, Pen, Rgb, Surface};
-use noctograph_core::geometry::distance;
+use kurbo::{Point, Rect, Vec2};
+
+use super::canvas::{Anchor, CAP_RATIO, Canvas, Pen, Rgb, Surface};
 
 /// Width of a figure.
 pub(super) const WIDTH_PX: f64 = 800.0;
-/// Room left and right of a panel; the axis labels stand in it.
+/// Margins left and right of a panel, for the labels of its axis.
 const SIDES_PX: [f64; 2] = [72.0, 24.0];
-/// Of the left side, what stays empty.
+/// The outer part of the margin, which stays empty.
 const EDGE_PX: f64 = 12.0;
 /// Width of a panel.
 pub(super) const PANEL_WIDTH_PX: f64 = WIDTH_PX - SIDES_PX[0] - SIDES_PX[1];
@@ -20,25 +21,26 @@ const LEGEND_ROW_PX: f64 = 18.0;
 const LEGEND_LINE_PX: f64 = 28.0;
 /// Room below each panel, and more below the last for the name of its axis.
 const BELOW_PX: [f64; 2] = [28.0, 18.0];
-/// Sizes of the letters of numbers, names and titles, and the height kept free for words at places.
+/// Sizes of the letters of numbers, names, titles and marks, and the height kept free for a mark.
 const NUMBER_EM_PX: f64 = 11.3;
 const NAME_EM_PX: f64 = 12.1;
 const TITLE_EM_PX: f64 = 16.1;
 const MARK_EM_PX: f64 = 9.7;
 const MARK_PX: f64 = 12.0;
-/// Height of capitals, and depth of the lower edge of a text below its middle, by its size.
-const CAP_SHARE: f64 = 0.7;
-const MIDDLE_SHARE: f64 = 0.26;
-/// Height of a line of text above its lower edge, by its size.
-const ASCENT_SHARE: f64 = 0.76;
+/// Depth of the lower edge of a text below its middle, and height of a line of text above its lower
+/// edge, relative to its size.
+const MIDDLE_RATIO: f64 = 0.26;
+const ASCENT_RATIO: f64 = 0.76;
 /// Length of the marks of an axis, and the room between axis and numbers.
 const TICK_PX: f64 = 4.0;
 const LABEL_PX: f64 = 8.0;
-/// Room along an axis for each of its numbers, and how many it has room for at least.
+/// Space along an axis for each of its numbers, and the number that it always has space for.
 const ROOM_PX: f64 = 60.0;
 const LEAST_NUMBERS: f64 = 4.0;
 /// Points of a curve nearer to each other than this are one.
 const THINNEST_PX: f64 = 0.4;
+/// Step along curves at which marks look for them.
+const STEP_PX: f64 = 3.0;
 
 pub(super) const BLACK: Rgb = [0, 0, 0];
 pub(super) const BLUE: Rgb = [0, 114, 178];
@@ -60,7 +62,7 @@ impl Curve {
         Self { pen, pieces: vec![points.into_iter().collect()] }
     }
 
-    pub(super) fn points(&self) -> impl Iterator<Item = (f64, f64)> {
+    pub(super) fn points(&self) -> impl Iterator<Item = (f64, f64)> + Clone {
         self.pieces.iter().flatten().copied()
     }
 }
@@ -70,7 +72,7 @@ impl Curve {
 pub(super) struct Panel {
     pub(super) x: Range<f64>,
     pub(super) y: Range<f64>,
-    /// Whether the axis below counts: its numbers are whole.
+    /// True if the axis below counts: its numbers are integers.
     pub(super) counts: bool,
     pub(super) height_px: f64,
     pub(super) y_name: &'static str,
@@ -90,19 +92,19 @@ impl Panel {
     }
 }
 
-/// A word at a place, on its upper right.
+/// A text beside a point of the data.
 #[derive(Clone, Debug)]
 pub(super) struct Mark {
     pub(super) place: (f64, f64),
     pub(super) text: String,
 }
 
-/// Everything that a figure shows.
+/// Panels with their title and legend.
 #[derive(Clone, Debug)]
 pub(super) struct Figure {
     pub(super) title: String,
     pub(super) legend: Vec<(String, Pen)>,
-    /// The axis that all panels share.
+    /// The axis of all panels.
     pub(super) x_name: &'static str,
     pub(super) panels: Vec<Panel>,
 }
@@ -115,21 +117,21 @@ impl Figure {
         let panels_px: f64 = self.panels.iter().map(|panel| panel.height_px + BELOW_PX[0]).sum();
         let mut canvas = Canvas::white([WIDTH_PX, top_px + panels_px + BELOW_PX[1] + EDGE_PX]);
         self.draw_title(&mut canvas);
-        // One row is in the middle of the room of two closer ones.
+        // A single row is in the middle of the space of two closer ones.
         let first_px = if n_rows > 1 { 44.0 } else { 50.0 };
         for ((name, pen), (left_px, row)) in self.legend.iter().zip(places) {
-            let high_px = first_px + f64::from(row) * LEGEND_ROW_PX;
-            let right_px = left_px + LEGEND_LINE_PX;
-            canvas.line([[left_px, high_px], [right_px, high_px]], *pen);
-            let place_px = [right_px + 8.0, high_px + MIDDLE_SHARE * NAME_EM_PX];
-            text(&mut canvas, name, place_px, Anchor::Start, NAME_EM_PX);
+            let left = Point::new(left_px, first_px + f64::from(row) * LEGEND_ROW_PX);
+            let right = left + Vec2::new(LEGEND_LINE_PX, 0.0);
+            canvas.line([left, right], *pen);
+            let name_px = right + Vec2::new(8.0, MIDDLE_RATIO * NAME_EM_PX);
+            text(&mut canvas, name, name_px, Anchor::Start, NAME_EM_PX);
         }
         for panel in &self.panels {
-            panel.draw(&mut canvas, top_px);
+            panel.draw(&mut canvas, Vec2::new(SIDES_PX[0], top_px));
             top_px += panel.height_px + BELOW_PX[0];
         }
-        let bottom_px = top_px + BELOW_PX[1] - MIDDLE_SHARE * NAME_EM_PX;
-        let middle = [SIDES_PX[0] + 0.5 * PANEL_WIDTH_PX, bottom_px];
+        let bottom_px = top_px + BELOW_PX[1] - MIDDLE_RATIO * NAME_EM_PX;
+        let middle = Point::new(SIDES_PX[0] + 0.5 * PANEL_WIDTH_PX, bottom_px);
         text(&mut canvas, self.x_name, middle, Anchor::Middle, NAME_EM_PX);
         canvas.svg()
     }
@@ -139,132 +141,125 @@ impl Figure {
         // A long word is written smaller, so that it is not cut off.
         let narrow_px = 1.6 * PANEL_WIDTH_PX / title.chars().count().max(1) as f64;
         let em_px = narrow_px.clamp(1.6, TITLE_EM_PX);
-        let place_px = [SIDES_PX[0], 24.0 + MIDDLE_SHARE * em_px];
-        text(canvas, &title, place_px, Anchor::Start, em_px);
+        let left = Point::new(SIDES_PX[0], 24.0 + MIDDLE_RATIO * em_px);
+        text(canvas, &title, left, Anchor::Start, em_px);
     }
 
-    /// Where the entries of the legend begin, with their rows; and the number of rows.
+    /// The left ends of the legend's entries with their rows, and the number of rows.
     fn legend_places(&self) -> (Vec<(f64, u32)>, u32) {
         let (mut left_px, mut row) = (SIDES_PX[0], 0);
-        let place = |(name, _): &(String, Pen)| {
+        let mut places = Vec::new();
+        for (name, _) in &self.legend {
             let wide_px = LEGEND_LINE_PX + 32.0 + name.chars().count() as f64 * 8.0;
             if left_px + wide_px > SIDES_PX[0] + PANEL_WIDTH_PX + 24.0 && left_px > SIDES_PX[0] {
                 (left_px, row) = (SIDES_PX[0], row + 1);
             }
-            let place_px = (left_px, row);
+            places.push((left_px, row));
             left_px += wide_px;
-            place_px
-        };
-        (self.legend.iter().map(place).collect(), row + 1)
+        }
+        (places, row + 1)
     }
 }
 
 impl Panel {
-    fn draw(&self, canvas: &mut Canvas, top_px: f64) {
-        let place = |[right, down]: [f64; 2]| [SIDES_PX[0] + right, top_px + down];
-        self.draw_axes(canvas, top_px);
+    /// Draws it with its upper left corner at a point.
+    fn draw(&self, canvas: &mut Canvas, corner: Vec2) {
+        self.draw_axes(canvas, corner);
         for curve in &self.curves {
             for piece in &curve.pieces {
                 let points = thinned(piece.iter().map(|point| self.px(*point)));
-                canvas.line(points.into_iter().map(place), curve.pen);
+                canvas.line(points.into_iter().map(|point| point + corner), curve.pen);
             }
         }
-        for (mark, [right_px, down_px]) in self.marks.iter().zip(self.places()) {
-            let [x, y] = place(self.px(mark.place));
-            let place_px = [x + right_px, y + down_px + MIDDLE_SHARE * MARK_EM_PX];
-            text(canvas, &mark.text, place_px, Anchor::Start, MARK_EM_PX);
+        for (mark, place) in self.marks.iter().zip(self.mark_places()) {
+            let middle_px = place.center().y + MIDDLE_RATIO * MARK_EM_PX;
+            let left = Point::new(place.x0, middle_px) + corner;
+            text(canvas, &mark.text, left, Anchor::Start, MARK_EM_PX);
         }
     }
 
-    /// A point from the panel's upper left corner.
-    fn px(&self, (x, y): (f64, f64)) -> [f64; 2] {
-        let per_px = |range: &Range<f64>, length_px: f64| (range.end - range.start) / length_px;
-        let right = (x - self.x.start) / per_px(&self.x, PANEL_WIDTH_PX);
-        [right, (self.y.end - y) / per_px(&self.y, self.height_px)]
+    /// A point of the data, in pixels from the panel's upper left corner.
+    fn px(&self, (x, y): (f64, f64)) -> Point {
+        let [x_per_px, y_per_px] = [(&self.x, PANEL_WIDTH_PX), (&self.y, self.height_px)]
+            .map(|(range, length_px)| (range.end - range.start) / length_px);
+        Point::new((x - self.x.start) / x_per_px, (self.y.end - y) / y_per_px)
     }
 
-    /// The grid, both axes with their marks and numbers, and the name of the vertical one.
-    fn draw_axes(&self, canvas: &mut Canvas, top_px: f64) {
-        let [left, right] = [SIDES_PX[0], SIDES_PX[0] + PANEL_WIDTH_PX];
-        let (bottom, middle) = (top_px + self.height_px, top_px + 0.5 * self.height_px);
+    /// The grid, both axes with their ticks and numbers, and the name of the vertical one.
+    fn draw_axes(&self, canvas: &mut Canvas, corner: Vec2) {
         let (grid, ink) = (Pen::new(GRID, 1.0), Pen::new(INK, 1.0));
-        let mut x_places = ticks(&self.x, PANEL_WIDTH_PX);
-        x_places.retain(|x| !self.counts || x.fract() == 0.0);
-        let x_places = x_places.into_iter().map(|x| (x, left + self.px((x, self.y.start))[0]));
-        let y_places = ticks(&self.y, self.height_px);
-        let y_places = y_places.into_iter().map(|y| (y, top_px + self.px((self.x.start, y))[1]));
-        for (_, x_px) in x_places.clone() {
-            canvas.line([[x_px, top_px], [x_px, bottom]], grid);
+        let [right, down] = [Vec2::new(PANEL_WIDTH_PX, 0.0), Vec2::new(0.0, self.height_px)];
+        let mut x_ticks = ticks(&self.x, PANEL_WIDTH_PX);
+        x_ticks.retain(|x| !self.counts || x.fract() == 0.0);
+        // Ends of the grid's lines on the axes, with their numbers.
+        let x_ends = x_ticks.into_iter().map(|x| (x, self.px((x, self.y.start)) + corner));
+        let y_ticks = ticks(&self.y, self.height_px).into_iter();
+        let y_ends = y_ticks.map(|y| (y, self.px((self.x.start, y)) + corner));
+        for (_, end) in x_ends.clone() {
+            canvas.line([end - down, end], grid);
         }
-        for (_, y_px) in y_places.clone() {
-            canvas.line([[left, y_px], [right, y_px]], grid);
+        for (_, end) in y_ends.clone() {
+            canvas.line([end, end + right], grid);
         }
-        canvas.line([[left, top_px], [left, bottom], [right, bottom]], ink);
-        for (x, x_px) in x_places {
-            canvas.line([[x_px, bottom], [x_px, bottom + TICK_PX]], ink);
-            let place_px = [x_px, bottom + LABEL_PX + ASCENT_SHARE * NUMBER_EM_PX];
-            text(canvas, &number(x), place_px, Anchor::Middle, NUMBER_EM_PX);
+        let origin = corner.to_point() + down;
+        canvas.line([origin - down, origin, origin + right], ink);
+        for (x, end) in x_ends {
+            canvas.line([end, end + Vec2::new(0.0, TICK_PX)], ink);
+            let below = end + Vec2::new(0.0, LABEL_PX + ASCENT_RATIO * NUMBER_EM_PX);
+            text(canvas, &number(x), below, Anchor::Middle, NUMBER_EM_PX);
         }
-        for (y, y_px) in y_places {
-            canvas.line([[left - TICK_PX, y_px], [left, y_px]], ink);
-            let place_px = [left - LABEL_PX, y_px + MIDDLE_SHARE * NUMBER_EM_PX];
-            text(canvas, &number(y), place_px, Anchor::End, NUMBER_EM_PX);
+        for (y, end) in y_ends {
+            canvas.line([end - Vec2::new(TICK_PX, 0.0), end], ink);
+            let beside = end + Vec2::new(-LABEL_PX, MIDDLE_RATIO * NUMBER_EM_PX);
+            text(canvas, &number(y), beside, Anchor::End, NUMBER_EM_PX);
         }
-        let place_px = [EDGE_PX + ASCENT_SHARE * NAME_EM_PX, middle];
-        text(canvas, self.y_name, place_px, Anchor::Upward, NAME_EM_PX);
+        let middle = Point::new(EDGE_PX + ASCENT_RATIO * NAME_EM_PX, origin.y - 0.5 * down.y);
+        text(canvas, self.y_name, middle, Anchor::Upward, NAME_EM_PX);
     }
 
-    /// Where the words of the marks begin, right of and below their places: each at the nearest of
-    /// several places within the panel that is free of other words, and of curves if there is one.
-    fn places(&self) -> Vec<[f64; 2]> {
-        let drawn = self.drawn_px();
-        let mut taken: Vec<[f64; 4]> = Vec::new();
-        let places = self.marks.iter().map(|mark| {
-            let [x_px, y_px] = self.px(mark.place);
+    /// Rectangles of the marks' texts, in pixels from the panel's upper left corner. Each mark in
+    /// turn takes the nearest of several places that is inside the panel and free of earlier marks,
+    /// and free of curves, too, if there is such a place.
+    fn mark_places(&self) -> Vec<Rect> {
+        let (drawn, panel) = (self.drawn_px(), Rect::new(0.0, 0.0, PANEL_WIDTH_PX, self.height_px));
+        let mut taken: Vec<Rect> = Vec::new();
+        for mark in &self.marks {
+            let point = self.px(mark.place);
             let wide_px = 0.6 * MARK_PX * mark.text.chars().count() as f64;
-            let rows = (1..=6).map(|row| f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX);
-            let around = rows.flat_map(|row| {
-                let sides = [4.0, -4.0 - wide_px, -0.5 * wide_px];
-                sides.into_iter().flat_map(move |side| [[side, -row], [side, row]])
+            // Rows above and below the point, each with a place right, left and in the middle.
+            let mut places = Vec::new();
+            for row in 1..=6 {
+                let row_px = f64::from(row) * 1.2 * MARK_PX - 0.45 * MARK_PX;
+                for side_px in [4.0, -4.0 - wide_px, -0.5 * wide_px] {
+                    for down_px in [-row_px, row_px] {
+                        let left = point + Vec2::new(side_px, down_px);
+                        let half = Vec2::new(0.0, 0.55 * MARK_PX);
+                        let right = left + Vec2::new(wide_px, 0.0);
+                        places.push(Rect::from_points(left - half, right + half));
+                    }
+                }
+            }
+            let free = places.iter().filter(|place| {
+                panel.contains_rect(**place) && !taken.iter().any(|other| place.overlaps(*other))
             });
-            let around: Vec<[f64; 2]> = around.collect();
-            let corners = |[right, down]: [f64; 2]| {
-                let (left, middle) = (x_px + right, y_px + down);
-                [left, middle - 0.55 * MARK_PX, left + wide_px, middle + 0.55 * MARK_PX]
-            };
-            let is_free = |place: &&[f64; 2]| {
-                let [left, top, right, bottom] = corners(**place);
-                let beside =
-                    |[l, t, r, b]: &[f64; 4]| right < *l || *r < left || bottom < *t || *b < top;
-                (left >= 0.0 && right <= PANEL_WIDTH_PX && top >= 0.0)
-                    && bottom <= self.height_px
-                    && taken.iter().all(beside)
-            };
-            let free: Vec<&[f64; 2]> = around.iter().filter(is_free).collect();
-            let is_clear = |place: &&&[f64; 2]| {
-                let [left, top, right, bottom] = corners(***place);
-                let mut points = drawn.iter();
-                !points.any(|[x, y]| (left..=right).contains(x) && (top..=bottom).contains(y))
-            };
-            let label = *free.iter().find(is_clear).or(free.first()).copied().unwrap_or(&around[0]);
-            taken.push(corners(label));
-            label
-        });
-        places.collect()
+            let is_clear = |place: &&Rect| !drawn.iter().any(|point| place.contains(*point));
+            let place = free.clone().find(is_clear).or(free.clone().next()).unwrap_or(&places[0]);
+            taken.push(*place);
+        }
+        taken
     }
 
-    /// Points of all curves from the panel's upper left corner, a few pixels apart.
-    fn drawn_px(&self) -> Vec<[f64; 2]> {
-        const STEP_PX: f64 = 3.0;
+    /// Points of all curves, a few pixels apart, from the panel's upper left corner.
+    fn drawn_px(&self) -> Vec<Point> {
+        // Equal steps along each line.
         let pieces = self.curves.iter().flat_map(|curve| &curve.pieces);
         let mut points = Vec::new();
         for line in pieces.flat_map(|piece| piece.windows(2)) {
             let [from, to] = [line[0], line[1]].map(|point| self.px(point));
-            let [x, y] = [to[0] - from[0], to[1] - from[1]];
-            let n = (libm::hypot(x, y) / STEP_PX).ceil().max(1.0);
+            let n = (libm::hypot(to.x - from.x, to.y - from.y) / STEP_PX).ceil().max(1.0);
             let mut part = 0.0;
             while part < n {
-                points.push([from[0] + x * part / n, from[1] + y * part / n]);
+                points.push(from.lerp(to, part / n));
                 part += 1.0;
             }
         }
@@ -273,11 +268,11 @@ impl Panel {
 }
 
 /// Leaves out points that a pixel cannot tell from the one before.
-fn thinned(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
-    let (mut kept, mut end): (Vec<[f64; 2]>, _) = (Vec::new(), None);
+fn thinned(points: impl Iterator<Item = Point>) -> Vec<Point> {
+    let (mut kept, mut end): (Vec<Point>, _) = (Vec::new(), None);
     for point in points {
         end = Some(point);
-        if kept.last().is_none_or(|last| distance(*last, point) >= THINNEST_PX) {
+        if kept.last().is_none_or(|last| (point - *last).hypot2() >= THINNEST_PX * THINNEST_PX) {
             kept.push(point);
         }
     }
@@ -287,8 +282,8 @@ fn thinned(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
     kept
 }
 
-fn text(canvas: &mut Canvas, text: &str, place_px: [f64; 2], anchor: Anchor, em_px: f64) {
-    canvas.text(text, place_px, anchor, CAP_SHARE * em_px, INK);
+fn text(canvas: &mut Canvas, text: &str, point: Point, anchor: Anchor, em_px: f64) {
+    canvas.text(text, point, anchor, CAP_RATIO * em_px, INK);
 }
 
 /// From the least to the largest value.
@@ -297,13 +292,13 @@ pub(super) fn range(values: impl IntoIterator<Item = f64>) -> Range<f64> {
     values.into_iter().fold(nothing, |range, x| range.start.min(x)..range.end.max(x))
 }
 
-/// Round numbers within a range, as many as there is room for along its axis: multiples of 1, 2 or
+/// Round numbers within a range, as many as there is space for along its axis: multiples of 1, 2 or
 /// 5 times a power of ten.
-fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
+pub(super) fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
     let most = (length_px / ROOM_PX).floor().max(LEAST_NUMBERS);
     let decade = libm::floor(libm::log10((range.end - range.start) / most));
     for step in [1.0, 2.0, 5.0, 10.0] {
-        // Tenths and hundredths as quotients of whole numbers, so that they are rounded once.
+        // Tenths and hundredths as quotients of integers, so that they are rounded once.
         let [times, parts] = match decade < 0.0 {
             true => [step, libm::pow(10.0, -decade)],
             false => [step * libm::pow(10.0, decade), 1.0],
@@ -322,7 +317,7 @@ fn ticks(range: &Range<f64>, length_px: f64) -> Vec<f64> {
 }
 
 /// A number with as many decimals as it needs, and a proper minus.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let rounded = (value * 1000.0).round() / 1000.0 + 0.0;
     rounded.to_string().replace('-', "−")
 }
@@ -333,14 +328,12 @@ mod tests {
 
     #[test]
     fn thinning_keeps_both_ends_and_every_corner() {
-        let along = (0..=1000).map(|k| [f64::from(k) * 0.01, 0.0]);
-        let up = (1..=1000).map(|k| [10.0, f64::from(k) * 0.01]);
-        let points: Vec<_> = along.chain(up).collect();
-        let thin = thinned(points.into_iter());
+        let along = (0..=1000).map(|k| Point::new(f64::from(k) * 0.01, 0.0));
+        let up = (1..=1000).map(|k| Point::new(10.0, f64::from(k) * 0.01));
+        let thin = thinned(along.chain(up));
         assert!(thin.len() < 55, "{} points over 20 pixels", thin.len());
-        assert_eq!((thin[0], thin[thin.len() - 1]), ([0.0, 0.0], [10.0, 10.0]));
-        let beside = |[x, y]: &[f64; 2]| (y.min(10.0 - x)).abs();
-        assert!(thin.iter().all(|p| beside(p) < 1e-9), "on the line");
+        assert_eq!([thin[0], thin[thin.len() - 1]], [Point::ZERO, Point::new(10.0, 10.0)]);
+        assert!(thin.iter().all(|p| p.y.min(10.0 - p.x).abs() < 1e-9), "on the line");
     }
 
     fn square(curves: Vec<Curve>) -> Panel {
@@ -353,18 +346,12 @@ mod tests {
         let middle = (0..12).map(|k| (5.0 + 0.05 * f64::from(k), 5.0));
         let marks = corner.chain(middle).map(|place| Mark { place, text: "12.3 s".to_owned() });
         let marks: Vec<Mark> = marks.collect();
-        let panel = Panel { marks: marks.clone(), ..square(Vec::new()) };
-        let corners = |(mark, [right, down]): (&Mark, [f64; 2])| {
-            let [x, y] = panel.px(mark.place);
-            let (left, middle) = (x + right, y + down);
-            [left, middle - 6.0, left + 6.0 * 7.2, middle + 6.0]
-        };
-        let boxes: Vec<[f64; 4]> = marks.iter().zip(panel.places()).map(corners).collect();
-        for (i, [left, top, right, bottom]) in boxes.iter().enumerate() {
-            assert!(*left >= 0.0 && *right <= PANEL_WIDTH_PX && *top >= 0.0 && *bottom <= 400.0);
-            for [l, t, r, b] in &boxes[..i] {
-                assert!(right < l || r < left || bottom < t || b < top, "{boxes:?}");
-            }
+        let places = Panel { marks, ..square(Vec::new()) }.mark_places();
+        for (i, place) in places.iter().enumerate() {
+            assert!(place.width() > 6.0 * 7.0 && place.height() > 12.0, "{place}");
+            assert!(place.x0 >= 0.0 && place.x1 <= PANEL_WIDTH_PX, "{place}");
+            assert!(place.y0 >= 0.0 && place.y1 <= 400.0, "{place}");
+            assert!(!places[..i].iter().any(|other| other.overlaps(*place)), "{places:?}");
         }
     }
 

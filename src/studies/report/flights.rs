@@ -14,61 +14,53 @@ use noctograph_plan::tracking::CORRIDOR_M;
 pub struct NamedFlight {
     /// Its name in the legend.
     pub name: String,
-    /// The samples to draw, in order of time. A design of zeros is none.
+    /// The samples to draw, in order of time. A design of zeros counts as no design.
     pub samples: Vec<FlightSample>,
 }
 
 /// A line is interrupted where a flight has no sample for longer than this.
 const LONGEST_LINE_S: f64 = 0.2;
-/// Heights of a panel with equal scales on both axes; a flight wider or taller gets more air.
+/// Heights of a panel with equal scales on both axes. A wider or taller flight gets more space.
 const VIEW_PX: [f64; 2] = [160.0, 720.0];
 const DESIGN: Pen = Pen::new(GRAY, 5.0);
 const CORRIDOR: Pen = Pen::new(BLACK, 1.5);
 
 /// The flights from above, x to the right and y up, over the first trace's design, with black lines
-/// where the safety corridor ends. SVG.
-///
-/// # Panics
-///
-/// If there is no trace, or one without samples.
+/// at the edges of the safety corridor. SVG. Panics if there is no trace, or one without samples.
 pub fn top_view(traces: &[NamedFlight]) -> String {
     let mut view = View::new(traces, |p| (p.x, p.y));
     let [x, y] = view.ranges([-1.25 * CORRIDOR_M, 1.25 * CORRIDOR_M]);
-    let line = |y_m: f64| vec![(x.start, y_m), (x.end, y_m)];
-    let edges = Curve { pen: CORRIDOR, pieces: vec![line(-CORRIDOR_M), line(CORRIDOR_M)] };
-    view.curves.push(edges);
+    let edges = [-CORRIDOR_M, CORRIDOR_M].map(|y_m| vec![(x.start, y_m), (x.end, y_m)]);
+    view.curves.push(Curve { pen: CORRIDOR, pieces: edges.into() });
     view.legend.push(("y = ±0.2 m".to_owned(), CORRIDOR));
     view.svg("Flight from above", "y (m)", [x, y])
 }
 
-/// The flights from the front, x to the right and z up, over the first trace's design. SVG.
-///
-/// # Panics
-///
-/// If there is no trace, or one without samples.
+/// The flights from the front, x to the right and z up, over the first trace's design. SVG. Panics
+/// if there is no trace, or one without samples.
 pub fn front_view(traces: &[NamedFlight]) -> String {
     View::new(traces, |p| (p.x, p.z)).svg_from_front("Flight from the front")
 }
 
-/// Flown minus design over time, a panel an axis, each flight against its own design. SVG.
-///
-/// # Panics
-///
-/// If there is no trace, or one without samples.
+/// Flown minus design over time, a panel an axis, each flight against its own design. SVG. Panics
+/// if there is no trace, or one without samples.
 pub fn error_over_time(traces: &[NamedFlight]) -> String {
     let start_s = traces.iter().map(|t| t.samples[0].time_s).fold(f64::INFINITY, f64::min);
     let ends_s = traces.iter().map(|t| t.samples[t.samples.len() - 1].time_s);
     let time_s = start_s..ends_s.fold(start_s + 0.1, f64::max);
-    let designed = || pens(traces).filter(|(trace, _)| trace.has_design());
-    let curves = |axis: usize| {
-        let error = |s: &FlightSample| (s.time_s, (s.position_m - s.design_m)[axis]);
-        designed().rev().map(|(trace, pen)| trace.curve(pen, error)).collect()
-    };
+    // A flight without a design has no error.
+    let designed: Vec<_> = pens(traces).filter(|(trace, _)| trace.has_design()).collect();
+    let panels = error_panels(&time_s, 0.05, |axis| {
+        let curves = designed.iter().rev().map(|(trace, pen)| {
+            trace.curve(*pen, |s| (s.time_s, (s.position_m - s.design_m)[axis]))
+        });
+        curves.collect()
+    });
     Figure {
         title: "Flown minus design".to_owned(),
-        legend: designed().map(|(trace, pen)| (trace.name.clone(), pen)).collect(),
+        legend: designed.iter().map(|(trace, pen)| (trace.name.clone(), *pen)).collect(),
         x_name: "time (s)",
-        panels: error_panels(&time_s, 0.05, curves),
+        panels,
     }
     .svg()
 }
@@ -81,13 +73,16 @@ pub(super) fn error_panels(
 ) -> Vec<Panel> {
     let axes = [0, 1, 2].map(curves);
     let errors_m = axes.iter().flatten().flat_map(Curve::points).map(|(_, error_m)| error_m.abs());
+    // One scale for all three axes.
     let most_m = 1.05 * errors_m.fold(least_m, f64::max);
     let zero = Curve::whole(Pen::new(BLACK, 1.0), [(time_s.start, 0.0), (time_s.end, 0.0)]);
-    let panel = |(y_name, mut curves): (&'static str, Vec<Curve>)| {
-        curves.insert(0, zero.clone());
+    // The line of no error lies below the curves.
+    let names = ["x error (m)", "y error (m)", "z error (m)"];
+    let panels = names.into_iter().zip(axes).map(|(y_name, curves)| {
+        let curves = [vec![zero.clone()], curves].concat();
         Panel::new([time_s.clone(), -most_m..most_m], 150.0, y_name, curves)
-    };
-    ["x error (m)", "y error (m)", "z error (m)"].into_iter().zip(axes).map(panel).collect()
+    });
+    panels.collect()
 }
 
 /// Samples over which the strongest motor command is drawn: 50 ms.
@@ -98,27 +93,22 @@ const FULL: f64 = 65_535.0;
 /// The load of drones over time: the command of the strongest motor and, of drones with a battery,
 /// its voltage. SVG.
 pub(super) fn load_over_time(flights: &[Flight]) -> String {
-    fn power(flight: &Flight, row: usize) -> Option<f64> {
-        let samples = flight.samples[row..].iter().take(LOAD_SAMPLES);
-        let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
-        Some(100.0 * most / FULL)
-    }
-    let volts = |flight: &Flight, row: usize| flight.extra.get(BATTERY_V)?.get(row).copied();
-    let curves = |value: &dyn Fn(&Flight, usize) -> Option<f64>| -> Vec<Curve> {
+    let [power, volts]: [Vec<Curve>; 2] = [power_percent, battery_v].map(|value| {
         let curves = flights.iter().enumerate().map(|(index, flight)| {
             let samples = flight.samples.iter().enumerate().step_by(LOAD_SAMPLES);
             let points = samples.filter_map(|(row, s)| Some((s.time_s, value(flight, row)?)));
             Curve::whole(pen(index), points)
         });
         curves.collect()
-    };
-    let (power, volts) = (curves(&power), curves(&volts));
+    });
     let time_s = range(power.iter().flat_map(Curve::points).map(|(time_s, _)| time_s));
     let volts_v = range(volts.iter().flat_map(Curve::points).map(|(_, volts_v)| volts_v));
-    let panel = |y_name, y, curves| Panel::new([time_s.clone(), y], 150.0, y_name, curves);
-    let mut panels = vec![panel("strongest motor (%)", 0.0..105.0, power)];
+    let axes = [time_s.clone(), 0.0..105.0];
+    let mut panels = vec![Panel::new(axes, 150.0, "strongest motor (%)", power)];
+    // The range is empty if no flight has a battery.
     if volts_v.start <= volts_v.end {
-        panels.push(panel("battery (V)", volts_v.start - 0.05..volts_v.end + 0.05, volts));
+        let axes = [time_s, volts_v.start - 0.05..volts_v.end + 0.05];
+        panels.push(Panel::new(axes, 150.0, "battery (V)", volts));
     }
     let legend = (0..flights.len()).map(|index| (format!("drone {}", index + 1), pen(index)));
     Figure {
@@ -128,6 +118,17 @@ pub(super) fn load_over_time(flights: &[Flight]) -> String {
         panels,
     }
     .svg()
+}
+
+/// Command of the strongest motor from a sample on, as a percentage of full power.
+fn power_percent(flight: &Flight, row: usize) -> Option<f64> {
+    let samples = flight.samples[row..].iter().take(LOAD_SAMPLES);
+    let most = samples.flat_map(|sample| sample.motors).fold(0.0, f64::max);
+    Some(100.0 * most / FULL)
+}
+
+fn battery_v(flight: &Flight, row: usize) -> Option<f64> {
+    flight.extra.get(BATTERY_V)?.get(row).copied()
 }
 
 fn pen(index: usize) -> Pen {
@@ -172,15 +173,16 @@ impl View {
         view
     }
 
-    /// What both axes cover, with a margin and these heights, so that a meter is as long on either.
+    /// Ranges of both axes, with a margin and including these heights, so that a meter is as long
+    /// on either.
     fn ranges(&self, heights_m: impl IntoIterator<Item = f64>) -> [Range<f64>; 2] {
-        let points = || self.curves.iter().flat_map(Curve::points);
-        fn with_margin(range: Range<f64>) -> Range<f64> {
-            let margin = (0.04 * (range.end - range.start)).max(0.02);
-            range.start - margin..range.end + margin
-        }
-        let x = with_margin(range(points().map(|(x, _)| x)));
-        let y = with_margin(range(points().map(|(_, y)| y).chain(heights_m)));
+        let points = self.curves.iter().flat_map(Curve::points);
+        let [x, y] =
+            [range(points.clone().map(|(x, _)| x)), range(points.map(|(_, y)| y).chain(heights_m))]
+                .map(|range| {
+                    let margin = (0.04 * (range.end - range.start)).max(0.02);
+                    range.start - margin..range.end + margin
+                });
         let per_m = PANEL_WIDTH_PX / (x.end - x.start);
         let [low_px, high_px] = VIEW_PX;
         let y = widened(y, low_px / per_m);

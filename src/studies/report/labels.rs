@@ -1,5 +1,7 @@
 //! Labels on a photo: a name beside what it names, with a line to it.
 
+use kurbo::{Point, Vec2};
+
 use super::canvas::{Pen, Pixels, Surface};
 use noctograph_picture::photo::Photo;
 
@@ -12,7 +14,7 @@ const RING_PX: f64 = 3.5;
 /// A name and what it names.
 #[derive(Clone, Debug)]
 pub struct Label {
-    /// What stands there; what the font `simplex` lacks is left out.
+    /// The name. Characters that the font `simplex` lacks are left out.
     pub text: String,
     /// Lower left corner of the text, in pixels from the photo's upper left corner.
     pub text_px: [f64; 2],
@@ -24,22 +26,22 @@ pub struct Label {
 pub fn labeled(photo: &Photo, labels: &[Label]) -> Photo {
     let mut pixels = Pixels::new(photo);
     for Label { text, text_px, named_px } in labels {
-        let ([left, baseline], [x, y]) = (*text_px, *named_px);
-        pixels.write(text, *text_px, CAP_PX, PEN.color);
-        let (_, right) = pixels.letters(text, *text_px, CAP_PX);
-        // From the nearest place beside the text, over it or below it, to the ring.
-        let [from_x, up] = match x {
-            x if x < left => [left - 0.5 * CAP_PX, 0.5],
-            x if x > right => [right + 0.5 * CAP_PX, 0.5],
-            x => [x, if y > baseline { -0.4 } else { 1.4 }],
+        let [corner, center] = [text_px, named_px].map(|[x, y]| Point::new(*x, *y));
+        pixels.write(text, corner, CAP_PX, PEN.color);
+        let (_, right) = pixels.letters(text, corner, CAP_PX);
+        // From the nearest point beside the text, over it or below it, to the ring.
+        let (from_x, up) = match center.x {
+            x if x < corner.x => (corner.x - 0.5 * CAP_PX, 0.5),
+            x if x > right => (right + 0.5 * CAP_PX, 0.5),
+            x => (x, if center.y > corner.y { -0.4 } else { 1.4 }),
         };
-        let from_y = baseline - up * CAP_PX;
-        let part = RING_PX / libm::hypot(from_x - x, from_y - y);
+        let Vec2 { x, y } = Point::new(from_x, corner.y - up * CAP_PX) - center;
+        let part = RING_PX / libm::hypot(x, y);
         if part < 1.0 {
-            let to = [x + (from_x - x) * part, y + (from_y - y) * part];
-            pixels.line([[from_x, from_y], to], PEN);
+            let away = Vec2::new(x, y);
+            pixels.line([center + away, center + part * away], PEN);
         }
-        pixels.ring(*named_px, RING_PX, PEN);
+        pixels.ring(center, RING_PX, PEN);
     }
     pixels.photo()
 }
@@ -59,14 +61,17 @@ mod tests {
         });
         let label = Label { text: "lamp".into(), text_px: [20.0, 30.0], named_px: [150.0, 80.0] };
         let drawn = labeled(&photo, &[label]);
-        let inked = |xs: std::ops::Range<usize>, ys: std::ops::Range<usize>| {
-            let is_lit = |(x, y): (usize, usize)| drawn.rgb8[3 * (200 * y + x)] > 100;
-            xs.flat_map(|x| ys.clone().map(move |y| (x, y))).filter(|at_px| is_lit(*at_px)).count()
-        };
-        assert!(inked(20..60, 15..32) > 60, "the text");
-        assert!(inked(145..156, 75..86) > 15, "the ring");
-        assert_eq!(inked(149..152, 79..82), 0, "what is named stays as it is");
-        assert!(inked(90..110, 40..70) > 15, "the line between");
-        assert_eq!(inked(0..19, 0..100) + inked(160..200, 0..100), 0, "nothing else");
+        for (what, [left, top, right, bottom], n) in [
+            ("text", [20, 15, 60, 32], 60..300),
+            ("ring", [145, 75, 156, 86], 15..100),
+            ("named", [149, 79, 152, 82], 0..1),
+            ("line between", [90, 40, 110, 70], 15..100),
+            ("left", [0, 0, 19, 100], 0..1),
+            ("right", [160, 0, 200, 100], 0..1),
+        ] {
+            let pixels = (left..right).flat_map(|x| (top..bottom).map(move |y| 200 * y + x));
+            let n_lit = pixels.filter(|index| drawn.rgb8[3 * index] > 100).count();
+            assert!(n.contains(&n_lit), "{what}: {n_lit}");
+        }
     }
 }

@@ -1,10 +1,10 @@
 //! Report: products as pictures and pages for people.
 //!
-//! Products in: [`Flight`](noctograph_core::flight::Flight)s,
-//! [`Plan`](noctograph_plan::Plan)s and [`Photo`](noctograph_picture::photo::Photo)s.
-//! Products out: plots as SVG text, and one photo laid over another ([`photos`]).
+//! Products in: [`Flight`](noctograph_core::flight::Flight)s, [`Plan`](noctograph_plan::Plan)s and
+//! [`Photo`](noctograph_picture::photo::Photo)s. Products out: plots as SVG text, and one photo
+//! laid over another ([`photos`]).
 //!
-//! Method: curves are thinned to what a pixel can show and drawn on one canvas; nothing but the
+//! Method: curves are thinned to what a pixel can show and drawn on one canvas. Nothing but the
 //! numbers decides a byte. Text is left to the viewer's sans-serif typeface. Colors are those of
 //! Okabe and Ito (2008), which people with any color vision can tell apart.
 //!

@@ -1,5 +1,7 @@
-//! A verdict on its photo: intended strokes, what is missing, what is too much, and each letter's
-//! share in the choice, as SVG or as a photo.
+//! A verdict on its photo: intended, missing and surplus strokes, and each letter's probability, as
+//! SVG or as a photo.
+
+use kurbo::{Point, Vec2};
 
 use super::canvas::{Canvas, Pen, Pixels, Rgb, Surface};
 use noctograph_picture::photo::Photo;
@@ -11,8 +13,8 @@ const MISSING: Rgb = [255, 80, 200];
 const STRAY: Rgb = [240, 228, 66];
 const CELL: Rgb = [150, 150, 150];
 
-/// Height of a label by the width of its cell: seven characters fill it.
-const LABEL_SHARE: f64 = 0.13;
+/// Height of a label, relative to the width of its cell: seven characters fill it.
+const LABEL_RATIO: f64 = 0.13;
 
 /// The overlay as an SVG file's text, with the photo inside and a layer for each kind of mark.
 pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
@@ -21,7 +23,7 @@ pub fn overlay_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
     canvas.svg()
 }
 
-/// The marks alone, to be laid over the photo (SVG).
+/// Only the marks, to be laid over the photo (SVG).
 pub(super) fn marks_svg(photo: &Photo, marks: &Marks, verdict: &Verdict) -> String {
     let mut canvas = Canvas::new([photo.width_px, photo.height_px], "");
     draw(&mut canvas, photo, marks, verdict);
@@ -36,23 +38,24 @@ pub fn overlay_photo(photo: &Photo, marks: &Marks, verdict: &Verdict) -> Photo {
 }
 
 fn draw(canvas: &mut impl Surface, photo: &Photo, marks: &Marks, verdict: &Verdict) {
+    // Pens grow with the photo. What matters most is drawn last.
     let pen_px = (f64::from(photo.width_px.max(photo.height_px)) / 800.0).max(0.8);
     canvas.layer("cells");
     for corners in &marks.cells {
-        let rim = corners.iter().chain(corners.first()).copied();
-        canvas.line(rim, Pen::new(CELL, 0.7 * pen_px));
+        let outline = corners.iter().chain(corners.first());
+        canvas.line(outline.map(point), Pen::new(CELL, 0.7 * pen_px));
     }
     canvas.layer("intended");
     for line in &marks.intended {
-        canvas.line(line.iter().copied(), Pen::new(INTENDED, pen_px));
+        canvas.line(line.iter().map(point), Pen::new(INTENDED, pen_px));
     }
     canvas.layer("stray");
-    for point in marks.stray.iter().flatten() {
-        canvas.dot(*point, pen_px, STRAY);
+    for pixel in marks.stray.iter().flatten() {
+        canvas.dot(point(pixel), pen_px, STRAY);
     }
     canvas.layer("missing");
     for line in &marks.missing {
-        canvas.line(line.iter().copied(), Pen::new(MISSING, 3.0 * pen_px));
+        canvas.line(line.iter().map(point), Pen::new(MISSING, 3.0 * pen_px));
     }
     canvas.layer("labels");
     let seen = verdict.letters.iter().filter(|letter| letter.recall.is_some());
@@ -61,17 +64,20 @@ fn draw(canvas: &mut impl Surface, photo: &Photo, marks: &Marks, verdict: &Verdi
     }
 }
 
-/// Writes above a cell: the letter and its share, over its first rival and its; as narrow as the
-/// cell.
+fn point([x, y]: &[f64; 2]) -> Point {
+    Point::new(*x, *y)
+}
+
+/// Writes above a cell, as narrow as it: the letter with its probability, and below it its first
+/// rival.
 fn label(canvas: &mut impl Surface, corners: &[[f64; 2]], letter: &LetterVerdict) {
-    let (&[[left, top], [right, _], ..], Some(p)) = (corners, letter.p) else { return };
-    let cap_px = LABEL_SHARE * (right - left);
-    let mut write = |text: String, above: f64, size: f64| {
-        canvas.write(&text, [left, top - above * cap_px], size * cap_px, [255; 3]);
-    };
-    write(format!("{} {p:.2}", letter.expected), 2.0, 1.0);
+    let ([first, second, ..], Some(p)) = (corners, letter.p) else { return };
+    let (corner, cap_px) = (point(first), LABEL_RATIO * (second[0] - first[0]));
+    let text = format!("{} {p:.2}", letter.expected);
+    canvas.write(&text, corner - Vec2::new(0.0, 2.0 * cap_px), cap_px, [255; 3]);
     if let Some(rival) = letter.rivals.first() {
-        write(format!("{}? {:.2}", rival.letter, rival.p), 0.4, 0.85);
+        let text = format!("{}? {:.2}", rival.letter, rival.p);
+        canvas.write(&text, corner - Vec2::new(0.0, 0.4 * cap_px), 0.85 * cap_px, [255; 3]);
     }
 }
 
@@ -101,7 +107,7 @@ mod tests {
         let drawn = overlay_photo(&photo, &marks, &verdict);
         let missing: Vec<usize> =
             (0..200 * 200).filter(|index| drawn.rgb8[3 * index..][..3] == MISSING).collect();
-        // The stem is lit from column 68 to 73; the line has round ends.
+        // The stem is lit from column 68 to 73. The line has round ends.
         assert!(
             !missing.is_empty() && missing.iter().all(|pixel| pixel % 200 > 72),
             "right of the stem"

@@ -43,7 +43,7 @@ impl Page {
         self.with(&format!("<pre>{}</pre>\n", escaped(text)))
     }
 
-    /// A table with a row of names; nothing where it is empty.
+    /// A table with a row of names. Nothing if it is empty.
     pub fn table<const N: usize>(
         self,
         names: [&str; N],
@@ -53,7 +53,7 @@ impl Page {
         self.rows(&names.map(str::to_owned), &rows)
     }
 
-    /// A table of any width; nothing where it is empty.
+    /// A table of any width. Nothing if it is empty.
     pub fn rows(self, names: &[String], rows: &[Vec<String>]) -> Self {
         fn row(cell: &str, cells: &[String]) -> String {
             let cells = cells.iter().map(|text| format!("<{cell}>{}</{cell}>", escaped(text)));
@@ -62,6 +62,7 @@ impl Page {
         if rows.is_empty() {
             return self;
         }
+        // User text only enters a page through `escaped`.
         let rows: String = rows.iter().map(|cells| row("td", cells)).collect();
         let names = row("th", names);
         self.with(&format!("<div class=\"wide\"><table>\n{names}{rows}</table></div>\n"))
@@ -80,8 +81,8 @@ impl Page {
             let svg = svg.as_ref();
             format!("<figure>{}</figure>\n", svg.find("<svg").map_or("", |begin| &svg[begin..]))
         });
-        let drawings: String = figures.collect();
-        self.with(&format!("<div class=\"drawings\">\n{drawings}</div>\n"))
+        let figures: String = figures.collect();
+        self.with(&format!("<div class=\"drawings\">\n{figures}</div>\n"))
     }
 
     /// A photo (JPEG), and a drawing of the same size that can be laid over it.
@@ -97,7 +98,7 @@ impl Page {
         })
     }
 
-    /// Photos (JPEG) in a row, with their captions, which play as a film where scripts run.
+    /// Photos (JPEG) in a row, with their captions, which play as a film if scripts run.
     pub fn film(self, pictures: &[(Vec<u8>, String)]) -> Self {
         let frames = pictures.iter().map(|(jpeg, caption)| {
             let caption = escaped(caption);
@@ -108,15 +109,16 @@ impl Page {
         self.with(&format!("<div class=\"film\">\n{frames}</div>\n"))
     }
 
-    /// Paths in space that turn under the pointer: places in millimeters and whether they are lit.
+    /// Paths in space that turn under the pointer: points in millimeters, and true if they are lit.
     pub fn paths(self, paths_mm: &[Vec<([i32; 3], bool)>]) -> Self {
-        let place = |([x, y, z], lit): &([i32; 3], bool)| [*x, *y, *z, i32::from(*lit)];
-        let paths = paths_mm.iter().map(|path| path.iter().map(place).collect());
+        let paths = paths_mm.iter().map(|path| {
+            path.iter().map(|([x, y, z], lit)| [*x, *y, *z, i32::from(*lit)]).collect()
+        });
+        let paths = serde_json::json!(paths.collect::<Vec<Vec<[i32; 4]>>>());
         self.with(&format!(
             "<canvas class=\"path\" width=\"960\" height=\"480\" tabindex=\"0\" role=\"img\" \
              aria-label=\"the path in space; drag or use the arrow keys to turn it\" \
-             data-paths=\"{}\"></canvas>\n",
-            serde_json::json!(paths.collect::<Vec<Vec<[i32; 4]>>>())
+             data-paths=\"{paths}\"></canvas>\n"
         ))
     }
 
@@ -139,11 +141,8 @@ impl Page {
 }
 
 fn image(kind: &str, bytes: &[u8], shows: &str) -> String {
-    let shows = shows.replace('"', "&quot;");
-    format!(
-        "<img alt=\"{shows}\" src=\"data:image/{kind};base64,{}\">",
-        BASE64_STANDARD.encode(bytes)
-    )
+    let (shows, base64) = (shows.replace('"', "&quot;"), BASE64_STANDARD.encode(bytes));
+    format!("<img alt=\"{shows}\" src=\"data:image/{kind};base64,{base64}\">")
 }
 
 #[cfg(test)]

@@ -1,5 +1,9 @@
 //! Two photos in one frame: one laid over the other.
 
+use std::ops::Range;
+
+use kurbo::Vec2;
+
 use noctograph_core::srgb;
 use noctograph_picture::photo::{Photo, PhotoData};
 
@@ -16,24 +20,25 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// The transform that leaves the least squares of pairs of points.
+    /// The transform that leaves the least squares of pairs of points (Umeyama, IEEE Transactions
+    /// on Pattern Analysis 13, 1991).
     pub fn between(pairs: &[[[f64; 2]; 2]]) -> Self {
+        let pairs = pairs.iter().map(|pair| pair.map(|[x, y]| Vec2::new(x, y)));
         let n = pairs.len().max(1) as f64;
-        let [from, to] = [0, 1].map(|side| {
-            [0, 1].map(|axis| pairs.iter().map(|pair| pair[side][axis]).sum::<f64>() / n)
-        });
+        let [from, to] =
+            [0, 1].map(|side| pairs.clone().fold(Vec2::ZERO, |sum, pair| sum + pair[side]) / n);
+        // About the centroids: of a turn the sine is in the cross and the cosine in the dot
+        // product.
         let (mut along, mut across, mut square) = (0.0, 0.0, f64::MIN_POSITIVE);
-        for [a, b] in pairs {
-            let ([ax, ay], [bx, by]) =
-                ([a[0] - from[0], a[1] - from[1]], [b[0] - to[0], b[1] - to[1]]);
-            along += ax * bx + ay * by;
-            across += ax * by - ay * bx;
-            square += ax * ax + ay * ay;
+        for [a, b] in pairs.map(|[a, b]| [a - from, b - to]) {
+            along += a.dot(b);
+            across += a.cross(b);
+            square += a.hypot2();
         }
         let scale = libm::hypot(along, across) / square;
         let rotation_rad = libm::atan2(across, along);
-        let turned = Self { scale, rotation_rad, shift_px: [0.0; 2] }.apply(from);
-        Self { scale, rotation_rad, shift_px: [to[0] - turned[0], to[1] - turned[1]] }
+        let [x, y] = Self { scale, rotation_rad, shift_px: [0.0; 2] }.apply([from.x, from.y]);
+        Self { scale, rotation_rad, shift_px: [to.x - x, to.y - y] }
     }
 
     /// Image of a point.
@@ -58,21 +63,17 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     if longest <= longest_px {
         return photo;
     }
-    let side = |side: u32| {
+    let [width_px, height_px] = [photo.width_px, photo.height_px].map(|side| {
         let side = u64::from(side) * u64::from(longest_px) / u64::from(longest);
         u32::try_from(side).unwrap_or(longest_px).max(1)
-    };
-    let (width_px, height_px) = (side(photo.width_px), side(photo.height_px));
+    });
+    // Box filter in linear light.
     let linear = srgb::linear_from_level();
-    fn range(i: u32, n: u32, all: u32) -> std::ops::Range<usize> {
-        let place = |i: u32| i as usize * all as usize / n as usize;
-        place(i)..place(i + 1).max(place(i) + 1)
-    }
     let mut rgb8 = Vec::with_capacity(3 * width_px as usize * height_px as usize);
     for y in 0..height_px {
-        let rows = range(y, height_px, photo.height_px);
+        let rows = replaced(y, height_px, photo.height_px);
         for x in 0..width_px {
-            let columns = range(x, width_px, photo.width_px);
+            let columns = replaced(x, width_px, photo.width_px);
             let n = (rows.len() * columns.len()) as f32;
             let mut sum = [0.0_f32; 3];
             for row in rows.clone() {
@@ -90,7 +91,13 @@ pub fn shrink(photo: Photo, longest_px: u32) -> Photo {
     Photo::made(PhotoData { width_px, height_px, rgb8, ..photo.into_data() })
 }
 
-/// Warps a render into a frame, padded with black; also returns which pixels it covers.
+/// The pixels of a side of `n_before` that the pixel `i` of `n` replaces.
+fn replaced(i: u32, n: u32, n_before: u32) -> Range<usize> {
+    let [begin, end] = [i, i + 1].map(|i| i as usize * n_before as usize / n as usize);
+    begin..end.max(begin + 1)
+}
+
+/// Warps a render into a frame, padded with black. Also returns which pixels it covers.
 pub fn placed(
     render: &Photo,
     transform: &Similarity,
@@ -101,6 +108,7 @@ pub fn placed(
     let smaller = f64::from(render.width_px.max(render.height_px)) * transform.scale.min(1.0);
     #[expect(clippy::cast_possible_truncation, reason = "a side")]
     let small = shrink(render.clone(), (smaller.round() as u32).max(1));
+    // Both sides are rounded, so that their ratios differ a little.
     let ratio = [
         f64::from(small.width_px) / f64::from(render.width_px),
         f64::from(small.height_px) / f64::from(render.height_px),
@@ -119,13 +127,16 @@ pub fn placed(
                 rgb8.extend([0; 3]);
                 continue;
             }
-            let [(left, right, u), (top, bottom, v)] = [between(x, w), between(y, h)];
+            // Bilinear interpolation in linear light.
+            let [(columns, u), (rows, v)] = [between(x, w), between(y, h)];
             rgb8.extend([0, 1, 2].map(|c| {
-                let value = |x: usize, y: usize| {
-                    linear[usize::from(small.rgb8[3 * (y * small.width_px as usize + x) + c])]
-                };
-                let above = value(left, top) + u * (value(right, top) - value(left, top));
-                let below = value(left, bottom) + u * (value(right, bottom) - value(left, bottom));
+                let [above, below] = rows.map(|row| {
+                    let [left, right] = columns.map(|column| {
+                        let index = row * small.width_px as usize + column;
+                        linear[usize::from(small.rgb8[3 * index + c])]
+                    });
+                    left + u * (right - left)
+                });
                 encoded(above + v * (below - above))
             }));
         }
@@ -133,30 +144,26 @@ pub fn placed(
     (Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None }), covered)
 }
 
-/// The two pixels around a place of `n`, and the share of the second.
-fn between(place: f64, n: f64) -> (usize, usize, f32) {
-    let place = (place - 0.5).clamp(0.0, n - 1.0);
-    let (first, last) = (place.floor(), n - 1.0);
+/// The two pixels around a coordinate of a side of `n`, and the weight of the second.
+fn between(coordinate: f64, n: f64) -> ([usize; 2], f32) {
+    let place = (coordinate - 0.5).clamp(0.0, n - 1.0);
+    let first = place.floor();
     #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    let pixels = (first as usize, (first + 1.0).min(last) as usize);
-    #[expect(clippy::cast_possible_truncation, reason = "a share")]
-    let share = (place - first) as f32;
-    (pixels.0, pixels.1, share)
+    let pixels = [first, (first + 1.0).min(n - 1.0)].map(|pixel| pixel as usize);
+    #[expect(clippy::cast_possible_truncation, reason = "a fraction")]
+    let weight = (place - first) as f32;
+    (pixels, weight)
 }
 
-/// Luminance of two pictures of one size in one: the render's orange, the photograph's blue; white
-/// where they agree.
-///
-/// # Panics
-///
-/// If the sizes differ.
+/// Luminance of two pictures of one size in one: the render's orange, the photograph's blue, and
+/// white if they agree. Panics if the sizes differ.
 pub fn overlay(render: &Photo, photo: &Photo) -> Photo {
     assert_eq!(render.rgb8.len(), photo.rgb8.len(), "pictures of one size");
     let linear = srgb::linear_from_level();
-    let luminance = |p: &[u8]| srgb::luminance_f32([0, 1, 2].map(|c| linear[usize::from(p[c])]));
     let pairs = render.rgb8.chunks_exact(3).zip(photo.rgb8.chunks_exact(3));
     let rgb8 = pairs.flat_map(|(render, photo)| {
-        let (render, photo) = (luminance(render), luminance(photo));
+        let [render, photo] = [render, photo]
+            .map(|p| srgb::luminance_f32([0, 1, 2].map(|c| linear[usize::from(p[c])])));
         [render, 0.4 * render + 0.6 * photo, photo].map(encoded)
     });
     Photo::made(PhotoData { rgb8: rgb8.collect(), scene_toml: None, ..**photo })
@@ -173,9 +180,9 @@ mod tests {
     use super::*;
 
     fn checks(width_px: u32, height_px: u32) -> Photo {
-        let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| (x, y)));
-        let pixel = |(x, y): (u32, u32)| if (x + y).is_multiple_of(2) { [255; 3] } else { [0; 3] };
-        let rgb8 = places.flat_map(pixel).collect();
+        let places = (0..height_px).flat_map(|y| (0..width_px).map(move |x| x + y));
+        let rgb8 = places.flat_map(|sum| if sum.is_multiple_of(2) { [255; 3] } else { [0; 3] });
+        let rgb8 = rgb8.collect();
         Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
@@ -214,18 +221,14 @@ mod tests {
 
     #[test]
     fn an_overlay_is_white_where_both_are_and_colored_where_one_is() {
-        let one = |level| {
-            Photo::made(PhotoData {
-                width_px: 1,
-                height_px: 1,
-                rgb8: vec![level; 3],
-                scene_toml: None,
-            })
-        };
-        assert_eq!(overlay(&one(255), &one(255)).rgb8, [255; 3]);
-        let render = overlay(&one(255), &one(0)).into_data().rgb8;
+        let [black, white] = [0, 255].map(|level| {
+            let rgb8 = vec![level; 3];
+            Photo::made(PhotoData { width_px: 1, height_px: 1, rgb8, scene_toml: None })
+        });
+        assert_eq!(overlay(&white, &white).rgb8, [255; 3]);
+        let render = overlay(&white, &black).into_data().rgb8;
         assert!(render[0] == 255 && render[2] == 0, "{render:?}");
-        let photo = overlay(&one(0), &one(255)).into_data().rgb8;
+        let photo = overlay(&black, &white).into_data().rgb8;
         assert!(photo[0] == 0 && photo[2] == 255, "{photo:?}");
     }
 }

@@ -7,17 +7,16 @@ use crate::{Acuity, Prepared, Ranking, Record, Study};
 use noctograph_core::error::Result;
 use noctograph_picture::photo::{Photo, PhotoData};
 
-/// Roboto Thin (Apache 2.0, see fonts/README.md); its capitals keep to a pixel at this size.
+/// Roboto Thin (Apache 2.0, see fonts/README.md). Its capitals keep to a pixel at this size.
 const TTF: &[u8] = include_bytes!("../../../fonts/Roboto-Thin.ttf");
 /// Size of the text.
 const TEXT_PX: f32 = 22.0;
-/// Height of a line of text with its air.
+/// Height of a line of text with its leading.
 const LINE_PX: usize = 32;
-/// Room around the photos.
+/// Space around the photos.
 const GAP_PX: usize = 12;
-/// The sheet, where nothing is.
+/// Level of the sheet's background, and of its text.
 const GROUND: u8 = 24;
-/// Its text.
 const INK: u8 = 235;
 
 /// Photos of a spread beside each other.
@@ -28,12 +27,10 @@ const CAP_HEIGHT_PX: f64 = 110.0;
 /// The same at rising speeds, of which there are eight in a row.
 const FAST_CAP_HEIGHT_PX: f64 = 70.0;
 
-/// The median and the worst photo of each scene of a study, which was prepared
-/// ([`Study::prepare`]).
-///
-/// # Errors
-///
-/// As [`Prepared::photo`].
+/// A row of a sheet: its title, and photos with their captions.
+type Row = (String, Vec<(Photo, String)>);
+
+/// The median and the worst photo of each scene of a prepared study ([`Study::prepare`]).
 pub fn study_sheet(
     study: &Study,
     ready: &[Prepared],
@@ -45,6 +42,7 @@ pub fn study_sheet(
         let p = measures.legibility.value;
         let title = format!("{}: read with probability {p:.3}", measures.contender);
         let mut photos = Vec::new();
+        // Photos are made anew, larger than those that were read.
         for (name, index) in ["median", "worst"].into_iter().zip(measures.median_and_worst) {
             let (trial, Record { word, outcome, .. }) = (trials[index], &records[index]);
             if outcome.flown.is_some() {
@@ -56,15 +54,10 @@ pub fn study_sheet(
         }
         Ok((title, photos))
     });
-    let rows: Vec<_> = rows.collect::<Result<_>>()?;
-    Ok(contact_sheet(rows.iter().map(|(title, photos)| (title.as_str(), photos.as_slice()))))
+    Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
 /// A photo of the first word on each rung of a [`Study::ladder`], in a row for each contender.
-///
-/// # Errors
-///
-/// As [`Prepared::photo`].
 pub fn acuity_sheet(
     ladder: &[Study],
     ready: &[Vec<Prepared>],
@@ -76,12 +69,12 @@ pub fn acuity_sheet(
         let title =
             format!("{}: reads up to {value:.2} m/s ({low:.2} to {high:.2})", limit.contender);
         let mut photos = Vec::new();
-        for (((study, ready), rung), records) in
-            ladder.iter().zip(ready).zip(&limit.rungs).zip(records)
-        {
-            let first = records.iter().zip(study.trials());
-            let mut first = first.filter(|(record, _)| record.contender == limit.contender);
-            let Some((Record { outcome, .. }, trial)) = first.next() else { continue };
+        // The first flight of the contender on each rung. A lost drone has no photo.
+        let rungs = ladder.iter().zip(ready).zip(limit.rungs.iter().zip(records));
+        for ((study, ready), (rung, records)) in rungs {
+            let mut flown = records.iter().zip(study.trials());
+            let first = flown.find(|(record, _)| record.contender == limit.contender);
+            let Some((Record { outcome, .. }, trial)) = first else { continue };
             if outcome.flown.is_some() {
                 let ready = &ready[trial.contender * study.words.len() + trial.word];
                 let photo = ready.photo(trial.seed, FAST_CAP_HEIGHT_PX)?;
@@ -91,43 +84,43 @@ pub fn acuity_sheet(
         }
         Ok((title, photos))
     });
-    let rows: Vec<_> = rows.collect::<Result<_>>()?;
-    Ok(contact_sheet(rows.iter().map(|(title, photos)| (title.as_str(), photos.as_slice()))))
+    Ok(contact_sheet(&rows.collect::<Result<Vec<Row>>>()?))
 }
 
 /// Photos with their captions, in rows of a few.
 pub fn spread_sheet(title: &str, photos: &[(Photo, String)]) -> Photo {
     let titles = std::iter::once(title).chain(std::iter::repeat(""));
-    contact_sheet(titles.zip(photos.chunks(ROW_PHOTOS)))
+    let rows = titles.zip(photos.chunks(ROW_PHOTOS));
+    contact_sheet(
+        &rows.map(|(title, photos)| (title.to_owned(), photos.to_vec())).collect::<Vec<_>>(),
+    )
 }
 
-/// Lays out photos with their captions in rows below their titles, each at its own size, from the
-/// left.
-fn contact_sheet<'a>(rows: impl Iterator<Item = (&'a str, &'a [(Photo, String)])>) -> Photo {
-    let rows: Vec<_> = rows.collect();
-    let side = |px: u32| px as usize;
-    let width_of = |photos: &[(Photo, String)]| {
-        photos.iter().map(|(photo, _)| side(photo.width_px) + GAP_PX).sum::<usize>()
-    };
-    let height_of = |photos: &[(Photo, String)]| {
-        photos.iter().map(|(photo, _)| side(photo.height_px)).max().unwrap_or(0)
-    };
-    let width =
-        GAP_PX + rows.iter().map(|(_, photos)| width_of(photos)).max().unwrap_or(0).max(400);
-    let heights = rows.iter().map(|(_, photos)| height_of(photos) + 2 * LINE_PX + GAP_PX);
-    let height = GAP_PX + heights.sum::<usize>();
-    let px = |side: usize| u32::try_from(side).expect("a sheet of photos");
+/// Lays out photos with their captions in rows below their titles, each at its size, from the left.
+fn contact_sheet(rows: &[Row]) -> Photo {
+    // The widest row, and the height of all of them with two lines of text each.
+    let widths = rows.iter().map(|(_, photos)| {
+        photos.iter().map(|(photo, _)| photo.width_px as usize + GAP_PX).sum::<usize>()
+    });
+    let width = GAP_PX + widths.max().unwrap_or(0).max(400);
+    let heights = rows.iter().map(|(_, photos)| {
+        photos.iter().map(|(photo, _)| photo.height_px as usize).max().unwrap_or(0)
+    });
+    let heights: Vec<usize> = heights.collect();
+    let height = GAP_PX + heights.iter().map(|height| height + 2 * LINE_PX + GAP_PX).sum::<usize>();
     let rgb8 = vec![GROUND; 3 * width * height];
-    let (width_px, height_px) = (px(width), px(height));
+    let [width_px, height_px] =
+        [width, height].map(|side| u32::try_from(side).expect("a sheet of photos"));
     let mut sheet = PhotoData { width_px, height_px, rgb8, scene_toml: None };
+    // Title, photos, captions: row by row.
     let mut top = GAP_PX;
-    for (title, photos) in rows {
+    for ((title, photos), height) in rows.iter().zip(heights) {
         write(&mut sheet, title, [GAP_PX, top]);
-        let (mut left, height) = (GAP_PX, height_of(photos));
+        let mut left = GAP_PX;
         for (photo, caption) in photos {
             paste(&mut sheet, photo, [left, top + LINE_PX]);
             write(&mut sheet, caption, [left, top + LINE_PX + height]);
-            left += side(photo.width_px) + GAP_PX;
+            left += photo.width_px as usize + GAP_PX;
         }
         top += height + 2 * LINE_PX + GAP_PX;
     }
@@ -142,7 +135,7 @@ fn paste(sheet: &mut PhotoData, photo: &Photo, [left, top]: [usize; 2]) {
     }
 }
 
-/// Writes one line of text with its upper left corner at a pixel; what does not fit is cut off.
+/// Writes one line of text with its upper left corner at a pixel. What does not fit is cut off.
 fn write(sheet: &mut PhotoData, text: &str, [left, top]: [usize; 2]) {
     let font = FontRef::try_from_slice(TTF).expect("the font under fonts/ is read by a test");
     let scaled = font.as_scaled(TEXT_PX);
@@ -174,19 +167,15 @@ mod tests {
 
     #[test]
     fn photos_stand_in_rows_with_their_text() {
-        let photo = |width_px: u32, level: u8| {
-            Photo::made(PhotoData {
-                width_px,
-                height_px: 20,
-                rgb8: vec![level; 60 * width_px as usize],
-                scene_toml: None,
-            })
-        };
-        let row = |level| {
-            vec![(photo(300, level), "median".to_owned()), (photo(200, level), "worst".to_owned())]
-        };
-        let (team, tuned) = (row(100), row(200));
-        let sheet = contact_sheet([("team", &team[..]), ("tuned", &tuned[..])].into_iter());
+        let rows = [("team", 100), ("tuned", 200)].map(|(title, level)| {
+            let photos = [(300, "median"), (200, "worst")].map(|(width_px, caption)| {
+                let rgb8 = vec![level; 60 * width_px as usize];
+                let photo = PhotoData { width_px, height_px: 20, rgb8, scene_toml: None };
+                (Photo::made(photo), caption.to_owned())
+            });
+            (title.to_owned(), photos.into())
+        });
+        let sheet = contact_sheet(&rows);
         assert_eq!((sheet.width_px, sheet.height_px), (12 + 312 + 212, 12 + 2 * (20 + 64 + 12)));
         let level = |x: usize, y: usize| sheet.rgb8[3 * (y * 536 + x)];
         assert_eq!(

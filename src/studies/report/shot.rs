@@ -10,7 +10,7 @@ use super::plans::plan_view;
 use noctograph_core::camera::INFINITY_M;
 use noctograph_core::diagnostic::{Change, Diagnostic};
 use noctograph_core::error::Result;
-use noctograph_core::flight::{Flight, Quantity};
+use noctograph_core::flight::Quantity;
 use noctograph_picture::light::Lamp;
 use noctograph_picture::photo;
 use noctograph_pipeline::preflight::ShotPlan;
@@ -20,23 +20,23 @@ use noctograph_score::LetterVerdict;
 /// Moments of the exposure, and the width of their pictures.
 const N_MOMENTS: u32 = 12;
 const MOMENT_PX: u32 = 560;
-/// Most places of the path in space, of all drones.
+/// Most points of the path in space, of all drones.
 const MAX_PLACES: usize = 2000;
 /// Quality of photos, and of the moments' small ones.
 const JPEG_QUALITY: [u8; 2] = [85, 80];
-/// Shares below this are not printed.
+/// Probabilities below this are not printed.
 pub const LEAST_SHARE: f64 = 0.01;
 
-/// What the page shows beside the shot.
+/// Texts and drawings beside the shot.
 #[derive(Debug)]
 pub struct ShotNotes<'a> {
-    /// The verdict in a sentence; empty where there is none.
+    /// The verdict in a sentence. Empty if there is none.
     pub lead: &'a str,
     /// The table that the terminal shows.
     pub printed: &'a str,
     /// Findings of the preflight.
     pub findings: &'a [Diagnostic],
-    /// Where things stand in the room, where it is known.
+    /// Positions of the things in the room, if it is known.
     pub placement: Option<&'a ShotPlan>,
     /// A change in the words of the program that makes the page.
     pub typed: fn(&Change) -> String,
@@ -47,10 +47,6 @@ pub struct ShotNotes<'a> {
 }
 
 /// The report of a shot.
-///
-/// # Errors
-///
-/// As [`Shot::moments`].
 pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let scene = &shot.shoot.scene;
     let drawing = Path::new(&scene.letters.drawing).file_stem().unwrap_or_default();
@@ -62,6 +58,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     let over = over.map(|(marks, verdict)| marks_svg(&shot.photo, marks, verdict));
     let jpeg = photo::jpeg(&shot.photo, JPEG_QUALITY[0]);
     let shows = format!("simulated long-exposure photograph of {subject}");
+    // The photo with its verdict first, since most readers look no further.
     let mut page = Page::new(&subject, notes.lead).photo(&jpeg, &shows, over.as_deref());
     page = page.section("As printed").printed(notes.printed);
     let mut moments = Vec::new();
@@ -72,16 +69,14 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
     page = page.section("The exposure as it accumulates").film(&moments);
     page = flight_section(page, shot, notes);
     if !notes.findings.is_empty() {
-        page = page.section("Safety sheet").table(
-            ["", "check", "found"],
-            notes.findings.iter().map(|check| {
-                let [mark, check, mut finding, wanted, change] = check.cells(notes.typed);
-                if !wanted.is_empty() {
-                    finding += &format!("; wanted: {wanted}; change: {change}");
-                }
-                [mark, check, finding]
-            }),
-        );
+        let rows = notes.findings.iter().map(|check| {
+            let [mark, check, mut finding, wanted, change] = check.cells(notes.typed);
+            if !wanted.is_empty() {
+                finding += &format!("; wanted: {wanted}; change: {change}");
+            }
+            [mark, check, finding]
+        });
+        page = page.section("Safety sheet").table(["", "check", "found"], rows);
     }
     page = page.section("Camera").table(["setting", "value"], camera(shot));
     page = page.section("Shot plan");
@@ -89,19 +84,19 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
         page = page.table(["what", "where"], placement.rows());
     }
     page = page.drawings(&shot_plan(shot, notes.placement));
+    // Then everything that makes the same shot elsewhere.
     page = page.section("To make it again").printed(notes.command);
     let changes = scene.portable().changes();
-    let base = format!("Settings that differ from the preset {}", scene.preset.name());
-    let head = ["key", "value", "in the preset"];
-    page =
-        page.text(&(base + if changes.is_empty() { ": none." } else { ":" })).table(head, changes);
+    let end = if changes.is_empty() { ": none." } else { ":" };
+    let text = format!("Settings that differ from the preset {}{end}", scene.preset.name());
+    page = page.text(&text).table(["key", "value", "in the preset"], changes);
     let digests =
         [("film", shot.film.as_ref().map(|film| film.sha256())), ("flight", shot.flight_sha256())];
     let digests = digests.into_iter().filter_map(|(name, sha256)| Some([name.to_owned(), sha256?]));
     Ok(page.table(["digest", "SHA-256"], digests))
 }
 
-/// Letters that are likely besides the expected one, each with its share.
+/// Letters that are likely besides the expected one, each with its probability.
 pub fn rivals(letter: &LetterVerdict) -> String {
     let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
     rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
@@ -113,11 +108,12 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
         let numbers = shot.shoot.strokes.as_ref().map_or(&[][..], |strokes| &strokes.numbers);
         page = page.section("Plan").drawings(&[plan_view(&plans, &shot.shoot.scene.word, numbers)]);
     }
-    let trace = |(index, flight): (usize, &Flight)| NamedFlight {
+    // Flights without samples, as of a light trace, have no plots.
+    let traces = shot.flights.iter().enumerate().map(|(index, flight)| NamedFlight {
         name: format!("drone {}", index + 1),
         samples: flight.samples.clone(),
-    };
-    let traces: Vec<NamedFlight> = shot.flights.iter().enumerate().map(trace).collect();
+    });
+    let traces: Vec<NamedFlight> = traces.collect();
     if traces.is_empty() || traces.iter().any(|trace| trace.samples.is_empty()) {
         return page;
     }
@@ -129,21 +125,23 @@ fn flight_section(mut page: Page, shot: &Shot, notes: &ShotNotes<'_>) -> Page {
     page.section("Flight").paths(&paths(shot)).drawings(&drawings)
 }
 
-/// The way of all drones; a place is lit where a lamp of its drone writes.
+/// The paths of all drones in millimeters. A point is lit if a lamp of its drone writes there.
 fn paths(shot: &Shot) -> Vec<Vec<([i32; 3], bool)>> {
     let n_samples: usize = shot.flights.iter().map(|flight| flight.samples.len()).sum();
+    // Samples are skipped, so that the page stays small.
     let step = n_samples.div_ceil(MAX_PLACES).max(1);
     let lamps = writing(&shot.flights, &shot.trace, &shot.shoot.scene.light);
-    let of_drone = |(drone, flight): (usize, &Flight)| -> Vec<_> {
-        let own = |lamp: &Lamp| lamp.drone.is_none_or(|index| index.0 == drone);
-        let places = flight.samples.iter().step_by(step).map(|sample| {
+    let paths = shot.flights.iter().enumerate().map(|(drone, flight)| {
+        let points = flight.samples.iter().step_by(step).map(|sample| {
             #[expect(clippy::cast_possible_truncation, reason = "a room in millimeters")]
-            let place_mm = <[f64; 3]>::from(sample.position_m).map(|m| (1000.0 * m).round() as i32);
-            (place_mm, lamps.iter().any(|lamp| own(lamp) && is_lit(lamp, sample.time_s)))
+            let point_mm = <[f64; 3]>::from(sample.position_m).map(|m| (1000.0 * m).round() as i32);
+            let mut lamps =
+                lamps.iter().filter(|lamp| lamp.drone.is_none_or(|index| index.0 == drone));
+            (point_mm, lamps.any(|lamp| is_lit(lamp, sample.time_s)))
         });
-        places.collect()
-    };
-    shot.flights.iter().enumerate().map(of_drone).collect()
+        points.collect()
+    });
+    paths.collect()
 }
 
 fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
@@ -153,6 +151,7 @@ fn is_lit(lamp: &Lamp, time_s: f64) -> bool {
 
 fn camera(shot: &Shot) -> Vec<[String; 2]> {
     let camera = &shot.camera;
+    // Settings as a photographer sets them by hand.
     let focus_m = camera.focus_m.unwrap_or(camera.position_m.y.abs());
     let focus = match focus_m < INFINITY_M {
         true => format!("{focus_m:.2} m, by hand"),
@@ -170,9 +169,8 @@ fn camera(shot: &Shot) -> Vec<[String; 2]> {
         ("focus", focus),
         ("picture", format!("{} x {}", camera.width_px, camera.height_px)),
     ];
-    fn in_stops(stops: f64) -> String {
-        format!("{stops:+.1} stops over saturation")
-    }
-    let trail = shot.metered.map(|metered| ("trail", in_stops(metered.trail_stops)));
+    let trail = shot
+        .metered
+        .map(|metered| ("trail", format!("{:+.1} stops over saturation", metered.trail_stops)));
     rows.into_iter().chain(trail).map(|(name, value)| [name.to_owned(), value]).collect()
 }

@@ -11,15 +11,13 @@ const FLIGHT: Pen = Pen::new(BLUE, 0.6);
 const ALL: Pen = Pen { filled: true, ..Pen::new(BLUE, 1.75) };
 const WITHIN: Pen = Pen { filled: true, ..Pen::new(VERMILION, 1.75) };
 
-/// The lit strokes of a spread's flights from the front, over their design. SVG.
-///
-/// # Panics
-///
-/// If every flight is lost.
+/// The lit strokes of a spread's flights from the front, over their design. SVG. Panics if every
+/// flight is lost.
 pub fn spread_front(spread: &Spread) -> String {
     let shots = spread.flights.iter().filter_map(|flight| flight.shot.as_ref().ok());
     let flights: Vec<_> = shots.flat_map(|shot| &shot.flights).collect();
     let n_drones = spread.all.len();
+    // All flights have the designs of the first one's drones.
     let design = flights[..n_drones].iter();
     let design = design.flat_map(|flight| lit(flight, |s| (s.design_m.x, s.design_m.z)));
     let mut curves = vec![Curve { pen: DESIGN, pieces: design.collect() }];
@@ -35,19 +33,16 @@ pub fn spread_front(spread: &Spread) -> String {
 
 /// The pieces of a flight on which a light is commanded.
 fn lit(flight: &Flight, place: impl Fn(&FlightSample) -> (f64, f64)) -> Vec<Vec<(f64, f64)>> {
-    let is_lit = |index: usize| flight.lights.values().any(|levels| levels[index] > 0.0);
-    let rows: Vec<(bool, (f64, f64))> =
-        flight.samples.iter().enumerate().map(|(i, s)| (is_lit(i), place(s))).collect();
+    let rows = flight.samples.iter().enumerate().map(|(index, sample)| {
+        (flight.lights.values().any(|levels| levels[index] > 0.0), place(sample))
+    });
+    let rows: Vec<(bool, (f64, f64))> = rows.collect();
     let parts = rows.chunk_by(|a, b| a.0 == b.0).filter(|part| part[0].0);
     parts.map(|part| part.iter().map(|(_, place)| *place).collect()).collect()
 }
 
 /// The ends of both bands of a drone over time, while it writes, less the design, a panel an axis.
-/// SVG.
-///
-/// # Panics
-///
-/// If a band has no moments.
+/// SVG. Panics if a band has no moments.
 pub fn spread_over_time(all: &Band, within: &Band) -> String {
     let first = all.writes.iter().position(|writes| *writes).unwrap_or(0);
     let last = all.writes.iter().rposition(|writes| *writes).unwrap_or(all.writes.len() - 1);
@@ -62,17 +57,16 @@ pub fn spread_over_time(all: &Band, within: &Band) -> String {
         format!("Band of {:.0} % of the flights, relative to the design", 100.0 * BAND_FRAC)
     };
     let panels = error_panels(&time_s, 0.02, |axis| {
-        let edges = |band: &Band, pen: Pen| {
-            let point = |end: usize, i: usize| {
-                (band.time_s[i], (band.ends_m[i][end] - band.design_m[i])[axis])
-            };
+        let bands = [(all, ALL), (within, WITHIN)].map(|(band, pen)| {
             let last = last.min(band.time_s.len() - 1);
-            let (low, high) = ((first..=last).map(|i| point(0, i)), (first..=last).rev());
-            // Around the band, back to where it begins.
-            let around = low.chain(high.map(|i| point(2, i))).chain([point(0, first)]);
-            Curve::whole(pen, around)
-        };
-        vec![edges(all, ALL), edges(within, WITHIN)]
+            // Around the band: along its lower end, back along the upper one, to the beginning.
+            let (low, high) = ((first..=last).map(|i| (i, 0)), (first..=last).map(|i| (i, 2)));
+            let around = low.chain(high.rev()).chain([(first, 0)]);
+            let points = around
+                .map(|(i, end)| (band.time_s[i], (band.ends_m[i][end] - band.design_m[i])[axis]));
+            Curve::whole(pen, points)
+        });
+        bands.into()
     });
     Figure { title, legend, x_name: "time (s)", panels }.svg()
 }

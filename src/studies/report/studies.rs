@@ -23,41 +23,43 @@ pub fn pareto(
     start: Option<(f64, f64)>,
 ) -> String {
     let start = start.as_slice();
-    let all = || within.iter().chain(others).chain(front).chain(start);
-    let x = around(all().map(|point| point.0), 1.0);
-    let y = around(all().map(|point| point.1), 0.02);
-    let [wide, high] = [(x.end - x.start) / 150.0, (y.end - y.start) / 75.0];
+    let points = within.iter().chain(others).chain(front).chain(start);
+    let x = around(points.clone().map(|point| point.0), 1.0);
+    let y = around(points.map(|point| point.1), 0.02);
+    let unit = ((x.end - x.start) / 150.0, (y.end - y.start) / 75.0);
     let [gray, orange] = [Pen::new(GRAY, 1.5), Pen::new(ORANGE, 1.0)];
     let [blue, vermilion] = [Pen::new(BLUE, 2.0), Pen::new(VERMILION, 3.0)];
-    let crosses = |pen, points: &[(f64, f64)], size: f64| {
-        let [dx, dy] = [wide * size, high * size];
-        let cross = |&(s, p): &(f64, f64)| {
-            [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
-        };
-        Curve { pen, pieces: points.iter().flat_map(cross).collect() }
-    };
+    // What matters most is drawn last.
     let curves = vec![
-        crosses(orange, others, 0.4),
-        crosses(gray, within, 0.6),
+        crosses(orange, others, unit, 0.4),
+        crosses(gray, within, unit, 0.6),
         Curve::whole(blue, front.iter().copied()),
-        crosses(blue, front, 0.8),
-        crosses(vermilion, start, 1.0),
+        crosses(blue, front, unit, 0.8),
+        crosses(vermilion, start, unit, 1.0),
+    ];
+    let n = within.len() + others.len() + start.len();
+    let legend = [
+        ("within the limits", gray),
+        ("given up or beyond a limit", orange),
+        ("Pareto front", blue),
+        ("the scene as it was", vermilion),
     ];
     Figure {
-        title: format!(
-            "P(read) against flight time, {} candidates",
-            within.len() + others.len() + start.len()
-        ),
-        legend: vec![
-            ("within the limits".to_owned(), gray),
-            ("given up or beyond a limit".to_owned(), orange),
-            ("Pareto front".to_owned(), blue),
-            ("the scene as it was".to_owned(), vermilion),
-        ],
+        title: format!("P(read) against flight time, {n} candidates"),
+        legend: legend.map(|(name, pen)| (name.to_owned(), pen)).into(),
         x_name: "flight time (s)",
         panels: vec![Panel::new([x, y], HEIGHT_PX, "P(read)", curves)],
     }
     .svg()
+}
+
+/// A cross at each point, of a size in units of the axes.
+fn crosses(pen: Pen, points: &[(f64, f64)], (x, y): (f64, f64), size: f64) -> Curve {
+    let (dx, dy) = (x * size, y * size);
+    let strokes = points.iter().flat_map(|&(s, p)| {
+        [vec![(s - dx, p - dy), (s + dx, p + dy)], vec![(s - dx, p + dy), (s + dx, p - dy)]]
+    });
+    Curve { pen, pieces: strokes.collect() }
 }
 
 /// Range of an axis around all values, with a margin.
@@ -83,9 +85,8 @@ mod tests {
         let empty = pareto(&[], &[], &[], None);
         assert!(empty.starts_with("<svg"));
         // Two strokes a candidate.
-        let lines = |svg: &str| svg.matches("#e69f00").count();
-        let one = pareto(&[], &[(45.0, 0.2)], &[], None);
-        let two = pareto(&[], &[(45.0, 0.2), (47.0, 0.1)], &[], None);
-        assert_eq!(lines(&two) - lines(&one), 2, "what was given up is shown");
+        let [one, two] = [&[(45.0, 0.2)][..], &[(45.0, 0.2), (47.0, 0.1)]]
+            .map(|others| pareto(&[], others, &[], None).matches("#e69f00").count());
+        assert_eq!(two - one, 2, "candidates that were given up are shown");
     }
 }

@@ -1,6 +1,7 @@
 //! How often the intervals of a study hold the truth: on laws like those of flights in a moment,
 //! and, ignored, on flights of the program itself. `docs/figures coverage` prints their table.
 
+use nalgebra::Vector3;
 use noctograph_core::random::split_mix;
 use noctograph_pipeline::scene::{NamedScene, Preset, Scene};
 use noctograph_pipeline::shoot::Stop;
@@ -12,27 +13,22 @@ use crate::{Conditions, Record, Study, Trial, evaluate};
 
 /// An interval of a study's values.
 type Interval = fn(&[Vec<f64>]) -> Estimate;
-/// Shares of studies whose interval holds the truth, is below it, and above it.
-type Held = [f64; 3];
-
-/// Share of so many studies of `n` values of a law whose interval holds the truth, is below it and
-/// above.
+/// Fractions of `n_studies` studies of `n` values of a law whose interval holds the truth, is below
+/// it, and above it.
 fn held(
     law: &(dyn Fn(f64) -> f64 + Sync),
     truth: f64,
     n: u32,
     (n_studies, interval): (u32, Interval),
-) -> Held {
-    let count = |study: u32| {
+) -> [f64; 3] {
+    let sides = (0..n_studies).into_par_iter().map(|study| {
         let keys = (0..n).map(|k| u64::from(study) << 32 | u64::from(k));
         let uniform = keys.map(|key| (split_mix(key) >> 11) as f64 / (1_u64 << 53) as f64);
         let estimate = interval(&[uniform.map(law).collect()]);
         let [low, high] = [estimate.high < truth, estimate.low > truth].map(f64::from);
-        [1.0 - low - high, low, high]
-    };
-    let add = |a: Held, b: Held| std::array::from_fn(|k| a[k] + b[k]);
-    let held = (0..n_studies).into_par_iter().map(count).reduce(|| [0.0; 3], add);
-    held.map(|share| share / f64::from(n_studies))
+        Vector3::new(1.0 - low - high, low, high)
+    });
+    (sides.sum::<Vector3<f64>>() / f64::from(n_studies)).into()
 }
 
 #[test]
@@ -48,10 +44,10 @@ fn intervals_of_skewed_probabilities_hold_their_mean_as_often_as_they_say() {
         let quantiles = (0..points).map(|k| law((f64::from(k) + 0.5) / f64::from(points)));
         let truth = quantiles.sum::<f64>() / f64::from(points);
         for n in [6, 10, 20, 50, 100] {
-            let [share, below, above] = held(&law, truth, n, (STUDIES, mean_of_probabilities));
-            println!("{middle} {scale} {n}: {share:.3} {below:.3} {above:.3}");
+            let [inside, below, above] = held(&law, truth, n, (STUDIES, mean_of_probabilities));
+            println!("{middle} {scale} {n}: {inside:.3} {below:.3} {above:.3}");
             let least = if n <= 10 { 0.89 } else { 0.925 };
-            assert!((least..=0.985).contains(&share), "{middle} {scale} {n}: {share}");
+            assert!((least..=0.985).contains(&inside), "{middle} {scale} {n}: {inside}");
         }
     }
 }
@@ -75,7 +71,7 @@ fn flights(contenders: Vec<NamedScene>, word: &str, n: u32) -> Vec<Vec<Record>> 
     records.chunks(n as usize).map(<[Record]>::to_vec).collect()
 }
 
-/// Studies of a cell; of pairs, whose subsets take a second for a hundred, fewer.
+/// Studies of a cell, and fewer of pairs, whose subsets take a second for a hundred.
 const STUDIES: u32 = 4000;
 const STUDIES_OF_PAIRS: u32 = 500;
 
@@ -87,14 +83,14 @@ fn row(name: &str, values: &[f64], truth: f64, interval: (u32, Interval)) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
     let law = |u: f64| values[(u * values.len() as f64) as usize];
     let cells = NUMBERS.map(|n| {
-        let [share, below, above] = held(&law, truth, n, interval).map(|share| 100.0 * share);
-        format!("{share:.1} ({below:.1}, {above:.1})")
+        let [inside, below, above] = held(&law, truth, n, interval).map(|part| 100.0 * part);
+        format!("{inside:.1} ({below:.1}, {above:.1})")
     });
     println!("| {name} | {truth:.3} | {sigma:.3} | {} |", cells.join(" | "));
 }
 
-fn share_of_hits(strata: &[Vec<f64>]) -> Estimate {
-    share(strata.iter().flatten().map(|value| *value > 0.5))
+fn proportion_of_hits(strata: &[Vec<f64>]) -> Estimate {
+    proportion(strata.iter().flatten().map(|value| *value > 0.5))
 }
 
 fn center_of_differences(strata: &[Vec<f64>]) -> Estimate {
@@ -131,38 +127,25 @@ fn coverage_of_intervals_on_flights() {
         contender("lqr, NOOR at 0.8 m/s", Lqr, height_m, 0.8),
     ];
     let pool = [flights(of_tea, "TEA", 160), flights(of_noor, "NOOR", 100)].concat();
-    let probabilities = |records: &[Record]| -> Vec<f64> {
+    fn probabilities(records: &[Record]) -> Vec<f64> {
         records.iter().map(|record| record.outcome.probability).collect()
-    };
+    }
     println!("| flights | truth | spread | {} |", NUMBERS.map(|n| n.to_string()).join(" | "));
     println!("|---|---|---{}|", "|---".repeat(NUMBERS.len()));
     for records in &pool {
-        let values = probabilities(records);
-        row(
-            &format!("P(read): {}", records[0].contender),
-            &values,
-            mean(&values),
-            (STUDIES, mean_of_probabilities),
-        );
+        let (name, values) = (&records[0].contender, probabilities(records));
+        let interval = (STUDIES, mean_of_probabilities as Interval);
+        row(&format!("P(read): {name}"), &values, mean(&values), interval);
     }
     for records in [&pool[2], &pool[3], &pool[6]] {
-        let values = probabilities(records);
-        row(
-            &format!("worst tenth: {}", records[0].contender),
-            &values,
-            tail(&values),
-            (STUDIES, worst_decile),
-        );
+        let (name, values) = (&records[0].contender, probabilities(records));
+        row(&format!("worst tenth: {name}"), &values, tail(&values), (STUDIES, worst_decile));
     }
     for records in [&pool[3], &pool[4], &pool[6]] {
         let values: Vec<f64> =
             records.iter().map(|record| f64::from(record.outcome.legible)).collect();
-        row(
-            &format!("legible: {}", records[0].contender),
-            &values,
-            mean(&values),
-            (STUDIES, share_of_hits),
-        );
+        let name = format!("legible: {}", records[0].contender);
+        row(&name, &values, mean(&values), (STUDIES, proportion_of_hits));
     }
     for [better, worse] in [[0, 1], [1, 2], [2, 3]] {
         let [a, b] = [better, worse].map(|index: usize| probabilities(&pool[index]));

@@ -57,7 +57,7 @@ def attitude_rad(quaternion: ArrayLike, order: str = "xyzw") -> NDArray[np.float
     Parameters
     ----------
     quaternion : array_like (N, 4)
-        Rotations from the body (x forward, y left, z up) to the world; their length does not matter.
+        Rotations from the body (x forward, y left, z up) to the world. Their length does not matter.
     order : {"xyzw", "wxyz"}
         ``"xyzw"`` is that of ROS, PyBullet, SciPy, RotorPy and crazyflow, ``"wxyz"`` that of MuJoCo and drake.
 
@@ -94,7 +94,7 @@ def from_pybullet(
     light : array_like or dict, optional
         As for `Flight`.
     design_m : array_like (N, 3), optional
-        Position that was to be flown, m, as ``plan.at(time_s).position_m``; without it there is no tracking error.
+        Position that was to be flown, m, as ``plan.at(time_s).position_m``. Without it there is no tracking error.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def from_pybullet(
 def preview(
     word: str, scene: str = "cf21", *, seed: int | None = None, set: Mapping[str, Any] | None = None
 ) -> Shot:
-    """Plans, flies and photographs a word; in a notebook, the result shows its photo.
+    """Plans, flies and photographs a word. In a notebook, the result shows its photo.
 
     Parameters
     ----------

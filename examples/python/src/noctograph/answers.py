@@ -45,11 +45,11 @@ class Candidate(TypedDict):
     legibility: float
     """Mean probability of being read."""
     legible: Estimate
-    """Share of flights whose photo is legible."""
+    """Fraction of flights whose photo is legible."""
     duration_s: float | None
-    """Mean time of a flight; `None` where every one was lost."""
+    """Mean time of a flight. `None` if every drone was lost."""
     broken: float
-    """How much of its limits it broke: 0 keeps to all, 1 is a whole limit."""
+    """Excess over its limits, in limits: 0 keeps to all of them."""
     given_up: bool
     """Given up after half of its flights."""
 
@@ -96,7 +96,7 @@ CauseKind = Literal[
 
 
 class Estimate(TypedDict):
-    """A figure and the interval in which it lies at a stated level."""
+    """A figure and its confidence interval at a stated level."""
 
     value: float
     """The figure of all values."""
@@ -124,7 +124,7 @@ class Flown(TypedDict, total=False):
     tilt_rad: float
     """Largest tilt: roll or pitch."""
     saturated_frac: float
-    """Share of the time in which a motor is saturated."""
+    """Fraction of the time in which a motor is saturated."""
     duration_s: float
     """Duration of the whole flight."""
     energy_j: float
@@ -175,17 +175,17 @@ class Outcome(Flown, TypedDict):
     read: str
     """The letters that were read."""
     all_read: bool
-    """Whether every letter was read as intended."""
+    """True if every letter was read as intended."""
     legible: bool
-    """Whether the word counts as legible."""
+    """True if the word counts as legible."""
     probability: float
     """Probability that a viewer reads the word and no other at first sight, 0 to 1: `read_probability`."""
     log_odds: float
-    """Its log-odds, −10 to 10: they still have a slope where the probability is flat."""
+    """Its log-odds, −10 to 10: they have a slope where the probability is flat."""
     similarity: float
-    """Mean share of the intended letters, 0 to 1: it has a slope where the probability has none."""
+    """Mean probability of the intended letters, 0 to 1. It has a slope where the word's has none."""
     lost: str | None
-    """How a drone was lost; `None` where none was."""
+    """How a drone was lost. `None` if none was."""
 
 
 class Placement(TypedDict):

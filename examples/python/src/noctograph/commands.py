@@ -17,14 +17,14 @@ PathLike = str | os.PathLike[str]
 
 
 class Report(dict[str, Any]):
-    """What a command found: the keys that it prints with ``--json``; a notebook shows its table.
+    """Result of a command: the keys that it prints with ``--json``. A notebook shows its table.
 
     Attributes
     ----------
     text : str
         The table that the command prints.
     files : dict of str to bytes
-        The files it wrote, by name; empty where they were written to a folder of yours.
+        The files it wrote, by name. Empty if they were written to a folder of yours.
     """
 
     def __init__(self, text: str, keys: dict[str, Any], files: dict[str, bytes] | None = None) -> None:
@@ -43,14 +43,14 @@ class Report(dict[str, Any]):
 
 
 def command(verb: str, *inputs: Any, **options: Any) -> Report:
-    """Runs a command of the program; ``noctograph VERB --help`` lists its options.
+    """Runs a command of the program. ``noctograph VERB --help`` lists its options.
 
     Parameters
     ----------
     verb : str
         The command, as ``"coverage"``.
     *inputs : str, path, Scene, Flight, Plan or Shot
-        Its inputs; objects are handed over as files.
+        Its inputs. Objects are handed over as files.
     **options
         Its options, ``max_gap=0.5`` for ``--max-gap=0.5``: ``True`` for a flag without a value, a list for
         one that is repeated, a dict for ``set``, objects as for `inputs`.
@@ -85,21 +85,21 @@ def command(verb: str, *inputs: Any, **options: Any) -> Report:
         try:
             text, keys = _command(words)
         except InputError as error:
-            # The files of the objects that were handed over are nobody's.
+            # Paths of temporary files mean nothing to the caller.
             parts = (error.place, error.found, error.wanted, error.hint)
             raise InputError(*(part.replace(folder + os.sep, "") for part in parts)) from None
         keys = keys or {}
         if isinstance(keys.get("warnings"), list):
-            # What is said of the file of an object is no news: the object has its own warnings.
-            said = [str(it) for it in keys["warnings"] if not str(it).startswith(folder + os.sep)]
-            keys["warnings"] = [it.replace(folder + os.sep, "") for it in said]
-            for it in keys["warnings"]:
-                warn(it)
+            # Warnings about the file of an object are left out: the object has them already.
+            kept = [str(text) for text in keys["warnings"] if not str(text).startswith(folder + os.sep)]
+            keys["warnings"] = [text.replace(folder + os.sep, "") for text in kept]
+            for text_of_warning in keys["warnings"]:
+                warn(text_of_warning)
         return Report(text.replace(folder + os.sep, ""), keys)
 
 
 def _with_files(verb: str, *inputs: Any, output: PathLike | None, name: str = "", **options: Any) -> Report:
-    """A command that writes files, or one called `name`; where no place is given, the report has them."""
+    """A command that writes files, or one called `name`. Without an `output` the report has them."""
     if output is not None or options.get("region"):
         return command(verb, *inputs, output=output, **options)
     with tempfile.TemporaryDirectory(prefix="noctograph-") as folder:
@@ -119,7 +119,7 @@ def check(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
     scene : Scene or str
         The scene.
     *plans : Plan
-        Plans that fly together; the scene's word by default.
+        Plans that fly together. The scene's word by default.
     **options
         Those of ``noctograph check``, as ``profile="careful"``.
 
@@ -139,11 +139,11 @@ def export(scene: Scene | str, to: str, *plans: Plan, output: PathLike | None = 
     scene : Scene or str
         The scene.
     to : str
-        Format, as ``"poly4d"`` or ``"crazyswarm2"``; a wrong name lists them.
+        Format, as ``"poly4d"`` or ``"crazyswarm2"``. A wrong name lists them.
     *plans : Plan
-        Plans that fly together; the scene's word by default.
+        Plans that fly together. The scene's word by default.
     output : path, optional
-        File or folder to write to; without it, ``report.files`` has the bytes.
+        File or folder to write to. Without it, ``report.files`` has the bytes.
     **options
         Those of ``noctograph export``, as ``tolerance=2`` (mm).
 
@@ -253,7 +253,7 @@ def coverage(scene: Scene | str, *, output: PathLike | None = None, **options: A
     Returns
     -------
     Report
-        ``report["bound_m"]``, the least error that ranges allow, 1 σ over three axes, m; per letter beside it.
+        ``report["bound_m"]``, the least error that ranges allow, 1 σ over three axes, m. Per letter beside it.
     """
     return _with_files("coverage", scene=scene, output=output, name="coverage.svg", **options)
 
@@ -272,7 +272,7 @@ def gains(scene: Scene | str, **options: Any) -> Report:
     -------
     Report
         ``report["A"]`` (12, 12) and ``["B"]`` (12, 4) of the drone at hover, ẋ = A x + B u for small deviations;
-        ``["K"]`` of the regulator and ``["L"]`` of the observer, as lists of rows; ``["states"]`` and
+        ``["K"]`` of the regulator and ``["L"]`` of the observer, as lists of rows. ``["states"]`` and
         ``["inputs"]`` name columns and rows. A, poles and margins have the drag of the air, K and L are designed
         without it. Poles, margins and ``["bryson_r"]`` beside them.
     """
@@ -308,7 +308,7 @@ def meter(scene: Scene | str, *plans: Plan, **options: Any) -> Report:
     scene : Scene or str
         The scene.
     *plans : Plan
-        Plans that fly together; the scene's word by default.
+        Plans that fly together. The scene's word by default.
     **options
         Those of ``noctograph meter``.
 

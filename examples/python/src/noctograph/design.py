@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 class Design(NamedTuple):
-    """What a plan wants at some times; of one time, without the axis of times.
+    """The design of a plan at some times. Of one time, without the axis of times.
 
     Attributes
     ----------
@@ -32,3 +32,9 @@ class Design(NamedTuple):
     yaw_rad: Any
     light: Any
     lights: dict[str, Any]
+
+
+def _design(is_one: bool, columns: list[Any], lights: dict[str, Any]) -> Design:
+    """A design of arrays with a row for each time, or only of their first rows."""
+    row = 0 if is_one else slice(None)
+    return Design(*(column[row] for column in columns), {name: levels[row] for name, levels in lights.items()})

@@ -1,4 +1,4 @@
-"""Marks for a class: scenes and controllers in Python under one task, each fault its owner's alone.
+"""Marks for a class: scenes and controllers in Python under one task. A fault affects only its owner.
 
 A submission is a scene or a few of its keys (TOML), of which the task's controller keys may differ, or a
 controller in Python, as ``nc.fly`` takes it. The simulation runs here; a controller runs in a process of its own
@@ -37,15 +37,15 @@ from .commands import PathLike, Report, command
 from .errors import InfeasibleError, InputError
 from .studies import Words, _bar, _ranked  # pyright: ignore[reportPrivateUsage]
 
-#: Seeds of a word where none are named, as of ``noctograph rank --task``.
+#: Seeds of a word if none are named, as of ``noctograph rank --task``.
 SEEDS = 100
 #: Seeds below this can be found by trial, as of ``noctograph rank``.
 PUBLIC_SEEDS = 1 << 32
 #: What Python itself needs of a system.
 SYSTEM = ("/usr", "/lib", "/lib64", "/nix", "/etc/alternatives", "/etc/ld.so.cache", "/dev/null", "/dev/urandom")
-#: Time in which a guard ends what it guards, s; else it is ended itself, and the kernel does the rest.
+#: Time in which a guard ends its processes, s. It is killed after it, and the kernel ends the rest.
 GUARD_S = 10.0
-#: Time between two looks whether all is to stop, and whether a submission is alone, s.
+#: Period of the checks for a stop, and for further processes of a submission, s.
 STOPS_S = 0.1
 #: CPU time of other threads of a submission in flight, s: those of a package fall asleep within a millisecond.
 WORKS_S = 0.02
@@ -56,7 +56,7 @@ MOST_BYTES = 1 << 20
 @dataclass(frozen=True)
 class Limits:
     """What a controller in Python may take for a word: wall time of one step of all its flights, which are flown
-    together, and to be loaded; wall time and CPU time in all, s; and memory, MB."""
+    together, and to be loaded, wall time and CPU time in all, s, and memory, MB."""
 
     step_s: float = 5.0
     load_s: float = 60.0
@@ -337,12 +337,12 @@ def grade(
     limits: Limits | None = None,
     progress: Any = True,
 ) -> Report:
-    """Ranks the submissions of a class and marks them; a mark is 100 times P(read).
+    """Ranks the submissions of a class and marks them. A mark is 100 times P(read).
 
     Parameters
     ----------
     task : Scene or str
-        What is flown; its word by default.
+        What is flown. Its word by default.
     submissions : path or sequence of path
         Files (``.toml``, ``.py``) or a folder of them.
     may : sequence of str
@@ -438,7 +438,7 @@ def grade(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Grades a folder; 1 where a submission was refused or failed."""
+    """Grades a folder. Returns 1 if a submission was refused or failed."""
     parser = argparse.ArgumentParser(prog="python -m noctograph.grade", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("task", metavar="TASK", help="scene: a file or a name, as for noctograph")
     parser.add_argument("submissions", metavar="SUBMISSION", nargs="+", help="folder, or files (.toml, .py)")

@@ -131,7 +131,7 @@ def descend(wire: socket.socket, libc: ctypes.CDLL) -> None:
 
 
 def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
-    """Takes network, files and other processes away where the system allows; what it does not.
+    """Takes network, files and other processes away as far as the system allows. Returns what it does not.
 
     What is shown, read-only, and a folder of its own are all the files there are.
     """
@@ -145,7 +145,7 @@ def shut_off(wire: socket.socket, shown: list[str], own: str) -> str:
                 with open(f"/proc/self/{name}", "w") as file:
                     file.write(text)
     except OSError:
-        mapped = False  # as where AppArmor leaves such a namespace without rights
+        mapped = False  # AppArmor, for example, leaves such a namespace without rights
     descend(wire, libc)
     if not alone:
         return "network and files are not shut off here: the system has no namespaces for users"
@@ -208,7 +208,7 @@ def said(error: BaseException) -> str:
 
 
 def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
-    """What a submission returned, where it is what is wanted."""
+    """The answer of a submission as numbers of a shape."""
     found = np.asarray(found)
     if found.shape != shape or found.dtype.kind not in "fiu":
         raise TypeError(f"{what}s are wanted, {shape[0]} of them, not {found.dtype} of shape {found.shape}")
@@ -218,7 +218,7 @@ def numbers(found: Any, shape: tuple[int, ...], what: str) -> Any:
 
 
 def estimate(makes: list[Any], running: list[Any], message: bytes) -> bytes:
-    """The estimate of a flight by its readings, or nothing where the flight begins."""
+    """The estimate of a flight by its readings, or nothing when the flight begins."""
 
     def vector(value: Any) -> Any:
         return np.array(value, float)
@@ -253,7 +253,7 @@ def fly(wire: socket.socket, each: list[tuple[Any, Any]]) -> NoReturn:
 
 
 def bind() -> None:
-    """Forbids new threads and processes, by a filter of system calls (seccomp(2), in BPF), where that exists."""
+    """Forbids new threads and processes, by a filter of system calls (seccomp(2), in BPF), if that exists."""
     calls = CLONES.get(os.uname().machine, ()) if sys.platform == "linux" else ()
     steps = [(0x20, 0, 0, 0)]  # the call's number
     steps += [(0x15, len(calls) - place, 0, call) for place, call in enumerate(calls)]  # one of them: to the last step

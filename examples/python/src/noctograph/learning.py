@@ -26,16 +26,16 @@ ACTIONS = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
-    """Drones that write a word, flown by motor commands; N at a time, in one process, on all cores.
+    """Drones that write a word, flown by motor commands, N at a time, in one process, on all cores.
 
     An episode is the scene's plan from take-off to landing, planned as for the controller of `fly`, with new noise
     and conditions each time. With the `AutoresetMode.NEXT_STEP` of gymnasium the step after an episode's last begins
     the next one.
 
-    Action, shape (N, 4), -1 to 1: commands of the motors m1 to m4, where 0 is hover and -1 is off.
+    Action, shape (N, 4), -1 to 1: commands of the motors m1 to m4. 0 is hover and -1 is off.
 
     Observation, shape (N, 18), by the estimator, in SI units: position minus the design's (3, world), yaw, pitch
-    and roll (3), velocity (3) and angular velocity (3) in the body frame; velocity (3) and acceleration (3) of the
+    and roll (3), velocity (3) and angular velocity (3) in the body frame. Velocity (3) and acceleration (3) of the
     design, in the world. All 0 once a drone has landed.
 
     Reward: the step's duration in s, times 1 - d / 0.1 m with the true distance d from the design, never below 0; at
@@ -74,7 +74,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Floats, dict[str, Any]]:
-        """Begins all episodes; `seed` also seeds those that follow."""
+        """Begins all episodes. `seed` also seeds those that follow."""
         first = seed[0] if isinstance(seed, list) else seed
         if first is not None or not hasattr(self, "_seeds"):
             self._seeds = np.random.default_rng(first)
@@ -117,7 +117,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._observe(seen), reward, self._over.copy(), np.zeros(self.num_envs, bool), infos
 
     def begin_again(self, observations: Floats) -> Floats:
-        """Begins the episodes that ended in the last step at once; their first observations among the others'."""
+        """Begins the episodes that ended in the last step at once, and returns their first observations among the others'."""
         begun = self._over.copy()
         self._sessions.reset([self._draw() if over else None for over in begun])
         seen = self._sessions.look()

@@ -22,7 +22,7 @@ class Model:
     States x, shape (..., 16): position (m, world: x to the viewer's right, y into the scene, z up), yaw, pitch and
     roll (rad; the body is turned by roll about x, then pitch about y, then yaw about z), velocity (m/s) and angular
     velocity (rad/s) in the body frame (x forward, y left, z up), speeds of the rotors m1 to m4 (rad/s). The first
-    twelve are a controller's ``state``; of a scene whose motors answer at once they are all, shape (..., 12).
+    twelve are a controller's ``state``. Of a scene whose motors answer at once they are all, shape (..., 12).
 
     Inputs u, shape (..., 4): commands of the motors m1 to m4, 0 to 65535.
 
@@ -105,7 +105,7 @@ class Model:
         return np.concatenate([np.stack(slopes, -1), change], -1)[..., : self.n]
 
     def step(self, x: ArrayLike, u: ArrayLike, dt_s: float) -> Floats:
-        """States after a time in which the commands are held, by one Runge-Kutta step of order 4; up to 20 ms."""
+        """States after a time in which the commands are held, by one Runge-Kutta step of order 4. Up to 20 ms."""
         x = np.asarray(x, float)
         k1 = self.f(x, u)
         k2 = self.f(x + dt_s / 2 * k1, u)

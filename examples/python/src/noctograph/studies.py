@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
+import operator
 import sys
 import time
 import warnings
@@ -30,13 +31,10 @@ Words = Mapping[str, int] | Sequence[str]
 Progress = Callable[[int, int], Any] | bool
 Controller = Callable[..., Any]
 
-#: A drone that comes no higher never left the floor.
-ON_FLOOR_M = 0.05
-
 
 @dataclass(frozen=True, eq=False)
 class Outcomes:
-    """What came of N scenes, each flown with S seeds; arrays are (N, S).
+    """Outcomes of N scenes, each flown with S seeds. Arrays are (N, S).
 
     A lost drone leaves no photo: its probability and similarity are 0, the figures of its flight NaN.
 
@@ -47,11 +45,11 @@ class Outcomes:
     similarity : ndarray of float64
         Likeness to the word's reference rendering, 0 to 1.
     legible, lost : ndarray of bool
-        The verdict; whether a drone crashed or flew out of control.
+        The verdict. True if a drone crashed or flew out of control.
     contour_m : ndarray of float64
         Mean distance from the path in the word's plane, m.
     lag_s : ndarray of float64
-        Lag behind the design, s; negative: a lead, ahead of it.
+        Lag behind the design, s. A negative one is a lead.
     rmse_x_m, rmse_y_m, rmse_z_m : ndarray of float64
         Root mean square error against the design, m.
     drift_y_m : ndarray of float64
@@ -90,7 +88,7 @@ class Outcomes:
 
 
 class _Line:
-    """A progress bar of text, where tqdm is not installed: notebooks and terminals show it."""
+    """A progress bar of text, if tqdm is not installed. Notebooks and terminals show it."""
 
     def __init__(self, what: str) -> None:
         self.what, self.shown, self.begun = what, -1, time.monotonic()
@@ -109,7 +107,7 @@ class _Line:
 
 @contextmanager
 def _bar(progress: Progress, what: str) -> Any:
-    """The caller's progress, a bar of tqdm where that is installed, one of text, or none."""
+    """The caller's progress, a bar of tqdm if that is installed, else one of text, or none."""
     if callable(progress) or not progress:
         yield progress if callable(progress) else None
         return
@@ -135,17 +133,17 @@ def _bar(progress: Progress, what: str) -> Any:
 
 
 def _takes_time(controller: Controller) -> bool:
-    """Whether a controller takes a third argument by its place: the time."""
+    """True if a controller takes a third positional argument: the time."""
     try:
         parameters = inspect.signature(controller).parameters.values()
     except (TypeError, ValueError):
         return False
-    places = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
-    return len(places) >= 3 or any(p.kind == p.VAR_POSITIONAL for p in parameters)
+    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    return len(positional) >= 3 or any(p.kind == p.VAR_POSITIONAL for p in parameters)
 
 
 def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
-    """What a controller returned, where it is motor commands."""
+    """The answer of a controller as motor commands."""
     commands = np.asarray(found)
     if commands.dtype.kind not in "biuf" or commands.shape != shape:
         what = f"{commands.dtype} of shape {commands.shape}"
@@ -154,7 +152,7 @@ def _commands(found: Any, shape: tuple[int, ...], hint: str) -> Any:
 
 
 def _made(controller: Controller, scene: Scene) -> Controller:
-    """A controller for a flight: a new one of a class, which is told the scene where it asks for it."""
+    """A controller for a flight: a new one of a class, which gets the scene if its constructor has a `scene`."""
     if not isinstance(controller, type):
         return controller
     return controller(scene) if "scene" in inspect.signature(controller).parameters else controller()
@@ -173,52 +171,44 @@ def _fly_controlled(
     n = len(seeds)
     sessions = Sessions(scene, n, conditions, estimator, controller is None)
     sessions.reset(list(seeds))
-    if controller is None:
-        while not ((seen := sessions.look())["landed"] | seen["lost"]).all():
+    each = [None if controller is None else _made(controller, scene) for _ in (seeds[:1] if vectorized else seeds)]
+    timed = each[0] is not None and _takes_time(each[0])
+    motors = np.zeros((n, 4))
+    while not (over := (seen := sessions.look())["landed"] | seen["lost"]).all():
+        rows = (seen["state"], seen["reference"], seen["time_s"])[: 3 if timed else 2]
+        if controller is None:  # an estimator with the scene's controller
             sessions.step(None, [sessions.command_hz // 10] * n)
-            if show is not None:
-                show(int(n * min(float(seen["time_s"].max()) / sessions.duration_s, 1)), n)
-        return sessions.outcomes()
-    each = [_made(controller, scene) for _ in (seeds[:1] if vectorized else seeds)]
-    timed = _takes_time(each[0])
-    motors, turns = np.zeros((n, 4)), [1] * n
-    seen = sessions.look()
-    duration_s = sessions.duration_s
-    highest_m, most = np.zeros(n), 0.0
-    while not (seen["landed"] | seen["lost"]).all():
-        state, reference, time_s = seen["state"], seen["reference"], seen["time_s"]
-        if vectorized:
-            found = each[0](state, reference, time_s) if timed else each[0](state, reference)
-            hint = "a vectorized controller takes (N, 12), (N, 9) and (N,) and returns m1 to m4 of each"
-            motors[:] = _commands(found, (n, 4), hint)
         else:
-            for index in np.flatnonzero(~(seen["landed"] | seen["lost"])):
-                row = (state[index], reference[index], time_s[index]) if timed else (state[index], reference[index])
-                motors[index] = _commands(each[index](*row), (4,), "return m1 to m4, 0 to 65535")
-        over = seen["landed"] | seen["lost"]
-        sessions.step(np.where(over[:, None], 0, motors), turns)
-        seen = sessions.look()
-        highest_m, most = np.maximum(highest_m, seen["position_m"][:, 2]), max(most, float(motors.max()))
+            if vectorized:
+                hint = "a vectorized controller takes (N, 12), (N, 9) and (N,) and returns m1 to m4 of each"
+                motors[:] = _commands(each[0](*rows), (n, 4), hint)
+            else:
+                for index in np.flatnonzero(~over):
+                    row = (column[index] for column in rows)
+                    motors[index] = _commands(each[index](*row), (4,), "return m1 to m4, 0 to 65535")
+            sessions.step(np.where(over[:, None], 0, motors), [1] * n)
         if show is not None:
-            show(int(n * min(float(seen["time_s"].max()) / duration_s, 1)), n)
-    if grounded := int(((highest_m < ON_FLOOR_M) & ~seen["lost"]).sum()):
-        said = f"{grounded} of {n} drones never left the floor: their motor commands reach {most:.4g} of 65535 (are they rpm, N or 0 to 1?)"
-        warn(said)
-    return sessions.outcomes()
+            show(int(n * min(float(seen["time_s"].max()) / sessions.duration_s, 1)), n)
+    if show is not None:
+        show(n, n)
+    columns, outcomes, warned = sessions.outcomes()
+    for text in warned:
+        warn(text)
+    return columns, outcomes
 
 
 def _kept(
     folder: PathLike | None,
-    own: Sequence[Controller | None],
+    makers: Sequence[Controller | None],
     key: object,
     fly: Callable[[], tuple[dict[str, Any], list[str]]],
 ) -> list[str]:
-    """Outcomes of flights: from a folder, where classes of the same files have flown those of the same key before."""
-    classes = [it for it in own if isinstance(it, type)]
+    """Outcomes of flights: from a folder, if classes of the same files have flown those of the same key before."""
+    classes = [it for it in makers if isinstance(it, type)]
     files = [getattr(sys.modules.get(it.__module__), "__file__", None) for it in classes]
-    if folder is None or len(classes) < sum(it is not None for it in own) or None in files:
+    if folder is None or len(classes) < sum(it is not None for it in makers) or None in files:
         return fly()[1]
-    names = [getattr(it, "__qualname__", None) for it in own]
+    names = [getattr(it, "__qualname__", None) for it in makers]
     sources = [Path(str(file)).read_bytes() for file in files]
     name = hashlib.sha256(repr((__version__, key, names, sources)).encode()).hexdigest()[:16]
     path = Path(folder, f"{name}.json")
@@ -255,26 +245,26 @@ def fly_many(
     scenes : Scene or sequence of N Scene
         What to fly.
     seeds : int or sequence of S int
-        Seeds of the noise and of the conditions; a number S is the seeds from 0 to S − 1.
+        Seeds of the noise and of the conditions. A number S is the seeds from 0 to S − 1.
     gains : array_like (N, 4, 12) or (N, 4, 16), optional
-        Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene; (N, 4, 15) with
+        Gains K of linear controllers, u = u_hover − K (x − x_ref), to fly in the one scene. (N, 4, 15) with
         integrals of the position. Rows: torques about x, y, z (N m), thrust (N). Columns: position (m, world),
         yaw, pitch, roll (rad), velocity (m/s) and angular velocity (rad/s) in the body frame. Four columns more,
         as `Scene.gain` has, feed back the modeled rotors.
     controller : callable or type, optional
         A controller of your own for one drone, as for `fly`: ``controller(state, reference)``, or with
         ``time_s`` behind. All flights are in step, so that one with a memory is given as its class: one is
-        made for each flight, without arguments, or with the scene where its constructor has a `scene`.
+        made for each flight, without arguments, or with the scene if its constructor has a `scene`.
     estimator : callable, optional
         An estimator of your own for one drone, as for `fly`, made for each flight.
     vectorized : bool
-        Whether the controller takes all flights at once, arrays (N, 12), (N, 9) and (N,), and returns (N, 4):
+        True if the controller takes all flights at once, arrays (N, 12), (N, 9) and (N,), and returns (N, 4):
         as fast as the simulator. Rows of flights that are over are 0.
     conditions : {"still", "room", "drone"} or path
-        What differs from seed to seed: nothing but noise; drafts, battery and light of a room; the drone as
-        well; or a TOML file of conditions.
+        What differs from seed to seed: only noise, or drafts, battery and light of a room, or the drone as
+        well, or a TOML file of conditions.
     progress : bool or callable
-        Whether to show a bar (by tqdm, where installed, else as text), or a function of flights done and of all.
+        True to show a bar (by tqdm if installed, else as text), or a function of flights done and of all.
 
     Returns
     -------
@@ -287,7 +277,10 @@ def fly_many(
         kind = "lqr-integral" if np.shape(gains)[-1] in (15, 19) else "lqr"
         settings = ({"controller.kind": kind, "controller.lqr.k": np.asarray(k).tolist()} for k in np.asarray(gains))
         scenes = [Scene(scene, set=setting) for setting in settings]
-    seeds = list(range(seeds)) if isinstance(seeds, int) else list(seeds)
+    try:
+        seeds = list(range(operator.index(seeds)))  # pyright: ignore[reportArgumentType]
+    except TypeError:
+        seeds = [operator.index(seed) for seed in seeds]  # pyright: ignore[reportGeneralTypeIssues]
     with _bar(progress, "flying") as show:
         if controller is None and estimator is None:
             return Outcomes(**_outcomes(scenes, seeds, conditions, show))
@@ -322,12 +315,12 @@ def rank(
     Parameters
     ----------
     scenes : dict of str to Scene or tuple
-        The contenders by name; ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`, and
+        The contenders by name. ``(scene, controller)`` is flown by a controller of your own, as by `fly_many`, and
         ``(scene, controller, estimator)`` with an estimator, too, where a controller of None is the scene's.
     vectorized : bool
         As for `fly_many`, of all controllers.
     words : sequence of str, or dict of str to int, optional
-        Words, with their numbers of seeds where these differ; the first scene's word by default.
+        Words, with their numbers of seeds if these differ. The first scene's word by default.
     seeds : int
         Seeds of each word.
     conditions : str
@@ -335,22 +328,23 @@ def rank(
     seed : int
         Seed that all seeds are drawn from.
     acuity : int, optional
-        Also finds the fastest strokes that read: so many more seeds of each word at each of eight speeds.
+        Also finds the fastest strokes that read: this number of further seeds of each word at each of eight speeds.
         ``report["acuity"]["limits"]`` has them. Above a P(read) of 0.96 this ranks, and P(read) does not.
     folder : path, optional
         Keeps the flights, so that the next call flies only what is new. Those of a class of your own are kept word
-        by word, while the file that defines it stays as it is; those of other callables are not.
+        by word, while the file that defines it stays as it is. Those of other callables are not.
     progress : bool or callable
         As for `fly_many`.
 
     Returns
     -------
     Report
-        The keys of ``noctograph rank --json``, and ``report["flights"]``; ``report.files`` has the tables as CSV.
+        The keys of ``noctograph rank --json``, and ``report["flights"]``. ``report.files`` has the tables as CSV.
     """
     if not isinstance(scenes, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
         hint = 'a dict names them: rank({"mine": scene, "theirs": other})'
         raise InputError("scenes", type(scenes).__name__, "contenders by name", hint)
+    seed, seeds = operator.index(seed), operator.index(seeds)
     with _bar(progress, "ranking") as show:
         controllers = {name: (it[1], it[2] if len(it) == 3 else None) for name, it in scenes.items() if not isinstance(it, Scene)}
         named = [(name, it if isinstance(it, Scene) else it[0]) for name, it in scenes.items()]
@@ -410,20 +404,20 @@ def tune(
     words, seeds
         As for `rank`; the seeds of a candidate.
     knobs : sequence of str, optional
-        Keys to vary with their bounds, as ``"plan.stroke_speed_m_s=0.2..0.8"``; the usual ones of the
+        Keys to vary with their bounds, as ``"plan.stroke_speed_m_s=0.2..0.8"``. The usual ones of the
         controller by default.
     budget : int
         Flights in all.
     conditions, seed, folder
         As for `rank`.
     callback : callable, optional
-        Called with the flights so far and the best candidate, a dict; False ends the search, and what it
+        Called with the flights so far and the best candidate, a dict. False ends the search, and what it
         raises is raised.
 
     Returns
     -------
     Scene
-        The tuned scene; the one that the search began with, unless the best candidate is distinguishably better on
+        The tuned scene, or the one that the search began with, unless the best candidate is distinguishably better on
         new seeds (``report["helped"]``).
     Report
         The keys of ``noctograph tune --json`` and all candidates.

@@ -33,20 +33,20 @@ def assert_golden(
     most_flip: float | None = None,
     failures: PathLike = "golden-failures",
 ) -> None:
-    """Asserts that a photograph, a flight or a verdict is the golden one; with NOCTOGRAPH_BLESS=1, makes it that.
+    """Asserts that a photograph, a flight or a verdict is the golden one. With NOCTOGRAPH_BLESS=1, makes it that.
 
     Parameters
     ----------
     found : Shot, Flight or dict
-        What a test made; a dict is a verdict, or any other that JSON holds.
+        The product of a test. A dict is a verdict, or any other that JSON holds.
     golden : path
         Folder of the golden: ``golden.json``, and of a Shot ``photo.png``. Keep it with the tests.
     most_flip : float, optional
         Of a Shot: the photo may differ by this mean FLIP (0 equal, 1 black for white), and its flights as they like.
-        Another flight of HI in 240 × 135 pixels has 0.11, most of it the sensor's noise; HO in its place 0.22. By
+        Another flight of HI in 240 × 135 pixels has 0.11, most of it the sensor's noise, and HO in its place 0.22. By
         default all digests are compared: the same scene makes the same bytes on every machine.
     failures : path
-        Folder for a page with both photographs and their difference where they are not the same.
+        Folder for a page with both photographs and their difference if they are not the same.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def assert_golden(
 
 
 def _is_blessed(golden: Path) -> bool:
-    """Whether a golden is written anew: NOCTOGRAPH_BLESS is 1. Another value is said to bless nothing."""
+    """True if a golden is written anew: NOCTOGRAPH_BLESS is 1. Another value gets a warning."""
     value = os.environ.get("NOCTOGRAPH_BLESS")
     if value == "1":
         warnings.warn(f"NOCTOGRAPH_BLESS=1: {golden} is written anew", stacklevel=3)
