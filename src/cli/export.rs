@@ -174,7 +174,7 @@ fn warned(args: &ExportArgs, shoot: &Shoot, checks: &[Diagnostic]) -> Option<Str
 
 /// Warns of a controller that does not follow the motion of a trajectory.
 pub(super) fn warn_of_trailing(shoot: &Shoot) {
-    if !shoot.scene.controller.kind.follows_design() {
+    if !shoot.scene.controller.kind.follows_reference() {
         warn([
             "this controller tracks positions, and lags a trajectory on board: see it first with \
              `preview --as-exported compressed`, or fly `--set controller.kind=geometric`",

@@ -17,7 +17,7 @@ use crate::flight::table::on_grid;
 use crate::flight::{Flight, FlightData, FlightSample, Quantity, warning::UNLOGGED};
 use crate::locate::{
     Link, LocateOptions, Located, RangeSample, Reference, Room, Track, check_count, link_errors,
-    locate, locate_enlarged, locate_shared, nis_interval, position_error,
+    locate, locate_augmented, locate_shared, nis_interval, position_error,
 };
 use crate::logs::{self, OnClock};
 use crate::report::{NamedFlight, front_view, top_view};
@@ -331,7 +331,7 @@ fn by_observer(
     // Ranges are enough for the first two. The others carry the measured velocities along.
     match args.observer {
         Observer::Smooth | Observer::Filter => locate(anchors_m, logs.len(), samples, options),
-        Observer::Enlarged => locate_enlarged(anchors_m, &tracks()?, samples, options),
+        Observer::Enlarged => locate_augmented(anchors_m, &tracks()?, samples, options),
         Observer::Shared => {
             let Ok(tracks) = <[Track; 2]>::try_from(tracks()?) else {
                 let hint = "give a log of each drone";

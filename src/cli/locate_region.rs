@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 
 use super::outcome::Report;
 use crate::error::{Error, Result};
-use crate::locate::{Outputs, SharedAnchorObserver, observability, share_left, shared_anchor};
+use crate::locate::{Outputs, SharedAnchorObserver, fraction_left, observability, shared_anchor};
 use crate::scene::Scene;
 use crate::shoot::Shoot;
 use serde_json::json;
@@ -40,7 +40,7 @@ pub(super) fn region(scene: Scene) -> Result<Report> {
     };
     let observer = |gain| SharedAnchorObserver { own_m: [one, two], shared_m, gains: [gain; 2] };
     let errors = ERRORS_M.map(|error_m| {
-        let left = GAINS.map(|gain| share_left(&observer(gain), path, MAP_S, error_m, STARTS));
+        let left = GAINS.map(|gain| fraction_left(&observer(gain), path, MAP_S, error_m, STARTS));
         json!({ "error_m": error_m, "left": left })
     });
     let seen = SPANS_S.map(|span_s| {

@@ -10,7 +10,7 @@ use crate::camera::Framing;
 use crate::error::Result;
 use crate::photo::{self, Photo};
 use crate::score::{
-    Reading, View, has_bright_rim, mirrored, quarter_turned, read_any_way_up, read_mirrored,
+    Reading, View, has_bright_edge, mirrored, quarter_turned, read_any_way_up, read_mirrored,
 };
 use clap::Args;
 use serde_json::json;
@@ -46,7 +46,7 @@ const LAYOUT: &str = "\
 /// A photo and its reading, turned until its writing, or the word that it should show, is upright.
 /// Mirrored writing is named, and flipped if no word is given.
 pub(super) fn read_upright(photo: Photo, word: &str) -> (Photo, Reading) {
-    if has_bright_rim(&photo) {
+    if has_bright_edge(&photo) {
         message("note: ", "the photo's border is bright: cut it off, or invert dark writing");
     }
     // Smaller writing beside the word, such as a credit, is not read.

@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::flight::table::on_grid;
 use crate::flight::{BATTERY_V, ENERGY_J, Flight, SATURATED_S, on_floor};
 use crate::letters::Strokes;
-use crate::report::{LEAST_SHARE, rivals};
+use crate::report::{LEAST_PROBABILITY, rivals};
 use crate::score::{Reason, Verdict};
 use crate::shoot::Shot;
 use crate::tracking::{Part, Tracking, track};
@@ -19,7 +19,7 @@ pub fn verdict_table(verdict: &Verdict) -> String {
     let words = json!({
         "sentence": verdict_sentence(verdict),
         "because": verdict.reason.map(|reason| in_words(reason, verdict)),
-        "likely": verdict.rival.as_ref().filter(|rival| rival.p >= LEAST_SHARE),
+        "likely": verdict.rival.as_ref().filter(|rival| rival.p >= LEAST_PROBABILITY),
         "blind": verdict.is_contradicted().then(|| second.unwrap_or("nothing")),
         "seen": verdict.letters.iter().map(rivals).collect::<Vec<_>>(),
         "gains": verdict.advice.first().map(|_| "gain"),

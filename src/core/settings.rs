@@ -24,7 +24,7 @@
 //!         "sharp" => Sharp,
 //!     }
 //!
-//!     /// A choice with settings of its own: a table with the key `kind`, or the name alone.
+//!     /// A choice with settings of its own: a table with the key `kind`, or only the name.
 //!     pub enum Pen tagged {
 //!         /// Any light.
 //!         "brush" => Brush(BrushOptions),

@@ -112,7 +112,11 @@ fn edges(contour: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
 
 /// The edge of the ink: runs of samples along the contours where there is ink on one side only.
 /// Samples are at most `spacing` apart. Closed runs repeat their first point.
-pub(super) fn rim(contours: &[Contour], ink: &Filled<'_>, spacing: f64) -> Vec<Vec<[f64; 2]>> {
+pub(super) fn ink_edges(
+    contours: &[Contour],
+    ink: &Filled<'_>,
+    spacing: f64,
+) -> Vec<Vec<[f64; 2]>> {
     let spacing = spacing.max(length(contours) / MAX_SAMPLES);
     let mut runs = Vec::new();
     for contour in contours {
@@ -192,8 +196,8 @@ mod tests {
     #[test]
     fn the_rim_leaves_out_contours_within_the_ink() {
         let contours = [square(0.0, 3.0), square(2.0, 3.0)];
-        let rim = rim(&contours, &Filled::new(&contours, &budget()), 0.1);
-        let length: f64 = rim.iter().map(|run| polyline_length_m(run)).sum();
+        let ink_edges = ink_edges(&contours, &Filled::new(&contours, &budget()), 0.1);
+        let length: f64 = ink_edges.iter().map(|run| polyline_length_m(run)).sum();
         // Two squares of 12, less a side of 3 of each. The shared bottom and top count twice.
         assert!((length - 18.0).abs() < 0.5, "{length}");
         assert_eq!(mean_stroke_width(&[square(0.0, 2.0)]), 1.0);

@@ -64,7 +64,7 @@ pub(super) fn mean(points: &[[f64; 2]]) -> [f64; 2] {
 }
 
 /// The segments of a line: from each of its points to the next.
-pub(super) fn legs(line: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
+pub(super) fn segments(line: &[[f64; 2]]) -> impl Iterator<Item = [[f64; 2]; 2]> {
     line.windows(2).map(|pair| [pair[0], pair[1]])
 }
 

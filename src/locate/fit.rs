@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::Link;
-use super::positions::slope;
+use super::positions::range_jacobian;
 use noctograph_sim::kalman::Part;
 
 const FIT_STEPS: usize = 40;
@@ -23,9 +23,9 @@ pub(super) fn residuals(
     let mut jacobian = DMatrix::zeros(ranges.len(), places_m.len());
     let mut left = DVector::zeros(ranges.len());
     for (row, range) in ranges.iter().enumerate() {
-        let (slope, expected_m) = slope(range.link, anchors_m, places_m.as_slice(), 3);
+        let (parts, expected_m) = range_jacobian(range.link, anchors_m, places_m.as_slice(), 3);
         // ∂d/∂p is the unit vector from the other end.
-        for part in slope {
+        for part in parts {
             let Part::Three(column, direction) = part else { continue };
             jacobian.fixed_view_mut::<1, 3>(row, column).tr_copy_from(&direction);
         }

@@ -1,15 +1,15 @@
 //! Localization of drones from ranges, apart from any controller: the observer of two drones with a
 //! common anchor as its authors left it ([`SharedAnchorObserver`]) with its local region
-//! ([`share_left`], [`observability`]), and the filter without a local region that they wished for
-//! ([`Enlarged`], handed over to [`Positions`]). Both need the motion ([`locate_shared`],
-//! [`locate_enlarged`]). [`locate`] turns the ranges of a log into positions without it.
+//! ([`fraction_left`], [`observability`]), and the filter without a local region that they wished for
+//! ([`Augmented`], handed over to [`Positions`]). Both need the motion ([`locate_shared`],
+//! [`locate_augmented`]). [`locate`] turns the ranges of a log into positions without it.
 //!
 //! The filter that flies is the estimator `cooperative`.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
 
-mod enlarged;
+mod augmented;
 mod fit;
 mod pairs;
 mod pass;
@@ -25,10 +25,10 @@ mod track;
 
 use nalgebra::{DVector, Vector3};
 
-pub use enlarged::{Enlarged, locate_enlarged};
+pub use augmented::{Augmented, locate_augmented};
 pub use positions::Positions;
 pub use reference::{LinkError, PositionError, Reference, link_errors, position_error};
-pub use region::{Observability, Outputs, ShareLeft, observability, share_left};
+pub use region::{FractionLeft, Observability, Outputs, fraction_left, observability};
 pub use residuals::{LinkResidual, nis_interval};
 pub use shared_anchor::{FiveRanges, SharedAnchorObserver, locate_shared, shared_anchor};
 pub use smoother::{LocateOptions, Located, check_count, locate};

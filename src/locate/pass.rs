@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
-use super::positions::{GATE_SIGMAS, slope};
+use super::positions::{GATE_SIGMAS, range_jacobian};
 use super::{Link, LocateOptions, RangeSample};
 use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, along, variance_rate};
 
@@ -119,9 +119,10 @@ impl<'a> Model<'a> {
         for sample in step {
             // z = h(x₀) + H (x − x₀): linearized about x₀, the path of the pass before if given.
             let states = here.unwrap_or(normal.mean.as_slice());
-            let (slope, expected_m) = slope(sample.link, self.anchors_m, states, STATES);
-            let value = sample.distance_m - expected_m + along(&slope, states);
-            let measurement = Measurement { slope: &slope, value, variance };
+            let (jacobian, expected_m) =
+                range_jacobian(sample.link, self.anchors_m, states, STATES);
+            let value = sample.distance_m - expected_m + along(&jacobian, states);
+            let measurement = Measurement { jacobian: &jacobian, value, variance };
             let taken = gate.correct(normal, sample.link, &measurement);
             innovations.note(sample.link, taken.map(|innovation| innovation.nis()));
         }

@@ -41,9 +41,9 @@ impl Positions {
     /// is refused five times in a row is believed again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
         let states = self.normal.mean.as_slice();
-        let (slope, expected_m) = slope(link, &self.anchors_m, states, 3);
-        let value = distance_m - expected_m + along(&slope, states);
-        let measurement = Measurement { slope: &slope, value, variance: sigma_m * sigma_m };
+        let (jacobian, expected_m) = range_jacobian(link, &self.anchors_m, states, 3);
+        let value = distance_m - expected_m + along(&jacobian, states);
+        let measurement = Measurement { jacobian: &jacobian, value, variance: sigma_m * sigma_m };
         let innovation = self.gate.correct(&mut self.normal, link, &measurement);
         innovation.map(|innovation| innovation.nis())
     }
@@ -51,7 +51,7 @@ impl Positions {
 
 /// Slope of a range over the states, and the range itself. A drone's place is the first three of
 /// every `stride` states.
-pub(super) fn slope(
+pub(super) fn range_jacobian(
     link: Link,
     anchors_m: &[Vector3<f64>],
     states: &[f64],

@@ -31,7 +31,7 @@ const UNSEEN: f64 = 1e-9;
 
 /// How much of start errors of one size remains with an observer.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct ShareLeft {
+pub struct FractionLeft {
     /// Length of the error over both drones at the start.
     pub error_m: f64,
     /// Fraction of it that is left at the end: median over the starts.
@@ -63,13 +63,13 @@ pub enum Outputs {
 }
 
 /// Runs the observer from `n` starts with an error of one length, along a path and without noise.
-pub fn share_left(
+pub fn fraction_left(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
     duration_s: f64,
     error_m: f64,
     n: u32,
-) -> ShareLeft {
+) -> FractionLeft {
     let mut state = 0x5eed;
     let mut fractions = Vec::new();
     for _ in 0..n {
@@ -89,7 +89,7 @@ pub fn share_left(
     fractions.sort_by(f64::total_cmp);
     let diverged = fractions.iter().filter(|left| **left > DIVERGED || left.is_nan()).count();
     let diverged_frac = diverged as f64 / f64::from(n.max(1));
-    ShareLeft {
+    FractionLeft {
         error_m,
         median: median(fractions.iter().copied()).unwrap_or(0.0),
         range: [fractions.first(), fractions.last()].map(|left| left.copied().unwrap_or(0.0)),
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn excitation_about_the_shared_anchor_decides() {
-        let written = share_left(&observer(0.01), writing(), 21.0, 1.0, 30);
+        let written = fraction_left(&observer(0.01), writing(), 21.0, 1.0, 30);
         // The shared anchor in the middle, and figures of 4 m around it.
         let around =
             SharedAnchorObserver { shared_m: Vector3::new(0.0, 0.0, 1.2), ..observer(0.1) };
@@ -225,7 +225,7 @@ mod tests {
                 Vector3::new(2.0 * wave(0.9, 0.0), 2.0 * wave(0.7, 1.0), 1.2 + wave(1.1, 2.0))
             })
         }
-        let orbited = share_left(&around, orbit, 60.0, 1.0, 30);
+        let orbited = fraction_left(&around, orbit, 60.0, 1.0, 30);
         println!("{written:?}\n{orbited:?}");
         assert!(written.median > 0.4, "{written:?}");
         assert!(orbited.median < 0.1, "{orbited:?}");

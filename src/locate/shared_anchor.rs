@@ -103,7 +103,7 @@ impl SharedAnchorObserver {
 ///
 /// # Errors
 ///
-/// As [`super::locate_enlarged`], and [`Error::Input`] for other links than two anchors a drone,
+/// As [`super::locate_augmented`], and [`Error::Input`] for other links than two anchors a drone,
 /// one of them the same, and the range between the drones.
 pub fn locate_shared(
     anchors_m: &[Vector3<f64>],

@@ -24,7 +24,7 @@ use super::recording::{Block, Clock, Column, Recording};
 use super::{Job, TimeUnit, plain_csv, rows, titles};
 use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::{Budget, Text, simplified};
-use noctograph_core::flight::stamps::{SLOWEST_PERIOD_S, unit_of};
+use noctograph_core::flight::timestamps::{SLOWEST_PERIOD_S, unit_of};
 use noctograph_core::statistics::median;
 
 /// Steps of checking a byte of text, of a value, of a name besides its bytes, and of a title.

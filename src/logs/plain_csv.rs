@@ -23,7 +23,7 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{DEGREE, Head, Separator, SheetColumn, Text};
 use noctograph_core::flight::csv::is_standard_column;
-use noctograph_core::flight::stamps::unit_of;
+use noctograph_core::flight::timestamps::unit_of;
 
 /// Names of the columns of a file without a header.
 const UNNAMED: [&str; 4] = ["t", "x", "y", "z"];

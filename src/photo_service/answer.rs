@@ -399,7 +399,8 @@ impl PhotoFacts {
         let (obstacles, others): (Vec<&Diagnostic>, Vec<_>) =
             shot.problems.iter().partition(|problem| problem.is_stop());
         // Warnings of the flight are for the operator.
-        let flaws = others.into_iter().filter(|problem| FLAWS.contains(&code_on_page(problem.code)));
+        let flaws =
+            others.into_iter().filter(|problem| FLAWS.contains(&code_on_page(problem.code)));
         Self {
             boxes: boxes(shot),
             flight_s: end_s(shot),

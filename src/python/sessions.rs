@@ -18,7 +18,7 @@ use noctograph::shoot::Stop;
 use noctograph::sim::{Avionics, Session};
 use noctograph::studies::{Conditions, Outcome, Prepared};
 
-/// Commands below which another thread takes longer to wake than they take to fly, 5 µs each.
+/// Commands below which another thread takes longer to start than they take to fly, 5 µs each.
 const FEW_COMMANDS: u32 = 16;
 
 /// One of the flights, and how it was lost.

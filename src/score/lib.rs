@@ -31,7 +31,7 @@ pub use explain::Marks;
 pub use find_word::find_word;
 pub use reader::Reader;
 pub use reading::{ReadLetter, Reading, read};
-pub use turn::{has_bright_rim, mirrored, quarter_turned, read_any_way_up, read_mirrored};
+pub use turn::{has_bright_edge, mirrored, quarter_turned, read_any_way_up, read_mirrored};
 pub use verdict::{LetterVerdict, Placement, Reason, Rival, RivalWord, Verdict};
 pub use view::{Homography, View};
 

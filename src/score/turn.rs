@@ -76,7 +76,7 @@ pub fn mirrored(photo: &Photo) -> Photo {
 }
 
 /// True if a photo is bright all along its edge: it has a white border, or its writing is dark.
-pub fn has_bright_rim(photo: &Photo) -> bool {
+pub fn has_bright_edge(photo: &Photo) -> bool {
     let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
     let [mut n_bright, mut n_dark] = [0, 0];
     for (i, pixel) in photo.rgb8.chunks_exact(3).enumerate() {
@@ -117,11 +117,11 @@ mod tests {
                 scene_toml: None,
             })
         };
-        assert!(has_bright_rim(&photo(255, 0)) && has_bright_rim(&photo(200, 190)));
-        assert!(!has_bright_rim(&photo(120, 255)) && !has_bright_rim(&photo(0, 0)));
+        assert!(has_bright_edge(&photo(255, 0)) && has_bright_edge(&photo(200, 190)));
+        assert!(!has_bright_edge(&photo(120, 255)) && !has_bright_edge(&photo(0, 0)));
         let mut lit = photo(255, 0);
         lit.edit(|lit| lit.rgb8[..6].fill(0));
-        assert!(!has_bright_rim(&lit), "a sky at three sides");
+        assert!(!has_bright_edge(&lit), "a sky at three sides");
     }
 
     #[test]

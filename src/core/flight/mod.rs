@@ -15,8 +15,8 @@ use crate::product::{
 
 mod airborne;
 pub mod csv;
-pub mod stamps;
 pub mod table;
+pub mod timestamps;
 pub mod warning;
 
 pub use crate::place::DroneIndex;

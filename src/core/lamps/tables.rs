@@ -180,12 +180,13 @@ pub fn led_ring() -> Vec<Fixture> {
 /// Distance of a motor from the middle on both axes: an arm of 46 mm at 45° (`vehicle.arm_m`).
 const MOTOR_M: f64 = 0.0325;
 
-/// Place of an LED of the ring: every 30° to the right on a circle of 13.7 mm, to 0.01 mm.
+/// Place of an LED of the ring: every 30° clockwise on a circle of 13.7 mm, to 0.01 mm, 12 mm below
+/// the drone's middle.
 fn ring_position_body_m(led: usize) -> [f64; 3] {
     let (sin, cos) = libm::sincos(led as f64 * core::f64::consts::FRAC_PI_6);
-    // Without negative zeros.
-    let [forward_m, right_m] = [cos, sin].map(|part| (1370.0 * part).round() / 1e5 + 0.0);
-    [forward_m, -right_m, -0.012]
+    // A negative zero plus zero is zero.
+    let [forward_m, left_m] = [cos, -sin].map(|part| (1370.0 * part).round() / 1e5 + 0.0);
+    [forward_m, left_m, -0.012]
 }
 
 fn headlight(name: &str, left_m: f64) -> Fixture {

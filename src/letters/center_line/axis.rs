@@ -27,9 +27,10 @@ pub(super) type Path = Vec<usize>;
 
 impl Axis {
     /// The axis of the ink within an outline, or an empty one without ink.
-    pub(super) fn new(rim: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
+    pub(super) fn new(ink_edges: &[Vec<[f64; 2]>], ink: &Filled<'_>) -> Self {
         // Contours that run along each other would have samples a rounding error apart.
-        let samples = rim.iter().flatten().map(|sample| sample.map(|x| (x / WELD).round() * WELD));
+        let samples =
+            ink_edges.iter().flatten().map(|sample| sample.map(|x| (x / WELD).round() * WELD));
         let samples = samples.map(|[x, y]| Point2::new(x, y)).collect();
         let Ok(mesh) = DelaunayTriangulation::<Point2<f64>>::bulk_load_stable(samples) else {
             return Self::default();

@@ -2,7 +2,7 @@
 //! lines are extended straight until they meet.
 
 use super::super::outline::Filled;
-use super::super::vector::{ahead, cross, dot, legs, mean, minus};
+use super::super::vector::{ahead, cross, dot, mean, minus, segments};
 use super::axis::{Axis, Path};
 use super::branches::{Arm, Branch, Connection, Knot, chain};
 use noctograph_core::geometry::distance;
@@ -226,7 +226,7 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
 /// The point where an arm, extended straight, first meets a line.
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
-    let hits = legs(line).filter_map(|[from, to]| {
+    let hits = segments(line).filter_map(|[from, to]| {
         let (gap, segment) = (minus(from, arm.from), minus(to, from));
         // arm.from + t · onward = from + s · segment, by Cramer's rule.
         let area = cross(onward, segment);

@@ -5,9 +5,9 @@
 //! stroke ([`junctions`]). Between corners lines are smoothed within a stated error. A blob without
 //! a line, such as a full stop, becomes a dot.
 
-use super::outline::{Contour, Filled, mean_stroke_width, rim};
+use super::outline::{Contour, Filled, ink_edges, mean_stroke_width};
 use super::smooth::{MAX_POINTS, simplified, smooth};
-use super::vector::legs;
+use super::vector::segments;
 use axis::Axis;
 use branches::Knot;
 use noctograph_core::files::Budget;
@@ -66,12 +66,12 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     // Samples of the outline, as dense as the strokes are thin.
     let ink = Filled::new(contours, budget);
     let spacing = (SAMPLING[0] * mean_stroke_width(contours)).clamp(1e-3, SAMPLING[1]);
-    let rim = rim(contours, &ink, spacing);
-    if !budget.spend_steps(STEPS[0] * rim.iter().map(Vec::len).sum::<usize>()) {
+    let ink_edges = ink_edges(contours, &ink, spacing);
+    if !budget.spend_steps(STEPS[0] * ink_edges.iter().map(Vec::len).sum::<usize>()) {
         return CenterLines::default();
     }
     // The medial axis, of which spurs are cut before junctions are looked at.
-    let mut axis = Axis::new(&rim, &ink);
+    let mut axis = Axis::new(&ink_edges, &ink);
     let parts = parts(&axis.neighbors);
     let unpruned = axis.neighbors.clone();
     let bends = prune::prune(&mut axis, budget);
@@ -106,8 +106,8 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
 
 /// The outlines in cap heights, in as few points as their error allows.
 pub(super) fn outlines(contours: &[Contour], budget: &Budget) -> Vec<Vec<[f64; 2]>> {
-    let rim = rim(contours, &Filled::new(contours, budget), 0.01);
-    rim.iter().map(|run| simplified(run, FLATNESS)).collect()
+    let ink_edges = ink_edges(contours, &Filled::new(contours, budget), 0.01);
+    ink_edges.iter().map(|run| simplified(run, FLATNESS)).collect()
 }
 
 /// A line too short to be seen, which stands for a dot: it has a place and a direction.
@@ -117,7 +117,7 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
 
 /// Length of the longest part of the whole axis whose discs no line enters, or 0 if it is short.
 fn lost(axis: &Axis, unpruned: &[Vec<usize>], lines: &[Vec<[f64; 2]>], half_width: f64) -> f64 {
-    let segments: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| legs(line)).collect();
+    let segments: Vec<[[f64; 2]; 2]> = lines.iter().flat_map(|line| segments(line)).collect();
     let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn strokes_end_half_their_width_before_the_rim() {
+    fn strokes_end_half_their_width_before_the_edge() {
         assert_eq!(traced(&[[0.0, 0.0, 0.2, 1.0]]), [[[10, 10], [10, 90]]]);
         assert_eq!(traced(&[[0.0, 0.0, 1.0, 0.06]]), [[[3, 3], [97, 3]]]);
     }
@@ -249,7 +249,7 @@ mod tests {
         assert_eq!(center_lines(&tee, &budget()).lost, 0.0);
         let budget = budget();
         let ink = Filled::new(&tee, &budget);
-        let axis = Axis::new(&rim(&tee, &ink, 0.01), &ink);
+        let axis = Axis::new(&ink_edges(&tee, &ink, 0.01), &ink);
         let stem = [vec![[0.5, 0.1], [0.5, 0.9]]];
         let length = lost(&axis, &axis.neighbors, &stem, 0.1);
         assert!((0.2..0.6).contains(&length), "half the bar: {length}");

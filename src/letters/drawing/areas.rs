@@ -8,7 +8,7 @@
 
 use crate::center_line::{CenterLines, center_lines, outlines};
 use crate::outline::{Contour, Filled, mean_stroke_width};
-use crate::vector::legs;
+use crate::vector::segments;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, segment_distance};
 use noctograph_core::statistics::median;
@@ -119,7 +119,8 @@ fn size([left, bottom, right, top]: [f64; 4]) -> f64 {
 
 /// Intersection over union of contours and what a pen along their center lines covers.
 fn penned(contours: &[Contour], center: &CenterLines, budget: &Budget) -> f64 {
-    let segments: Vec<[[f64; 2]; 2]> = center.lines.iter().flat_map(|line| legs(line)).collect();
+    let segments: Vec<[[f64; 2]; 2]> =
+        center.lines.iter().flat_map(|line| segments(line)).collect();
     if center.length() < LONG * center.thickest
         || !budget.spend_steps(STEPS * segments.len() * (GRID * GRID) as usize)
     {

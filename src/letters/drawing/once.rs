@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::super::vector::{between, counts, cross, dot, is_closed, legs, minus};
+use super::super::vector::{between, counts, cross, dot, is_closed, minus, segments};
 use super::layers::Color;
 use super::visibility::Part;
 use noctograph_core::files::Budget;
@@ -100,7 +100,7 @@ impl<'a> Front<'a> {
         let farthest = self.levels.entry(level).or_insert(self.near);
         *farthest = farthest.max(reach);
         let longest = 0.5 * self.cell_of(level);
-        for segment in legs(line) {
+        for segment in segments(line) {
             for ends in cut(segment, longest) {
                 if self.budget.bytes(2 * size_of::<Piece>()).is_err() {
                     return;
@@ -159,7 +159,7 @@ impl<'a> Front<'a> {
             return vec![(line.to_vec(), None)];
         }
         let mut stretches: Vec<Stretch> = Vec::new();
-        for [from, to] in legs(line).flat_map(|ends| cut(ends, 0.5 * self.cell)) {
+        for [from, to] in segments(line).flat_map(|ends| cut(ends, 0.5 * self.cell)) {
             // One test for each piece of half a cell. Where the state changes, bisect.
             let along = minus(to, from);
             let here = self.cover(between(from, to, 0.5), along, element);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::ink::{EDGE, Field};
 use super::levels::level;
 use crate::outline::{Contour, Filled, area, mean_stroke_width};
-use crate::vector::{between, legs};
+use crate::vector::{between, segments};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::files::Budget;
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
@@ -140,7 +140,7 @@ impl Field {
     /// Length of a contour along the edge of the picture.
     fn length_along_edge(&self, contour: &Contour) -> f64 {
         let [right, bottom] = [self.width - 2, self.height - 2].map(|side| side as f64);
-        let segments = legs(contour).filter(|ends| {
+        let segments = segments(contour).filter(|ends| {
             ends.iter().all(|[x, y]| *x < 1.0 || *x > right || -y < 1.0 || -y > bottom)
         });
         segments.map(|[a, b]| distance(a, b)).sum()
@@ -187,7 +187,7 @@ impl Field {
         // Four points of each segment, where they lie in the ink.
         let mut sum = [0.0; 3];
         let [mut n, mut contrast] = [0.0; 2];
-        for [from, to] in legs(line) {
+        for [from, to] in segments(line) {
             for pixel in [0.0, 0.25, 0.5, 0.75].map(|part| self.pixel(between(from, to, part))) {
                 if self.ink[pixel] > EDGE {
                     (0..3).for_each(|i| sum[i] += self.color[pixel][i]);

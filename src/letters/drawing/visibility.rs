@@ -11,7 +11,7 @@
 use kurbo::{BezPath, Shape as _};
 
 use super::super::curves::{on_grid, polylines};
-use super::super::vector::{between, is_closed, legs};
+use super::super::vector::{between, is_closed, segments};
 use super::MAX_POINTS;
 use super::layers::{Area, Color, Cut, FLATNESS, Layer, Painted, Scale};
 use noctograph_core::geometry::{bounds, distance, polyline_length_m};
@@ -259,7 +259,7 @@ impl<'a> Page<'a> {
             let mut pieces: Vec<Piece> = Vec::new();
             // The color of the piece before, up to the next edge of an area.
             let mut last: Option<Option<Color>> = None;
-            for [from, to] in legs(line) {
+            for [from, to] in segments(line) {
                 // The crossings of the segment, in order.
                 fractions.clear();
                 fractions.push(0.0);

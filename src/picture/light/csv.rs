@@ -15,8 +15,8 @@ use super::{Emitter, Lamp, LightSample, LightTrace, LightTraceData};
 use noctograph_core::diagnostic::{Diagnostic, Warned};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, bracketed, simplified, unit};
-use noctograph_core::flight::stamps::unit_of;
 use noctograph_core::flight::table::{Table, on_grid};
+use noctograph_core::flight::timestamps::unit_of;
 
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 

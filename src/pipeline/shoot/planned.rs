@@ -75,7 +75,7 @@ pub(super) fn plan(
 fn led(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
     check_cost(&design, responses)?;
     let inverse = inverse(&design, responses);
-    let reference = match scene.controller.kind.follows_design() {
+    let reference = match scene.controller.kind.follows_reference() {
         true => design,
         false => feedforward(&design, &inverse),
     };
@@ -151,7 +151,7 @@ pub fn rehearse(scene: &Scene, plan: &Plan) -> Result<Flight> {
 /// Moves a plan's light commands so that the light begins and ends with the strokes of a simulated
 /// or real flight of this plan.
 pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) -> Result<Planned> {
-    let between = match scene.controller.kind.follows_design() {
+    let between = match scene.controller.kind.follows_reference() {
         true => Between::Design,
         false => Between::Held,
     };

@@ -27,7 +27,7 @@ pub(super) struct Lqr {
     /// Zero without integral action.
     k_integral: SMatrix<f64, 4, 3>,
     k_rotor: Matrix4<f64>,
-    follows_design: bool,
+    follows_reference: bool,
     hover: Wrench,
     mass_kg: f64,
     mixer: Mixer,
@@ -56,7 +56,7 @@ impl Lqr {
             k: k.fixed_view::<4, 12>(0, 0).into_owned(),
             k_integral: k_integral.unwrap_or_default(),
             k_rotor,
-            follows_design: kind.follows_design(),
+            follows_reference: kind.follows_reference(),
             hover,
             mass_kg: options.vehicle.mass_kg,
             mixer: Mixer::new(&options.vehicle),
@@ -69,7 +69,7 @@ impl Lqr {
 
     /// Wanted wrench, and the error of the position.
     fn wrench(&self, estimate: &State, reference: &Reference) -> (Wrench, Vector3<f64>) {
-        let (state, trim) = if self.follows_design {
+        let (state, trim) = if self.follows_reference {
             let (state, thrust_m_s2) = reference.trim();
             (state, Wrench::new(0.0, 0.0, 0.0, self.mass_kg * thrust_m_s2))
         } else {

@@ -185,12 +185,12 @@ impl AltitudeFilter {
             [AltitudeState::Altitude, AltitudeState::Ranger, AltitudeState::Barometer]
                 .map(|state| Part::One(state as usize, 1.0));
         // The bias of the ranger is last, as the step test wants it.
-        let (slope, sigma_m): (&[Part], f64) = match sensor {
+        let (jacobian, sigma_m): (&[Part], f64) = match sensor {
             AltitudeSensor::Gnss => (&[altitude], GNSS_SIGMA_M),
             AltitudeSensor::TimeOfFlight => (&[altitude, ranger], TIME_OF_FLIGHT_SIGMA_M),
             AltitudeSensor::Barometer => (&[altitude, barometer], self.options.barometer_sigma_m),
         };
-        let measurement = Measurement { slope, value: measured_m, variance: sigma_m * sigma_m };
+        let measurement = Measurement { jacobian, value: measured_m, variance: sigma_m * sigma_m };
         let innovation = self.normal.innovation(&measurement);
         let floor = if sensor == AltitudeSensor::TimeOfFlight {
             self.test.correct(&mut self.normal, &measurement, f64::INFINITY)

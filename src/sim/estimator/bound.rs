@@ -171,8 +171,8 @@ impl<'a> Fleet<'a> {
     }
 
     /// Corrects the covariance. At the truth every innovation is zero.
-    fn correct(&mut self, slope: &[Part], variance: f64) {
-        self.normal.correct(&Measurement { slope, value: 0.0, variance }, |_| true);
+    fn correct(&mut self, jacobian: &[Part], variance: f64) {
+        self.normal.correct(&Measurement { jacobian, value: 0.0, variance }, |_| true);
     }
 }
 

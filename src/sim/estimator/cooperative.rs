@@ -175,8 +175,8 @@ impl Cooperative {
     }
 
     /// A scalar measurement on a link, through the gate.
-    fn correct(&mut self, link: (usize, Target), slope: &[Part], value: f64, variance: f64) {
-        let measurement = Measurement { slope, value, variance };
+    fn correct(&mut self, link: (usize, Target), jacobian: &[Part], value: f64, variance: f64) {
+        let measurement = Measurement { jacobian, value, variance };
         self.gate.correct(&mut self.joint.normal, link, &measurement);
     }
 

@@ -133,8 +133,8 @@ impl Ekf {
         // The mean errors collect all corrections of a tick, and then move into the state.
         if measured {
             let Self { motion, normal, model, .. } = self;
-            model.measurements(motion, readings, |source, slope, value, variance| {
-                correct(normal, source, &Measurement { slope, value, variance });
+            model.measurements(motion, readings, |source, jacobian, value, variance| {
+                correct(normal, source, &Measurement { jacobian, value, variance });
             });
             motion.settle(normal, 0);
             if model.floor_steps {

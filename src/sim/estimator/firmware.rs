@@ -238,8 +238,8 @@ impl Firmware {
         }
     }
 
-    fn correct(&mut self, slope: &[Part], value: f64, variance: f64) {
-        self.normal.correct(&Measurement { slope, value, variance }, |_| true);
+    fn correct(&mut self, jacobian: &[Part], value: f64, variance: f64) {
+        self.normal.correct(&Measurement { jacobian, value, variance }, |_| true);
         let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
         self.position_m += position_m;
         self.velocity_m_s += velocity_m_s;

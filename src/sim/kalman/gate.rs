@@ -101,7 +101,7 @@ impl StepTest {
             floor == Floor::Still && !innovation.is_beyond(gate_sq)
         });
         if let Floor::Stepped(farther_m) = floor {
-            let Some(Part::One(state, per_m)) = measurement.slope.last() else {
+            let Some(Part::One(state, per_m)) = measurement.jacobian.last() else {
                 panic!("the floor is last")
             };
             normal.mean[*state] += farther_m / per_m;
@@ -134,8 +134,8 @@ mod tests {
         let mut gate = Gate::new(4.0);
         let mut accepted = |source, value| {
             let mut normal = Normal::independent(&[0.1]);
-            let slope = &[Part::One(0, 1.0)];
-            gate.correct(&mut normal, source, &Measurement { slope, value, variance: 0.01 })
+            let jacobian = &[Part::One(0, 1.0)];
+            gate.correct(&mut normal, source, &Measurement { jacobian, value, variance: 0.01 })
         };
         for refusals in 0..5 {
             assert_eq!(accepted(1, 3.0), None, "after {refusals}");

@@ -263,9 +263,9 @@ mod tests {
             let apart = (&normal.covariance - &p).norm() / p.norm();
             assert!(apart < 1e-13, "{apart}");
             // A measurement that correlates the drones and the floor.
-            let slope =
+            let jacobian =
                 [Part::Three(0, force * 0.1), Part::Three(9, turn_rad), Part::One(18, -1.0)];
-            let measurement = Measurement { slope: &slope, value: 0.0, variance: 0.01 };
+            let measurement = Measurement { jacobian: &jacobian, value: 0.0, variance: 0.01 };
             assert!(normal.correct(&measurement, |_| true));
             p.copy_from(&normal.covariance);
         }

@@ -39,7 +39,7 @@ pub enum Part {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measurement<'a> {
     /// h, each state in one part at most.
-    pub slope: &'a [Part],
+    pub jacobian: &'a [Part],
     /// y: measured less the value expected if all states are zero.
     pub value: f64,
     /// Variance of its noise.
@@ -140,17 +140,17 @@ impl Normal {
     /// The innovation of a measurement.
     #[inline(always)]
     pub fn innovation(&mut self, measurement: &Measurement<'_>) -> Innovation {
-        let Measurement { slope, value, variance } = *measurement;
+        let Measurement { jacobian, value, variance } = *measurement;
         let p = self.covariance.as_slice();
         match self.gain.len() {
-            9 => spread(p, slope, &mut self.gain, 9),
-            18 => spread(p, slope, &mut self.gain, 18),
-            n => spread(p, slope, &mut self.gain, n),
+            9 => spread(p, jacobian, &mut self.gain, 9),
+            18 => spread(p, jacobian, &mut self.gain, 18),
+            n => spread(p, jacobian, &mut self.gain, n),
         }
         Innovation {
-            value: value - along(slope, self.mean.as_slice()),
+            value: value - along(jacobian, self.mean.as_slice()),
             // Rounding may leave less than zero if the states are far better known than measured.
-            variance: along(slope, &self.gain).max(0.0) + variance,
+            variance: along(jacobian, &self.gain).max(0.0) + variance,
         }
     }
 
@@ -183,10 +183,10 @@ impl Normal {
 
 /// `a ← P h` of an `n` by `n` matrix.
 #[inline(always)]
-fn spread(p: &[f64], slope: &[Part], a: &mut [f64], n: usize) {
+fn spread(p: &[f64], jacobian: &[Part], a: &mut [f64], n: usize) {
     let a = &mut a[..n];
     a.fill(0.0);
-    for part in slope {
+    for part in jacobian {
         match *part {
             Part::One(state, h) => {
                 let x = &p[state * n..][..n];
@@ -212,8 +212,8 @@ fn reduce(p: &mut [f64], k: &[f64], n: usize) {
 
 /// Change of a measurement with states: `hᵀ x`.
 #[inline(always)]
-pub fn along(slope: &[Part], states: &[f64]) -> f64 {
-    let changes = slope.iter().map(|part| match *part {
+pub fn along(jacobian: &[Part], states: &[f64]) -> f64 {
+    let changes = jacobian.iter().map(|part| match *part {
         Part::One(state, h) => h * states[state],
         Part::Three(i, h) => h.x * states[i] + h.y * states[i + 1] + h.z * states[i + 2],
     });
@@ -266,12 +266,12 @@ mod tests {
     use super::*;
 
     /// A Jacobian as a column.
-    fn column(slope: &[Part], n: usize) -> DVector<f64> {
+    fn column(jacobian: &[Part], n: usize) -> DVector<f64> {
         let mut h = DVector::zeros(n);
-        for part in slope {
+        for part in jacobian {
             match *part {
-                Part::One(state, slope) => h[state] = slope,
-                Part::Three(first, slope) => h.fixed_rows_mut::<3>(first).copy_from(&slope),
+                Part::One(state, jacobian) => h[state] = jacobian,
+                Part::Three(first, jacobian) => h.fixed_rows_mut::<3>(first).copy_from(&jacobian),
             }
         }
         h
@@ -279,17 +279,17 @@ mod tests {
 
     /// Joseph's form, the whole matrix.
     fn joseph(before: &Normal, measurement: &Measurement<'_>) -> (DVector<f64>, DMatrix<f64>) {
-        let Measurement { slope, value, variance } = *measurement;
+        let Measurement { jacobian, value, variance } = *measurement;
         let n = before.mean.len();
-        let (h, p) = (column(slope, n), &before.covariance);
+        let (h, p) = (column(jacobian, n), &before.covariance);
         let gain = p * &h / (h.dot(&(p * &h)) + variance);
         let left = DMatrix::identity(n, n) - &gain * h.transpose();
         let covariance = &left * p * left.transpose() + &gain * gain.transpose() * variance;
         (&before.mean + gain * (value - h.dot(&before.mean)), covariance)
     }
 
-    fn measured(slope: &[Part], value: f64, variance: f64) -> Measurement<'_> {
-        Measurement { slope, value, variance }
+    fn measured(jacobian: &[Part], value: f64, variance: f64) -> Measurement<'_> {
+        Measurement { jacobian, value, variance }
     }
 
     fn some() -> Normal {
@@ -304,8 +304,8 @@ mod tests {
     #[test]
     fn a_correction_is_that_of_joseph() {
         let mut normal = some();
-        let slope = [Part::Three(0, Vector3::new(1.0, 0.5, -0.2)), Part::One(4, -0.7)];
-        let measurement = measured(&slope, 0.02, 0.01);
+        let jacobian = [Part::Three(0, Vector3::new(1.0, 0.5, -0.2)), Part::One(4, -0.7)];
+        let measurement = measured(&jacobian, 0.02, 0.01);
         let (mean, covariance) = joseph(&normal, &measurement);
         assert!(normal.correct(&measurement, |_| true));
         assert!((&normal.covariance - &covariance).norm() < 1e-14 * covariance.norm());
@@ -371,8 +371,8 @@ mod tests {
             let angle = f64::from(i);
             let place = Vector3::new(libm::sin(angle), libm::cos(angle), libm::sin(0.7 * angle));
             let turn = place.cross(&Vector3::x()) * 0.015;
-            let slope = [Part::Three(0, place), Part::Three(3, turn)];
-            normal.correct(&measured(&slope, 0.0, 1e-8), |_| true);
+            let jacobian = [Part::Three(0, place), Part::Three(3, turn)];
+            normal.correct(&measured(&jacobian, 0.0, 1e-8), |_| true);
         }
         let scale = normal.covariance.diagonal().map(|d| 1.0 / d.sqrt());
         let correlation =
@@ -383,11 +383,11 @@ mod tests {
     #[test]
     fn what_lies_beyond_the_gate_is_left_alone() {
         let (mut normal, before) = (some(), some());
-        let slope = [Part::One(0, 1.0)];
+        let jacobian = [Part::One(0, 1.0)];
         let sigma = (before.covariance[(0, 0)] + 0.01).sqrt();
         for (sigmas, within) in [(3.01, false), (2.99, true)] {
             assert_eq!((&normal.mean, &normal.covariance), (&before.mean, &before.covariance));
-            let measurement = measured(&slope, before.mean[0] + sigmas * sigma, 0.01);
+            let measurement = measured(&jacobian, before.mean[0] + sigmas * sigma, 0.01);
             assert_eq!(normal.correct(&measurement, |i| !i.is_beyond(9.0)), within, "{sigmas}");
         }
     }

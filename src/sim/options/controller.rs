@@ -179,7 +179,7 @@ impl ControllerOptions {
     pub fn sends(&self) -> SetpointKind {
         match self.kind {
             ControllerKind::Pid => self.setpoints,
-            kind if kind.follows_design() => SetpointKind::FullState,
+            kind if kind.follows_reference() => SetpointKind::FullState,
             _ => SetpointKind::Position,
         }
     }
@@ -244,7 +244,7 @@ impl ControllerKind {
     }
 
     /// True if the controller follows velocity and acceleration of the reference.
-    pub fn follows_design(self) -> bool {
+    pub fn follows_reference(self) -> bool {
         match self {
             Self::Lqr | Self::Pid => false,
             Self::LqrFeedforward | Self::LqrIntegral | Self::Geometric | Self::Altitude => true,

@@ -30,12 +30,12 @@ pub struct Coverage {
     /// Coordinates of the rows, rising.
     pub z_m: Vec<f64>,
     /// Row by row from the lowest, left to right.
-    pub places: Vec<CoveredPlace>,
+    pub places: Vec<CoveredPoint>,
 }
 
 /// Visibility and accuracy at one point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct CoveredPlace {
+pub struct CoveredPoint {
     /// Stations that see a level drone there.
     pub n_stations: usize,
     /// Stations whose image in a mirror it sees.
@@ -96,7 +96,7 @@ impl Coverage {
         errors_m
     }
 
-    fn seen(&self) -> impl Iterator<Item = &CoveredPlace> {
+    fn seen(&self) -> impl Iterator<Item = &CoveredPoint> {
         self.places.iter().filter(|place| place.n_stations >= 2)
     }
 }
@@ -109,7 +109,7 @@ fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
 }
 
 /// Visibility and accuracy of a level drone at a point.
-fn look(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPlace {
+fn look(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPoint {
     let room = Room::new(options);
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
     for station in &options.stations {
@@ -143,7 +143,7 @@ fn look(options: &LighthouseOptions, point_m: &Vector3<f64>) -> CoveredPlace {
     let inverse = (information / scale).try_inverse().filter(|_| n_stations >= 2);
     let common_m2 = 3.0 * (options.distortion_m * options.distortion_m);
     let error_m = inverse.map(|inverse| (inverse.trace() / scale + common_m2).sqrt());
-    CoveredPlace { n_stations, n_reflected, error_m: error_m.filter(|error_m| error_m.is_finite()) }
+    CoveredPoint { n_stations, n_reflected, error_m: error_m.filter(|error_m| error_m.is_finite()) }
 }
 
 #[cfg(test)]
@@ -180,9 +180,9 @@ mod tests {
         let mut options = square_stations();
         options.stations.pop();
         let place = look(&options, &Vector3::zeros());
-        assert_eq!(place, CoveredPlace { n_stations: 1, n_reflected: 0, error_m: None });
+        assert_eq!(place, CoveredPoint { n_stations: 1, n_reflected: 0, error_m: None });
         let behind = look(&options, &Vector3::new(-4.0, 0.0, 0.0));
-        assert_eq!(behind, CoveredPlace { n_stations: 0, n_reflected: 0, error_m: None });
+        assert_eq!(behind, CoveredPoint { n_stations: 0, n_reflected: 0, error_m: None });
     }
 
     #[test]

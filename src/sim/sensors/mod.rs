@@ -35,7 +35,7 @@ use crate::vehicle::{FloorOptions, RigidBody};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::flight::warning;
 
-pub use self::coverage::{Coverage, CoveredPlace, coverage};
+pub use self::coverage::{Coverage, CoveredPoint, coverage};
 pub(crate) use self::lighthouse::DECK_SENSORS_M;
 pub use self::lighthouse::Sweep;
 pub use self::options::{

@@ -4,7 +4,7 @@ use kurbo::{Point, Rect, Vec2};
 
 use super::canvas::{Anchor, Canvas, Pen, Rgb, Surface, Window};
 use super::figure::{BLACK, number, ticks};
-use noctograph_sim::sensors::{Coverage, CoveredPlace};
+use noctograph_sim::sensors::{Coverage, CoveredPoint};
 
 /// Longer side of the map, pixels.
 const SIDE_PX: f64 = 720.0;
@@ -93,7 +93,7 @@ impl<'a> Map<'a> {
         }
     }
 
-    fn color(&self, place: &CoveredPlace) -> Rgb {
+    fn color(&self, place: &CoveredPoint) -> Rgb {
         match (place.n_stations, place.error_m) {
             (0, _) => NO_STATION,
             (1, _) | (_, None) => ONE_STATION,

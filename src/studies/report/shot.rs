@@ -25,7 +25,7 @@ const MAX_PLACES: usize = 2000;
 /// Quality of photos, and of the moments' small ones.
 const JPEG_QUALITY: [u8; 2] = [85, 80];
 /// Probabilities below this are not printed.
-pub const LEAST_SHARE: f64 = 0.01;
+pub const LEAST_PROBABILITY: f64 = 0.01;
 
 /// Texts and drawings beside the shot.
 #[derive(Debug)]
@@ -98,7 +98,7 @@ pub fn shot_page(shot: &Shot, notes: &ShotNotes<'_>) -> Result<Page> {
 
 /// Letters that are likely besides the expected one, each with its probability.
 pub fn rivals(letter: &LetterVerdict) -> String {
-    let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_SHARE);
+    let rivals = letter.rivals.iter().filter(|rival| rival.p >= LEAST_PROBABILITY);
     rivals.map(|r| format!("{} {:.2}", r.letter, r.p)).collect::<Vec<_>>().join(", ")
 }
 

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! so that a Kalman filter converges from any start. It is blind if motion and anchors lie in one
-//! plane. [`Enlarged::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by
-//! Gauss–Newton, weighted by its covariance, which hands over to [`Positions`]. [`locate_enlarged`]
+//! plane. [`Augmented::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by
+//! Gauss–Newton, weighted by its covariance, which hands over to [`Positions`]. [`locate_augmented`]
 //! begins anywhere among the anchors, and hands over after five seconds. No later range improves an
 //! earlier position, as in flight.
 //!
@@ -39,7 +39,7 @@ const OUTSIDE: f64 = 1e6;
 
 /// The linear filter on positions and their products.
 #[derive(Clone, Debug)]
-pub struct Enlarged {
+pub struct Augmented {
     anchors_m: Vec<Vector3<f64>>,
     n: usize,
     /// Positions, squares and products, relative to `origin_m`.
@@ -47,7 +47,7 @@ pub struct Enlarged {
     origin_m: Vector3<f64>,
 }
 
-impl Enlarged {
+impl Augmented {
     /// Drones near these places, each axis with a standard deviation.
     pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
         let n = starts_m.len();
@@ -56,7 +56,7 @@ impl Enlarged {
         let places_m = stacked(&places_m);
         let variance = sigma_m * sigma_m;
         // Moments of a normal: of its squares and products, those of second order count as well.
-        let (mut state, jacobian) = (augmented(&places_m), jacobian(&places_m));
+        let (mut state, jacobian) = (augmented(&places_m), augmented_jacobian(&places_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
         for row in 3 * n..state.len() {
@@ -72,11 +72,11 @@ impl Enlarged {
         let (n, moved_m) = (self.n, stacked(moved_m));
         // x ← F(δ) x + m(δ): squares and products change with the positions by the Jacobian of m
         // at the displacement.
-        let motion = jacobian(&moved_m);
+        let motion = augmented_jacobian(&moved_m);
         let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();
         // Noise of the displacement enters at the positions after it. Its square adds to the mean.
-        let noise = jacobian(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
+        let noise = augmented_jacobian(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);
         self.normal.mean += augmented(&moved_m);
         self.normal.mean.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance_m2);
@@ -89,7 +89,7 @@ impl Enlarged {
         let variance = sigma_m * sigma_m;
         // The squared range is linear in the state. Its noise has the mean σ².
         let mut value = distance_m * distance_m - variance;
-        let slope = match link {
+        let jacobian = match link {
             Link::Anchor { drone, anchor } => {
                 let a = self.anchors_m[anchor];
                 value -= a.norm_squared();
@@ -102,7 +102,7 @@ impl Enlarged {
             ],
         };
         let variance = 4.0 * distance_m * distance_m * variance + 2.0 * variance * variance;
-        self.normal.correct(&Measurement { slope: &slope, value, variance }, |_| true);
+        self.normal.correct(&Measurement { jacobian: &jacobian, value, variance }, |_| true);
     }
 
     /// Place of a drone, and its covariance.
@@ -136,7 +136,7 @@ impl Enlarged {
         let starts = STARTS.map(|sigmas| mean.rows(0, m) + &along * sigmas).into_iter();
         let fits = starts.chain([self.mirrored(&along)]).map(|start| {
             let (mut cost, mut places_m, jacobian) = descend(
-                |p| (&whiten * jacobian(p), &whiten * (mean - augmented(p))),
+                |p| (&whiten * augmented_jacobian(p), &whiten * (mean - augmented(p))),
                 |diagonal| diagonal,
                 start,
             );
@@ -193,7 +193,7 @@ fn augmented(p: &DVector<f64>) -> DVector<f64> {
 }
 
 /// Jacobian of [`augmented`].
-fn jacobian(p: &DVector<f64>) -> DMatrix<f64> {
+fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
     let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
     // Identity for the positions, ∂|p|² = 2pᵀ for a square, and the other position for a product.
@@ -224,7 +224,7 @@ fn product(n: usize, i: usize, j: usize) -> usize {
 /// # Errors
 ///
 /// [`Error::Input`] for a range that is not a distance, and for a link without its end.
-pub fn locate_enlarged(
+pub fn locate_augmented(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track],
     samples: &[RangeSample],
@@ -239,7 +239,7 @@ pub fn locate_enlarged(
     let hand_over_s = before_s + HAND_OVER_S;
     let starts_m = vec![(low_m + high_m) * 0.5; tracks.len()];
     let reach_m = (high_m - low_m).norm().max(1.0);
-    let mut linear = Enlarged::new(anchors_m, &starts_m, reach_m);
+    let mut linear = Augmented::new(anchors_m, &starts_m, reach_m);
     let mut handed_over: Option<Positions> = None;
     let mut located = Located::empty(tracks.len());
     let mut innovations = Innovations::default();
@@ -290,7 +290,7 @@ mod tests {
             Vector3::new(1.5 * wave(1.0), 1.2 * wave(1.3), 1.2 + 0.8 * wave(0.7))
         }
         let starts_m = [0, 1].map(|drone| place(drone, 0.0) + random.vector().normalize() * 3.0);
-        let mut filter = Enlarged::new(&anchors_m, &starts_m, 30.0);
+        let mut filter = Augmented::new(&anchors_m, &starts_m, 30.0);
         for k in 1..=4000_u32 {
             let (then_s, now_s) = (f64::from(k - 1) * 0.01, f64::from(k) * 0.01);
             let moved_m = [0, 1].map(|drone| place(drone, now_s) - place(drone, then_s));
@@ -316,7 +316,7 @@ mod tests {
             let length = (shifts[0].norm_squared() + shifts[1].norm_squared()).sqrt();
             let starts_m = [0, 1].map(|d| place(d, 0.0) + shifts[d] * (5.0 / length));
             let sigma_m = 5.0 / f64::sqrt(6.0);
-            let mut first = Enlarged::new(&anchors_m, &starts_m, sigma_m);
+            let mut first = Augmented::new(&anchors_m, &starts_m, sigma_m);
             let mut second = (!linear).then(|| {
                 let mut normal = Normal::independent(&[sigma_m; 6]);
                 let starts = starts_m.iter().flatten();
@@ -373,7 +373,7 @@ mod tests {
     fn five_links_and_the_motion_place_two_drones_without_a_start() {
         let (anchors_m, tracks, samples) = flight(0.06);
         let options = LocateOptions { range_sigma_m: 0.06, ..Default::default() };
-        let located = locate_enlarged(&anchors_m, &tracks, &samples, &options).unwrap();
+        let located = locate_augmented(&anchors_m, &tracks, &samples, &options).unwrap();
         let off_m = off_m(&located, path());
         assert!(off_m < 0.25, "{off_m} m");
         assert!(located.nis.is_some_and(|nis| (0.5..1.3).contains(&nis)), "NIS {:?}", located.nis);
