@@ -9,7 +9,7 @@ settings! {
     /// Camera body.
     ///
     /// Sensor sizes are the makers' (Sony ILCE-6400: 23.5 mm wide, Sony DSC-RX100M7, 1-inch type:
-    /// 13.2 mm, Canon EOS 2000D: 22.3 mm, a phone's 1/1.56-inch type: 8.2 mm; the Pixel 8 Pro's,
+    /// 13.2 mm, Canon EOS 2000D: 22.3 mm, a phone's 1/1.56-inch type: 8.2 mm, the Pixel 8 Pro's:
     /// 9.8 mm, and the iPhone 15 Pro's, 4032 pixels of 2.44 µm). Full wells are 2500 electrons per
     /// µm² of pixel, as usual for CMOS sensors of these years, and read noises 2 to 4 electrons:
     /// assumptions of the right size, not measurements of one camera.
