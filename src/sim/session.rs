@@ -20,10 +20,10 @@ pub struct Session {
 }
 
 impl Session {
-    /// A drone that waits for its first command. `begin` may change its avionics before.
-    pub fn new(plan: Plan, drone: &Drone<'_>, begin: impl FnOnce(&mut Avionics)) -> Result<Self> {
+    /// A drone that waits for its first command. `set_up` may change its avionics before.
+    pub fn new(plan: Plan, drone: &Drone<'_>, set_up: impl FnOnce(&mut Avionics)) -> Result<Self> {
         let mut rig = rigs(&[(&plan, *drone)])?.remove(0);
-        begin(&mut rig.avionics);
+        set_up(&mut rig.avionics);
         let mut session = Self { plan, rig, tick: 0, has_landed: false };
         session.run()?;
         Ok(session)
@@ -95,7 +95,7 @@ impl Session {
         self.rig.finish()
     }
 
-    /// Goes on until a command is due, or to the last setpoint.
+    /// Flies until a command is due, or to the last setpoint.
     fn run(&mut self) -> Result<()> {
         while self.tick <= self.rig.n_ticks {
             let time_s = self.time_s();
@@ -109,6 +109,7 @@ impl Session {
         Ok(())
     }
 
+    /// Ends a tick.
     fn conclude(&mut self) -> Result<()> {
         let time_s = self.time_s();
         let concluded = self.rig.conclude(&self.plan, self.tick, time_s, &mut |_, _, _| {});

@@ -75,6 +75,7 @@ pub struct Readings<'a> {
 }
 
 impl<'a> Readings<'a> {
+    /// Readings of only the inertial sensors.
     pub(crate) fn inertial(
         truth: &'a RigidBody,
         rate_rad_s: Vector3<f64>,
@@ -181,8 +182,8 @@ impl Sensors {
         }
     }
 
-    /// Initial estimate of the position of a drone at rest: the true one, or for positions with a
-    /// distortion the distorted one.
+    /// The position at which the estimate of a drone at rest starts: the true one, or with the
+    /// positioning `position` the distorted one.
     pub(crate) fn settled_m(&self, position_m: Vector3<f64>) -> Vector3<f64> {
         match &self.locator {
             Locator::Position(sensor) => sensor.settled_m(position_m),
@@ -237,7 +238,7 @@ impl Sensors {
         readings
     }
 
-    /// Bias of the barometer at its last reading. 0 without one.
+    /// Bias of the barometer now, or 0 without one.
     pub fn barometer_bias_m(&self) -> f64 {
         let time_s = f64::from(self.ticks) * self.tick_s;
         let bias_m = self.altimeters.iter().find_map(|altimeter| match altimeter {
@@ -247,7 +248,7 @@ impl Sensors {
         bias_m.unwrap_or(0.0)
     }
 
-    /// A warning about the base stations.
+    /// A warning if fewer than two base stations were seen for a time.
     pub fn warning(&self) -> Option<Diagnostic> {
         let Locator::Lighthouse(lighthouse, _) = &self.locator else { return None };
         let blind_s = f64::from(lighthouse.blind_ticks()) * self.tick_s;

@@ -42,6 +42,7 @@ pub(super) struct Mirror {
 }
 
 impl Room {
+    /// The room of the options. A mirror without a normal is left out.
     pub(super) fn new(options: &LighthouseOptions) -> Self {
         let mirrors = options.mirrors_m.iter().map(|plane| (plane, false));
         let planes = mirrors.chain(options.panes_m.iter().map(|plane| (plane, true)));
@@ -94,7 +95,7 @@ impl Room {
 }
 
 impl Mirror {
-    /// True if it reflects a station to a deck.
+    /// True if it reflects the light of a station to a deck.
     pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
         // Both are in front of it, and a pane reflects enough at this angle.
         if ![station_m, deck_m].iter().all(|m| (*m - self.point_m).dot(&self.facing) > 0.0) {
@@ -105,13 +106,13 @@ impl Mirror {
         !self.is_glass || path_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
     }
 
-    /// The image of a point.
-    pub(super) fn image_m(&self, place_m: &Vector3<f64>) -> Vector3<f64> {
-        self.point_m + self.turn() * (place_m - self.point_m)
+    /// The mirror image of a point.
+    pub(super) fn image_m(&self, position_m: &Vector3<f64>) -> Vector3<f64> {
+        self.point_m + self.reflection() * (position_m - self.point_m)
     }
 
-    /// The image of directions.
-    pub(super) fn turn(&self) -> Matrix3<f64> {
+    /// The Householder matrix that reflects directions.
+    pub(super) fn reflection(&self) -> Matrix3<f64> {
         Matrix3::identity() - 2.0 * self.facing * self.facing.transpose()
     }
 }
