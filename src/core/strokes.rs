@@ -168,7 +168,7 @@ impl StrokesData {
         lit.map(|step| distance(step.from_m, step.to_m)).sum()
     }
 
-    /// The box around all cells and lit moves: `[left, bottom, right, top]` in the plane of the word.
+    /// The box `[left, bottom, right, top]` around all cells and lit moves.
     pub fn bounds_m(&self) -> [f64; 4] {
         let corners = self.glyphs.iter().flat_map(|glyph| {
             let Cell { left_m, baseline_m, width_m, cap_height_m } = glyph.cell;

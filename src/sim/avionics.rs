@@ -157,13 +157,7 @@ impl Avionics {
         let is_battery_limited = plant.short_steps() > self.short_steps;
         self.short_steps = plant.short_steps();
         self.saturated_ticks += u32::from(self.command.saturated || is_battery_limited);
-        // The setpoint that is due, and the one that the radio has brought.
-        let later = plan.setpoints.iter().skip(self.setpoint + 1);
-        self.setpoint += later.take_while(|s| s.time_s <= time_s + TIME_TOLERANCE_S).count();
-        self.heard = match &mut self.link {
-            None => self.setpoint,
-            Some(link) => link.hear(time_s, self.setpoint),
-        };
+        self.advance_setpoint(plan, time_s);
 
         // Sensors and estimator run at every tick, also while the motors are off.
         let body = plant.body();
@@ -193,6 +187,16 @@ impl Avionics {
             self.refresh_estimate();
         }
         due
+    }
+
+    /// Moves on to the setpoint that is due, and to the one that the radio has brought.
+    fn advance_setpoint(&mut self, plan: &Plan, time_s: f64) {
+        let later = plan.setpoints.iter().skip(self.setpoint + 1);
+        self.setpoint += later.take_while(|s| s.time_s <= time_s + TIME_TOLERANCE_S).count();
+        self.heard = match &mut self.link {
+            None => self.setpoint,
+            Some(link) => link.hear(time_s, self.setpoint),
+        };
     }
 
     /// Commands the motors by the drone's controller.
@@ -287,8 +291,7 @@ impl Avionics {
         &self.estimate
     }
 
-    /// The planned motion at this instant, without the offset between a setpoint and its sent
-    /// position.
+    /// The planned motion at this instant, without the offset of sent positions.
     pub(super) fn design(&self, plan: &Plan, time_s: f64) -> Reference {
         let setpoint = &plan.setpoints[self.setpoint];
         Reference::from_setpoint(setpoint, setpoint.position_m, time_s)
@@ -416,8 +419,7 @@ fn tuning_keys(Kinds { controller, estimator }: Kinds) -> String {
 const EMPTY_HELP: &str = "fly less: a shorter word, larger plan.stroke_speed_m_s, shorter \
                                 hovering; or a larger vehicle.battery";
 
-/// How the controller has lost a drone, by its true or its estimated state, or `None` if it has
-/// not.
+/// How the controller has lost a drone, by its true or its estimated state, if it has.
 fn loss(body: &RigidBody, estimate: &State) -> Option<&'static str> {
     // Without a branch per value, which a processor would have to predict. NaN is out of bounds.
     fn are_bounded(values: &[f64]) -> bool {

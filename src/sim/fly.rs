@@ -35,9 +35,9 @@ pub fn fly(plan: &Plan, drone: &Drone<'_>, progress: &mut dyn FnMut(f64)) -> Res
     Ok(fly_fleet(&[(plan, *drone)], progress)?.remove(0))
 }
 
-/// Flies several plans in step. Drones are in the downwash of those above (`air.downwash`). If their
-/// sensors and estimators are set to, they measure the distances between each other and exchange
-/// their measurements. A drone that has landed goes on ranging until the last one has.
+/// Flies several plans in step. Drones are in the downwash of those above (`air.downwash`). If
+/// their sensors and estimators are set to, they measure the distances between each other and
+/// exchange their measurements. A drone that has landed goes on ranging until the last one has.
 ///
 /// # Errors
 ///
@@ -235,7 +235,7 @@ fn check_clearance(plan: &Plan, floor: &FloorOptions) -> Result<()> {
     ))
 }
 
-/// Number of control ticks from time 0 to the last setpoint. A plan longer than an hour is an error.
+/// Number of control ticks to the last setpoint. A plan longer than an hour is an error.
 fn n_ticks(plan: &Plan, rate_hz: u32) -> Result<u32> {
     let duration_s = plan.duration_s();
     if !(0.0..=MAX_DURATION_S).contains(&duration_s) {

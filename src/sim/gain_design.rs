@@ -174,8 +174,8 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
     // without the yaw, which no position shows.
     let (motion_a, _) = hover_model(linearize_finely);
     let l = observer_gain(&options.observer.luenberger, &motion_a)?;
-    let (observed_a, position) = (without_yaw(&motion_a), DMatrix::identity(3, 9));
-    let motion_a = dynamic(&motion_a);
+    let observer_a = without_yaw(&motion_a) - l * SMatrix::<f64, 3, 8>::identity();
+    let (motion_a, position) = (dynamic(&motion_a), DMatrix::identity(3, 9));
     let unobservable = unobservable_states(&motion_a, &position);
     let largest_inputs = largest_inputs(vehicle);
     Ok(Design {
@@ -189,7 +189,7 @@ pub fn design(options: &SimOptions, motor_lag_s: f64) -> Result<Design> {
         observability_rank: observability_rank(&motion_a, &position),
         unobservable: unobservable.into_iter().map(|i| STATES[i]).collect(),
         regulator_poles,
-        observer_poles: poles(&dynamic(&(observed_a - l * SMatrix::<f64, 3, 8>::identity()))),
+        observer_poles: poles(&dynamic(&observer_a)),
         l: dynamic(&l),
         motor_lag_s,
         lagging_poles,

@@ -109,7 +109,6 @@ impl Session {
         Ok(())
     }
 
-    /// Ends a tick.
     fn conclude(&mut self) -> Result<()> {
         let time_s = self.time_s();
         let concluded = self.rig.conclude(&self.plan, self.tick, time_s, &mut |_, _, _| {});

@@ -110,8 +110,7 @@ impl Camera {
     }
 
     /// Unit vector in the world toward a point of the picture, the inverse of
-    /// [`Self::image_from_world`] by fixed-point iteration, or `None` if a strong distortion has no
-    /// inverse.
+    /// [`Self::image_from_world`] by fixed-point iteration, or `None` if it does not converge.
     pub fn world_from_image(&self, x_px: f64, y_px: f64) -> Option<Vector3<f64>> {
         let middle_px = Vector2::new(f64::from(self.width_px), f64::from(self.height_px)) / 2.0;
         let wanted = (Vector2::new(x_px, y_px) - middle_px) / self.focal_length_px();

@@ -179,6 +179,24 @@ impl CameraOptions {
         Err(Error::input("camera.framing", "nothing written", wanted, hint))
     }
 
+    /// Position of the camera and rotation from the world to its frame, for a word with its middle
+    /// at `middle`.
+    fn pose(
+        &self,
+        bounds_m: [f64; 4],
+        middle: Vector3<f64>,
+    ) -> Result<(Vector3<f64>, Matrix3<f64>)> {
+        match &self.framing {
+            Framing::Word(framing) => {
+                let distance_m = self.distance_m(bounds_m, framing.fill_frac)?;
+                let mut position_m = middle - Vector3::y() * distance_m;
+                position_m.z = framing.height_m.unwrap_or(middle.z);
+                Ok((position_m, camera_from_world(middle - position_m)))
+            }
+            Framing::Fixed(pose) => Ok((pose.position_m.into(), pose.camera_from_world(middle)?)),
+        }
+    }
+
     /// The camera for a word within `[left, bottom, right, top]`, and a flight that ends at
     /// `end_s`.
     ///
@@ -190,15 +208,7 @@ impl CameraOptions {
         let (body, lens) = (self.body.figures(), self.lens.figures());
         let [left, bottom, right, top] = bounds_m;
         let middle = Vector3::new(0.5 * (left + right), 0.0, 0.5 * (bottom + top));
-        let (position_m, camera_from_world) = match &self.framing {
-            Framing::Word(framing) => {
-                let distance_m = self.distance_m(bounds_m, framing.fill_frac)?;
-                let mut position_m = middle - Vector3::y() * distance_m;
-                position_m.z = framing.height_m.unwrap_or(middle.z);
-                (position_m, camera_from_world(middle - position_m))
-            }
-            Framing::Fixed(pose) => (pose.position_m.into(), pose.camera_from_world(middle)?),
-        };
+        let (position_m, camera_from_world) = self.pose(bounds_m, middle)?;
         // The lens of a telephone is fixed, with its own aperture and without distortion.
         let fixed = body.fixed_lens;
         let depth_m = (camera_from_world * (middle - position_m)).z;
@@ -227,7 +237,7 @@ impl CameraOptions {
 
 impl FixedPose {
     /// The rotation from the world to the camera frame: by the orientation, else toward the target,
-    /// else toward `middle`. A target at the camera, or a quaternion of another length, is an error.
+    /// else toward `middle`. A target at the camera, or a quaternion not of length 1, is an error.
     fn camera_from_world(&self, middle: Vector3<f64>) -> Result<Matrix3<f64>> {
         let Some(orientation) = self.orientation_wxyz else {
             let forward =

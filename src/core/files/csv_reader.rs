@@ -486,10 +486,9 @@ impl NumberForm {
     }
 }
 
-/// The sign if it separates thousands, else `None`: three digits follow each sign, and no number
-/// begins with zero. It is certain if a column also has whole numbers below a thousand, or if a
-/// number has two signs, or a comma and a point. Else a point is a decimal one, and a comma is an
-/// error.
+/// The sign if it separates thousands, else `None`: three digits follow each, and no number begins
+/// with zero. It is certain if a column also has whole numbers below a thousand, or if a number has
+/// two signs, or a comma and a point. Else a point is a decimal one, and a comma is an error.
 fn thousands_separator<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     head: &Head,

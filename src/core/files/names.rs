@@ -14,7 +14,7 @@ pub fn ending(path: impl AsRef<Path>) -> String {
     path.as_ref().extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// True if a text ends in one of [`ENDINGS`].
+/// True if a text ends as a file that the program reads or writes.
 pub fn is_file_name(text: &str) -> bool {
     ENDINGS.contains(&&*ending(text))
 }
@@ -34,8 +34,7 @@ pub fn path_from(folder: &Path, name: &str) -> PathBuf {
     }
 }
 
-/// The path of a file relative to a folder above it, separated by `/`, or `None` for a file
-/// elsewhere.
+/// The path of a file relative to a folder above it, separated by `/`, or `None` elsewhere.
 pub fn relative_name(folder: &Path, path: &Path) -> Option<String> {
     // Only the file's folder is made canonical: a file that is a link keeps its name.
     // An empty folder is the current one, `.`.

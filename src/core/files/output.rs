@@ -175,8 +175,7 @@ impl WholeFile {
         self.staged.as_ref().map(|(_, place)| place.as_path())
     }
 
-    /// Gives files of one folder their names, in their order, while the folder is locked. Returns
-    /// their paths.
+    /// Gives files of one folder their names while the folder is locked, and returns their paths.
     ///
     /// # Errors
     ///

@@ -164,9 +164,7 @@ impl Flight {
         if unlogged.len() == Quantity::TABLE.len() && extra.is_empty() {
             table.column(Quantity::TABLE[0].2[0])?;
         }
-        let flags = table.find(GAP).unwrap_or_default();
-        let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
-        let gaps = pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect();
+        let gaps = gaps(table.find(GAP).unwrap_or_default(), &samples);
         let notes = table.notes().iter().cloned().chain(title_notes);
         let notes = notes.map(|text| Diagnostic::warning("log", text));
         let warnings = warning::unlogged(&unlogged).into_iter().chain(notes).collect();
@@ -174,8 +172,13 @@ impl Flight {
     }
 }
 
-/// Notes on further columns with nearly the name of a standard one. Two columns of one name are an
-/// error.
+/// Times of the samples before and after each gap, from the column that is not 0 after a gap.
+fn gaps(flags: &[f64], samples: &[FlightSample]) -> Vec<[f64; 2]> {
+    let pairs = samples.windows(2).zip(flags.iter().skip(1)).filter(|(_, flag)| **flag != 0.0);
+    pairs.map(|(pair, _)| [pair[0].time_s, pair[1].time_s]).collect()
+}
+
+/// Notes on columns with nearly the name of a standard one. Two columns of one name are an error.
 fn title_notes(table: &Table) -> Result<Vec<String>> {
     fn bare(text: &str) -> String {
         text.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase()

@@ -77,8 +77,7 @@ impl Table {
         Self::below(head, &text, file, |_| true)
     }
 
-    /// Reads the rows below a head. Columns whose title `is_needed` must be numbers, and others may
-    /// hold texts.
+    /// Reads the rows below a head. Columns whose title `is_needed` must have only numbers.
     ///
     /// # Errors
     ///
@@ -188,8 +187,8 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// [`Error::Input`] for an empty column, and with the line of a time that falls, or that is more
-    /// than an hour after the first.
+    /// [`Error::Input`] for an empty column, and with the line of a time that falls, or that is
+    /// more than an hour after the first.
     pub fn times_s(&self, name: &str) -> Result<&[f64]> {
         self.times_in(name, 1.0)
     }

@@ -52,8 +52,7 @@ pub fn grounded(largest_command: f64) -> Diagnostic {
     Diagnostic::warning("grounded", message).with("motors", largest_command)
 }
 
-/// The warning that a log lacks quantities, which are zeros in the samples, or `None` if it lacks
-/// none.
+/// The warning that a log lacks quantities (zeros in the samples), or `None` if it lacks none.
 pub fn unlogged(quantities: &BTreeSet<Quantity>) -> Option<Diagnostic> {
     let names: Vec<&str> = quantities.iter().map(|quantity| quantity.name()).collect();
     let message = format!("not in the log: {}", names.join(", "));

@@ -73,8 +73,7 @@ impl<const N: usize> Chords<N> {
     /// Chords of every gradient.
     pub const ALL: Self = Self { least: [f64::NEG_INFINITY; N], greatest: [f64::INFINITY; N] };
 
-    /// Keeps only the chords whose offset from the first sample is between `low` and `high` after
-    /// `elapsed_s`.
+    /// Keeps only the chords whose offset after `elapsed_s` is between `low` and `high`.
     pub fn keep_between(&mut self, low: [f64; N], high: [f64; N], elapsed_s: f64) {
         for i in 0..N {
             self.least[i] = self.least[i].max(low[i] / elapsed_s);

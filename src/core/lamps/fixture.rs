@@ -143,8 +143,8 @@ impl Fixture {
         Err(Error::input(place("drive and dies"), actual, wanted, hint))
     }
 
-    /// Checks that the parameter, if there is one, is a full name, and of a lamp with a channel that
-    /// is not a deck's: exports set no other.
+    /// Checks that the parameter, if there is one, is a full name, and of a lamp with a channel
+    /// that is not a deck's: exports set no other.
     fn check_parameter(&self, key: &str) -> Result<()> {
         let Some(parameter) = &self.parameter else { return Ok(()) };
         fn is_name(part: &str) -> bool {

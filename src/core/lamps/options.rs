@@ -108,8 +108,8 @@ impl LightOptions {
         }
     }
 
-    /// Red, green and blue of the ring on a letter, counted from 0: the letter's, unless it has only
-    /// white, else that of the effect.
+    /// Red, green and blue of the ring on a letter, counted from 0: the letter's, unless it has
+    /// only white, else that of the effect.
     pub fn ring_rgb_of(&self, letter: Option<usize>) -> [u8; 3] {
         match (self.wrgb_of(letter), &self.ring) {
             ([_, r, g, b], _) if !self.letters_wrgb.is_empty() && [r, g, b] != [0; 3] => [r, g, b],

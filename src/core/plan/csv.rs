@@ -105,14 +105,8 @@ impl Plan {
             }
         });
         let setpoints = setpoints.collect();
-        // Optional columns, of which a heading is the same in all rows.
-        let yaws = optional_column(table, YAW_COLUMN)?;
-        let yaw_rad = yaws.first().copied().unwrap_or_default();
-        if let Some(other) = yaws.iter().find(|other| **other != yaw_rad) {
-            let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
-            let hint = "turn the drone before take-off";
-            return Err(Error::input(YAW_COLUMN, other, wanted, hint));
-        }
+        // The optional columns.
+        let yaw_rad = heading_rad(table)?;
         Self::new(PlanData {
             setpoints,
             lights: light_columns(table)?,
@@ -121,6 +115,19 @@ impl Plan {
             jerk_m_s3: optional_vectors(table, JERK_COLUMNS)?,
             yaw_rad,
         })
+    }
+}
+
+/// The heading, 0 without its column. One that changes from row to row is an error.
+fn heading_rad(table: &Table) -> Result<f64> {
+    let yaws_rad = optional_column(table, YAW_COLUMN)?;
+    let yaw_rad = yaws_rad.first().copied().unwrap_or_default();
+    match yaws_rad.iter().find(|other| **other != yaw_rad) {
+        None => Ok(yaw_rad),
+        Some(other) => {
+            let wanted = format!("{yaw_rad} as in the first row: a plan has one heading");
+            Err(Error::input(YAW_COLUMN, other, wanted, "turn the drone before take-off"))
+        }
     }
 }
 

@@ -103,8 +103,8 @@ impl PlanData {
         }
     }
 
-    /// Names and levels of the channels that switch lamps. A channel `ring.red` only sets a color if
-    /// there is a channel `ring`.
+    /// Names and levels of the channels that switch lamps. A channel `ring.red` only sets a color
+    /// if there is a channel `ring`.
     pub fn lamps(&self) -> impl Iterator<Item = (&String, &Vec<f64>)> {
         self.lights.iter().filter(|(channel, _)| {
             let lamp = channel.rsplit_once('.').map(|(lamp, _)| lamp);

@@ -132,8 +132,7 @@ fn wanted_attitude(force: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_columns(&[left.cross(&up), left, up])
 }
 
-/// Angular rate of the wanted attitude in its own frame: its z axis follows the force, which the
-/// jerk turns.
+/// Angular rate of the wanted attitude in its frame: the jerk turns the force, which z follows.
 fn wanted_rate(wanted: &Matrix3<f64>, jerk_m_s3: &Vector3<f64>, thrust_m_s2: f64) -> Vector3<f64> {
     let turn = wanted.tr_mul(jerk_m_s3) / thrust_m_s2;
     Vector3::new(-turn.y, turn.x, 0.0)

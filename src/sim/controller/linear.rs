@@ -31,7 +31,6 @@ pub(crate) struct LinearController {
 }
 
 impl LinearController {
-    /// The linear system of the options' controller.
     pub(crate) fn new(options: &SimOptions) -> Result<Self> {
         // The position loop at the full rate, so that every call is alike.
         let mut options = options.clone();

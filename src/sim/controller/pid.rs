@@ -149,7 +149,6 @@ pub(super) struct PidCascade {
 }
 
 impl PidCascade {
-    /// The cascade of the options, not run yet.
     pub(super) fn new(options: &SimOptions) -> Self {
         let (slow_hz, fast_hz) = (options.rates.position_hz(), options.rates.attitude_hz());
         let vehicle = &options.vehicle;
@@ -210,8 +209,7 @@ impl PidCascade {
         self.thrust = (up * THRUST_SCALE + self.thrust_base).clamp(THRUST_MIN, FULL);
     }
 
-    /// Runs the attitude and rate loops, and returns the commands of roll, pitch and yaw. The yaw
-    /// is held at 0.
+    /// Runs the attitude and rate loops with a yaw of 0. Returns commands of roll, pitch and yaw.
     fn run_attitude_loops(&mut self, estimate: &State) -> [f64; 3] {
         let angles = angles(estimate);
         let rates = rate(estimate).map(f64::to_degrees);

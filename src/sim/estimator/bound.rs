@@ -194,8 +194,7 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
-/// Root mean square of bounds over the lit strokes, of all letters or of one. `None` if nothing is
-/// lit.
+/// Root mean square of bounds over the lit strokes, of all letters or of one, if any are lit.
 pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0_u32);
     for (sigma_m, written) in bounds.iter().flat_map(|b| b.sigma_m.iter().zip(&b.letter)) {
@@ -206,18 +205,19 @@ pub fn writing_sigma_m(bounds: &[Bound], letter: Option<usize>) -> Option<f64> {
     (n > 0).then(|| (sum / f64::from(n)).sqrt())
 }
 
-/// The position of one more anchor, heard by all drones, that gives the lowest bound of the strokes,
-/// and that bound. The candidates are a grid in the box around anchors and word.
+/// The position of one more anchor, heard by all drones, that gives the lowest bound of the
+/// strokes, and that bound. The candidates are a grid in the box around anchors and word.
 ///
 /// # Errors
 ///
 /// As [`bounds`].
 pub fn one_more_anchor(plans: &[&Plan], options: &SimOptions) -> Result<([f64; 3], f64)> {
+    // The box around all setpoints and anchors: componentwise least and greatest coordinates.
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints).map(|s| s.position_m);
     let points_m: Vec<Vector3<f64>> = setpoints.chain(options.sensors.uwb.anchors()).collect();
-    let [lowest, highest] = [f64::NEG_INFINITY, f64::INFINITY].map(Vector3::repeat);
-    let low_m = points_m.iter().fold(highest, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
-    let high_m = points_m.iter().fold(lowest, |a, b| a.sup(b)).add_scalar(MARGIN_M);
+    let infinity = Vector3::repeat(f64::INFINITY);
+    let low_m = points_m.iter().fold(infinity, |a, b| a.inf(b)).add_scalar(-MARGIN_M);
+    let high_m = points_m.iter().fold(-infinity, |a, b| a.sup(b)).add_scalar(MARGIN_M);
     let mut best = ([0.0; 3], f64::INFINITY);
     let [n_x, n_y, n_z] = CANDIDATES;
     for i in 0..n_x * n_y * n_z {

@@ -242,14 +242,11 @@ impl Cooperative {
 
     /// Corrects by ranges between two others that the messages of both have reached.
     fn correct_between(&mut self, message: &Message) {
-        for range in &message.ranges {
-            match range.target {
-                Target::Drone(other) if other != self.place => {
-                    self.between.push((message.from, *range));
-                }
-                _ => {}
-            }
-        }
+        let others = message
+            .ranges
+            .iter()
+            .filter(|range| matches!(range.target, Target::Drone(other) if other != self.place));
+        self.between.extend(others.map(|range| (message.from, *range)));
         for (from, range) in std::mem::take(&mut self.between) {
             let Target::Drone(other) = range.target else { continue };
             let [Some(i), Some(j)] = [from, other].map(|place| self.index_of(place)) else {
@@ -302,7 +299,7 @@ impl Cooperative {
         }
     }
 
-    /// The drone's next message to the fleet, or `None` if drones share nothing.
+    /// The drone's next message to the fleet, or `None` if drones exchange nothing.
     pub(crate) fn message(&mut self) -> Option<Message> {
         if self.share == Share::Nothing {
             return None;

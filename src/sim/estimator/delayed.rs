@@ -45,8 +45,7 @@ impl DelayedState {
     }
 }
 
-/// The position at the time of `then` of a drone with this position, velocity and tilt at the time
-/// of `now`.
+/// The past position, at `then`, of a drone with this position, velocity and tilt at `now`.
 pub(super) fn delayed(
     position_m: Vector3<f64>,
     velocity_m_s: Vector3<f64>,

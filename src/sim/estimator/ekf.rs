@@ -188,7 +188,6 @@ impl Estimator for Ekf {
 }
 
 impl Model {
-    /// The model of the sensors with the noise of the options.
     pub(super) fn new(options: &EkfOptions, sensors: &SensorOptions) -> Self {
         let level = options.acceleration_noise_m_s2_sqrt_hz;
         let upright = options.acceleration_noise_z_m_s2_sqrt_hz;

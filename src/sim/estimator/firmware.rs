@@ -206,6 +206,12 @@ impl Firmware {
         Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }
 
+    /// Corrects by a yaw error at the beginning of the tick, less the turn since.
+    fn correct_yaw(&mut self, yaw_error_rad: f64) {
+        let error_rad = self.turn_rad.z - yaw_error_rad;
+        self.correct(&[Part::One(TURN + 2, 1.0)], error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
+    }
+
     /// Corrects by a range, or by a difference of ranges that is possible and no outlier.
     fn correct_by_range(&mut self, range: &Range) {
         let (jacobian, error_m, variance) = self.model.range(range, &self.position_m);
@@ -246,7 +252,7 @@ impl Firmware {
         }
     }
 
-    /// Corrects by a scalar measurement with the error `value`, and moves the errors into the state.
+    /// Corrects by a scalar measurement with the error `value`, and updates the state.
     fn correct(&mut self, jacobian: &[Part], value: f64, variance: f64) {
         self.normal.correct(&Measurement { jacobian, value, variance }, |_| true);
         let [position_m, velocity_m_s, turn_rad] = self.normal.take_errors(0);
@@ -313,11 +319,7 @@ impl Estimator for Firmware {
         self.add_noise(tick_s);
         for (rotation, yaw_error_rad) in rotations.iter().zip(yaw_errors_rad) {
             self.correct_by_sweeps(rotation);
-            if let Some(yaw_error_rad) = yaw_error_rad {
-                let error_rad = self.turn_rad.z - yaw_error_rad;
-                let jacobian = [Part::One(TURN + 2, 1.0)];
-                self.correct(&jacobian, error_rad, YAW_SIGMA_RAD * YAW_SIGMA_RAD);
-            }
+            yaw_error_rad.into_iter().for_each(|error_rad| self.correct_yaw(error_rad));
         }
         readings.ranges.iter().for_each(|range| self.correct_by_range(range));
         self.correct_by_position(readings);

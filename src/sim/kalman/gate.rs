@@ -30,8 +30,7 @@ impl<K: Ord> Gate<K> {
         Self { gate_sq: sigmas * sigmas, refused: BTreeMap::new() }
     }
 
-    /// Corrects by a measurement of a source, and returns its innovation, or `None` if it was
-    /// refused.
+    /// Corrects by a measurement of a source. Returns its innovation, or `None` if it was refused.
     pub fn correct(
         &mut self,
         normal: &mut Normal,

@@ -143,8 +143,7 @@ impl SimOptions {
         self.observer.altitude.hover_throttle.unwrap_or(self.vehicle.hover_throttle())
     }
 
-    /// The options of an undisturbed flight: still air, center of mass in the middle, ideal sensors
-    /// and radio.
+    /// The options of an undisturbed flight: still air, centered mass, ideal sensors and radio.
     pub fn rehearsal(&self) -> Self {
         let mut options = self.clone();
         // The estimator of any other positioning need not take ideal positions.

@@ -110,7 +110,7 @@ impl Coverage {
 
 /// Coordinates from one end to the other, both included, no further apart than `step_m`.
 fn grid_m(from_m: f64, to_m: f64, step_m: f64) -> Vec<f64> {
-    // Rounding does not add a step: 0.3 / 0.1 is more than 3.
+    // Rounding does not add a step: 1.1 / 0.1 is more than 11.
     #[expect(clippy::cast_possible_truncation, reason = "at most 2e7")]
     let n = ((to_m - from_m) / step_m - 1e-9).ceil() as u32;
     (0..=n).map(|i| from_m + (to_m - from_m) * f64::from(i) / f64::from(n)).collect()
@@ -122,11 +122,10 @@ fn covered_point(options: &LighthouseOptions, point_m: &Vector3<f64>) -> Covered
     let (mut n_stations, mut n_reflected, mut information) = (0, 0, Matrix3::zeros());
     for station in &options.stations {
         let pose = StationPose::new(station);
-        n_reflected += usize::from(room.mirrors.iter().any(|mirror| {
-            mirror.shows(&pose.position_m, point_m)
-                && pose.sees(&mirror.image_m(point_m), &(mirror.reflection() * Vector3::z()))
-        }));
-        if !pose.sees(point_m, &Vector3::z()) || room.hides(&pose.position_m, point_m, &[]) {
+        let up = Vector3::z();
+        let mut mirrors = room.mirrors.iter();
+        n_reflected += usize::from(mirrors.any(|mirror| mirror.shows_to(&pose, point_m, &up)));
+        if !pose.sees(point_m, &up) || room.hides(&pose.position_m, point_m, &[]) {
             continue;
         }
         n_stations += 1;

@@ -62,8 +62,7 @@ impl CrossingBeams {
         }
         let mut middle = Vector3::zeros();
         for sensor in 0..DECK_SENSORS_M.len() {
-            // Normal equations N p = r of the point with the least squared distances to all rays of
-            // this sensor.
+            // Normal equations N p = r of the point nearest to all rays (least squares).
             let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
             for heard in fresh.clone() {
                 let [first, second] = heard.angles_rad;

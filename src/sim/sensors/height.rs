@@ -32,7 +32,6 @@ pub(super) struct TimeOfFlight {
 }
 
 impl TimeOfFlight {
-    /// The ranger of a drone over a floor.
     pub(super) fn new(
         options: &TimeOfFlightOptions,
         floor: &FloorOptions,
@@ -46,8 +45,7 @@ impl TimeOfFlight {
         }
     }
 
-    /// Distance to the floor, or `None` if no reading is due, the floor is too far, or the ranger
-    /// looks up.
+    /// Distance to the floor, or `None` if none is due, it is too far, or the ranger looks up.
     pub(super) fn read(
         &mut self,
         position_m: &Vector3<f64>,
@@ -55,8 +53,7 @@ impl TimeOfFlight {
         time_s: f64,
     ) -> Option<f64> {
         self.clock.due(time_s)?;
-        // Drawn at every reading, also of no floor. A ranger with `noise_m = 0` is exact at any
-        // distance.
+        // Drawn at every reading, also of no floor. `noise_m = 0` means exact at any distance.
         let error = self.noise.normal() * f64::from(u8::from(self.noise_m > 0.0));
         let down = -world_from_body().column(2);
         if down.z >= 0.0 {
@@ -80,7 +77,6 @@ pub(super) struct Barometer {
 }
 
 impl Barometer {
-    /// The barometer of a drone.
     pub(super) fn new(options: &BarometerOptions, streams: &Streams) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),
@@ -121,7 +117,6 @@ impl GnssOptions {
 }
 
 impl Gnss {
-    /// The receiver of a drone.
     pub(super) fn new(options: &GnssOptions, streams: &Streams) -> Self {
         Self {
             clock: Clock::new(options.rate_hz),

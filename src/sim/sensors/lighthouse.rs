@@ -133,15 +133,12 @@ impl Lighthouse {
                 }
                 // The deck also receives the sweep that meets its image in a mirror.
                 let attitude = turn * world_from_body;
-                for mirror in &self.room.mirrors {
-                    let is_shown = mirror.shows(&rotor.truth.position_m, position_m);
-                    let true_image_m = mirror.image_m(position_m);
-                    if is_shown && rotor.truth.sees(&true_image_m, &(mirror.reflection() * up)) {
-                        let image_m = mirror.image_m(&bent_m);
-                        let reflected = mirror.reflection() * attitude;
-                        let angles_rad = rotor.angles_rad(plane, &image_m, &reflected, &errors);
-                        self.sweeps.push(Sweep { station, plane, angles_rad });
-                    }
+                let mirrors = self.room.mirrors.iter();
+                for mirror in mirrors.filter(|m| m.shows_to(&rotor.truth, position_m, &up)) {
+                    let (image_m, reflected) =
+                        (mirror.image_m(&bent_m), mirror.reflection() * attitude);
+                    let angles_rad = rotor.angles_rad(plane, &image_m, &reflected, &errors);
+                    self.sweeps.push(Sweep { station, plane, angles_rad });
                 }
                 // The direct sweep, unless the view is blocked.
                 let station_m = &rotor.truth.position_m;

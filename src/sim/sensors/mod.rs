@@ -134,6 +134,41 @@ enum Altimeter {
     Barometer(Barometer),
 }
 
+impl Locator {
+    /// The sensor of the options' positioning.
+    fn new(options: &SensorOptions, rate_hz: u32, fleet: &Fleet, streams: &Streams) -> Self {
+        let room = &options.lighthouse;
+        match options.positioning {
+            Positioning::Position => Self::Position(PositionSensor::new(room, rate_hz, streams)),
+            Positioning::CrossingBeams => {
+                let beams = CrossingBeams::new(&room.stations);
+                Self::Lighthouse(Lighthouse::new(room, streams), Some(beams))
+            }
+            Positioning::Sweeps => Self::Lighthouse(Lighthouse::new(room, streams), None),
+            Positioning::UwbTwr | Positioning::UwbTdoa => {
+                Self::Uwb(Uwb::new(options, fleet, streams))
+            }
+            Positioning::Gnss => Self::Gnss(Gnss::new(&options.gnss, streams)),
+        }
+    }
+}
+
+impl Altimeter {
+    /// The sensor's kind and its reading, or `None` if none is due.
+    fn read(&mut self, body: &RigidBody, time_s: f64) -> Option<(HeightSensor, f64)> {
+        let position_m = body.position_m;
+        Some(match self {
+            Self::TimeOfFlight(sensor) => {
+                let distance_m = sensor.read(&position_m, || body.matrix(), time_s)?;
+                (HeightSensor::TimeOfFlight, distance_m)
+            }
+            Self::Barometer(sensor) => {
+                (HeightSensor::Barometer, sensor.read(position_m.z, time_s)?)
+            }
+        })
+    }
+}
+
 impl Sensors {
     /// Sensors of a drone, read `rate_hz` times a second, with seeds of noise and room.
     pub(crate) fn new(
@@ -145,7 +180,6 @@ impl Sensors {
     ) -> Self {
         let drone = fleet.members[fleet.place].index;
         let streams = &Streams { seed, room_seed, drone };
-        let lighthouse = &options.lighthouse;
         // In the order of the kinds, whatever that of the list is.
         let carried = HeightSensor::ALL.iter().filter(|sensor| options.heights.contains(sensor));
         let altimeters = carried.map(|sensor| match sensor {
@@ -159,22 +193,7 @@ impl Sensors {
         });
         Self {
             imu: Imu::new(&options.imu, rate_hz, streams),
-            locator: match options.positioning {
-                Positioning::Position => {
-                    Locator::Position(PositionSensor::new(lighthouse, rate_hz, streams))
-                }
-                Positioning::CrossingBeams => Locator::Lighthouse(
-                    Lighthouse::new(lighthouse, streams),
-                    Some(CrossingBeams::new(&lighthouse.stations)),
-                ),
-                Positioning::Sweeps => {
-                    Locator::Lighthouse(Lighthouse::new(lighthouse, streams), None)
-                }
-                Positioning::UwbTwr | Positioning::UwbTdoa => {
-                    Locator::Uwb(Uwb::new(options, fleet, streams))
-                }
-                Positioning::Gnss => Locator::Gnss(Gnss::new(&options.gnss, streams)),
-            },
+            locator: Locator::new(options, rate_hz, fleet, streams),
             altimeters: altimeters.collect(),
             heights: Vec::new(),
             tick_s: 1.0 / f64::from(rate_hz),
@@ -224,16 +243,8 @@ impl Sensors {
             Locator::Gnss(gnss) => readings.position_m = gnss.read(position_m, time_s),
         }
         self.heights.clear();
-        self.heights.extend(self.altimeters.iter_mut().filter_map(|altimeter| {
-            Some(match altimeter {
-                Altimeter::TimeOfFlight(sensor) => {
-                    (HeightSensor::TimeOfFlight, sensor.read(&position_m, world_from_body, time_s)?)
-                }
-                Altimeter::Barometer(sensor) => {
-                    (HeightSensor::Barometer, sensor.read(position_m.z, time_s)?)
-                }
-            })
-        }));
+        let altimeters = self.altimeters.iter_mut();
+        self.heights.extend(altimeters.filter_map(|altimeter| altimeter.read(body, time_s)));
         readings.heights = &self.heights;
         readings
     }

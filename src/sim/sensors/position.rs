@@ -24,7 +24,6 @@ pub(super) struct PositionSensor {
 }
 
 impl PositionSensor {
-    /// The sensor of a drone, read `rate_hz` times a second.
     pub(super) fn new(options: &LighthouseOptions, rate_hz: u32, streams: &Streams) -> Self {
         Self {
             frame: frame_turn(options) * (1.0 + options.frame_scale_error),

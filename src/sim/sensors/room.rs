@@ -14,7 +14,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::LighthouseOptions;
-use super::station::RANGE_M;
+use super::station::{RANGE_M, StationPose};
 
 /// Height of a person.
 const PERSON_M: f64 = 1.8;
@@ -104,6 +104,17 @@ impl Mirror {
         let path_m = self.image_m(deck_m) - station_m;
         let cosine = -path_m.dot(&self.facing) / path_m.norm();
         !self.is_glass || path_m.norm() <= RANGE_M * reflected_frac(cosine).sqrt()
+    }
+
+    /// True if a deck that faces `up` sees the image of a station in it.
+    pub(super) fn shows_to(
+        &self,
+        station: &StationPose,
+        deck_m: &Vector3<f64>,
+        up: &Vector3<f64>,
+    ) -> bool {
+        self.shows(&station.position_m, deck_m)
+            && station.sees(&self.image_m(deck_m), &(self.reflection() * up))
     }
 
     /// The mirror image of a point.

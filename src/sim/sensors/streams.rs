@@ -44,8 +44,7 @@ impl Clock {
         Self { rate_hz, n: 0 }
     }
 
-    /// The number of the next event, from 0, if it is due by `time_s`, else `None`. It then counts
-    /// as done.
+    /// Counts the next event if it is due by `time_s`, and returns its number from 0, else `None`.
     pub(crate) fn due(&mut self, time_s: f64) -> Option<usize> {
         (f64::from(self.n) <= time_s * self.rate_hz).then(|| {
             self.n += 1;

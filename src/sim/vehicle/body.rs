@@ -125,7 +125,6 @@ pub(super) struct Inertia {
 }
 
 impl Inertia {
-    /// The figures of the options, with their inverses.
     pub(super) fn new(options: &VehicleOptions) -> Self {
         let [x, y, z] = options.inertia_kg_m2;
         Self {

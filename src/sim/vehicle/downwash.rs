@@ -66,8 +66,7 @@ impl Jet {
         Self { from_m: body.position_m, along, thrust_n, size_m }
     }
 
-    /// Thrust that each rotor of another drone loses in the stream, if its rotors lift `thrust_n`
-    /// together.
+    /// Thrust that each rotor of another drone, with a total of `thrust_n`, loses in the stream.
     pub(crate) fn lost_n(&self, body: &RigidBody, thrust_n: f64, arm_m: f64) -> Vector4<f64> {
         let apart_m = body.position_m - self.from_m;
         let below_m = apart_m.dot(&self.along);

@@ -16,7 +16,6 @@ pub(super) struct Floor {
 }
 
 impl Floor {
-    /// The ground effect of a drone.
     pub(super) fn new(options: &VehicleOptions) -> Self {
         Self {
             model: options.ground_effect,
@@ -26,8 +25,8 @@ impl Floor {
         }
     }
 
-    /// Thrust near the floor over thrust far from it at the same rotor speed, for a level drone whose
-    /// origin is `height_m` above the floor. The formulas are at [`GroundEffect`].
+    /// Thrust near the floor over thrust far from it at the same rotor speed, for a level drone
+    /// whose origin is `height_m` above the floor. The formulas are at [`GroundEffect`].
     #[inline(always)]
     pub(super) fn thrust_ratio(&self, height_m: f64) -> f64 {
         // A rotor's own image, and those of its two neighbors and the opposite one.

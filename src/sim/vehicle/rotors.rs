@@ -96,8 +96,8 @@ impl Rotors {
         self.load_at(&self.speed_rad_s, &Vector4::zeros(), ground)
     }
 
-    /// Advances the speeds toward the commanded thrusts by one step. Returns the loads at its start,
-    /// middle and end.
+    /// Advances the speeds toward the commanded thrusts by one step. Returns the loads at its
+    /// start, middle and end.
     #[inline(always)]
     pub(super) fn advance(&mut self, command_n: &Vector4<f64>, ground: f64) -> [Load; 3] {
         // Each speed falls exponentially to its target, with one time constant up and another down.

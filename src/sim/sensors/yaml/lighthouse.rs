@@ -118,8 +118,7 @@ fn check_value(key: &str, value: &Spanned<String>, wanted: &[&str], file: &str) 
     Err(error.in_file(file, value.referenced.line()))
 }
 
-/// A station from its geometry. A position too far away, or a matrix that is not a rotation, is an
-/// error.
+/// A station from its geometry. An impossible position or rotation is an error.
 fn station(generation: Generation, geometry: &Geometry, file: &str, id: u8) -> Result<Station> {
     let refused = |line: u64, key: &str, value: String, wanted: &str| {
         Err(Error::input(format!("geos.{id}.{key}"), value, wanted, HINT).in_file(file, line))
