@@ -39,6 +39,7 @@ impl Place {
 }
 
 impl std::fmt::Display for Place {
+    /// Writes the place as in `scene.toml:40: light.fixtures[2].name`.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         // A key within a key or an item has a dot before it, other names a colon.
         let mut outer: Option<&Segment> = None;

@@ -173,7 +173,7 @@ pub fn suggestion<'a>(
 }
 
 /// The candidate with the smallest edit distance from an unknown name, or `None` if that is more
-/// than a quarter of its length and one.
+/// than a quarter of its length plus one.
 pub fn similar<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // The edit distance is at least the difference in length, which decides on a huge name at once.
     let n_letters = name.chars().count();

@@ -37,7 +37,7 @@ impl Session {
         Ok(())
     }
 
-    /// Commands the motors by the drone's controller, until it waits again or has landed.
+    /// Commands the motors by the drone's controller, and flies until the next command or landing.
     pub fn control(&mut self) -> Result<()> {
         if self.has_landed {
             return Ok(());
@@ -78,7 +78,8 @@ impl Session {
         self.rig.avionics.design(&self.plan, self.time_s()).position_m.into()
     }
 
-    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, until it waits again or has landed.
+    /// Commands the motors m1…m4, 0 to `vehicle.motor_max`, and flies until the next command or
+    /// landing.
     pub fn command(&mut self, motors: [f64; 4]) -> Result<()> {
         if self.has_landed {
             return Ok(());

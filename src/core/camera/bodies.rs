@@ -105,6 +105,9 @@ pub struct LensFigures {
     wide_open_stops: f64,
 }
 
+/// Least and greatest sensitivity of a telephone: see [`BodyModel::figures`].
+const PHONE_ISO: [f64; 2] = [50.0, 3200.0];
+
 /// Bodies that EXIF may name.
 const NAMED_IN_EXIF: [BodyModel; 3] =
     [BodyModel::A6400, BodyModel::CanonEos2000D, BodyModel::OneInch];
@@ -122,8 +125,8 @@ impl BodyModel {
             f_number: f64,
             longest_s: f64,
         ) -> BodyFigures {
-            let iso = [50.0, 3200.0];
-            let fixed_lens = Some(FixedLens { focal_length_m, f_number, iso, longest_s });
+            let fixed_lens =
+                Some(FixedLens { focal_length_m, f_number, iso: PHONE_ISO, longest_s });
             BodyFigures { fixed_lens, ..body(sensor_width_m, 4000.0, &[]) }
         }
         match self {

@@ -101,8 +101,8 @@ impl Budget {
     }
 }
 
-/// Adds a number to a column of unknown length, whose capacity grows by an eighth: doubled, it
-/// would hold up to twice the bytes that are taken off its budget.
+/// Adds a value to a column of unknown length. Its capacity grows by an eighth: if it doubled, the
+/// column could hold twice the bytes that were taken off the budget.
 pub fn push<T>(column: &mut Vec<T>, value: T) {
     if column.len() == column.capacity() {
         column.reserve_exact(column.len() / 8 + 64);

@@ -600,8 +600,8 @@ fn short_number(text: &[u8]) -> Option<(f64, usize)> {
     }
     // Both are exact in an f64, so that one division gives the nearest number.
     let n_digits = length - begin - usize::from(point.is_some());
-    let size = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
-    let value = if is_negative { -size } else { size };
+    let magnitude = numerator as f64 / TENS[point.map_or(0, |point| length - point)];
+    let value = if is_negative { -magnitude } else { magnitude };
     (1..=15).contains(&n_digits).then_some((value, length))
 }
 

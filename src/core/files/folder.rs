@@ -195,6 +195,7 @@ fn copy(from: &Path, to: &mut impl Write) -> std::io::Result<()> {
 }
 
 impl Drop for OutputFolder {
+    /// Removes a folder that was made for files that were not kept.
     fn drop(&mut self) {
         self.lock = None;
         if self.made {

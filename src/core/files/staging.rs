@@ -88,12 +88,11 @@ pub(super) fn locked(folder: &Path) -> Option<File> {
 #[cfg(windows)]
 pub(super) use locked as locked_soon;
 
-/// [`locked`] with a time limit: who runs the program under a lock of the folder would wait
-/// forever.
+/// Locks a folder like [`locked`], or gives up after five seconds: if the program's caller holds
+/// the lock, it would wait forever.
 #[cfg(not(windows))]
 pub(super) fn locked_soon(folder: &Path) -> Option<File> {
     let folder = File::open(folder).ok()?;
-    // Five seconds: renames take milliseconds.
     for _ in 0..500 {
         match folder.try_lock() {
             Ok(()) => return Some(folder),
@@ -217,6 +216,7 @@ impl Former {
 }
 
 impl Drop for Former {
+    /// Puts the former files back, the last one first.
     fn drop(&mut self) {
         for (place, link) in self.0.drain(..).rev() {
             // If putting one back fails, nothing more can be done.

@@ -40,7 +40,7 @@ impl<'a> Text<'a> {
     }
 }
 
-/// UTF-16 as UTF-8. `unit` makes a code unit of two bytes. Broken pairs become U+FFFD.
+/// Converts UTF-16 to UTF-8. `unit` makes a code unit of two bytes. Broken pairs become U+FFFD.
 fn from_utf16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Vec<u8> {
     let units = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]]));
     let text = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
@@ -53,7 +53,7 @@ fn is_windows_1252(bytes: &[u8]) -> bool {
         && !bytes.iter().any(|byte| *byte < 0x20 && !byte.is_ascii_whitespace())
 }
 
-/// Windows-1252 as a string.
+/// Decodes Windows-1252.
 fn from_windows_1252(bytes: &[u8]) -> String {
     let characters = bytes.iter().map(|byte| match byte {
         0x80..0xa0 => WINDOWS_1252.chars().nth(usize::from(byte - 0x80)).unwrap_or_default(),

@@ -58,20 +58,20 @@ impl Flight {
     pub fn write_csv(&self, out: &mut impl Write) -> std::io::Result<()> {
         // Time, the quantities of the log, letter, lights, gaps, further columns: names, then rows.
         let logged = || Quantity::TABLE.iter().filter(|(q, ..)| !self.unlogged.contains(q));
-        let places = logged().flat_map(|(quantity, ..)| quantity.places());
-        let places: Vec<usize> = [0].into_iter().chain(places).chain([N_NUMBERS - 1]).collect();
+        let indices = logged().flat_map(|(quantity, ..)| quantity.places());
+        let indices: Vec<usize> = [0].into_iter().chain(indices).chain([N_NUMBERS - 1]).collect();
         let after_gap = self.after_gap();
-        let gap = (!self.gaps.is_empty()).then_some(&after_gap);
+        let gap_column = (!self.gaps.is_empty()).then_some(&after_gap);
         let names = logged().flat_map(|(.., columns)| columns.iter());
         let standard = [&TIME].into_iter().chain(names).chain([&LETTER]);
         let mut header: Vec<String> = standard.map(|&name| name.to_owned()).collect();
         header.extend(self.lights.keys().map(|channel| format!("light.{channel}")));
-        header.extend(gap.map(|_| GAP.to_owned()));
+        header.extend(gap_column.map(|_| GAP.to_owned()));
         header.extend(self.extra.keys().cloned());
         let rows = self.samples.iter().enumerate().map(|(row, sample)| {
             let numbers = sample.numbers();
-            let standard = places.iter().map(move |&place| numbers[place]);
-            let further = self.lights.values().chain(gap).chain(self.extra.values());
+            let standard = indices.iter().map(move |&index| numbers[index]);
+            let further = self.lights.values().chain(gap_column).chain(self.extra.values());
             standard.chain(further.map(move |column| column[row]))
         });
         write_table(out, &header, rows)

@@ -226,7 +226,7 @@ const SMALLER_HINT: &str = "thin the log out, or cut it into parts";
 
 pub(super) const REWRITE_HINT: &str = "correct the file, or let the program write it again";
 
-/// Writes a table: the header, then each row of `width` numbers on the grid of 1e-6.
+/// Writes a table: the header, then each row of numbers on the grid of 1e-6.
 ///
 /// # Errors
 ///

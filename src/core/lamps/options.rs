@@ -99,7 +99,8 @@ impl LightOptions {
         self.fixtures.clone().unwrap_or_else(|| self.deck.fixtures())
     }
 
-    /// White, red, green and blue of the color LED deck on a letter, counted from 0.
+    /// White, red, green and blue of the color LED deck on a letter, counted from 0. The colors of
+    /// the letters repeat.
     pub fn wrgb_of(&self, letter: Option<usize>) -> [u8; 4] {
         let colors = &self.letters_wrgb;
         match letter {

@@ -123,17 +123,17 @@ pub fn is_hurwitz(a: &Matrix) -> bool {
     false
 }
 
-/// Unobservable states of `ẋ = A x`, `y = C x`: every state that is not a
-/// combination of the rows of `[C; CA; CA²; …]`, by index.
+/// Indices of the unobservable states of `ẋ = A x`, `y = C x`: those that are not a combination of
+/// the rows of `[C; CA; CA²; …]`.
 pub fn unobservable_states(a: &Matrix, c: &Matrix) -> Vec<usize> {
     let columns = observability_columns(a, c);
     let observable = rank(columns.clone());
     let (last, size) = (columns.ncols(), columns.norm().max(f64::MIN_POSITIVE));
     // A state is unobservable if measuring it as well would raise the rank.
     let unobservable = (0..a.nrows()).filter(|&state| {
-        let mut more = columns.clone().insert_column(last, 0.0);
-        more[(state, last)] = size;
-        rank(more) > observable
+        let mut augmented = columns.clone().insert_column(last, 0.0);
+        augmented[(state, last)] = size;
+        rank(augmented) > observable
     });
     unobservable.collect()
 }

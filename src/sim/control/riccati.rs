@@ -156,6 +156,7 @@ fn one_like(m: &Matrix) -> Matrix {
     Matrix::identity(m.nrows(), m.ncols())
 }
 
+/// The error of an equation without a solution that [`solves_care`] accepts.
 fn no_solution() -> Error {
     Error::infeasible(
         "the Riccati equation has no stabilizing, positive definite solution",

@@ -70,6 +70,7 @@ impl Geometric {
 }
 
 impl Controller for Geometric {
+    /// The control law of Lee, Leok and `McClamroch` 2010.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         // Thrust: the wanted force along the present body axis.
         let world_from_body = attitude(estimate).world_from_body();

@@ -225,6 +225,7 @@ impl PidCascade {
 }
 
 impl Controller for PidCascade {
+    /// Runs the position loops when they are due, then the attitude loops, and mixes the motors.
     fn command(&mut self, estimate: &State, reference: &Reference) -> Command {
         if self.ticks.is_multiple_of(self.ticks_per_position) {
             self.run_position_loops(estimate, reference.held_m);
@@ -242,6 +243,7 @@ impl Controller for PidCascade {
         self.ticks = 0;
     }
 
+    /// Resets all loops, with a firmware that does so.
     fn change_mode(&mut self, estimate: &State) {
         if self.resets {
             self.reset(estimate);

@@ -177,8 +177,8 @@ impl Firmware {
         }
     }
 
-    /// Difference between the deck's yaw as one station sees it and the filter's, or `None` if
-    /// sweeps correct the attitude, or the station does not see all sensors.
+    /// The filter's yaw less that of the deck as one station sees it, or `None` if sweeps correct
+    /// the attitude, or the station does not see all sensors.
     fn yaw_error_rad(&self, rotation: &Rotation) -> Option<f64> {
         if self.options.sweep_attitude == SweepAttitude::Slope {
             return None;
@@ -200,8 +200,9 @@ impl Firmware {
             let seen = seen_m[to]? - seen_m[from]?;
             let length = estimated.norm() * seen.norm();
             let angle_rad = libm::acos((estimated.dot(&seen) / length).clamp(-1.0, 1.0));
-            let left = normal.dot(&estimated.cross(&seen)) > 0.0;
-            (seen.norm() >= LEAST_DIAGONAL_M).then_some(if left { -angle_rad } else { angle_rad })
+            let is_left = normal.dot(&estimated.cross(&seen)) > 0.0;
+            let error_rad = if is_left { -angle_rad } else { angle_rad };
+            (seen.norm() >= LEAST_DIAGONAL_M).then_some(error_rad)
         });
         Some(0.5 * (diagonals_rad[0]? + diagonals_rad[1]?))
     }

@@ -111,7 +111,8 @@ impl StepTest {
         floor
     }
 
-    /// Classifies a range by its innovation and by those before it.
+    /// Classifies a range: innovations beyond the gate, as many in a row as make a step, are a step
+    /// by their mean.
     fn classify(&mut self, innovation: &Innovation) -> Floor {
         let is_within = innovation.sigmas() <= self.gate_sigmas;
         if is_within || innovation.value.abs() < self.least_m {

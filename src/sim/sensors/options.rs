@@ -293,6 +293,7 @@ impl Station {
 impl Described for Station {
     const SHAPE: Shape = Shape::Plain;
 
+    /// Checks the ranges of position and angles.
     fn check(&self, place: &str, _: Option<[f64; 2]>) -> Result<()> {
         self.position_m.check(&joined(place, "position_m"), Some([-1e4, 1e4]))?;
         for (key, angle_rad, max) in [

@@ -64,8 +64,8 @@ impl Room {
         })
     }
 
-    /// True if something is between a station and a deck. The deck's own drone may be among
-    /// `drones_m`: it does not hide its deck.
+    /// True if a person or a drone is between a station and a deck. The deck's own drone, which may
+    /// be among `drones_m`, does not hide it.
     pub(super) fn hides(
         &self,
         station_m: &Vector3<f64>,
@@ -97,7 +97,7 @@ impl Room {
 impl Mirror {
     /// True if it reflects the light of a station to a deck.
     pub(super) fn shows(&self, station_m: &Vector3<f64>, deck_m: &Vector3<f64>) -> bool {
-        // Both are in front of it, and a pane reflects enough at this angle.
+        // Both must be in front of the mirror, and a pane must reflect enough at this angle.
         if ![station_m, deck_m].iter().all(|m| (*m - self.point_m).dot(&self.facing) > 0.0) {
             return false;
         }

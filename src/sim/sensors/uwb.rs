@@ -49,8 +49,8 @@ pub(crate) enum Turn {
     Drones(usize, usize),
 }
 
-/// The links of drones with these indices in their turn: those of each drone to its anchors, then
-/// the pairs of drones.
+/// The links of drones with these indices, in the order in which they take turns: those of each
+/// drone to its anchors, then the pairs of drones.
 pub(crate) fn turns(options: &SensorOptions, indices: &[u64]) -> Result<Vec<Turn>> {
     let differences = options.positioning == Positioning::UwbTdoa;
     // In the order of the indices, so that the order of the drones does not matter.
