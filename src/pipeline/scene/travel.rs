@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 use super::Scene;
 use noctograph_core::error::Result;
-use noctograph_core::files::{Limit, Output, WholeFile, file_name, name_from, path_from};
+use noctograph_core::files::{Limit, Output, WholeFile, file_name, path_from, relative_name};
 
 /// The largest of the files: a typeface, a drawing or a background.
 const LIMIT: Limit =
@@ -67,7 +67,7 @@ impl Scene {
         let mut copies: Vec<(String, Vec<u8>)> = Vec::new();
         let names = scene.files_mut().zip(portable.files_mut()).filter(|(path, _)| is_file(path));
         for (path, name) in names {
-            let relative = Path::new(path).is_file().then(|| name_from(folder, path.as_ref()));
+            let relative = Path::new(path).is_file().then(|| relative_name(folder, path.as_ref()));
             *path = match relative {
                 // A pipe can be read once, when it is drawn, so it is not copied.
                 None => name.clone(),
