@@ -5,8 +5,8 @@ use super::axis::{Axis, Path};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
 
-/// Steps of looking at a node.
-const STEPS: usize = 10;
+/// Budget steps of visiting a node.
+const STEPS_PER_NODE: usize = 10;
 
 /// Protrusion of a spur, by the radius at its root, below which it is a ripple of the outline, or a
 /// stroke's end: a square end has 0.41, a round end 0.
@@ -45,11 +45,11 @@ const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs. Returns true for each node that lost one into a corner: the line bends
+/// Cuts off all spurs. Returns true for each node that lost a spur into a corner: the line bends
 /// there.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
-    // Ripples first: they split branches.
+    // Ripples first, since they split branches. Each kind is cut until none is left.
     let kinds: [fn(&Axis, &Path) -> bool; 3] =
         [|axis, spur| protrusion(axis, spur) < RIPPLE, is_spur, is_stub];
     for is_unwanted in kinds {
@@ -59,29 +59,33 @@ pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     bends
 }
 
-/// Takes a walk from every end off the budget. Each may lead over all nodes.
+/// Takes the steps of walks from every end off the budget, each over all nodes at most. Returns
+/// false once the budget is spent.
 fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
-    budget.spend_steps(STEPS * (axis.middles.len() + 10 * ends.count()))
+    budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the tips of paths that run out into a corner without a fork.
+/// Cuts off the ends of paths that taper into a corner without a fork, up to where the path is
+/// about as wide as usual.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
         let path = axis.path(end, axis.neighbors[end][0], &|node| axis.degree(node) != 2);
-        let usual = median(path.iter().map(|node| axis.radii[*node]))?;
-        let whole = path.iter().position(|node| axis.radii[*node] >= TIP[1] * usual)?;
-        let tip = path[..=whole].to_vec();
-        let cut = axis.radii[end] < TIP[0] * usual && axis.length(&tip) < LONGEST * usual;
-        (cut && whole + 1 < path.len()).then_some(tip)
+        let median_radius = median(path.iter().map(|node| axis.radii[*node]))?;
+        let wide = path.iter().position(|node| axis.radii[*node] >= TIP[1] * median_radius)?;
+        let tip = path[..=wide].to_vec();
+        let is_tip =
+            axis.radii[end] < TIP[0] * median_radius && axis.length(&tip) < LONGEST * median_radius;
+        (is_tip && wide + 1 < path.len()).then_some(tip)
     });
     for tip in tips.collect::<Vec<Path>>() {
         axis.cut(&tip);
     }
 }
 
-/// Cuts off, all at once, the paths from a junction to a loose end that are `unwanted`.
+/// Cuts off, all at once, the paths from a junction to a loose end that are `unwanted`. Returns
+/// true if there were any.
 fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = Vec::from_iter(ends.filter_map(|end| {
@@ -96,11 +100,13 @@ fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path
     !spurs.is_empty()
 }
 
+/// Length by which the disc at a spur's end protrudes from that at its root, by the root's radius.
 fn protrusion(axis: &Axis, spur: &Path) -> f64 {
     let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
     (axis.length(spur) + end - root) / root
 }
 
+/// True for a spur into a corner of the outline, or into the blunt end of a stroke.
 fn is_spur(axis: &Axis, spur: &Path) -> bool {
     let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
     let corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
@@ -108,7 +114,8 @@ fn is_spur(axis: &Axis, spur: &Path) -> bool {
     corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
 }
 
-/// A stub is the tip of two arms that meet at its root.
+/// True for a stub: a short spur between the crotch of two arms and the tip above it, in the
+/// direction opposite to both.
 fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let tip = spur[spur.len() - 1];

@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::super::vector::{between, counts, cross, dot, is_closed, minus, segments};
+use super::super::vector::{between, cross, dot, integers_below, is_closed, minus, segments};
 use super::layers::Color;
 use super::visibility::Part;
 use noctograph_core::files::Budget;
@@ -273,5 +273,5 @@ fn change([mut same, mut other]: [[f64; 2]; 2], test: impl Fn([f64; 2]) -> bool)
 /// A segment in pieces of some length at most.
 fn cut([from, to]: [[f64; 2]; 2], longest: f64) -> impl Iterator<Item = [[f64; 2]; 2]> {
     let n = (distance(from, to) / longest).ceil().clamp(1.0, 1e5);
-    counts(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])
+    integers_below(n).map(move |k| [between(from, to, k / n), between(from, to, (k + 1.0) / n)])
 }
