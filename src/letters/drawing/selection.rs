@@ -15,14 +15,15 @@ const HUE_ENDS: [f64; 8] = [15.0, 45.0, 70.0, 165.0, 195.0, 260.0, 320.0, 345.0]
 const CHROMA: u8 = 24;
 const GRAY: [u8; 2] = [64, 192];
 
-/// The strokes that the options choose, with their numbers.
+/// The strokes that the options `ink` and `without` choose, with their numbers. Fails if they leave
+/// none, or name what the drawing does not have.
 pub(super) fn chosen<T>(
     strokes: Vec<T>,
     color: impl Fn(&T) -> Option<[u8; 3]>,
     options: &LetterOptions,
     file: &str,
 ) -> Result<Numbered<T>> {
-    let colors: Vec<Option<&str>> = strokes.iter().map(|it| color(it).map(name)).collect();
+    let colors: Vec<Option<&str>> = strokes.iter().map(|stroke| color(stroke).map(name)).collect();
     let wanted = named("ink", &options.ink, &colors)?;
     let unwanted = named("without", &options.without, &colors)?;
     let is_all = !wanted.contains(&true);
@@ -37,7 +38,8 @@ pub(super) fn chosen<T>(
     Ok(kept)
 }
 
-/// All strokes, y up, as they lie in their file.
+/// All strokes in the file's coordinates, with the names of their colors. `in_file` maps points
+/// with y down.
 pub(super) fn in_source<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],
@@ -48,7 +50,8 @@ pub(super) fn in_source<'a>(
     }))
 }
 
-/// The strokes that a list such as `2,5-7,red` names. Every part of it has to be in the drawing.
+/// True for each stroke that a list such as `2,5-7,red` names. Fails for a part of the list that is
+/// not in the drawing. `key` is the setting with the list.
 fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
     let n = colors.len();
     let mut named = vec![false; n];

@@ -28,8 +28,11 @@ const CURVES: [char; 10] = ['C', 'c', 'S', 's', 'Q', 'q', 'T', 't', 'A', 'a'];
 /// Work of an element with all repetitions: elements, bytes of attributes, vertices of paths,
 /// coordinates of curves added up, and steps of matching style rules.
 type Work = [f64; 5];
+const ELEMENTS: usize = 0;
+const VERTICES: usize = 2;
 
-/// Checks that the elements of a document cost bounded work. The error is the cause.
+/// Checks that the elements of a document cost bounded work, and takes the matching of styles off
+/// the budget. The error is the cause.
 pub(super) fn check<'a, 'input>(
     root: Node<'a, 'input>,
     styles: &Styles<'a, 'input>,
@@ -38,13 +41,13 @@ pub(super) fn check<'a, 'input>(
     // Percentages are of the lengths of a page.
     let pages = root.descendants().filter(|node| has("svg symbol use", node.tag_name().name()));
     let lengths =
-        pages.flat_map(|node| ["viewBox", "width", "height"].map(|it| node.attribute(it)));
+        pages.flat_map(|node| ["viewBox", "width", "height"].map(|name| node.attribute(name)));
     let page = lengths.flatten().flat_map(magnitudes).fold(100.0, f64::max);
     let mut counting = Counting { styles, page, known: HashMap::new(), marker: [0.0; 5] };
     let (work, _) = counting.count(root, 0)?;
     // Each vertex may have the largest marker, and a path's ends one more each.
-    let has_marker = counting.marker[0] > 0.0;
-    let n_markers = if has_marker { work[2] + 2.0 * work[0] } else { 0.0 };
+    let has_marker = counting.marker[ELEMENTS] > 0.0;
+    let n_markers = if has_marker { work[VERTICES] + 2.0 * work[ELEMENTS] } else { 0.0 };
     let [elements, bytes, _, curves, steps] =
         std::array::from_fn(|kind| work[kind] + n_markers * counting.marker[kind]);
     let what = if has_marker { "markers" } else { "<use>, clips and masks" };
@@ -66,6 +69,7 @@ pub(super) fn check<'a, 'input>(
     Ok(())
 }
 
+/// Counts the work of elements.
 struct Counting<'a, 'b, 'input> {
     styles: &'b Styles<'a, 'input>,
     page: f64,
@@ -76,7 +80,8 @@ struct Counting<'a, 'b, 'input> {
 }
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
-    /// Work of an element at a depth, and how many elements it has within each other.
+    /// The work of an element at a depth, and its number of levels of nested elements. The error is
+    /// the cause.
     fn count(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<(Work, usize), String> {
         let too_deep = format!("more than {MAX_DEPTH} elements within each other");
         match self.known.get(&node) {
@@ -104,8 +109,8 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         }
         let mut n_levels = 1;
         for part in parts {
-            let (of_part, levels) = self.count(part, depth + 1)?;
-            (0..work.len()).for_each(|kind| work[kind] += of_part[kind]);
+            let (part_work, levels) = self.count(part, depth + 1)?;
+            (0..work.len()).for_each(|kind| work[kind] += part_work[kind]);
             n_levels = n_levels.max(levels + 1);
         }
         if n_levels > MAX_DEPTH {
@@ -121,7 +126,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         Ok((work, n_levels))
     }
 
-    /// An element that a declaration of another repeats.
+    /// The element that a declaration of another makes usvg repeat. `None` if it refers to none.
     fn linked(&self, tag: &str, name: &str, value: &str) -> Option<Node<'a, 'input>> {
         let is_paint = matches!(name, "fill" | "stroke");
         if !is_paint && !matches!(name, "clip-path" | "mask") && (name != "href" || tag == "a") {
@@ -131,7 +136,8 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         (!is_paint || target.tag_name().name().ends_with("Gradient")).then_some(target)
     }
 
-    /// The coordinates of an element's curves, added up without their signs.
+    /// The sum of the absolute coordinates of an element's curves. The error is an attribute in a
+    /// unit of unknown size.
     fn curves(&self, node: Node<'_, '_>) -> Result<f64, String> {
         let names: &[&str] = match node.tag_name().name() {
             "path" => &["d"],
@@ -153,7 +159,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
     }
 }
 
-/// The numbers of an attribute, without their signs.
+/// The absolute values of the numbers in an attribute.
 fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
     fn digits(text: &str) -> usize {
         text.bytes().take_while(u8::is_ascii_digit).count()
