@@ -70,7 +70,7 @@ pub(super) const RULES: &str = "*{filter:none!important}marker *{marker:none!imp
     [noctograph]{fill:#000!important;stroke:none!important;clip-path:none!important;\
     mask:none!important}";
 
-/// True if a list of words has one.
+/// True if a list of words, separated by white space, contains a word.
 pub(super) fn has(words: &str, word: &str) -> bool {
     words.split_ascii_whitespace().any(|other| other == word)
 }
@@ -78,14 +78,15 @@ pub(super) fn has(words: &str, word: &str) -> bool {
 /// The namespace of drawings.
 pub(super) const SVG: &str = "http://www.w3.org/2000/svg";
 
-/// The text of a file in the words of usvg: namespaces, `:root`, backgrounds, units of transforms.
+/// The text of a file with what usvg does not know replaced by what it does: https in namespaces,
+/// `:root`, `background:` and units in CSS transforms.
 pub(super) fn in_words_of_usvg(text: String) -> String {
     let mut text = text;
     for namespace in ["2000/svg", "1999/xlink"] {
         for quote in ['"', '\''] {
-            let [written, meant] =
-                ["https", "http"].map(|by| format!("{quote}{by}://www.w3.org/{namespace}"));
-            text = text.replace(&written, &meant);
+            let [with_https, with_http] =
+                ["https", "http"].map(|scheme| format!("{quote}{scheme}://www.w3.org/{namespace}"));
+            text = text.replace(&with_https, &with_http);
         }
     }
     let text = text.replace("svg:root", "svg").replace(":root", "svg");
@@ -112,7 +113,7 @@ pub(super) struct Notes<'a, 'b, 'input> {
 }
 
 impl<'a, 'input> Notes<'a, '_, 'input> {
-    /// The text as usvg reads it.
+    /// The text with all edits applied, as usvg reads it.
     pub(super) fn edited(&self, text: &str) -> String {
         let (mut edited, mut end) = (String::with_capacity(text.len()), 0);
         for (range, new) in &self.edits {
@@ -123,7 +124,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         edited + &text[end..]
     }
 
-    /// Notes an element and those within it. The error is a kind with too many elements.
+    /// Notes the unsupported features of an element and those within it. The error names a kind of
+    /// element of which there are too many.
     pub(super) fn element(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some(SVG)) {
@@ -156,7 +158,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// Takes an id from all but its first element: browsers refer to the first, usvg to the last.
+    /// Removes the id of an element unless it is the first with this id: browsers refer to the
+    /// first, usvg to the last.
     fn only_first(&mut self, node: Node<'a, 'input>) {
         let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
             return;
@@ -173,8 +176,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         }
     }
 
-    /// Replaces an element by a marker: a polyline with the element's attributes, whose points
-    /// encode its index. usvg transforms or hides the marker as it would the element.
+    /// Replaces an element by a sign: a polyline with the element's attributes, whose points encode
+    /// its index. usvg transforms or hides the sign as it would the element. Fails for too many.
     fn sign(&mut self, node: Node<'a, 'input>) -> Result<(), String> {
         let name = node.tag_name().name();
         let mut texts = node.descendants().filter_map(|part| part.text());
@@ -204,7 +207,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         Ok(())
     }
 
-    /// Empties a pattern, but for a shape by which it counts as one, or a filter.
+    /// Removes the content of a pattern or a filter. A pattern with a shape keeps a square, without
+    /// which usvg would drop it.
     fn empty(&mut self, node: Node<'a, 'input>) {
         let (Some(first), Some(last)) = (node.first_child(), node.last_child()) else { return };
         let range = first.range().start..last.range().end;
@@ -255,6 +259,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 
     /// The name of a declaration that is drawn otherwise than in a browser, and how it is drawn.
+    /// `None` if it is drawn as in a browser.
     fn note(
         &self,
         node: Node<'a, 'input>,
@@ -340,10 +345,12 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
     }
 }
 
+/// A declaration in a warning: its name and the beginning of its value.
 fn shown(name: &str, value: &str) -> String {
     format!("{name} `{}`", value.chars().take(40).collect::<String>())
 }
 
+/// True for a value without effect.
 fn is_neutral(value: &str) -> bool {
     value.is_empty() || has(NEUTRAL, value)
 }

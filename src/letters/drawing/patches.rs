@@ -173,7 +173,7 @@ impl Field {
         n_lines: usize,
     ) -> Vec<Diagnostic> {
         let n_marks = self.marks_across_edge();
-        // Longer edges between inks than the picture is long: areas that touch, not lines that cross.
+        // Edges longer than the picture are those of areas that touch, not of lines that cross.
         let colors_touch = self.inner_edges() > self.width.max(self.height);
         let counted = [
             (PHOTO, usize::from(self.is_photo)),
