@@ -6,7 +6,7 @@
 //! changes at the nearest tick of the lamps' timer.
 
 use super::lamp::LampTiming;
-use super::light_letters::drawn;
+use super::light_letters::drawn_rows;
 use super::stroke_ends::{Aligned, Edge, StrokeEnd};
 use super::{Plan, PlanData, Setpoint};
 use noctograph_core::error::Result;
@@ -118,12 +118,14 @@ fn with_commands(plan: &Plan, lit: Vec<f64>, commands: &[(f64, f64)], between: B
 
 /// A plan with the levels of its lamps. Colors go with the strokes of the design.
 fn with_levels(mut plan: Plan, design: &Plan, levels: &[f64]) -> Plan {
-    let drawn = drawn((&plan, levels), (design, &design.commanded()));
+    let drawn_rows = drawn_rows((&plan, levels), (design, &design.commanded()));
     let lights = design.lights.iter().map(|(channel, colors)| {
         let levels = match design.lamps().any(|(lamp, _)| lamp == channel) {
             true => levels.to_vec(),
             false => Vec::from_iter(
-                drawn.iter().map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
+                drawn_rows
+                    .iter()
+                    .map(|rows| rows.as_ref().map_or(0.0, |rows| colors[rows.end - 1])),
             ),
         };
         (channel.clone(), levels)
