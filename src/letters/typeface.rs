@@ -156,7 +156,7 @@ impl Typeface {
     }
 
     /// The shaped letters of a text. `space` is the advance of a space in a face without one.
-    fn shape_line(&self, text: &str, space: f64) -> ShapedLine {
+    pub(super) fn shape_line(&self, text: &str, space: f64) -> ShapedLine {
         let unit = self.advance(1.0);
         let space_units =
             self.glyph(' ').map(|glyph| self.face.glyph_metrics().h_advance(glyph).into());

@@ -274,7 +274,7 @@ impl Track {
         Self { step_m: steps_m.fold(0.0, f64::max), places }
     }
 
-    /// The place at a step, on the floor after the plan. A step before the plan is step 0.
+    /// The place at a step, or that of the last step after the end of the plan.
     fn place(&self, step: usize) -> Place {
         self.places[step.min(self.places.len() - 1)]
     }
