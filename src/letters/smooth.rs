@@ -61,52 +61,74 @@ pub(super) fn simplified(line: &[[f64; 2]], error: f64) -> Vec<[f64; 2]> {
 /// The minimizer z of Σ |z − p|² + λ Σ |z″|² for evenly spaced points p and a stiffness λ, with its
 /// ends fixed.
 fn smooth_open(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
-    // The normal equations (I + λ D'D) z = p with second differences D: a symmetric matrix with two
-    // bands beside its diagonal, D'D having rows 1 −4 6 −4 1. Two rows of the identity at either
-    // end spare the cases at the ends.
     let n = points.len();
-    let mut diagonal = vec![1.0; n + 4];
-    let (mut first, mut second) = (vec![0.0; n + 4], vec![0.0; n + 4]);
-    for k in 2..n {
-        for (i, a) in [1.0, -2.0, 1.0].into_iter().enumerate() {
-            diagonal[k + i] += stiffness * a * a;
-        }
-        first[k + 1] -= 2.0 * stiffness;
-        first[k + 2] -= 2.0 * stiffness;
-        second[k + 2] += stiffness;
-    }
+    let mut matrix = Banded::normal_matrix(n, stiffness);
+    let mut z = [&[[0.0; 2]; 2], points, &[[0.0; 2]; 2]].concat();
     // A weight far above the others pins the ends.
     let pin = 1e9 * (1.0 + stiffness);
-    let mut z = [&[[0.0; 2]; 2], points, &[[0.0; 2]; 2]].concat();
     for end in [2, n + 1] {
-        diagonal[end] += pin;
+        matrix.diagonal[end] += pin;
         z[end] = z[end].map(|x| x * (1.0 + pin));
     }
-    // Factors L D L' in place, and the solution of L on the way.
-    for k in 2..n + 2 {
-        second[k] /= diagonal[k - 2];
-        first[k] = (first[k] - second[k] * diagonal[k - 2] * first[k - 1]) / diagonal[k - 1];
-        diagonal[k] -= first[k] * first[k] * diagonal[k - 1];
-        diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
-        z[k] = ahead(z[k], z[k - 1], -first[k]);
-        z[k] = ahead(z[k], z[k - 2], -second[k]);
-    }
-    // Then D, and L' backward.
-    for k in 2..n + 2 {
-        z[k] = z[k].map(|x| x / diagonal[k]);
-    }
-    for k in (2..n + 2).rev() {
-        z[k] = ahead(z[k], z[k + 1], -first[k + 1]);
-        z[k] = ahead(z[k], z[k + 2], -second[k + 2]);
-    }
+    matrix.solve(&mut z);
     // Without the rounding error that the weight leaves at the ends.
     let mut z = z[2..n + 2].to_vec();
     (z[0], z[n - 1]) = (points[0], points[n - 1]);
     z
 }
 
-/// The same for a closed line: it is solved over two rounds, and the middle half is kept, which
-/// the ends hardly affect.
+/// A symmetric matrix with two bands beside its diagonal. Two rows of the identity at either end
+/// spare the cases at the ends.
+struct Banded {
+    diagonal: Vec<f64>,
+    /// Entries beside the diagonal, one and two columns before it.
+    first: Vec<f64>,
+    second: Vec<f64>,
+}
+
+impl Banded {
+    /// The matrix of the normal equations (I + λ D'D) z = p of n points with second differences D.
+    /// D'D has rows 1 −4 6 −4 1.
+    fn normal_matrix(n: usize, stiffness: f64) -> Self {
+        let mut diagonal = vec![1.0; n + 4];
+        let (mut first, mut second) = (vec![0.0; n + 4], vec![0.0; n + 4]);
+        for k in 2..n {
+            for (i, a) in [1.0, -2.0, 1.0].into_iter().enumerate() {
+                diagonal[k + i] += stiffness * a * a;
+            }
+            first[k + 1] -= 2.0 * stiffness;
+            first[k + 2] -= 2.0 * stiffness;
+            second[k + 2] += stiffness;
+        }
+        Self { diagonal, first, second }
+    }
+
+    /// Solves the equations for a right-hand side `z`, which becomes the solution.
+    fn solve(self, z: &mut [[f64; 2]]) {
+        let Self { mut diagonal, mut first, mut second } = self;
+        let inner = 2..z.len() - 2;
+        // Factors L D L' in place, and the solution of L with each row.
+        for k in inner.clone() {
+            second[k] /= diagonal[k - 2];
+            first[k] = (first[k] - second[k] * diagonal[k - 2] * first[k - 1]) / diagonal[k - 1];
+            diagonal[k] -= first[k] * first[k] * diagonal[k - 1];
+            diagonal[k] -= second[k] * second[k] * diagonal[k - 2];
+            z[k] = ahead(z[k], z[k - 1], -first[k]);
+            z[k] = ahead(z[k], z[k - 2], -second[k]);
+        }
+        // Then D, and L' backward.
+        for k in inner.clone() {
+            z[k] = z[k].map(|x| x / diagonal[k]);
+        }
+        for k in inner.rev() {
+            z[k] = ahead(z[k], z[k + 1], -first[k + 1]);
+            z[k] = ahead(z[k], z[k + 2], -second[k + 2]);
+        }
+    }
+}
+
+/// The smooth line through closed points: it is solved over two rounds, and the middle half is
+/// kept, which the ends hardly affect.
 fn smooth_loop(points: &[[f64; 2]], stiffness: f64) -> Vec<[f64; 2]> {
     let n = points.len() - 1;
     let half = n / 2;

@@ -42,11 +42,11 @@ pub(super) fn lines(axis: &Axis, bends: &[bool], ink: &Filled<'_>) -> Vec<Vec<Kn
         2 => bends[node],
         degree => degree != 0,
     }));
-    // Junctions and their branches, as pieces of the axis.
+    // Branches are the paths between clusters of junctions.
     let paths = axis.paths(&|node| is_key[node]);
     let (cluster_of, is_inner) = clusters(axis, &paths);
     let mut branches: Vec<Branch> = Vec::new();
-    // The branches that end at each cluster, with true if they end there, false if they begin.
+    // The branches at each cluster, with true for those that end there, false for a beginning.
     let mut branch_ends: Vec<Vec<(usize, bool)>> = vec![Vec::new(); axis.middles.len()];
     for (path, _) in paths.iter().zip(&is_inner).filter(|(_, is_inner)| !**is_inner) {
         let (first, last) = (path[0], path[path.len() - 1]);
@@ -143,8 +143,7 @@ impl Joint<'_> {
 /// Connects the arms of a junction: arms that go straight through are joined by a curve, and the
 /// others end on it. Without any, all arms meet in a point.
 fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
-    // The straightest pair comes first. Its curve has 17 points, half of them for each arm.
-    let middle = joint.middle;
+    // The straightest pair comes first. Each arm of a pair gets half of the curve between them.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     let mut through: Vec<Vec<[f64; 2]>> = Vec::new();
     let limit = if arms.len() == 2 { THROUGH_BEND } else { THROUGH };
@@ -152,35 +151,40 @@ fn meet(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
         let path = curve(&arms[a], &arms[b]);
         let knots = path.iter().map(|point| Knot { position: *point, corner: false });
         let knots: Vec<Knot> = knots.collect();
-        let back = knots[8..].iter().rev().copied().collect();
-        join(branches, [&arms[a], &arms[b]], [knots[..=8].to_vec(), back]);
+        let half = knots.len() / 2;
+        let back = knots[half..].iter().rev().copied().collect();
+        join(branches, [&arms[a], &arms[b]], [knots[..=half].to_vec(), back]);
         through.push(path);
         free.retain(|arm| *arm != a && *arm != b);
     }
     if through.is_empty() {
-        let crossing = crossing(arms).filter(|p| {
-            joint.is_near(*p, FAR)
-                && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
-        });
-        let point = crossing.map_or(middle, |crossing| joint.meeting_point(arms, crossing));
-        for arm in arms {
-            branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
-        }
-        // The two that turn least continue as one stroke with a corner.
-        if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
-            join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
-            free.retain(|arm| *arm != a && *arm != b);
-        }
-        for arm in free {
-            branches[arms[arm].branch].ends[usize::from(arms[arm].tail)].knots = corner(point);
-        }
-    } else {
-        for arm in free.into_iter().map(|arm| &arms[arm]) {
-            let hits = through.iter().filter_map(|path| first_hit(arm, path));
-            let hit = hits.min_by(|a, b| distance(arm.from, *a).total_cmp(&distance(arm.from, *b)));
-            let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(middle);
-            branches[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
-        }
+        return meet_in_point(branches, arms, joint);
+    }
+    for arm in free.into_iter().map(|arm| &arms[arm]) {
+        let hits = through.iter().filter_map(|path| first_hit(arm, path));
+        let hit = hits.min_by(|a, b| distance(arm.from, *a).total_cmp(&distance(arm.from, *b)));
+        let point = hit.filter(|p| joint.is_near(*p, REACH)).unwrap_or(joint.middle);
+        branches[arm.branch].ends[usize::from(arm.tail)].knots = corner(point);
+    }
+}
+
+/// Connects the arms of a junction in the point where their lines cross, or in its middle if they
+/// cross elsewhere. The two that turn least continue as one stroke with a corner.
+fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
+    let crossing = crossing(arms).filter(|p| {
+        joint.is_near(*p, FAR) && arms.iter().all(|arm| dot(minus(*p, arm.from), arm.away) < 0.0)
+    });
+    let point = crossing.map_or(joint.middle, |crossing| joint.meeting_point(arms, crossing));
+    for arm in arms {
+        branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
+    }
+    let mut free: Vec<usize> = (0..arms.len()).collect();
+    if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
+        join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);
+        free.retain(|arm| *arm != a && *arm != b);
+    }
+    for arm in free {
+        branches[arms[arm].branch].ends[usize::from(arms[arm].tail)].knots = corner(point);
     }
 }
 

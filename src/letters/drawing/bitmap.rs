@@ -95,9 +95,7 @@ pub(super) fn read(
     let mut warnings = field.warnings(n_cut, n_specks, lines.len());
     warnings.retain(|warning| corners.is_none() || warning.code != "picture-photo");
     if is_checkered {
-        let text = "the checkerboard that stands for transparency is part of this picture: it is \
-                    left out";
-        warnings.insert(0, Diagnostic::warning("picture-checkerboard", text));
+        warnings.insert(0, Diagnostic::warning("picture-checkerboard", CHECKERBOARD));
     }
     Ok(Warned { product: Traced { lines, corners_px: corners, in_file }, warnings })
 }
@@ -122,6 +120,10 @@ fn lines(
     budget.check()?;
     Ok(lines)
 }
+
+/// Warning of a picture with a checkerboard.
+const CHECKERBOARD: &str = "the checkerboard that stands for transparency is part of this picture: \
+                            it is left out";
 
 /// What is wanted in place of a picture without lines.
 const DRAWINGS: &str = "a drawing, handwriting or a logo";

@@ -130,7 +130,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let tag = node.tag_name().name();
         if matches!(node.tag_name().namespace(), None | Some(SVG)) {
             // An element that is replaced or left out is not entered: its edit covers all of it.
-            let before = node.prev_siblings().filter(|it| it.has_tag_name(tag));
+            let before = node.prev_siblings().filter(|sibling| sibling.has_tag_name(tag));
             match tag {
                 "script" => self.named.add("a script", "not followed", node),
                 "style" if has_escapes(node) => self.edits.push((node.range(), String::new())),
@@ -214,7 +214,8 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         let range = first.range().start..last.range().end;
         let is_pattern = node.tag_name().name() == "pattern";
         // In the namespace of the pattern, whatever its prefix.
-        let shape = node.children().find(|it| is_pattern && has(SHAPES, it.tag_name().name()));
+        let shape =
+            node.children().find(|child| is_pattern && has(SHAPES, child.tag_name().name()));
         let shape = shape.map_or(String::new(), |_| "<path d=\"M0 0h1v1z\"/>".to_owned());
         self.edits.push((range, shape));
     }
@@ -267,30 +268,16 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         value: &str,
         of_css: bool,
     ) -> Option<(String, &'static str)> {
-        const TRANSPARENT: &str = "drawn where it is transparent, too";
         let tag = node.tag_name().name();
         let target = self.styles.target(value).map_or("", |target| target.tag_name().name());
+        if let Some(note) = paint_note(name, value, target) {
+            return Some(note);
+        }
         Some(match name {
-            // A paint that is not one color.
-            "fill" | "stroke" if target.ends_with("Gradient") => {
-                (format!("{name} by a gradient"), "in the color of its middle stop")
-            }
-            "fill" | "stroke" if target == "pattern" => {
-                (format!("{name} by a pattern"), "drawn as a shade")
-            }
-            "fill" if is_unreadable(name, value) => (shown(name, value), "black in its place"),
-            "stop-color"
-                if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) =>
-            {
-                ("a transparent stop-color".into(), TRANSPARENT)
-            }
-            "stop-opacity" if svgtypes::Number::from_str(value).map_or(0.0, |it| it.0) < 1.0 => {
-                (name.to_owned(), TRANSPARENT)
-            }
             // References.
             "marker-start" | "marker-mid" | "marker-end" | "marker"
                 if target == "marker"
-                    && node.ancestors().any(|it| it.tag_name().name() == "marker") =>
+                    && node.ancestors().any(|node| node.tag_name().name() == "marker") =>
             {
                 ("a marker within a marker".into(), "not drawn")
             }
@@ -307,7 +294,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             "pathLength"
                 if node
                     .ancestors()
-                    .any(|it| self.styles.value(it, "stroke-dasharray").is_some()) =>
+                    .any(|node| self.styles.value(node, "stroke-dasharray").is_some()) =>
             {
                 (name.to_owned(), "its dashes are drawn as a line")
             }
@@ -343,6 +330,30 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
             _ => !is_neutral(value) && (of_css || has(OTHERS, name)),
         }
     }
+}
+
+/// The name of a paint that is not one color and how it is drawn. `None` for any other declaration.
+/// `target` is the tag of the element that it refers to.
+fn paint_note(name: &str, value: &str, target: &str) -> Option<(String, &'static str)> {
+    const TRANSPARENT: &str = "drawn where it is transparent, too";
+    Some(match name {
+        "fill" | "stroke" if target.ends_with("Gradient") => {
+            (format!("{name} by a gradient"), "in the color of its middle stop")
+        }
+        "fill" | "stroke" if target == "pattern" => {
+            (format!("{name} by a pattern"), "drawn as a shade")
+        }
+        "fill" if is_unreadable(name, value) => (shown(name, value), "black in its place"),
+        "stop-color" if svgtypes::Color::from_str(value).is_ok_and(|color| color.alpha < 255) => {
+            ("a transparent stop-color".into(), TRANSPARENT)
+        }
+        "stop-opacity"
+            if svgtypes::Number::from_str(value).map_or(0.0, |number| number.0) < 1.0 =>
+        {
+            (name.to_owned(), TRANSPARENT)
+        }
+        _ => return None,
+    })
 }
 
 /// A declaration in a warning: its name and the beginning of its value.

@@ -202,47 +202,56 @@ impl<'a> Front<'a> {
 /// no line.
 fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
-    let mut stretches = joined(stretches, is_closed);
-    let neighbors = |place: usize, n: usize| match is_closed && n > 1 {
-        true => [Some((place + n - 1) % n), Some((place + 1) % n)],
-        false => [place.checked_sub(1), Some(place + 1).filter(|next| *next < n)],
-    };
     // First, short gaps between covered stretches are covered.
+    let mut stretches = joined(stretches, is_closed);
     let covers: Vec<Option<f64>> = stretches.iter().map(|stretch| stretch.1).collect();
-    for (place, (points, cover)) in stretches.iter_mut().enumerate() {
-        let around = neighbors(place, covers.len()).map(|neighbor| covers[neighbor?]);
+    for (index, (points, cover)) in stretches.iter_mut().enumerate() {
+        let around = neighbors(index, covers.len(), is_closed).map(|neighbor| covers[neighbor?]);
         if let (None, [Some(before), Some(after)]) = (*cover, around) {
             let widest = before.max(after).max(2.0 * near);
             *cover = (polyline_length_m(points) < 2.0 * widest).then_some(widest);
         }
     }
     // Then stretches that are no longer than a crossing stroke is wide are visible.
-    stretches = joined(stretches, is_closed);
+    let mut stretches = joined(stretches, is_closed);
     let n = stretches.len();
-    for (place, (points, cover)) in stretches.iter_mut().enumerate() {
-        let is_alone = neighbors(place, n) == [None; 2];
-        *cover = cover.filter(|reach| is_alone || polyline_length_m(points) > CROSSING * *reach);
+    for (index, (points, cover)) in stretches.iter_mut().enumerate() {
+        let is_single = neighbors(index, n, is_closed) == [None; 2];
+        *cover = cover.filter(|reach| is_single || polyline_length_m(points) > CROSSING * *reach);
     }
-    if stretches.iter().all(|stretch| stretch.1.is_none()) {
-        return vec![line.to_vec()];
+    match stretches.iter().all(|stretch| stretch.1.is_none()) {
+        true => vec![line.to_vec()],
+        false => uncovered_lines(stretches, is_closed),
     }
-    // The uncovered stretches, joined over the beginning of a closed line.
-    let mut seen: Vec<Vec<[f64; 2]>> = Vec::new();
+}
+
+/// The indices of the stretches before and after one of n, around a closed line.
+fn neighbors(index: usize, n: usize, is_closed: bool) -> [Option<usize>; 2] {
+    match is_closed && n > 1 {
+        true => [Some((index + n - 1) % n), Some((index + 1) % n)],
+        false => [index.checked_sub(1), Some(index + 1).filter(|next| *next < n)],
+    }
+}
+
+/// The uncovered stretches, with neighbors joined, over the beginning of a closed line, too.
+fn uncovered_lines(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Vec<[f64; 2]>> {
+    let n = stretches.len();
+    let goes_around = is_closed && stretches[0].1.is_none() && stretches[n - 1].1.is_none();
+    let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
     let mut is_open = false;
-    let (begins, ends) = (stretches[0].1.is_none(), stretches[n - 1].1.is_none());
     for (points, cover) in stretches {
-        match seen.last_mut().filter(|_| is_open && cover.is_none()) {
+        match lines.last_mut().filter(|_| is_open && cover.is_none()) {
             Some(before) => before.extend(&points[1..]),
-            None if cover.is_none() => seen.push(points),
+            None if cover.is_none() => lines.push(points),
             None => {}
         }
         is_open = cover.is_none();
     }
-    if seen.len() > 1 && begins && ends && is_closed {
-        let first = seen.remove(0);
-        seen.last_mut().expect("one is left").extend(&first[1..]);
+    if lines.len() > 1 && goes_around {
+        let first = lines.remove(0);
+        lines.last_mut().expect("one is left").extend(&first[1..]);
     }
-    seen
+    lines
 }
 
 /// Stretches with neighbors in the same state joined, over the beginning of a closed line, too.

@@ -91,24 +91,10 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
             None => {}
         }
         self.known.insert(node, None);
-        // The element itself. A command of a path takes two bytes at least.
-        let declared = self.styles.declared(node);
-        let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
-        let paths = ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
-        let n_vertices = 10 + (paths[0] + paths[1]) / 2;
-        let steps = self.styles.steps(node) as f64;
-        let mut work = [1.0, n_bytes as f64, n_vertices as f64, self.curves(node)?, steps];
-        // What it holds, and what it refers to, as usvg would repeat it.
-        let tag = node.tag_name().name();
-        let mut parts: Vec<Node<'a, 'input>> = Vec::new();
-        if !has(FOREIGN, tag) && !has(EMPTIED, tag) {
-            parts.extend(node.children().filter(Node::is_element));
-            let linked =
-                declared.iter().filter_map(|(name, value, _)| self.linked(tag, name, value));
-            parts.extend(linked);
-        }
+        // The element, and the parts that usvg would repeat with it.
+        let mut work = self.single(node)?;
         let mut n_levels = 1;
-        for part in parts {
+        for part in self.parts(node) {
             let (part_work, levels) = self.count(part, depth + 1)?;
             (0..work.len()).for_each(|kind| work[kind] += part_work[kind]);
             n_levels = n_levels.max(levels + 1);
@@ -116,7 +102,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         if n_levels > MAX_DEPTH {
             return Err(too_deep);
         }
-        if tag == "marker" {
+        if node.tag_name().name() == "marker" {
             if node.descendants().any(|node| node.tag_name().name() == "use") {
                 return Err("a marker with <use>".into());
             }
@@ -124,6 +110,29 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         }
         self.known.insert(node, Some((work, n_levels)));
         Ok((work, n_levels))
+    }
+
+    /// The work of an element without its parts. The error is the cause.
+    fn single(&self, node: Node<'a, 'input>) -> Result<Work, String> {
+        let declared = self.styles.declared(node);
+        let n_bytes: usize = declared.iter().map(|(_, value, _)| value.len()).sum();
+        // Basic shapes have up to ten vertices. A command of a path takes two bytes at least.
+        let paths = ["d", "points"].map(|name| self.styles.value(node, name).map_or(0, str::len));
+        let n_vertices = 10 + (paths[0] + paths[1]) / 2;
+        let steps = self.styles.steps(node) as f64;
+        Ok([1.0, n_bytes as f64, n_vertices as f64, self.curves(node)?, steps])
+    }
+
+    /// The elements within an element, and those that it refers to. None if its content is not
+    /// drawn.
+    fn parts(&self, node: Node<'a, 'input>) -> Vec<Node<'a, 'input>> {
+        let tag = node.tag_name().name();
+        if has(FOREIGN, tag) || has(EMPTIED, tag) {
+            return Vec::new();
+        }
+        let declared = self.styles.declared(node).iter();
+        let linked = declared.filter_map(|(name, value, _)| self.linked(tag, name, value));
+        node.children().filter(Node::is_element).chain(linked).collect()
     }
 
     /// The element that a declaration of another makes usvg repeat. `None` if it refers to none.

@@ -139,35 +139,12 @@ impl<'a, 'input> Styles<'a, 'input> {
             sheet.parse_more(text);
             sheets += text;
         }
-        // Attributes first, then rules and the style by importance: the last of a name is in force.
         let (mut all_declared, mut ids) = (HashMap::new(), HashMap::new());
         for node in elements {
             if let Some(id) = node.attribute("id") {
                 ids.entry(id).or_insert(node);
             }
-            let attributes = node.attributes().filter(|attribute| {
-                matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
-            });
-            let attributes =
-                attributes.filter(|attribute| !matches!(attribute.name(), "style" | "class"));
-            let mut declared: Declared<'a> =
-                attributes.map(|attribute| (attribute.name(), attribute.value(), false)).collect();
-            // Ten steps a rule, besides those that matching takes.
-            let n_steps = Cell::new(10 * sheet.rules.len());
-            let element = Matched { node, n_steps: &n_steps };
-            let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
-            let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
-            let style = node.attribute("style").unwrap_or("");
-            budget.steps(tokenizing_steps(style))?;
-            let mut css: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
-            if breaks_off(style) {
-                named.add("a style that breaks off", "not followed", node);
-            }
-            css.sort_by_key(|declaration| declaration.important);
-            declared.extend(css.iter().map(|rule| (rule.name, rule.value, true)));
-            budget.steps(n_steps.get())?;
-            budget.bytes(DECLARATION * declared.len())?;
-            all_declared.insert(node.id(), (declared, n_steps.get()));
+            all_declared.insert(node.id(), declarations(node, &sheet, budget, named)?);
         }
         Ok(Self { declared: all_declared, ids, sheets })
     }
@@ -211,6 +188,39 @@ impl<'a, 'input> Styles<'a, 'input> {
             link.strip_prefix("url(").map_or(link, |url| url.split(')').next().unwrap_or(""));
         self.ids.get(link.trim().trim_matches(['"', '\'']).strip_prefix('#')?).copied()
     }
+}
+
+/// The declarations of an element, and the steps of matching the rules of a style sheet with it.
+/// Fails once the budget is spent.
+fn declarations<'a>(
+    node: Node<'a, '_>,
+    sheet: &simplecss::StyleSheet<'a>,
+    budget: &Budget,
+    named: &mut Named,
+) -> Result<(Declared<'a>, usize)> {
+    // Attributes first, then rules and the style by importance: the last of a name is in force.
+    let attributes = node.attributes().filter(|attribute| {
+        matches!(attribute.namespace(), None | Some("http://www.w3.org/1999/xlink"))
+            && !matches!(attribute.name(), "style" | "class")
+    });
+    let mut declared: Declared<'a> =
+        attributes.map(|attribute| (attribute.name(), attribute.value(), false)).collect();
+    // Ten steps a rule, besides those that matching takes.
+    let n_steps = Cell::new(10 * sheet.rules.len());
+    let element = Matched { node, n_steps: &n_steps };
+    let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
+    let from_rules = rules.flat_map(|rule| rule.declarations.iter().copied());
+    let style = node.attribute("style").unwrap_or("");
+    budget.steps(tokenizing_steps(style))?;
+    let mut css: Vec<_> = from_rules.chain(DeclarationTokenizer::from(style)).collect();
+    if breaks_off(style) {
+        named.add("a style that breaks off", "not followed", node);
+    }
+    css.sort_by_key(|declaration| declaration.important);
+    declared.extend(css.iter().map(|rule| (rule.name, rule.value, true)));
+    budget.steps(n_steps.get())?;
+    budget.bytes(DECLARATION * declared.len())?;
+    Ok((declared, n_steps.get()))
 }
 
 /// True if quotation marks of a style sheet may be escaped. usvg does not get such a sheet.

@@ -386,32 +386,19 @@ impl<'a> Walk<'a> {
         if alpha <= 0.0 {
             return;
         }
-        let scale = self.scale;
         // Its clips and masks, and those of these, cut everything in it.
         let mut cuts = cuts.to_vec();
         let placed = base * affine(group.transform());
         for clip in std::iter::successors(group.clip_path(), |clip| clip.clip_path()) {
             let mut parts = Vec::new();
             self.group(clip.root(), placed * affine(clip.transform()), &[], 1.0, &mut parts);
-            let layers = parts.iter().filter_map(|part| part.fill_layer(0, scale));
-            self.cut(Cut::Clip(layers.collect()), &mut cuts);
+            let layers = parts.iter().filter_map(|part| part.fill_layer(0, self.scale));
+            let clip = Cut::Clip(layers.collect());
+            self.cut(clip, &mut cuts);
         }
         for mask in std::iter::successors(group.mask(), |mask| mask.mask()) {
-            let mut parts = Vec::new();
-            let outside = std::mem::replace(&mut self.in_mask, true);
-            self.group(mask.root(), placed, &[], 1.0, &mut parts);
-            self.in_mask = outside;
-            // Strokes are light in a mask, too. A clip has fills only.
-            let layers = parts
-                .iter()
-                .flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
-            let rect = mask.rect();
-            let [x0, y0, x1, y1] =
-                [rect.left(), rect.top(), rect.right(), rect.bottom()].map(f64::from);
-            let edge = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
-            let edge = scale.area(&(Affine::FLIP_Y * placed * edge), false);
-            let by_alpha = mask.kind() == usvg::MaskType::Alpha;
-            self.cut(Cut::Mask(layers.flatten().collect(), by_alpha, edge), &mut cuts);
+            let mask = self.mask(mask, placed);
+            self.cut(mask, &mut cuts);
         }
         for node in group.children() {
             match node {
@@ -422,6 +409,25 @@ impl<'a> Walk<'a> {
                 Node::Path(_) | Node::Image(_) | Node::Text(_) => {}
             }
         }
+    }
+
+    /// A mask of a group with a transform. Unlike in a clip, strokes count in it, too.
+    fn mask(&mut self, mask: &usvg::Mask, placed: Affine) -> Cut<'a> {
+        let scale = self.scale;
+        let mut parts = Vec::new();
+        let was_in_mask = std::mem::replace(&mut self.in_mask, true);
+        self.group(mask.root(), placed, &[], 1.0, &mut parts);
+        self.in_mask = was_in_mask;
+        let layers =
+            parts.iter().flat_map(|part| [part.fill_layer(0, scale), part.stroke_layer(0, scale)]);
+        let layers = layers.flatten().collect();
+        let rect = mask.rect();
+        let [x0, y0, x1, y1] =
+            [rect.left(), rect.top(), rect.right(), rect.bottom()].map(f64::from);
+        // A rectangle has no curves, so that the tolerance does not count.
+        let edge = kurbo::Rect::new(x0, y0, x1, y1).to_path(1e-9);
+        let edge = scale.area(&(Affine::FLIP_Y * placed * edge), false);
+        Cut::Mask(layers, mask.kind() == usvg::MaskType::Alpha, edge)
     }
 
     /// A visible path of the tree as a painted element. `None` for a path without visible paint,
