@@ -74,6 +74,7 @@ impl Fonts {
         let parts = self.parts(line);
         let mut ordered = Vec::new();
         for (run, leftward) in visual_runs(line) {
+            // The parts of the run in reading order, which is reversed from right to left.
             let parts_in_run = parts.iter().filter_map(|(font, part)| {
                 let overlap = part.start.max(run.start)..part.end.min(run.end);
                 (overlap.start < overlap.end).then_some(((*font, overlap), leftward))

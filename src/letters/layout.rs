@@ -214,6 +214,7 @@ fn missing(part: &str, font: &Font, position: usize, letter: char) -> Error {
     } else {
         "name a typeface that has it in letters.fallback, such as one of the Noto fonts".to_owned()
     };
+    // A short font is listed, without its characters that draw nothing.
     let characters = font.characters();
     let wanted = match characters.chars().count() {
         ..=MOST_LISTED => format!("one of {}", characters.replace(|c| !is_drawn(font, c), "")),

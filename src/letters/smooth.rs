@@ -16,6 +16,7 @@ pub(super) const MAX_POINTS: usize = 4000;
 /// ends stay, and a closed line stays closed.
 pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2]> {
     let even = evenly(line, spacing);
+    // Fewer points have no bend to smooth.
     if even.len() < 5 {
         return even;
     }

@@ -93,6 +93,7 @@ fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut is_inner = vec![false; paths.len()];
     for (path, is_inner) in paths.iter().zip(&mut is_inner) {
         let (a, b) = (path[0], path[path.len() - 1]);
+        // A path shorter than its junctions are wide joins their clusters.
         let are_junctions = axis.degree(a) > 1 && axis.degree(b) > 1 && a != b;
         let radius = axis.radii[a].max(axis.radii[b]);
         let reach = if axis.degree(a) + axis.degree(b) == 4 { ONE_BEND } else { ONE_JUNCTION };
@@ -178,6 +179,7 @@ fn meet_in_point(branches: &mut [Branch], arms: &[Arm], joint: &Joint<'_>) {
     for arm in arms {
         branches[arm.branch].aim(arm.tail, crossing.unwrap_or(point), point);
     }
+    // One pair is joined, and the other arms end in the point.
     let mut free: Vec<usize> = (0..arms.len()).collect();
     if let Some((a, b)) = straightest(arms, &free, ANY_TURN) {
         join(branches, [&arms[a], &arms[b]], [corner(point), corner(point)]);

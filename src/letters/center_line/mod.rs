@@ -151,6 +151,7 @@ fn lost_length(
     let untouched = Vec::from_iter((0..unpruned.len()).map(|node| {
         segments.iter().all(|ends| segment_distance(axis.middles[node], *ends) > axis.radii[node])
     }));
+    // Links between untouched nodes remain, and their connected parts are measured.
     let mut links = unpruned.to_vec();
     for (node, links) in links.iter_mut().enumerate() {
         links.retain(|other| untouched[node] && untouched[*other]);

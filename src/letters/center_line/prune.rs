@@ -39,6 +39,8 @@ const STUB: [f64; 2] = [1.3, 1.4];
 /// From this cosine between stub and arm on, the length is at least the second value, with the
 /// third for each unit of the cosine more, up to the last value.
 const SHARP_STUB: [f64; 4] = [0.82, 2.4, 21.0, 4.5];
+/// Length over which the direction of an arm is taken, in radii at its root.
+const HEADING: f64 = 2.5;
 /// Cosine of the widest angle between the arms of such a crotch, 75°, and the largest difference of
 /// the cosines between the stub and its arms. At wider ones an arch leaves a stem (n, u). A stub
 /// that goes on with one arm is the stem's end.
@@ -102,16 +104,16 @@ fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path
 
 /// Length by which the disc at a spur's end protrudes from that at its root, by the root's radius.
 fn protrusion(axis: &Axis, spur: &Path) -> f64 {
-    let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
+    let [root, end] = [spur[0], spur[spur.len() - 1]].map(|node| axis.radii[node]);
     (axis.length(spur) + end - root) / root
 }
 
 /// True for a spur into a corner of the outline, or into the blunt end of a stroke.
 fn is_spur(axis: &Axis, spur: &Path) -> bool {
-    let (root, end) = (axis.radii[spur[0]], axis.radii[spur[spur.len() - 1]]);
-    let corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
+    let [root, end] = [spur[0], spur[spur.len() - 1]].map(|node| axis.radii[node]);
+    let is_corner = end < SHARP * root && axis.length(spur) < LONGEST * root;
     let protrusion = protrusion(axis, spur);
-    corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
+    is_corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
 }
 
 /// True for a stub: a short spur between the crotch of two arms and the tip above it, in the
@@ -119,19 +121,19 @@ fn is_spur(axis: &Axis, spur: &Path) -> bool {
 fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let tip = spur[spur.len() - 1];
-    let end = axis.radii[tip];
+    let end_radius = axis.radii[tip];
     let arms = axis.neighbors[root].iter().filter(|node| **node != spur[1]);
-    let arms: Vec<[f64; 2]> = arms.map(|arm| axis.heading(root, *arm, 2.5 * radius)).collect();
+    let arms: Vec<[f64; 2]> = arms.map(|arm| axis.heading(root, *arm, HEADING * radius)).collect();
     let [a, b] = &arms[..] else { return false };
     let cosine = dot(*a, *b);
     let away = direction(axis.middles[root], axis.middles[tip]);
     let askew = (dot(away, *a) - dot(away, *b)).abs();
     // Sine of half the angle. The disc in the crotch touches its corner and both outer sides.
     let sine = ((1.0 - cosine) / 2.0).max(0.01).sqrt();
-    let usual = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
-    let [from, least, slope, most] = SHARP_STUB;
-    let beyond = -dot(away, *a).max(dot(away, *b)) - from;
-    let sharp = if beyond > 0.0 { (least + slope * beyond).min(most) } else { 0.0 };
-    let longest = usual.max(sharp);
-    end < radius && axis.length(spur) < longest * radius && cosine > CROTCH && askew < ASKEW
+    let by_angle = STUB[0] * (1.0 - sine) / (2.0 * sine) + STUB[1];
+    let [least_cosine, least, slope, most] = SHARP_STUB;
+    let excess = -dot(away, *a).max(dot(away, *b)) - least_cosine;
+    let by_direction = if excess > 0.0 { (least + slope * excess).min(most) } else { 0.0 };
+    let longest = by_angle.max(by_direction);
+    end_radius < radius && axis.length(spur) < longest * radius && cosine > CROTCH && askew < ASKEW
 }

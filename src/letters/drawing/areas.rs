@@ -72,6 +72,7 @@ impl<'a> Patch<'a> {
         let width = mean_stroke_width(&contours) / size_px;
         let unit_px = size_px.max(SMALL_PX).min(cap_height_px);
         contours.iter_mut().flatten().flatten().for_each(|x| *x /= unit_px);
+        // Only a patch that may be a pen's line has center lines, in its unit of length.
         let may_be_line = width < SOLID || size_px < THIN * larger_px;
         let center = may_be_line.then(|| center_lines(&contours, budget));
         let pen = center.as_ref().map_or([0.0; 2], |center| [center.half_width, center.thickest]);

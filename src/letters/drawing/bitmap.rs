@@ -108,13 +108,14 @@ fn lines(
     budget: &Budget,
 ) -> Result<Vec<Vec<[f64; 2]>>> {
     let extent = bounds(patches.iter().flatten().flatten().copied());
-    let larger = (extent[2] - extent[0]).max(extent[3] - extent[1]);
+    let larger_px = (extent[2] - extent[0]).max(extent[3] - extent[1]);
     let cap_height_px = 1.0 / size(extent)?;
+    // Patches are traced before any is drawn, since a letter is judged by its neighbors.
     let patches = patches.into_iter();
-    let patches = patches.map(|contours| Patch::new(contours, [larger, cap_height_px], budget));
+    let patches = patches.map(|contours| Patch::new(contours, [larger_px, cap_height_px], budget));
     let patches: Vec<Patch<'_>> = patches.collect();
     let lines = match trace {
-        Trace::CenterLine => areas::lines(&patches, larger),
+        Trace::CenterLine => areas::lines(&patches, larger_px),
         Trace::Outline => patches.iter().flat_map(Patch::outline).collect(),
     };
     budget.check()?;

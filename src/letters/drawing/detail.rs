@@ -40,11 +40,13 @@ pub(super) fn reduced(
     if roughness <= 0.0 {
         return Ok((lines, LeftOut::default()));
     }
+    // Lines are joined before short ones are dropped: many short ones may make a long one.
     let total: f64 = lines.iter().map(|(line, _)| polyline_length_m(line)).sum();
     let budget = Budget::new(file, "draw less, or raise letters.detail");
     budget.steps(STEPS_PER_PAIR.saturating_mul(lines.len().saturating_mul(lines.len())))?;
     let lines = joined(lines, GAP * roughness);
     let longest = lines.iter().map(|(line, _)| polyline_length_m(line)).fold(0.0, f64::max);
+    // The longest line always stays.
     let shortest = (SHORTEST * roughness).min(longest);
     let (mut lines, short): (Vec<_>, Vec<_>) =
         lines.into_iter().partition(|(line, _)| polyline_length_m(line) >= shortest);
@@ -98,12 +100,13 @@ fn next_line(
     for (index, next) in remaining.iter().enumerate() {
         let Some((next, _)) = next.as_ref().filter(|(_, ink)| *ink == color) else { continue };
         let last = next.len() - 1;
-        for (backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
+        // From its beginning, or backward from its end.
+        for (is_backward, ends) in [(false, [0, 1]), (true, [last, last - 1])] {
             let [near, then] = ends.map(|end| next[end]);
             let is_open = next[0] != next[last];
-            let far = distance(end, near);
-            if is_open && far < nearest && dot(ahead, direction(near, then)) > STRAIGHT {
-                (best, nearest) = (Some((index, backward)), far);
+            let gap = distance(end, near);
+            if is_open && gap < nearest && dot(ahead, direction(near, then)) > STRAIGHT {
+                (best, nearest) = (Some((index, is_backward)), gap);
             }
         }
     }

@@ -200,6 +200,7 @@ fn by_color(
     ink: Ink,
     file: &str,
 ) -> Result<StrokesData> {
+    // The runs of each color, in the order of the colors' first lines.
     let mut inks: Vec<(Color, Vec<Run>)> = Vec::new();
     for (_, (line, color)) in lines {
         match inks.iter_mut().find(|(other, _)| ink == Ink::Alike || other == color) {
@@ -261,6 +262,7 @@ impl Placing {
             return Err(Error::input(file, content, "at least one stroke", hint).coded(EMPTY));
         }
         let (width_m, height_m) = (width * scale, height * scale);
+        // A drawing has no gaps, so that the reference flight's alignment centers it.
         let left_m = match options.align {
             Align::Left => 0.0,
             Align::Ae483 | Align::Center => -0.5 * width_m,

@@ -91,6 +91,7 @@ pub(super) fn in_words_of_usvg(text: String) -> String {
     }
     let text = text.replace("svg:root", "svg").replace(":root", "svg");
     let text = text.replace("background:", "background-color:");
+    // CSS transforms have units, attributes have none: usvg reads the latter.
     let mut parts = text.split("transform:");
     let mut written = parts.next().unwrap_or("").to_owned();
     for part in parts {

@@ -75,13 +75,14 @@ impl<'a> Front<'a> {
         let (mut parts, mut is_whole) = (Vec::new(), true);
         for line in lines {
             let stretches = self.stretches(line, element);
-            let seen: Vec<Vec<[f64; 2]>> = match &stretches[..] {
+            let visible: Vec<Vec<[f64; 2]>> = match &stretches[..] {
                 [(_, None)] => vec![line.clone()],
                 _ => visible_parts(stretches, line, self.near),
             };
-            is_whole &= seen.len() == 1 && seen[0] == *line;
-            seen.iter().for_each(|part| self.add(part, element, reach));
-            parts.extend(seen.into_iter().map(|part| (part, color)));
+            is_whole &= visible.len() == 1 && visible[0] == *line;
+            // What is covered is not drawn, and need not cover anything.
+            visible.iter().for_each(|part| self.add(part, element, reach));
+            parts.extend(visible.into_iter().map(|part| (part, color)));
         }
         (!is_whole).then_some(parts)
     }
@@ -105,6 +106,7 @@ impl<'a> Front<'a> {
         let farthest = self.levels.entry(level).or_insert(self.near);
         *farthest = farthest.max(reach);
         let longest = 0.5 * self.cell_of(level);
+        // A piece is found by the cell of its middle.
         for segment in segments(line) {
             for ends in cut(segment, longest) {
                 if self.budget.bytes(2 * size_of::<Piece>()).is_err() {
@@ -267,6 +269,7 @@ fn joined(stretches: Vec<Stretch>, is_closed: bool) -> Vec<Stretch> {
             None => kept.push((points, cover)),
         }
     }
+    // The last stretch of a closed line continues in its first.
     if is_closed
         && kept.len() > 1
         && kept[0].1.is_some() == kept[kept.len() - 1].1.is_some()

@@ -26,6 +26,7 @@ pub(super) fn chosen<T>(
     let colors: Vec<Option<&str>> = strokes.iter().map(|stroke| color(stroke).map(name)).collect();
     let wanted = named("ink", &options.ink, &colors)?;
     let unwanted = named("without", &options.without, &colors)?;
+    // An empty list of wanted strokes chooses all.
     let is_all = !wanted.contains(&true);
     let is_empty = strokes.is_empty();
     let mut kept: Numbered<T> = (1..).zip(strokes).collect();
@@ -53,26 +54,31 @@ pub(super) fn in_source<'a>(
 /// True for each stroke that a list such as `2,5-7,red` names. Fails for a part of the list that is
 /// not in the drawing. `key` is the setting with the list.
 fn named(key: &str, list: &str, colors: &[Option<&'static str>]) -> Result<Vec<bool>> {
-    let n = colors.len();
-    let mut named = vec![false; n];
+    let n_strokes = colors.len();
+    let mut named = vec![false; n_strokes];
     for text in list.split(',').map(str::trim).filter(|text| !text.is_empty()) {
         let (first, last) = text.split_once('-').unwrap_or((text, text));
         let range = first.trim().parse().ok().zip(last.trim().parse().ok());
         let color = text.parse::<svgtypes::Color>().ok();
         let color = color.map(|color| name([color.red, color.green, color.blue]));
-        let part = Vec::from_iter((0..n).filter(|index| match range {
-            Some((first, last)) => first >= 1 && last <= n && (first..=last).contains(&(index + 1)),
+        let matches = Vec::from_iter((0..n_strokes).filter(|index| match range {
+            Some((first, last)) => {
+                first >= 1 && last <= n_strokes && (first..=last).contains(&(index + 1))
+            }
             None => color.is_some() && colors[*index] == color,
         }));
-        if part.is_empty() {
-            let mut known: Vec<&str> = colors.iter().copied().flatten().collect();
-            known.sort_unstable();
-            known.dedup();
-            let wanted = format!("numbers from 1 to {n}, or of the colors {}", known.join(", "));
+        if matches.is_empty() {
+            let mut color_names: Vec<&str> = colors.iter().copied().flatten().collect();
+            color_names.sort_unstable();
+            color_names.dedup();
+            let wanted = format!(
+                "numbers from 1 to {n_strokes}, or of the colors {}",
+                color_names.join(", ")
+            );
             let hint = "the drawing of the plan (*.svg) shows the strokes' numbers";
             return Err(Error::input(format!("letters.{key}"), format!("{text:?}"), wanted, hint));
         }
-        part.into_iter().for_each(|index| named[index] = true);
+        matches.into_iter().for_each(|index| named[index] = true);
     }
     Ok(named)
 }

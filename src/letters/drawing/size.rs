@@ -175,14 +175,15 @@ fn magnitudes(mut text: &str) -> impl Iterator<Item = f64> {
     }
     std::iter::from_fn(move || {
         text = &text[text.find(|c: char| c.is_ascii_digit() || c == '.')?..];
+        // Digits, a fraction and an exponent. A sign before them is skipped.
         let mut end = digits(text);
         if text[end..].starts_with('.') {
             end += 1 + digits(&text[end + 1..]);
         }
         if let Some(exponent) = text[end..].strip_prefix(['e', 'E']) {
             let sign = usize::from(exponent.starts_with(['+', '-']));
-            let n = digits(&exponent[sign..]);
-            end += if n > 0 { 1 + sign + n } else { 0 };
+            let n_digits = digits(&exponent[sign..]);
+            end += if n_digits > 0 { 1 + sign + n_digits } else { 0 };
         }
         let number = text[..end].parse().unwrap_or(0.0);
         text = &text[end..];

@@ -203,8 +203,9 @@ fn visible(
 fn uncovered(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec<Item> {
     let [left, bottom, right, top] = bounds_of(items.iter().map(|(.., item)| item));
     let mut front = Front::new((right - left).max(top - bottom), budget);
-    let mut seen = Vec::new();
+    let mut visible_items = Vec::new();
     while let Some((element, reach, item)) = items.pop() {
+        // From the front to the back, each item is compared with those before.
         let (lines, color) = match &item {
             Item::Whole(path, color) => {
                 (polylines(path, FLATNESS * size, MAX_POINTS).map(crate::vector::pairs), *color)
@@ -212,14 +213,15 @@ fn uncovered(mut items: Vec<Reaching>, Scale { size, budget }: Scale<'_>) -> Vec
             Item::Part(line, color) => (Some(vec![line.clone()]), *color),
         };
         match lines.and_then(|lines| front.uncovered(&lines, color, element, reach)) {
-            None => seen.push(item),
+            None => visible_items.push(item),
             Some(parts) => {
-                seen.extend(parts.into_iter().rev().map(|(line, color)| Item::Part(line, color)));
+                visible_items
+                    .extend(parts.into_iter().rev().map(|(line, color)| Item::Part(line, color)));
             }
         }
     }
-    seen.reverse();
-    seen
+    visible_items.reverse();
+    visible_items
 }
 
 /// The error of a file that is not a drawing, with the cause.
@@ -441,6 +443,7 @@ impl<'a> Walk<'a> {
         alpha: f64,
     ) -> Option<Painted> {
         let first = path.data().points().first().copied().unwrap_or_default();
+        // A sign stands for an element whose index is its y.
         if first.x == SIGN_X {
             self.signs_seen.insert(first.y as usize);
             return None;
