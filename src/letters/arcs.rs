@@ -63,8 +63,7 @@ pub(super) fn with_arcs(points: &[Point]) -> Vec<Point> {
     curve
 }
 
-/// The unit tangent at the end of the chord of an index. `None` at a corner and at the end of the
-/// run.
+/// The unit tangent at the end of a chord. `None` at a corner and at the end of the run.
 fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     let (chord, after) = (&chords[index], chords[index].neighbors[1]?);
     let next = &chords[after];
@@ -81,8 +80,7 @@ fn tangent(index: usize, chords: &[Chord], is_stem: &[bool]) -> Option<Vec2> {
     }
 }
 
-/// Adds the inner points of the cubic over a chord from the curve's last point, given the unit
-/// tangents at its ends.
+/// Adds the inner points of the cubic over the next chord, given the tangents at its ends.
 fn add_arc(curve: &mut Vec<Point>, chord: &Chord, (begin, end): (Vec2, Vec2)) {
     let from = curve[curve.len() - 1];
     let turns = [begin, end].map(|t| libm::acos(t.dot(chord.direction).clamp(-1.0, 1.0)));

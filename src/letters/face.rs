@@ -31,8 +31,7 @@ pub(super) trait Face {
         Fit::Proportional
     }
 
-    /// A letter with one more combining mark. `None` if the font lacks the mark, or shapes marks
-    /// itself.
+    /// A letter with another combining mark. `None` if the font lacks it, or shapes marks itself.
     fn with_mark(&self, _base: &Shape, _mark: char) -> Option<Arc<Shape>> {
         None
     }

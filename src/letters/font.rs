@@ -126,8 +126,7 @@ pub(super) fn is_shipped(name: &str) -> bool {
     FONTS.iter().any(|(shipped, _)| *shipped == name)
 }
 
-/// Where a font comes from by its name. No file is opened. The error for an unknown kind
-/// names the setting `key`.
+/// The source of a font by its name, without opening it. The error names the setting `key`.
 pub(super) fn check_name(key: &str, name: &str) -> Result<Kind> {
     if let Some((_, text)) = FONTS.iter().find(|(shipped, _)| *shipped == name) {
         return Ok(Kind::Shipped(text));

@@ -32,8 +32,7 @@ impl Fonts {
         self.0.iter().try_for_each(Font::check_work)
     }
 
-    /// Length of a stroke that a character lost when it was traced, in cap heights. `None` if it
-    /// lost none.
+    /// Length of a stroke that tracing a character lost, in cap heights. `None` if it lost none.
     pub(super) fn lost_length(&self, character: char) -> Option<f64> {
         let shape = self.0.iter().find(|font| font.face.has(character))?.face.shape(character)?;
         Some(shape.lost_length).filter(|length| *length > 0.0)
@@ -68,8 +67,7 @@ impl Fonts {
         parts.into_iter().map(|(font, part)| (&self.0[font], part)).collect()
     }
 
-    /// The parts of a line as they appear from left to right, each with true if it is read from
-    /// right to left.
+    /// The parts of a line from left to right, each with true if it is read from right to left.
     pub(super) fn in_visual_order(&self, line: &str) -> Vec<(Part<'_>, bool)> {
         let parts = self.parts(line);
         let mut ordered = Vec::new();

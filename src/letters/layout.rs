@@ -140,8 +140,7 @@ fn with_line_breaks(text: &str, n_breaks: usize) -> String {
     lines.join("\n")
 }
 
-/// The text with each letter that its font lacks replaced by its capital. Fails if the font lacks
-/// that, too.
+/// The text with letters that no font has replaced by their capitals. Fails without these, too.
 fn drawable(word: &str, fonts: &Fonts) -> Result<String> {
     let mut drawn = String::new();
     for (index, line) in word.split('\n').enumerate() {
@@ -294,8 +293,7 @@ fn cells(line: &str, fonts: &Fonts, options: &LetterOptions) -> Vec<Placed> {
     cells
 }
 
-/// The characters of a part of a line in one font, placed from its beginning on, and the end of the
-/// part.
+/// The characters of a part of a line in one font, placed from its beginning on, and its end.
 fn cells_in(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     if is_shaped(line)
         && let Some(letters) = font.face.shaped_line(line, SPACE)
@@ -343,8 +341,7 @@ fn boxes(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64)
     (cells, end_m)
 }
 
-/// The characters of a part that keep their proportions, each at the advance of the one before it,
-/// and the end of the part.
+/// The characters of a part side by side by their advances and kerning, and the end of the part.
 fn advances(line: &str, font: &Font, options: &LetterOptions) -> (Vec<Placed>, f64) {
     let size_m = options.cap_height_m;
     let (mut pen, mut base_pen, mut previous) = (0.0, 0.0, None);

@@ -58,8 +58,7 @@ pub(super) enum Unset {
     TooLarge(usize, usize),
 }
 
-/// The glyphs of a line from left to right with their places. `space` is the advance between two
-/// words in font units.
+/// The placed glyphs of a line from left to right. `space` is the advance between two words.
 #[cfg(not(target_family = "wasm"))]
 pub(super) fn shape_line(face: &Font, line: &str, space: i32) -> Result<Vec<Placed>, Unset> {
     let face = ShaperFont::new(face);

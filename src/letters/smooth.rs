@@ -32,8 +32,7 @@ pub(super) fn smooth(line: &[[f64; 2]], spacing: f64, error: f64) -> Vec<[f64; 2
     even
 }
 
-/// Points evenly along a line, at most `spacing` apart, both ends included, unless these would be
-/// more than [`MAX_POINTS`].
+/// Even points along a line with both ends, at most `spacing` apart, up to [`MAX_POINTS`] pieces.
 pub(super) fn evenly(line: &[[f64; 2]], spacing: f64) -> Vec<[f64; 2]> {
     let along = arc_lengths(line);
     let (Some(&length), Some(&last)) = (along.last(), line.last()) else { return Vec::new() };

@@ -27,8 +27,7 @@ pub(super) fn are_strokes(outlines: &[BezPath]) -> bool {
     2 * outlines.iter().filter(has_thin).count() > outlines.len()
 }
 
-/// True if a contour has hardly any area when it is closed: its mean width is twice its area by
-/// its length.
+/// True if a contour, closed, has hardly any mean width: twice its area by its length.
 fn is_thin(contour: &BezPath) -> bool {
     let mut closed = contour.clone();
     closed.close_path();
@@ -37,8 +36,7 @@ fn is_thin(contour: &BezPath) -> bool {
     length > 0.0 && 2.0 * area <= THIN * length * bounds.width().max(bounds.height())
 }
 
-/// The strokes of a path, one polyline for each contour. `None` if they have more than
-/// `max_points`.
+/// The strokes of a path, one for each contour. `None` if they have more than `max_points`.
 pub(super) fn strokes(path: &BezPath, tolerance: f64, max_points: usize) -> Option<Lines> {
     let mut strokes = Lines::new();
     let mut n_points_left = max_points;
@@ -63,8 +61,7 @@ fn contours(path: &BezPath) -> impl Iterator<Item = BezPath> {
     contours.filter(|contour| contour.elements().len() > 1)
 }
 
-/// The half of a line that runs there and back along itself, from one of its two turns to the
-/// other. Any other line stays.
+/// The half of a line that runs there and back, between its two turns. Any other line stays.
 fn without_return(line: Vec<Point>) -> Vec<Point> {
     // The points in a circle, each once.
     let mut cycle = line.clone();

@@ -113,8 +113,7 @@ impl Typeface {
         Ok(typeface)
     }
 
-    /// The outline of a capital, or of the first character in a face without letters, such as
-    /// emoji.
+    /// The outline of a capital, or of the first character in a face without letters (emoji).
     fn known_outline(&self) -> Option<BezPath> {
         let mut candidates = CAPITALS.chars().chain(self.characters().take(MAX_SEARCHED));
         candidates.find_map(|character| self.outline(character))
@@ -273,8 +272,7 @@ impl Typeface {
         f64::from(units) / self.cap / (1.0 - 2.0 * self.half_width)
     }
 
-    /// The contours of glyphs in cap heights, not repeating their first points. `None` if there are
-    /// none, or too many points.
+    /// The contours of glyphs in cap heights. `None` if there are none, or too many points.
     fn contours(&self, parts: &[Part], budget: &Budget) -> Option<Vec<Contour>> {
         let mut contours = pairs(polylines(&self.path(parts, budget)?, FLATNESS, MAX_POINTS)?);
         for contour in &mut contours {

@@ -59,8 +59,7 @@ pub fn corrected(plan: &Plan, flight: &Flight, inverse: &[Inverse<'_>; 3]) -> Pl
     })
 }
 
-/// The plan with a mean error `flown − design` of earlier flights subtracted from the positions
-/// that are sent.
+/// The plan with a mean error `flown − design` subtracted from the positions that are sent.
 pub fn offset(plan: &Plan, mean_error_m: Vector3<f64>) -> Plan {
     sending(plan, |row| plan.sent_m(row) - mean_error_m)
 }

@@ -90,8 +90,7 @@ struct Assignment {
 }
 
 impl Assignment {
-    /// The assignment that ends first. `None` if the drones cannot keep apart. Fails for too many
-    /// strokes.
+    /// The assignment that ends first. `None` if the drones cannot keep apart.
     fn new(
         strokes: &Strokes,
         whole_letters: bool,
@@ -220,8 +219,7 @@ struct Conflicts<'a> {
 }
 
 impl Conflicts<'_> {
-    /// True if two drones that start so come too close, from the cache or by comparing their
-    /// tracks.
+    /// True if two drones that start so come too close to each other.
     fn has(&mut self, (a, start_a): (usize, Start), (b, start_b): (usize, Start)) -> bool {
         let [track_a, track_b] = [(a, start_a), (b, start_b)]
             .map(|(drone, start)| &self.routes[drone][start.route].track);

@@ -31,8 +31,7 @@ impl LampTiming {
         (light_s - 0.5 * self.tick_s - self.delay_s).max(0.0)
     }
 
-    /// The time at which a command that is sent at a time changes the light: the next tick after it
-    /// arrives.
+    /// The time at which a command changes the light: the next tick after it arrives.
     pub(super) fn light_s(&self, sent_s: f64) -> f64 {
         let arrives_s = sent_s + self.delay_s;
         if self.tick_s == 0.0 {

@@ -71,8 +71,7 @@ pub fn plan(strokes: &Strokes, options: &PlanOptions) -> Result<Plan> {
     Ok(adjusted(plan, options))
 }
 
-/// The plan with the heading of the options, on the clock that will pace it, with the mean error of
-/// earlier flights subtracted.
+/// The plan with the heading, the clock and the mean error of the options applied.
 fn adjusted(mut plan: Plan, options: &PlanOptions) -> Plan {
     if plan.yaw_rad != options.yaw_rad {
         plan.edit(|plan| plan.yaw_rad = options.yaw_rad);

@@ -94,8 +94,7 @@ fn logged(flight: &Flight) -> Vec<(Setpoint, usize)> {
     (0..=last).filter(sent).map(|row| (setpoint(row), row)).collect()
 }
 
-/// Median distance and median speed from one setpoint to the next, without those that do not move.
-/// Zeros if none moves.
+/// Medians of the distance and speed from one setpoint to the next that moves, or zeros.
 fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     let steps = logged.windows(2).map(|pair| step(&pair[0].0, &pair[1].0));
     let moves = steps.filter(|[length_m, lasts_s]| *length_m > 0.0 && *lasts_s > 0.0);

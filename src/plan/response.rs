@@ -117,8 +117,8 @@ impl Inverse<'_> {
         times_s.take_while(move |time_s| step_s > 0.0 && *time_s <= until_s)
     }
 
-    /// Sets `weights` to those of the inputs in the output at a time, a row of W. Returns the index
-    /// of the first of these inputs.
+    /// Sets `weights` to a row of W for an output's time. Returns the index of the first input in
+    /// it.
     #[inline(always)]
     fn weigh(&self, time_s: f64, weights: &mut Vec<f64>) -> usize {
         let Self { response, settled_s, times_s, .. } = self;

@@ -87,8 +87,7 @@ impl Corners {
         Self { distances_m, turn }
     }
 
-    /// The greatest speed at each corner: slowed in steps until no group of near corners turns the
-    /// velocity too far.
+    /// The greatest speed at each corner, so that no near corners turn the velocity too far.
     fn caps_m_s(&self, fastest_m_s: f64, smoothing: &Smoothing) -> Vec<f64> {
         let n = self.distances_m.len();
         let mut caps_m_s = vec![fastest_m_s; n];

@@ -126,8 +126,7 @@ impl<'a> Aligned<'a> {
         self.interpolated_m(self.samples.partition_point(|sample| sample.time_s <= time_s), time_s)
     }
 
-    /// Position at a time, without the mean error, interpolated between the sample before `next`
-    /// and this one.
+    /// Position at a time without the mean error, between the sample before `next` and this one.
     fn interpolated_m(&self, next: usize, time_s: f64) -> Vector3<f64> {
         let (before, after) = (next.max(1) - 1, next.min(self.samples.len() - 1));
         let [a, b] = [&self.samples[before], &self.samples[after]];

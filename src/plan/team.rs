@@ -100,8 +100,7 @@ impl Script<'_> {
         self.send(Vector3::zeros(), Vector3::zeros(), false);
     }
 
-    /// Flies a straight segment at the stroke speed. A short lit one takes as long as a dot, and
-    /// one without length no time.
+    /// Flies a straight segment at the stroke speed. A short lit one takes as long as a dot.
     fn fly(&mut self, from: Vector3<f64>, to: Vector3<f64>, lit: bool) {
         let (length_m, speed_m_s) = ((to - from).norm(), self.options.stroke_speed_m_s);
         if length_m > 0.0 {

@@ -73,8 +73,7 @@ impl Branch {
     /// that begins at the first point kept.
     pub(super) fn trim(&mut self, branch: usize, tail: bool, radius: f64) -> Arm {
         self.turn(tail);
-        // The disc of a junction bulges: the branch is used from where its radius has settled, but
-        // from no later than a limit.
+        // The disc of a junction bulges: the branch is used from where its radius has settled.
         let along = arc_lengths(&self.points);
         let n = self.points.len();
         let length = along[n - 1];
@@ -96,8 +95,7 @@ impl Branch {
         Arm { branch, tail, from, away, radius: median_radius }
     }
 
-    /// Turns a branch about its other end, so that it leads to `to` instead of `from`. A branch
-    /// that is not straight stays.
+    /// Turns a straight branch about its other end, so that it leads to `to`, not `from`.
     pub(super) fn aim(&mut self, tail: bool, from: [f64; 2], to: [f64; 2]) {
         self.turn(tail);
         let along = arc_lengths(&[&[from][..], &self.points].concat());

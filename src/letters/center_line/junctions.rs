@@ -86,8 +86,7 @@ fn root(cluster_of: &[usize], mut node: usize) -> usize {
     node
 }
 
-/// The cluster of nearby junctions of each node, named by its smallest node, and true for each path
-/// within a cluster.
+/// The smallest node of each node's cluster of junctions, and true for each path within one.
 fn clusters(axis: &Axis, paths: &[Path]) -> (Vec<usize>, Vec<bool>) {
     let mut cluster_of: Vec<usize> = (0..axis.middles.len()).collect();
     let mut is_inner = vec![false; paths.len()];
@@ -243,8 +242,7 @@ fn crossing(arms: &[Arm]) -> Option<[f64; 2]> {
     (determinant > PARALLEL).then(|| [(c * d - b * e) / determinant, (a * e - b * d) / determinant])
 }
 
-/// The point where an arm, extended straight through the junction, first meets a line. `None` if it
-/// meets none.
+/// The point where an arm, extended straight, first meets a line. `None` if it does not.
 fn first_hit(arm: &Arm, line: &[[f64; 2]]) -> Option<[f64; 2]> {
     let onward = arm.away.map(|x| -x);
     let hits = segments(line).filter_map(|[from, to]| {

@@ -100,8 +100,7 @@ pub(super) fn center_lines(contours: &[Contour], budget: &Budget) -> CenterLines
     CenterLines { lines, half_width, thickest, lost_length }
 }
 
-/// Replaces the lines in a connected part of the axis by a dot if the part is a blob: its axis is
-/// short for its greatest radius.
+/// Replaces the lines in a connected part of the axis that is short for its radius by a dot.
 fn replace_blob(
     part: &[usize],
     axis: &Axis,
@@ -139,8 +138,7 @@ pub(super) fn dot([x, y]: [f64; 2], length: f64) -> Vec<[f64; 2]> {
     vec![[x, y + 0.5 * length], [x, y - 0.5 * length]]
 }
 
-/// Length of the longest connected part of the unpruned axis whose discs no line enters, or 0 if it
-/// is too short for a stroke.
+/// Length of the longest part of the axis whose discs no line enters, or 0 if that is short.
 fn lost_length(
     axis: &Axis,
     unpruned: &[Vec<usize>],
@@ -182,8 +180,7 @@ fn parts(neighbors: &[Vec<usize>]) -> Vec<Vec<usize>> {
     parts
 }
 
-/// A line of knots smoothed between its corners and simplified, or its beginning once the budget is
-/// spent.
+/// A line smoothed between its corners and simplified, or its beginning beyond the budget.
 fn fit(line: &[Knot], budget: &Budget) -> Vec<[f64; 2]> {
     let closed = line.len() > 3 && line[0].position == line[line.len() - 1].position;
     let mut line = line.to_vec();

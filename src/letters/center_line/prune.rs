@@ -47,8 +47,7 @@ const HEADING: f64 = 2.5;
 const CROTCH: f64 = 0.26;
 const ASKEW: f64 = 0.2;
 
-/// Cuts off all spurs. Returns true for each node that lost a spur into a corner: the line bends
-/// there.
+/// Cuts off all spurs. Returns true for each node at which a line bends: its spur is a corner's.
 pub(super) fn prune(axis: &mut Axis, budget: &Budget) -> Vec<bool> {
     let mut bends = vec![false; axis.middles.len()];
     // Ripples first, since they split branches. Each kind is cut until none is left.
@@ -68,8 +67,7 @@ fn spend_walks(axis: &Axis, budget: &Budget) -> bool {
     budget.spend_steps(STEPS_PER_NODE * (axis.middles.len() + 10 * ends.count()))
 }
 
-/// Cuts off the ends of paths that taper into a corner without a fork, up to where the path is
-/// about as wide as usual.
+/// Cuts off the tapering ends of paths, up to where a path is about as wide as usual.
 fn cut_tips(axis: &mut Axis) {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let tips = ends.filter_map(|end| {
@@ -86,8 +84,7 @@ fn cut_tips(axis: &mut Axis) {
     }
 }
 
-/// Cuts off, all at once, the paths from a junction to a loose end that are `unwanted`. Returns
-/// true if there were any.
+/// Cuts off the unwanted paths from a junction to a loose end. Returns true if there were any.
 fn cut_spurs(axis: &mut Axis, bends: &mut [bool], unwanted: impl Fn(&Axis, &Path) -> bool) -> bool {
     let ends = (0..axis.middles.len()).filter(|node| axis.degree(*node) == 1);
     let spurs = Vec::from_iter(ends.filter_map(|end| {
@@ -116,8 +113,7 @@ fn is_spur(axis: &Axis, spur: &Path) -> bool {
     is_corner && (end < POINTED * root || protrusion < ARM) || protrusion < BLUNT
 }
 
-/// True for a stub: a short spur between the crotch of two arms and the tip above it, in the
-/// direction opposite to both.
+/// True for a stub: a short spur from the crotch of two arms to the tip above it.
 fn is_stub(axis: &Axis, spur: &Path) -> bool {
     let (root, radius) = (spur[0], axis.radii[spur[0]]);
     let tip = spur[spur.len() - 1];

@@ -109,8 +109,7 @@ impl<'a> Patch<'a> {
             && gap < GAP * height_a.max(height_b)
     }
 
-    /// True if the patch is a letter beside others, of which at least one is surely written: it is
-    /// a single stroke of a pen.
+    /// True if the patch is a letter beside others, of which one is surely a stroke of a pen.
     fn is_letter(&self, patches: &[Self]) -> bool {
         let is_beside = |other: &&Self| !std::ptr::eq(self, *other) && self.is_beside(other);
         let mut beside = patches.iter().filter(is_beside).peekable();

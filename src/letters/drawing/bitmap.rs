@@ -189,8 +189,7 @@ fn upright(bytes: &[u8], budget: &Budget, file: &str) -> Result<(RgbImage, f64)>
     Ok((picture, file_scale))
 }
 
-/// Refuses a file of an unsupported kind by its first bytes: phones and programs give files the
-/// ending of another kind.
+/// Fails for an unsupported kind of file by its first bytes, whatever the ending of its name.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
     if bytes.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp")) {
         return Err(super::foreign("heic", file));
@@ -268,8 +267,7 @@ fn without_checkerboard(picture: &mut RgbImage) -> bool {
     true
 }
 
-/// The two most frequent grays of a picture. `None` unless they cover half of it, and the second
-/// one a fifth.
+/// The two most frequent grays, if they cover half of a picture and the second one a fifth.
 fn two_grays(picture: &RgbImage) -> Option<[u8; 2]> {
     let mut counts = [0_usize; 256];
     for [r, g, b] in picture.pixels().map(|pixel| pixel.0) {

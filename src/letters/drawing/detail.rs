@@ -60,8 +60,7 @@ pub(super) fn reduced(
     Ok((lines, LeftOut { strokes: short.len(), share: dropped_fraction }))
 }
 
-/// The lines, with those of one color joined whose ends are nearer than `gap` and which continue in
-/// the same direction.
+/// The lines, with those joined that continue each other in one color over less than `gap`.
 fn joined(lines: Vec<ColoredLine>, gap: f64) -> Vec<ColoredLine> {
     let mut remaining: Vec<Option<ColoredLine>> = lines.into_iter().map(Some).collect();
     let mut joined = Vec::new();

@@ -85,8 +85,7 @@ enum Upward {
     Up,
 }
 
-/// The strokes of a file, and its canvas: left, bottom, right, top. Fails for anything that is not
-/// handwriting.
+/// The strokes of a file, and its canvas: left, bottom, right, top. Fails if it is malformed.
 fn read(text: &str, file: &str) -> Result<(Vec<Written>, Option<[f64; 4]>)> {
     let page: Page = serde_json::from_str(text).map_err(|broken| {
         let place = format!("{file}:{}:{}", broken.line(), broken.column());
@@ -136,8 +135,7 @@ impl Page {
         }
     }
 
-    /// The canvas with y up, if the page has one: left, bottom, right, top. Fails for one without
-    /// an extent, or too large.
+    /// The canvas, if any: left, bottom, right, top. Fails if it has no extent, or is too large.
     fn canvas(&self, file: &str) -> Result<Option<[f64; 4]>> {
         let canvas = self.canvas.map(|[left, top, right, bottom]| {
             let [bottom, top] = [self.sign() * bottom, self.sign() * top];
@@ -271,8 +269,7 @@ fn smoothed(
     (kept.iter().map(|index| points[*index]).collect(), times_s)
 }
 
-/// The time at a length along a line, given the arc lengths and times of its points: linear between
-/// two points.
+/// The time at a length along a line, interpolated between the times of its points.
 fn time_along_s(length_m: f64, arc_lengths_m: &[f64], times_s: &[f64]) -> f64 {
     let next = arc_lengths_m.partition_point(|s| *s < length_m).clamp(1, arc_lengths_m.len() - 1);
     let (from, to) = (arc_lengths_m[next - 1], arc_lengths_m[next]);

@@ -102,8 +102,7 @@ impl Field {
         if has_glare { Self::on_paper(picture, None) } else { Some(field) }
     }
 
-    /// The ink on paper of one color, or in a photograph (`None`). `None` if nothing differs from
-    /// the paper.
+    /// The ink on paper of one color, or in a photograph without one. `None` if there is none.
     fn on_paper(picture: &RgbImage, paper: Option<[f64; CHANNELS]>) -> Option<Self> {
         let (width, height) = (picture.width() as usize + 2, picture.height() as usize + 2);
         let (contrast, color) = match paper {
@@ -180,8 +179,7 @@ fn channels(picture: &RgbImage, is_negative: bool) -> [Vec<f64>; CHANNELS] {
     })
 }
 
-/// The color of the paper, if most of the picture's edge and some of the whole picture have one
-/// color. `None` otherwise.
+/// The color of the paper, if most of the picture's edge and some of the picture have one color.
 fn even_paper(picture: &RgbImage) -> Option<[f64; CHANNELS]> {
     let edge: Vec<_> = edge_pixels(picture).map(|color| color.map(f64::from)).collect();
     let paper = [0, 1, 2].map(|c| quantile(edge.iter().map(|color| color[c]), 0.5));
@@ -307,8 +305,7 @@ fn median_change(contrast: &[f64], width: usize) -> f64 {
     quantile(pairs.map(|(a, b)| 4000.0 * (a - b).abs()), 0.5) / 4000.0
 }
 
-/// True if more than [`SOFT_EDGES`] of the edges at a contrast are soft. `levels` are the greatest
-/// contrasts around each pixel.
+/// True if many of the edges are soft. `levels` are the greatest contrasts around each pixel.
 fn has_soft_edges(contrast: &[f64], levels: &[f64], width: usize, least: f64) -> bool {
     let weakest = extremes(contrast, width, NEAR, f64::min);
     let edges = (width..contrast.len()).filter(|pixel| {

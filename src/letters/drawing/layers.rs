@@ -83,8 +83,7 @@ pub(super) struct Scale<'a> {
 }
 
 impl<'a> Scale<'a> {
-    /// The area of a path, flattened. Empty if the path has too many points, or the budget is
-    /// spent.
+    /// The area of a path. Empty if it has too many points, or the budget is spent.
     pub(super) fn area(self, path: &BezPath, even_odd: bool) -> Area<'a> {
         let Self { size, budget } = self;
         let max_points = if budget.spend_steps(1) { MAX_POINTS } else { 0 };

@@ -15,15 +15,13 @@ pub(super) fn softened(values: &[f64], width: usize) -> Vec<f64> {
     values
 }
 
-/// The morphological closing of values: it removes dark marks narrower than `steps` to both sides,
-/// and keeps edges.
+/// The morphological closing, which removes dark marks narrower than `steps` to both sides.
 pub(super) fn closed(values: &[f64], width: usize, steps: usize) -> Vec<f64> {
     let brightest = extremes(values, width, steps, f64::max);
     extremes(&brightest, width, steps, f64::min)
 }
 
-/// The extreme around each pixel in a square of `steps` to both sides (van Herk, Pattern
-/// Recognition Letters 13, 1992).
+/// The extreme in a square of `steps` around each pixel (van Herk, Pattern Recogn. Lett. 13, 1992).
 pub(super) fn extremes(
     values: &[f64],
     width: usize,

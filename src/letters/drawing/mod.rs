@@ -248,8 +248,7 @@ struct Placing {
 }
 
 impl Placing {
-    /// The placing of a drawing with these bounds on the canvas of the options. Fails if the
-    /// drawing has no extent.
+    /// Places a drawing with these bounds on the canvas. Fails if it has no extent.
     fn new(bounds: [f64; 4], options: &LetterOptions, file: &str) -> Result<Self> {
         let [left, bottom, right, top] = bounds;
         let canvas_m = options.canvas_m.unwrap_or(CANVAS.map(|side| side * options.cap_height_m));

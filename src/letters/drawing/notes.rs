@@ -159,8 +159,7 @@ impl<'a, 'input> Notes<'a, '_, 'input> {
         node.children().filter(Node::is_element).try_for_each(|child| self.element(child))
     }
 
-    /// Removes the id of an element unless it is the first with this id: browsers refer to the
-    /// first, usvg to the last.
+    /// Removes an id after its first element: browsers refer to the first one, usvg to the last.
     fn only_first(&mut self, node: Node<'a, 'input>) {
         let Some(id) = node.attribute_node("id").filter(|_| !self.styles.is_first(node)) else {
             return;

@@ -199,9 +199,8 @@ impl<'a> Front<'a> {
     }
 }
 
-/// The visible parts of a line from its stretches. A short stretch takes the state of its
-/// neighbors: a stroke that only crosses hides nothing, and a gap between two covered stretches is
-/// no line.
+/// The visible parts of a line from its stretches. A stroke that only crosses hides nothing, and a
+/// short gap between two covered stretches is hidden.
 fn visible_parts(stretches: Vec<Stretch>, line: &[[f64; 2]], near: f64) -> Vec<Vec<[f64; 2]>> {
     let is_closed = is_closed(line);
     // First, short gaps between covered stretches are covered.

@@ -107,8 +107,7 @@ impl Field {
         contours
     }
 
-    /// The edges of the pixel grid between ink (values above 0) and paper, each with the next one
-    /// along its contour.
+    /// The edges of the pixel grid between ink (above 0) and paper, each with the next one.
     fn next_edges(&self, values: &[f64]) -> BTreeMap<GridEdge, GridEdge> {
         let (width, height) = (self.width, self.height);
         let mut next = BTreeMap::new();

@@ -39,8 +39,7 @@ pub(super) fn chosen<T>(
     Ok(kept)
 }
 
-/// All strokes in the file's coordinates, with the names of their colors. `in_file` maps points
-/// with y down.
+/// All strokes with the names of their colors. `in_file` maps points with y down to the file.
 pub(super) fn in_source<'a>(
     strokes: impl Iterator<Item = (&'a Vec<[f64; 2]>, Option<[u8; 3]>)>,
     in_file: impl Fn([f64; 2]) -> [f64; 2],

@@ -80,8 +80,7 @@ struct Counting<'a, 'b, 'input> {
 }
 
 impl<'a, 'input> Counting<'a, '_, 'input> {
-    /// The work of an element at a depth, and its number of levels of nested elements. The error is
-    /// the cause.
+    /// The work of an element at a depth, and its levels of nested elements. Fails with the cause.
     fn count(&mut self, node: Node<'a, 'input>, depth: usize) -> Result<(Work, usize), String> {
         let too_deep = format!("more than {MAX_DEPTH} elements within each other");
         match self.known.get(&node) {
@@ -123,8 +122,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         Ok([1.0, n_bytes as f64, n_vertices as f64, self.curves(node)?, steps])
     }
 
-    /// The elements within an element, and those that it refers to. None if its content is not
-    /// drawn.
+    /// The elements within an element, and those that it refers to, if its content is drawn.
     fn parts(&self, node: Node<'a, 'input>) -> Vec<Node<'a, 'input>> {
         let tag = node.tag_name().name();
         if has(FOREIGN, tag) || has(EMPTIED, tag) {
@@ -145,8 +143,7 @@ impl<'a, 'input> Counting<'a, '_, 'input> {
         (!is_paint || target.tag_name().name().ends_with("Gradient")).then_some(target)
     }
 
-    /// The sum of the absolute coordinates of an element's curves. The error is an attribute in a
-    /// unit of unknown size.
+    /// The sum of the absolute coordinates of an element's curves. Fails for lengths in em or ex.
     fn curves(&self, node: Node<'_, '_>) -> Result<f64, String> {
         let names: &[&str] = match node.tag_name().name() {
             "path" => &["d"],

@@ -103,8 +103,7 @@ pub(super) fn read(bytes: &[u8], file: &str) -> Result<Warned<Drawing>> {
     Ok(Warned { product: drawing, warnings })
 }
 
-/// Parses the XML of a drawing, after its work is taken off the budget: the parser compares names
-/// with each other.
+/// Parses the XML of a drawing, after its work is taken off the budget.
 fn parse_document<'text>(
     text: &'text str,
     budget: &Budget,
@@ -263,8 +262,7 @@ impl Drawing {
         bounds_of(self.items.iter())
     }
 
-    /// Polylines within a tolerance of the curves, with their colors. Fails if they have more than
-    /// [`MAX_POINTS`].
+    /// Polylines within a tolerance of the curves, with their colors. Fails for too many points.
     pub(super) fn flatten(&self, tolerance: f64, file: &str) -> Result<Vec<ColoredLine>> {
         let mut lines = Vec::new();
         let mut n_points_left = MAX_POINTS;

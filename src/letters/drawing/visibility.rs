@@ -315,8 +315,7 @@ impl<'a> Page<'a> {
         (parts, is_whole && one_color)
     }
 
-    /// A line in pieces of one color or hidden, as `look` sees their middles. `None` once the
-    /// budget is spent.
+    /// A line in pieces, each with its color at its middle. `None` once the budget is spent.
     fn pieces(
         &self,
         line: &[[f64; 2]],
@@ -420,8 +419,7 @@ impl<'a> Page<'a> {
         (color, top)
     }
 
-    /// True if a cut may cut something with these bounds. The page's edge does not if they are
-    /// within it.
+    /// True if a cut may cut something with these bounds: not a page's edge around them.
     fn may_cut(&self, cut: usize, [left, bottom, right, top]: [f64; 4]) -> bool {
         let Cut::Page(edge) = &self.cuts[cut] else { return true };
         let (page, slack) = (edge.bounds, BESIDE * self.scale.size);

@@ -160,8 +160,7 @@ fn as_read(drawn: &[PenStroke], speed_m_s: f64, style: &EvenStyle) -> Vec<PenStr
     along(drawn, if is_fast { read } else { shortest })
 }
 
-/// The tour with the least time in the dark, exact for few strokes. With `letters`, one letter is
-/// written after the other.
+/// The tour with the least time in the dark, exact for few strokes, letter by letter if given.
 fn shortest_tour(ways: &[Vec<Way>], style: &EvenStyle, letters: &[usize]) -> Vec<Visit> {
     if ways.len() <= EXACT_STROKES {
         let is_planned = ways.iter().map(Vec::len).sum::<usize>() <= MAX_PLANNED_WAYS;
@@ -189,8 +188,7 @@ impl Tour<'_> {
         &self.ways[visit.0][visit.1]
     }
 
-    /// Time of the transit between two strokes, or from or to the floor, with the cost of a step to
-    /// another letter.
+    /// Time of the transit between two strokes or the floor, with the cost of another letter.
     fn between_s(&self, from: Option<Visit>, to: Option<Visit>) -> f64 {
         let still = Vector2::zeros();
         match (from.map(|from| self.way(from)), to.map(|to| self.way(to))) {
@@ -326,8 +324,7 @@ impl Tour<'_> {
     }
 }
 
-/// Least time over a signed distance on one axis, from one velocity to another, with the speed and
-/// the acceleration limited.
+/// Least time over a distance on an axis from one velocity to another, within limits.
 fn axis_s(path_m: f64, from_m_s: f64, to_m_s: f64, speed_m_s: f64, limit_m_s2: f64) -> f64 {
     // Turned so that the acceleration comes before the braking.
     let direct_m = 0.5 * (from_m_s + to_m_s) * (to_m_s - from_m_s).abs() / limit_m_s2;
