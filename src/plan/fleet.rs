@@ -223,9 +223,10 @@ impl Conflicts<'_> {
     fn has(&mut self, (a, start_a): (usize, Start), (b, start_b): (usize, Start)) -> bool {
         let [track_a, track_b] = [(a, start_a), (b, start_b)]
             .map(|(drone, start)| &self.routes[drone][start.route].track);
-        let n = [track_a, track_b].map(|track| track.places.len());
+        let n_steps = [track_a, track_b].map(|track| track.places.len());
         // Only the delay between the starts counts, up to where one starts after the other landed.
-        let offset = (start_a.delay + n[0]).saturating_sub(start_b.delay).min(n[0] + n[1]);
+        let offset = (start_a.delay + n_steps[0]).saturating_sub(start_b.delay);
+        let offset = offset.min(n_steps[0] + n_steps[1]);
         let left = &mut self.n_comparisons_left;
         let meet = || track_a.meets(start_a.delay, track_b, start_b.delay, left);
         *self.cache.entry([a, start_a.route, b, start_b.route, offset]).or_insert_with(meet)

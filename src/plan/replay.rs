@@ -103,14 +103,14 @@ fn median_step(logged: &[(Setpoint, usize)]) -> [f64; 2] {
     [lengths, speeds].map(|values| median(values).unwrap_or(0.0))
 }
 
-/// Number of setpoints lost between two that follow each other in the log.
+/// Number of setpoints that the log lost between two, given the median distance and speed.
 fn lost_between(from: &Setpoint, to: &Setpoint, [median_m, median_m_s]: [f64; 2]) -> u32 {
     let [length_m, lasts_s] = step(from, to);
     let steps = length_m / median_m;
     let at_speed = LOST_SPEED.contains(&(length_m / (lasts_s * median_m_s)));
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
-    let n = if steps >= LOST_STEPS && at_speed { steps.round() as u32 - 1 } else { 0 };
-    n
+    let n_lost = if steps >= LOST_STEPS && at_speed { steps.round() as u32 - 1 } else { 0 };
+    n_lost
 }
 
 /// Distance and time from one setpoint to the next.

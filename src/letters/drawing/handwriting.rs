@@ -195,7 +195,7 @@ fn write(
     let points = traces.iter().flat_map(|(_, trace)| trace.points.iter().copied());
     let bounds = canvas.filter(|_| n_points > 0).unwrap_or_else(|| bounds(points));
     let placing = Placing::new(bounds, options, file)?;
-    let (mut glyphs, mut colors, mut lasts_s) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut glyphs, mut colors, mut durations_s) = (Vec::new(), Vec::new(), Vec::new());
     let mut numbers = Vec::new();
     for (number, trace) in &traces {
         numbers.push(placing.label(*number, &trace.points));
@@ -210,24 +210,24 @@ fn write(
         // Segments without length are no moves, and have no duration.
         let moved = points.windows(2).map(|ends| ends[0] != ends[1]);
         let segments_s = times_s.windows(2).map(|t| t[1] - t[0]).zip(moved);
-        lasts_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
+        durations_s.extend(segments_s.filter_map(|(segment_s, moved)| moved.then_some(segment_s)));
         let points = points.into_iter().map(point).collect();
         glyphs.last_mut().expect("one was begun").push(Run { lit: true, points });
     }
     let mut strokes = StrokesData { colors, numbers, ..placing.strokes(glyphs, StrokeOrder::Kept) };
     if options.pace == Pace::Written {
-        set_pace(&mut strokes, &lasts_s);
+        set_pace(&mut strokes, &durations_s);
     }
     Ok(strokes)
 }
 
 /// Gives lit moves the pace of the writer's pen, as a fraction of its mean speed, from the duration
 /// of each. Without durations it does nothing.
-fn set_pace(strokes: &mut StrokesData, lasts_s: &[f64]) {
+fn set_pace(strokes: &mut StrokesData, durations_s: &[f64]) {
     let lit = strokes.glyphs.iter_mut().flat_map(|glyph| &mut glyph.moves).filter(|step| step.lit);
-    let timed: Vec<(&mut Move, f64)> = lit.zip(lasts_s.iter().copied()).collect();
+    let timed: Vec<(&mut Move, f64)> = lit.zip(durations_s.iter().copied()).collect();
     let length_m: f64 = timed.iter().map(|(step, _)| distance(step.from_m, step.to_m)).sum();
-    let mean_m_s = length_m / lasts_s.iter().sum::<f64>();
+    let mean_m_s = length_m / durations_s.iter().sum::<f64>();
     for (step, segment_s) in timed.into_iter().filter(|(_, segment_s)| *segment_s > 0.0) {
         let segment_m = distance(step.from_m, step.to_m);
         step.pace = (segment_m / segment_s / mean_m_s).clamp(SLOWEST, 1.0);

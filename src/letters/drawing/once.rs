@@ -27,6 +27,9 @@ const CROSSING: f64 = 6.0;
 const STEPS_PER_CELL: usize = 20;
 const STEPS_PER_PIECE: usize = 8;
 
+/// Slack of a piece's ends, as a fraction of its length, for rounding.
+const END_SLACK: f64 = 1e-6;
+
 /// Halvings that find where a line goes under another.
 const HALVINGS: usize = 5;
 
@@ -155,7 +158,7 @@ impl<'a> Front<'a> {
         // The place is projected onto the piece.
         let along = minus(ends[1], ends[0]);
         let fraction = dot(minus(place, ends[0]), along) / dot(along, along);
-        let is_beside = (-1e-6..=1.0 + 1e-6).contains(&fraction);
+        let is_beside = (-END_SLACK..=1.0 + END_SLACK).contains(&fraction);
         let [length, other_length] = [along, direction].map(|[x, y]| libm::hypot(x, y));
         let is_crossed =
             reach <= self.near && cross(along, direction).abs() > SLANT * length * other_length;

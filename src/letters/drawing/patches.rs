@@ -233,14 +233,14 @@ pub(super) fn without_specks(patches: Vec<Vec<Contour>>, side: f64) -> (Vec<Vec<
     let ink = |patch: &Vec<Contour>| patch.iter().map(|contour| area(contour)).sum::<f64>();
     let largest = patches.iter().max_by(|a, b| ink(a).total_cmp(&ink(b)));
     let width = largest.map_or(0.0, |patch| mean_stroke_width(patch));
-    let most = (SPECK[1] * width).min(SPECK[0] * side);
+    let max_side = (SPECK[1] * width).min(SPECK[0] * side);
     let total: f64 = patches.iter().map(ink).sum();
     let (specks, drawn): (Vec<_>, Vec<_>) = patches.into_iter().partition(|patch| {
         let [left, bottom, right, top] = bounds(patch[0].iter().copied());
-        (right - left).max(top - bottom) <= most
+        (right - left).max(top - bottom) <= max_side
     });
     let n_specks = specks.len();
-    // A drawing of dots has no specks: they have more than SPECKLED of the other patches' ink.
+    // A drawing of dots has no specks: `SPECKLED` is by the other patches' ink.
     if specks.iter().map(ink).sum::<f64>() > SPECKLED / (1.0 + SPECKLED) * total {
         return (drawn.into_iter().chain(specks).collect(), 0);
     }

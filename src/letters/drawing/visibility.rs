@@ -22,6 +22,9 @@ pub(super) const OPAQUE: f64 = 0.9;
 /// Difference of two colors in a channel, of 255, up to which they are one.
 const ALIKE: f64 = 3.0;
 
+/// Largest distance of two crossings that differ by rounding, by the page's larger side.
+const ROUNDING: f64 = 1e-6;
+
 /// Budget steps of a line's piece.
 const STEPS_PER_PIECE: usize = 20;
 
@@ -368,7 +371,7 @@ impl<'a> Page<'a> {
         fractions.sort_by(f64::total_cmp);
         // Crossings that differ by rounding are one.
         let length = distance(from, to);
-        fractions.dedup_by(|a, b| (*a - *b).abs() * length <= 1e-6 * self.scale.size);
+        fractions.dedup_by(|a, b| (*a - *b).abs() * length <= ROUNDING * self.scale.size);
         // A segment has two ends, however short it is.
         match &mut fractions[..] {
             [_] => fractions.push(1.0),
