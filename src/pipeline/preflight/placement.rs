@@ -177,7 +177,7 @@ struct RoomThing {
 /// Checks that stations, take-off marks and a fixed camera are inside the room. If they are not,
 /// the origin or the room is wrong, and so is the position of the flight.
 pub(super) fn check_frame(shoot: &Shoot, room_m: [f64; 3]) -> Diagnostic {
-    // Only what is farther outside than positions are measured is reported.
+    // Within the tolerance of measured positions, a thing counts as inside.
     let mut things = things_in_room(shoot);
     let n = things.len();
     things.retain(|thing| distance_outside_m(thing.position_m, room_m) > FRAME_M);
