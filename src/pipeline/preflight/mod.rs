@@ -81,7 +81,7 @@ pub fn preflight(shoot: &Shoot, profile: &Profile) -> Result<Preflight> {
 /// As [`preflight`]. An infeasible flight is an error in the list.
 pub fn fly_plans(shoot: &Shoot) -> Result<Vec<Result<Flight>>> {
     let drones = 0..shoot.plans.len();
-    if !shoot.in_step() {
+    if !shoot.is_one_simulation() {
         return Ok(drones.map(|drone| shoot.fly_drone(drone, &mut |_| {})).collect());
     }
     match shoot.fly(&|_, _| {}) {

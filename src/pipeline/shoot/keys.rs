@@ -67,9 +67,9 @@ impl Case {
     /// True if any product differs, the cheapest first, or if only one of both scenes fails.
     fn differs(&self, other: &Self) -> bool {
         self.scene.score != other.scene.score
-            || unlike(&self.shoot(), &other.shoot(), |a, b| a.plans != b.plans)
-            || unlike(self.flights(), other.flights(), |a, b| a != b)
-            || unlike(self.shot(), other.shot(), |a, b| {
+            || is_changed(&self.shoot(), &other.shoot(), |a, b| a.plans != b.plans)
+            || is_changed(self.flights(), other.flights(), |a, b| a != b)
+            || is_changed(self.shot(), other.shot(), |a, b| {
                 a.photo.rgb8 != b.photo.rgb8 || a.camera != b.camera
             })
     }

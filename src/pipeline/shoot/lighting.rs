@@ -43,7 +43,7 @@ impl Lighting {
 }
 
 /// Lamps of a scene. If it has no colors for its letters, they get those of its drawing.
-pub(super) fn in_ink(
+pub(super) fn in_drawing_colors(
     lamps: &LightOptions,
     scene: &Scene,
     strokes: Option<&Strokes>,
@@ -71,7 +71,7 @@ pub(super) fn in_ink(
 impl Shoot {
     /// The scene's lamps, in the colors of its drawing unless it has colors for its letters.
     pub fn lamps(&self) -> LightOptions {
-        in_ink(&self.scene.light, &self.scene, self.strokes.as_ref())
+        in_drawing_colors(&self.scene.light, &self.scene, self.strokes.as_ref())
     }
 
     /// Flies, or takes the recordings, and lights the lamps.
@@ -147,7 +147,7 @@ impl Shoot {
     /// Lights the lamps of one drone, counted from 0.
     pub fn light_drone(&self, drone: usize, flight: &Flight) -> Result<LightTrace> {
         let lamps = self.actual.get(drone).map_or(&self.scene.light, |actual| &actual.light);
-        let lamps = in_ink(lamps, &self.scene, self.strokes.as_ref());
+        let lamps = in_drawing_colors(lamps, &self.scene, self.strokes.as_ref());
         light(flight, &lamps, self.scene.seed, drone as u64)
     }
 

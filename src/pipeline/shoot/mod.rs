@@ -52,7 +52,7 @@ mod shot;
 mod written;
 
 pub use file::Format;
-pub use infer_lights::{infer_lights_if_dark, light_all_along};
+pub use infer_lights::{infer_lights_if_dark, light_while_airborne};
 pub use lighting::Lighting;
 pub use metering::{Metered, recommended};
 use planned::plan;
@@ -163,7 +163,7 @@ impl Recording {
 
 /// Moves flights in time, all by the same, so that the first one begins at 0. A light trace has the
 /// clock of the exposure, so flights beside it are not moved.
-fn from_zero(recordings: &mut [Recording]) {
+fn start_at_zero(recordings: &mut [Recording]) {
     let flights = recordings.iter_mut().map(|recording| match recording {
         Recording::Flight(flight) => Some(flight),
         Recording::Light(_) => None,
@@ -243,7 +243,7 @@ impl Shoot {
             return Err(Error::input("plans", actual, wanted, "name fewer plans at a time"));
         }
         let strokes = scene.has_strokes().then(|| scene.strokes()).transpose()?;
-        let (scene, strokes) = written::as_written(scene, strokes, &plans)?;
+        let (scene, strokes) = written::fit_to_plans(scene, strokes, &plans)?;
         let plans = plans.into_iter().map(|plan| Planned { plan, ends: Vec::new() }).collect();
         Ok(Self { scene, strokes, plans, keeps_film: true, ..Self::default() })
     }
@@ -252,7 +252,7 @@ impl Shoot {
     /// with the first of them. Without a word in the scene the photo is not read.
     pub fn with_recordings(scene: Scene, mut recordings: Vec<Recording>) -> Result<Self> {
         Self::check_recordings(&recordings)?;
-        from_zero(&mut recordings);
+        start_at_zero(&mut recordings);
         Ok(Self { recordings, ..Self::with_plans(scene, Vec::new())? })
     }
 
@@ -284,7 +284,7 @@ impl Shoot {
     /// As [`noctograph_sim::fly`], of the first drone that fails.
     pub fn fly(&self, watch: &Watch<'_>) -> Result<Vec<Flight>> {
         let n = self.plans.len();
-        if self.in_step() {
+        if self.is_one_simulation() {
             let believed = self.scene.sim();
             let plans = self.plans.iter().enumerate();
             let fleet = plans.map(|(drone, planned)| (&planned.plan, self.drone(drone, &believed)));
@@ -306,7 +306,7 @@ impl Shoot {
     }
 
     /// True if the drones hear each other, or fly through each other's downwash.
-    pub(crate) fn in_step(&self) -> bool {
+    pub(crate) fn is_one_simulation(&self) -> bool {
         self.plans.len() > 1
             && (self.scene.observer.kind == EstimatorKind::Cooperative
                 || !self.downwash_pairs().is_empty())

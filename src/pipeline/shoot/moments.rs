@@ -43,7 +43,7 @@ impl Shot {
             // The light since the last moment is added, and the room's light counts from the start.
             let until = Camera { shutter_close_s, ..camera.clone() };
             let since = Camera { shutter_open_s: time_s, ..until.clone() };
-            let lit = part(&self.trace, time_s, shutter_close_s);
+            let lit = samples_between(&self.trace, time_s, shutter_close_s);
             let latent = project(&lit, &since, expose)?.reflected_by(room.clone());
             let more = latent.at_scale(scale_log2)?.develop_on_all();
             film.edit(|film| {
@@ -59,7 +59,7 @@ impl Shot {
 }
 
 /// The samples of a span of time, with one before and one after it.
-fn part(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
+fn samples_between(trace: &LightTrace, from_s: f64, to_s: f64) -> LightTrace {
     let lamps = trace.lamps.iter().map(|lamp| {
         let first = lamp.samples.partition_point(|sample| sample.time_s < from_s);
         let last = lamp.samples.partition_point(|sample| sample.time_s <= to_s);

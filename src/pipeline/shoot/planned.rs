@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::lighting::in_ink;
+use super::lighting::in_drawing_colors;
 use super::step_responses;
 use crate::scene::Scene;
 use noctograph_core::error::{Error, Result};
@@ -40,7 +40,7 @@ pub(super) fn plan(
     strokes: &Strokes,
     check: &DesignCheck<'_>,
 ) -> Result<Vec<Planned>> {
-    let lamps = in_ink(&scene.light, scene, Some(strokes));
+    let lamps = in_drawing_colors(&scene.light, scene, Some(strokes));
     // 1. Designs, and beside them the step responses of the closed loop.
     let trajectory_clock = Some(scene.trajectory_clock());
     let options = PlanOptions { trajectory_clock, ..scene.plan.clone() };
@@ -56,11 +56,13 @@ pub(super) fn plan(
         // 2. The reference that the drone is sent.
         let plan = match &responses {
             None => design,
-            Some(responses) => led(scene, design, responses)?,
+            Some(responses) => leading_reference(scene, design, responses)?,
         };
         // 3. The light commands, which depend on the flight of that reference.
         match scene.plan.light_clock {
-            LightClock::Setpoint => Ok(Planned { plan: in_colors(plan, &lamps), ends: Vec::new() }),
+            LightClock::Setpoint => {
+                Ok(Planned { plan: with_color_channels(plan, &lamps), ends: Vec::new() })
+            }
             LightClock::Light => aim(scene, &lamps, &plan, &rehearse(scene, &plan)?),
         }
     });
@@ -72,7 +74,7 @@ pub(super) fn plan(
 /// The reference that leads the drone along a design: the design filtered by the inverse of the
 /// closed loop. Take-off, integrators and saturation are nonlinear, so a simulated rehearsal
 /// corrects it by the tracking error that remains.
-fn led(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
+fn leading_reference(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Plan> {
     check_cost(&design, responses)?;
     let inverse = inverse(&design, responses);
     let reference = match scene.controller.kind.follows_reference() {
@@ -89,7 +91,7 @@ fn led(scene: &Scene, design: Plan, responses: &[StepResponse; 3]) -> Result<Pla
 }
 
 /// Adds the channels of the colors of a lamp that writes letters in different colors.
-pub(super) fn in_colors(mut plan: Plan, light: &LightOptions) -> Plan {
+pub(super) fn with_color_channels(mut plan: Plan, light: &LightOptions) -> Plan {
     if light.letters_wrgb.is_empty() {
         return plan;
     }
@@ -156,7 +158,7 @@ pub fn aim(scene: &Scene, lamps: &LightOptions, plan: &Plan, flight: &Flight) ->
         false => Between::Held,
     };
     let (plan, ends) = time_lights(plan, flight, &lamp_timing(lamps), between)?;
-    Ok(Planned { plan: in_colors(plan, lamps), ends })
+    Ok(Planned { plan: with_color_channels(plan, lamps), ends })
 }
 
 /// Errors of the light at the strokes' ends in a flight of a plan.

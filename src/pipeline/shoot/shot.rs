@@ -152,7 +152,7 @@ impl Shoot {
         );
         let ((mut verdict, marks), file) = (read?, file?);
         // 3. An obstacle goes before the verdict on letters.
-        weigh(exposed, &mut problems, verdict.as_mut());
+        add_exposure_problem(exposed, &mut problems, verdict.as_mut());
         Ok(Shot {
             film: film.filter(|_| self.keeps_film),
             shoot: self,
@@ -232,7 +232,7 @@ impl Shoot {
 }
 
 /// Adds an obstacle of the exposure to the problems, and adapts the verdict to all obstacles.
-fn weigh(
+fn add_exposure_problem(
     exposed: Option<Diagnostic>,
     problems: &mut Vec<Diagnostic>,
     mut verdict: Option<&mut Verdict>,

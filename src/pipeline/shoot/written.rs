@@ -16,7 +16,7 @@ const SAME_SHAPE: f64 = 0.05;
 
 /// A scene with its letters in the size and place of plans of the same word, which may have been
 /// fitted to a room.
-pub(super) fn as_written(
+pub(super) fn fit_to_plans(
     mut scene: Scene,
     strokes: Option<Strokes>,
     plans: &[Plan],
