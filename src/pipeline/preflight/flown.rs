@@ -5,7 +5,7 @@ use super::{
     CAP_HEIGHT_M, GRAVITY_M_S2, Profile, at_time, cap_height_m, largest, platform, stop_if, warn_if,
 };
 use crate::scene::Scene;
-use crate::shoot::{CHECK_LIGHT, Shoot, ends};
+use crate::shoot::{CHECK_LIGHT, Shoot, stroke_end_errors};
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_core::flight::{BATTERY_V, Flight, FlightSample, SATURATED_S, saturated_s, warning};
@@ -49,7 +49,7 @@ pub(super) fn check_flight(
         None => shoot.light_drone(drone, flight)?,
     };
     let pieces = lit_pieces(flight, &trace, scene);
-    let ends = ends(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
+    let ends = stroke_end_errors(scene, &shoot.plans[drone].plan, flight).unwrap_or_default();
     let trail = picture.and_then(|picture| picture.trail(drone));
     Ok(vec![
         corridor(flight, scene, profile),
