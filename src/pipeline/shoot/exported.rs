@@ -91,7 +91,7 @@ fn extend_color(levels: &mut [f64], lit: &[f64], commanded: &[f64]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::planned::ends;
+    use super::super::planned::stroke_end_errors;
     use super::*;
     use crate::scene::{Preset, Scene};
     use noctograph_plan::StrokeEnd;
@@ -110,7 +110,7 @@ mod tests {
             let designs = shoot.designs();
             let flown = flown(release, &designs, form, within_m, Length::OnBoard).unwrap();
             let flight = rehearse(&shoot.scene, &flown[0]).unwrap();
-            let as_designed = ends(&shoot.scene, &flown[0], &flight).unwrap();
+            let as_designed = stroke_end_errors(&shoot.scene, &flown[0], &flight).unwrap();
             let (timed_m, as_designed_m) = (worst_m(timed), worst_m(&as_designed));
             // Remaining error: PID cuts corners by 16 mm on average.
             assert!(timed_m <= 0.02, "{form:?}: {timed_m} m, {as_designed_m} m before");

@@ -77,7 +77,7 @@ impl Case {
 }
 
 /// True if two products differ, or if only one of them could be made.
-fn unlike<T>(
+fn is_changed<T>(
     a: &Result<T, String>,
     b: &Result<T, String>,
     differ: impl Fn(&T, &T) -> bool,

@@ -307,7 +307,7 @@ mod tests {
                 let row = flight.samples.partition_point(|sample| sample.time_s < time_s);
                 flight.samples[row].position_m
             };
-            let ends = ends(&shoot.scene, &shoot.plans[0].plan, &flight).unwrap();
+            let ends = stroke_end_errors(&shoot.scene, &shoot.plans[0].plan, &flight).unwrap();
             fn is_loop(pair: &&[StrokeEnd]) -> bool {
                 let lasts_s = pair[1].time_s - pair[0].time_s;
                 lasts_s > 2.0 && (pair[0].at_m - pair[1].at_m).norm() < 0.03
@@ -355,7 +355,7 @@ mod tests {
     fn the_teams_own_lights_leave_streaks_of_a_decimeter() {
         let team = scene(PlanOptions::default(), ControllerKind::Lqr);
         let plan = plan(&team, &noor()).unwrap().swap_remove(0).plan;
-        let ends = ends(&team, &plan, &rehearse(&team, &plan).unwrap()).unwrap();
+        let ends = stroke_end_errors(&team, &plan, &rehearse(&team, &plan).unwrap()).unwrap();
         assert_eq!(ends.len(), 8, "four letters of one stroke each");
         let first_m = ends[0].streak_m;
         assert!((0.2..0.25).contains(&first_m), "the lit tail of the first letter: {first_m} m");
