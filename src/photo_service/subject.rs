@@ -24,6 +24,17 @@ impl Subject {
         Ok(CarriedScene::in_log(LOG.as_ref()))
     }
 
+    /// Returns width, depth and height of the room. `None` if the subject names no room.
+    fn room_m(&self) -> Result<Option<[f64; 3]>> {
+        let Some(text) = &self.room else { return Ok(None) };
+        let room_m = parse_room(text).map_err(|wanted| {
+            // The message of the command line begins with this word.
+            let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
+            Error::input("room", text, wanted, "reload the page")
+        })?;
+        Ok(Some(room_m))
+    }
+
     /// Returns the scene of the page or of the log, with the visitor's settings, for a photo of
     /// about `pixels`. `face` is a typeface file that replaces the scene's font.
     pub(crate) fn prepared(
@@ -32,17 +43,10 @@ impl Subject {
         face: Option<&str>,
         pixels: f64,
     ) -> Result<PreparedScene> {
-        let drawing = self.drawing()?;
-        let mut room_m = None;
-        if let Some(text) = &self.room {
-            room_m = Some(parse_room(text).map_err(|wanted| {
-                let wanted = wanted.strip_prefix("wanted ").unwrap_or(&wanted);
-                Error::input("room", text, wanted, "reload the page")
-            })?);
-        }
+        let (drawing, room_m) = (self.drawing()?, self.room_m()?);
+        let is_height_typed = self.settings.contains_key("letters.cap_height_m");
         // 1. Settings, of which the later ones prevail: room, drawing, visitor, typeface.
         let mut settings: Vec<(String, String)> = Vec::new();
-        let is_height_typed = self.settings.contains_key("letters.cap_height_m");
         if let Some(room_m) = room_m {
             settings.push(("expose.room_m".into(), format!("{room_m:?}")));
             settings.extend(letters_within(room_m, drawing.is_some(), is_height_typed));

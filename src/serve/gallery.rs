@@ -171,6 +171,7 @@ impl Gallery {
         text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default()
     }
 
+    /// Writes the order of flight and the state of the queue.
     pub(crate) fn write_order(&self, order: &Order) -> Result<()> {
         write(&self.folder.join(ORDER), &pretty(order))
     }
@@ -270,10 +271,12 @@ fn read_entry(folder: &Path) -> Result<Option<Entry>> {
     Err(Error::input(path.display(), wrong, "an entry of this program", TABLE.hint))
 }
 
+/// Writes the file of an entry.
 pub(crate) fn write_entry(folder: &Path, entry: &Entry) -> Result<()> {
     write(&folder.join(ENTRY), &pretty(entry))
 }
 
+/// Reads the subject of the entry in a folder. `None` if it cannot be read.
 pub(crate) fn read_subject(folder: &Path) -> Option<Subject> {
     serde_json::from_str(&TABLE.read_text(&regular_file(folder.join(SUBJECT))?).ok()?).ok()
 }

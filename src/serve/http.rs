@@ -214,11 +214,13 @@ pub(crate) fn with_etag(
     with_field(with_field(reply, "Cache-Control", "no-cache"), "ETag", etag)
 }
 
+/// Sets the status of an answer.
 pub(crate) fn with_status(mut reply: Reply, status: u16) -> Reply {
     *reply.status_mut() = status.try_into().expect("a status of three digits");
     reply
 }
 
+/// Sets a field of an answer.
 pub(crate) fn with_field(mut reply: Reply, name: &'static str, value: &str) -> Reply {
     let value = HeaderValue::from_str(value).expect("a line of ASCII");
     reply.headers_mut().insert(name, value);

@@ -271,6 +271,7 @@ struct JobFolder<'a> {
 }
 
 impl<'a> JobFolder<'a> {
+    /// Makes a folder in `parent` the current folder.
     fn enter(parent: &'a Path) -> std::io::Result<Self> {
         let folder = tempfile::tempdir_in(parent)?;
         std::env::set_current_dir(folder.path())?;

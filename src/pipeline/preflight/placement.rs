@@ -18,7 +18,9 @@ use noctograph_core::camera::{
 use noctograph_core::diagnostic::{Diagnostic, Severity};
 use noctograph_core::error::Result;
 use noctograph_export::safety::FRAME_M;
+use noctograph_letters::Strokes;
 use noctograph_picture::light::LightTrace;
+use noctograph_picture::photo::PhotoOptions;
 
 /// Least distance from a lens to the wall behind it, an assumption: half a tripod, and a hand at
 /// the release. A smaller one would allow larger words in a small room.
@@ -118,30 +120,13 @@ pub(super) fn plan_shot(
     let audience_from_m = paths.audience_from_m;
     let audience_y_m =
         Some(paths.front_m() - audience_from_m).filter(|y_m| *y_m > -0.5 * room_m[1]);
-    let most_m = max_camera_distance_m(room_m);
     let own_name = format!("the scene's, {:.0} mm", 1e3 * scene.camera.focal_length_m());
     let usual = usual_cameras(scene).map(|(name, options)| (name.to_owned(), options));
     let mut cameras = Vec::new();
     for (name, options) in [(own_name, scene.camera.clone())].into_iter().chain(usual) {
-        // A camera with a given pose stays there, in the room or not.
-        let is_fixed = matches!(options.framing, Framing::Fixed(_));
-        let (centered, least_m) = center_in_front(options.clone(), word_m, room_m)?;
-        let options = if is_fixed { options } else { centered };
-        let camera = options.camera(word_m, end_s)?;
-        let equivalent_m = camera.focal_length_m * FULL_FRAME_WIDTH_M / camera.sensor_width_m;
-        let fits = is_fixed || least_m <= most_m;
-        let metered = fits.then(|| recommended(trace, &camera, &options, &scene.photo));
-        // The focal length and the letters that just fit are proportional to the distance.
-        cameras.push(CameraPlace {
-            name,
-            equivalent_m,
-            least_m,
-            tripod_m: fits.then(|| camera.position_m.into()),
-            longest_equivalent_m: equivalent_m * most_m / least_m,
-            largest_cap_height_m: cap_height_m(strokes).map(|cap_m| cap_m * most_m / least_m),
-            shutter_s: camera.shutter_close_s - camera.shutter_open_s,
-            metered: metered.flatten(),
-        });
+        let mut camera = place_camera(options, strokes, room_m, trace, end_s, &scene.photo)?;
+        camera.name = name;
+        cameras.push(camera);
     }
     Ok(Some(ShotPlan {
         room_m,
@@ -152,6 +137,37 @@ pub(super) fn plan_shot(
         audience_y_m,
         cameras,
     }))
+}
+
+/// Places a camera in front of the word, and meters the light for it. Its name is empty.
+fn place_camera(
+    options: CameraOptions,
+    strokes: &Strokes,
+    room_m: [f64; 3],
+    trace: &LightTrace,
+    end_s: f64,
+    photo: &PhotoOptions,
+) -> Result<CameraPlace> {
+    let (word_m, most_m) = (strokes.bounds_m(), max_camera_distance_m(room_m));
+    // A camera with a given pose stays there, in the room or not.
+    let is_fixed = matches!(options.framing, Framing::Fixed(_));
+    let (centered, least_m) = center_in_front(options.clone(), word_m, room_m)?;
+    let options = if is_fixed { options } else { centered };
+    let camera = options.camera(word_m, end_s)?;
+    let equivalent_m = camera.focal_length_m * FULL_FRAME_WIDTH_M / camera.sensor_width_m;
+    let fits = is_fixed || least_m <= most_m;
+    let metered = fits.then(|| recommended(trace, &camera, &options, photo));
+    // The focal length and the letters that just fit are proportional to the distance.
+    Ok(CameraPlace {
+        name: String::new(),
+        equivalent_m,
+        least_m,
+        tripod_m: fits.then(|| camera.position_m.into()),
+        longest_equivalent_m: equivalent_m * most_m / least_m,
+        largest_cap_height_m: cap_height_m(strokes).map(|cap_m| cap_m * most_m / least_m),
+        shutter_s: camera.shutter_close_s - camera.shutter_open_s,
+        metered: metered.flatten(),
+    })
 }
 
 /// Returns x and y of the drones' take-off marks.

@@ -105,21 +105,8 @@ pub fn recommended(
     let brightest = readings.iter().max_by(|a, b| a.median_stops.total_cmp(&b.median_stops))?;
     let trail_stops = brightest.median_stops;
     let room_stops = photo.ambient_stops(&camera);
-    // A clipped channel turns a color toward white, so the strongest counts. White may clip.
-    let (target_stops, metered_stops) = match color_stops(trace, &camera, &brightest.name) {
-        [None, _] => (targets.trail_stops, trail_stops),
-        [Some(color), Some(white)] if targets.trail_stops - white < targets.color_stops - color => {
-            (targets.trail_stops, white)
-        }
-        [Some(color), _] => (targets.color_stops, color),
-    };
-    // The trail is exposed less to keep the room dark, but not below the least light of a trail.
-    let wanted_stops = target_stops - metered_stops;
-    let least_stops = targets.least_stops.min(target_stops) - metered_stops;
-    let most_stops = room_stops.map_or(f64::INFINITY, |room_stops| targets.room_stops - room_stops);
-    let stops = wanted_stops.min(most_stops).max(least_stops);
-    let gave_way = stops < wanted_stops - TOLERATED_STOPS;
-
+    let channel_stops = color_stops(trace, &camera, &brightest.name);
+    let (stops, gave_way) = correction_stops(&targets, channel_stops, trail_stops, room_stops);
     let (f_number, iso) = settings(options, &camera, stops);
     // Settings have steps and limits. A filter removes what they expose too much.
     let opened_stops = 2.0 * libm::log2(camera.f_number / f_number);
@@ -137,6 +124,31 @@ pub fn recommended(
         filter_stops: excess_stops.max(0.0).round() as u32,
         longest_s: fixed.map(|lens| lens.longest_s).filter(|longest_s| *longest_s < open_s),
     })
+}
+
+/// Returns the stops by which the exposure must change to reach the targets, and true if the trail
+/// is darker than wanted, to keep the room dark. `channel_stops` are the strongest channel of colored
+/// light, and white light.
+fn correction_stops(
+    targets: &TrailMetering,
+    channel_stops: [Option<f64>; 2],
+    trail_stops: f64,
+    room_stops: Option<f64>,
+) -> (f64, bool) {
+    // A clipped channel turns a color toward white, so the strongest counts. White may clip.
+    let (target_stops, metered_stops) = match channel_stops {
+        [None, _] => (targets.trail_stops, trail_stops),
+        [Some(color), Some(white)] if targets.trail_stops - white < targets.color_stops - color => {
+            (targets.trail_stops, white)
+        }
+        [Some(color), _] => (targets.color_stops, color),
+    };
+    // The trail is exposed less to keep the room dark, but not below the least light of a trail.
+    let wanted_stops = target_stops - metered_stops;
+    let least_stops = targets.least_stops.min(target_stops) - metered_stops;
+    let most_stops = room_stops.map_or(f64::INFINITY, |room_stops| targets.room_stops - room_stops);
+    let stops = wanted_stops.min(most_stops).max(least_stops);
+    (stops, stops < wanted_stops - TOLERATED_STOPS)
 }
 
 /// Returns the camera with which light is metered, with the same width, aperture and sensitivity

@@ -56,9 +56,9 @@ pub const CHECK_LIGHT: &str = "name lamps that {light.deck} has in {plan.lights}
 /// Largest fraction of a lamp's light that may face away from the camera: the end of a stroke.
 const MOST_AWAY_FRAC: f64 = 0.02;
 
-/// Longest continuous path, in cap heights, along which a lamp may face away. The check `lit
-/// transit` allows strokes that are too short by as much. The ring's strokes low in high letters
-/// are.
+/// Longest continuous path, in cap heights, along which a lamp may face away. The check
+/// `lit transit` allows strokes that are too short by as much. Those of the ring, low in high
+/// letters, are.
 const LONGEST_AWAY_H: f64 = 0.1;
 
 /// Least intensity toward the camera that counts as light, as a fraction of that on the axis.

@@ -107,14 +107,17 @@ pub fn flight_sha256(flights: &[Flight]) -> Option<String> {
     joined(&digests(flights))
 }
 
+/// Returns the SHA-256 of each flight.
 fn digests(flights: &[Flight]) -> Vec<String> {
     flights.iter().map(|flight| flight.sha256()).collect()
 }
 
+/// Returns the tracking errors of each flight. `None` for a flight without a design.
 fn tracking(flights: &[Flight]) -> Vec<Option<Tracking>> {
     flights.iter().map(|flight| track(flight, Part::from_flight(flight)).ok()).collect()
 }
 
+/// Returns digests separated by spaces. `None` if there are none.
 fn joined(digests: &[String]) -> Option<String> {
     (!digests.is_empty()).then(|| digests.join(" "))
 }
