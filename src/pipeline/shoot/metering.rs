@@ -127,8 +127,8 @@ pub fn recommended(
 }
 
 /// Returns the stops by which the exposure must change to reach the targets, and true if the trail
-/// is darker than wanted, to keep the room dark. `channel_stops` are the strongest channel of colored
-/// light, and white light.
+/// is darker than wanted, to keep the room dark. `channel_stops` are those of the strongest channel
+/// of colored light, and of white light.
 fn correction_stops(
     targets: &TrailMetering,
     channel_stops: [Option<f64>; 2],
