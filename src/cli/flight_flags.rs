@@ -122,7 +122,7 @@ impl FlightFlags {
             warn_of(path, &warnings);
             match &mut recording {
                 Recording::Flight(flight) if lit && flight.lights.is_empty() => {
-                    crate::shoot::light_all_along(flight, &scene);
+                    crate::shoot::light_while_airborne(flight, &scene);
                 }
                 Recording::Flight(flight) => infer_lights_if_dark(flight, &mut scene, path)?,
                 Recording::Light(_) => {}

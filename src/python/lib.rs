@@ -151,7 +151,7 @@ fn save(py: Python<'_>, path: &Path, bytes: &[u8]) -> PyResult<()> {
 fn save_with(py: Python<'_>, path: &Path, bytes: &[u8], scene: Option<&PyScene>) -> PyResult<()> {
     let Some(PyScene(scene)) = scene else { return save(py, path, bytes) };
     let written = Output::create(path).and_then(|file| {
-        let beside = Output::create(&CarriedScene::place(path))?;
+        let beside = Output::create(&CarriedScene::path_beside(path))?;
         CarriedScene::keep_with(file.write_with(|out| out.write_all(bytes))?, beside, scene)
     });
     written.map(|_paths| ()).map_err(|error| raised(py, &error))
