@@ -81,7 +81,7 @@ impl Poly4d {
     pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
         let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
         let before = segment_pieces(&timeline.segments_before());
-        let after = segment_pieces(&timeline.segments_alone(over_s));
+        let after = segment_pieces(&timeline.segments_without_link(over_s));
         let pieces = [before, self.pieces, after, vec![no_goal]].concat();
         let n = pieces.len();
         if n > MAX_PIECES {

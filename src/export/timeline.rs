@@ -93,7 +93,7 @@ impl Timeline {
 
     /// The segments after the trajectory for a drone that hears nothing more. The script lands
     /// `over_s` after the trajectory's end.
-    pub(super) fn segments_alone(&self, over_s: f64) -> [Segment; 2] {
+    pub(super) fn segments_without_link(&self, over_s: f64) -> [Segment; 2] {
         let last_m = self.after[0].1;
         let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
         let sinks_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
@@ -141,17 +141,17 @@ mod tests {
         let stretch = Stretch::new(&plan).unwrap();
         let [first_m, last_m] = [Vector3::new(0.0, 0.0, 0.9), Vector3::new(1.0, 0.2, 1.1)];
         let timeline = Timeline::new(&plan, &stretch, stretch.start_s(), [first_m, last_m]);
-        let [hover, descent] = timeline.segments_alone(0.5);
+        let [hover, descent] = timeline.segments_without_link(0.5);
         assert_eq!((hover.duration_s, hover.ends_m), (3.5, [last_m; 2]));
         assert_eq!(descent.ends_m, [last_m, Vector3::new(1.0, 0.2, -0.1)]);
         assert!((descent.duration_s - 4.0).abs() < 1e-9, "1.2 m at 0.3 m/s: {descent:?}");
         assert_eq!(
-            timeline.segments_alone(-9.0)[0].duration_s,
+            timeline.segments_without_link(-9.0)[0].duration_s,
             3.0,
             "the script lands before the end"
         );
         let low = Timeline::new(&plan, &stretch, 0.0, [first_m, Vector3::new(0.0, 0.0, 0.2)]);
-        assert_eq!(low.segments_alone(0.0)[1].duration_s, 2.0, "no faster than any landing");
+        assert_eq!(low.segments_without_link(0.0)[1].duration_s, 2.0, "no faster than any landing");
         assert_eq!(low.after[1].0 - low.after[0].0, 2.0);
     }
 }
