@@ -55,7 +55,7 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
         {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
             // Axes whose doubled coordinates round alike are about one axis.
-            let turn = if emitter.is_even() { 0.0 } else { 2.0 };
+            let turn = if emitter.is_isotropic() { 0.0 } else { 2.0 };
             let [x, y, z] = axis.map(|value| (turn * value).round()).into();
             let shape = [emitter.beam_exponent, emitter.spill, emitter.visible_cos, x, y, z];
             match groups.iter_mut().rev().find(|(_, other, _)| *other == shape) {
@@ -214,9 +214,12 @@ pub(super) fn exposures_lx_s<const N: usize>(
     let mut sums = [[0.0; N]; 3];
     for Tree { emitter, branches } in trees {
         // Intensity at the edge of the body's shadow, beyond which the light ends at once.
-        let edge =
-            if emitter.visible_cos <= -1.0 { 0.0 } else { emitter.share(emitter.visible_cos) };
-        let is_even = emitter.is_even();
+        let edge = if emitter.visible_cos <= -1.0 {
+            0.0
+        } else {
+            emitter.relative_intensity(emitter.visible_cos)
+        };
+        let is_even = emitter.is_isotropic();
         // Walk down the tree. Each point skips the children of a branch that it has counted.
         let mut index = 0;
         let mut skipped_until = [0; N];
@@ -256,7 +259,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
             });
             if !is_even || surface.roughness.is_some() {
                 for n in (0..N).filter(|n| counts[*n]) {
-                    let mut beam = emitter.share(cos_beam[n]);
+                    let mut beam = emitter.relative_intensity(cos_beam[n]);
                     if at_edge[n] {
                         // The sources of a branch are hidden one after another, not all at once.
                         let past = cos_beam[n] - emitter.visible_cos;
