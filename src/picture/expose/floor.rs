@@ -409,10 +409,10 @@ mod tests {
                 latent.tints.clear();
                 latent.on_cpu().film
             });
-        for (channel, share) in [1.0, 2.0, 0.5].into_iter().enumerate() {
+        for (channel, fraction) in [1.0, 2.0, 0.5].into_iter().enumerate() {
             let [left, right] = [100 * 320 + 120, 100 * 320 + 200];
             let ratio = lit.exposure_lx_s(channel, left) / even.exposure_lx_s(channel, left);
-            assert!((ratio / share - 1.0).abs() < 1e-3, "{ratio} for {share}");
+            assert!((ratio / fraction - 1.0).abs() < 1e-3, "{ratio} for {fraction}");
             assert_eq!(lit.exposure_lx_s(channel, right), 0.0, "black");
         }
     }

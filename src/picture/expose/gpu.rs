@@ -106,7 +106,7 @@ impl Gpu {
                         let [x, y] = [tile % across * size, tile / across * size];
                         let inside = [size.min(width - x), size.min(height - y)];
                         let to = [width, y * width + x];
-                        tile::count(light, [size, 0], tint.shares, &mut planes, to, inside);
+                        tile::count(light, [size, 0], tint.fractions, &mut planes, to, inside);
                     }
                 })?;
             }

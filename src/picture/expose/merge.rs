@@ -53,14 +53,14 @@ const UNEVENNESS: f64 = 0.2;
 /// the height of the camera over the lamp, and its ends are at the edge of a stroke.
 const HALF_SLACK: f64 = 4.0;
 
-/// Merges the intervals of one lamp into `segments`. The brightest channel has the fraction `share`
+/// Merges the intervals of one lamp into `segments`. The brightest channel has the fraction `fraction`
 /// of its light. A `tolerance_px` of 0 merges nothing.
 ///
 /// Every skipped sample is within `tolerance_px` of the position of its segment at that time, and
 /// its brightness and spot width are within [`UNEVENNESS`] of the segment's.
 pub(super) fn merge(
     intervals: impl Iterator<Item = Interval>,
-    share: f64,
+    fraction: f64,
     tolerance_px: f64,
     segments: &mut Vec<Segment>,
 ) {
@@ -70,11 +70,11 @@ pub(super) fn merge(
             if tolerance_px > 0.0 && run.extend(&next, tolerance_px) {
                 continue;
             }
-            segments.push(run.segment(share));
+            segments.push(run.segment(fraction));
         }
         open = Some(Merged::new(next));
     }
-    segments.extend(open.map(|run| run.segment(share)));
+    segments.extend(open.map(|run| run.segment(fraction)));
 }
 
 /// Intervals that are one segment so far.
@@ -149,13 +149,13 @@ impl Merged {
         true
     }
 
-    fn segment(&self, share: f64) -> Segment {
+    fn segment(&self, fraction: f64) -> Segment {
         let [first, last] = self.span.light_lx_px2;
         Segment {
             ends_px: self.span.at_px,
             sigma_px: self.light_sigma / self.light,
             half_px: self.light_half / self.light,
-            light_lx_s: share * self.light,
+            light_lx_s: fraction * self.light,
             ramp: (last - first) / (last + first),
             start_s: self.span.time_s[0],
             duration_s: self.span.time_s[1] - self.span.time_s[0],

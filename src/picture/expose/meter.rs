@@ -166,17 +166,17 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f
         let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
         let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
         let alike = channels.filter(|(lamp, _)| is_color(lamp.emitter.rgb) == colored);
-        let stops = alike.filter_map(|(lamp, share)| {
-            Some(reading(lamp, &in_picture(lamp, share, camera), camera)?.median_stops)
+        let stops = alike.filter_map(|(lamp, fraction)| {
+            Some(reading(lamp, &in_picture(lamp, fraction, camera), camera)?.median_stops)
         });
         stops.max_by(f64::total_cmp)
     })
 }
 
-/// The trail of a lamp in the picture, in a channel with the fraction `share` of its light.
-fn in_picture(lamp: &Lamp, share: f64, camera: &Camera) -> Vec<Segment> {
+/// The trail of a lamp in the picture, in a channel with the fraction `fraction` of its light.
+fn in_picture(lamp: &Lamp, fraction: f64, camera: &Camera) -> Vec<Segment> {
     let mut segments = Vec::new();
-    merge::merge(project::intervals(lamp, camera), share, MERGE_PX, &mut segments);
+    merge::merge(project::intervals(lamp, camera), fraction, MERGE_PX, &mut segments);
     segments.retain(|segment| {
         let [x, y]: [f64; 2] = segment.middle_px().into();
         (0.0..=camera.width_px.into()).contains(&x) && (0.0..=camera.height_px.into()).contains(&y)

@@ -87,7 +87,7 @@ pub struct Latent {
 #[derive(Clone, Debug, PartialEq)]
 struct Tint {
     /// Red, green and blue relative to the brightest of them, which is [`ALL`].
-    shares: [u32; 3],
+    fractions: [u32; 3],
     records: Vec<Record>,
 }
 
@@ -357,11 +357,12 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
         }
         // Lamps of one color are in one plane, in counts of its brightest channel.
         #[expect(clippy::cast_possible_truncation, reason = "0 to 2^31")]
-        let shares = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
-        let known = tints.iter().position(|tint| tint.shares == shares).unwrap_or_else(|| {
-            tints.push(Tint { shares, records: Vec::new() });
-            tints.len() - 1
-        });
+        let fractions = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
+        let known =
+            tints.iter().position(|tint| tint.fractions == fractions).unwrap_or_else(|| {
+                tints.push(Tint { fractions, records: Vec::new() });
+                tints.len() - 1
+            });
         // Lamp by lamp: its path, merged to segments, becomes records.
         segments.clear();
         let intervals = project::intervals(lamp, camera);

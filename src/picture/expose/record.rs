@@ -70,7 +70,7 @@ pub(super) struct Record {
     pub(super) x_px: [f32; SPOTS],
     pub(super) y_px: [f32; SPOTS],
     /// Fractions of the light, with sum 1.
-    pub(super) share: [f32; SPOTS],
+    pub(super) fraction: [f32; SPOTS],
     /// Luminous exposure in the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
     pub(super) per_px: f32,
@@ -197,7 +197,7 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     let mut record = Record {
         x_px: [0.0; SPOTS],
         y_px: [0.0; SPOTS],
-        share: [0.0; SPOTS],
+        fraction: [0.0; SPOTS],
         light_lx_s: segment.light_lx_s,
         per_px: narrow(1.0 / sigma),
         half_px: segment
@@ -214,7 +214,7 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     for (k, (node, weight)) in rule.iter().enumerate() {
         let spot = segment.middle_px() + (end - start) * (0.5 * node) - first - half;
         (record.x_px[k], record.y_px[k]) = (narrow(spot.x), narrow(spot.y));
-        record.share[k] = narrow(weight * (1.0 + segment.ramp * node));
+        record.fraction[k] = narrow(weight * (1.0 + segment.ramp * node));
     }
     Some(record)
 }

@@ -235,12 +235,15 @@ mod tests {
                     sum += (floor.sheen(roughness, from, to) - 1.0) * 0.2 * 2.0 * cos;
                 }
             }
-            let share = sum / f64::from(n * n);
+            let fraction = sum / f64::from(n * n);
             let straight = 1.0 - libm::cos(angle);
             let wanted = 0.04 + 0.96 * libm::pow(straight, 5.0);
-            assert!(share < 1.0 && share > 0.2 * wanted, "{share} at {degrees}, {roughness}");
+            assert!(
+                fraction < 1.0 && fraction > 0.2 * wanted,
+                "{fraction} at {degrees}, {roughness}"
+            );
             if roughness < 0.2 {
-                assert!((share / wanted - 1.0).abs() < 0.1, "{share}, Fresnel {wanted}");
+                assert!((fraction / wanted - 1.0).abs() < 0.1, "{fraction}, Fresnel {wanted}");
             }
         }
     }

@@ -62,7 +62,7 @@ impl Backdrop {
         let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);
         let corner_sq_px2 = center_px[0] * center_px[0] + center_px[1] * center_px[1];
         Ok(Self {
-            room: options.ambient_rgb.map(|share| narrow(room * share)),
+            room: options.ambient_rgb.map(|fraction| narrow(room * fraction)),
             focal_sq_px2: focal_px * focal_px,
             center_px,
             vignetting_px2: narrow(camera.vignetting) / corner_sq_px2,

@@ -24,7 +24,7 @@ pub(super) const WHOLE: u32 = 1 << 16;
 #[derive(Debug)]
 pub(super) struct Glare {
     /// Scattered fraction of each pixel's counts, in units of 1 / [`WHOLE`].
-    share: u32,
+    fraction: u32,
     /// Scattered light of each channel at the finest cells.
     halo: Vec<Plane>,
     /// Cells that give light to each row of pixels.
@@ -36,14 +36,14 @@ impl Glare {
     pub(super) fn new(film: &Film, camera: &Camera, options: &PhotoOptions) -> Option<Self> {
         let size_px = [film.width_px, film.height_px].map(|side| side as usize);
         let octaves = octaves(size_px, options, camera.pixel_pitch_m());
-        let share: u32 = octaves.iter().sum();
-        if share == 0 {
+        let fraction: u32 = octaves.iter().sum();
+        if fraction == 0 {
             return None;
         }
-        let cells = cells(film, share).into_par_iter();
+        let cells = cells(film, fraction).into_par_iter();
         let halo: Vec<Plane> = cells.map(|cells| halo(cells, &octaves)).collect();
         let rows = QUADRUPLE.sources(halo[0].height, size_px[1]);
-        Some(Self { share, halo, rows })
+        Some(Self { fraction, halo, rows })
     }
 
     /// Counts of a row of the film, `pixels`, after the scatter. `cells` is a buffer.
@@ -66,7 +66,7 @@ impl Glare {
                 }
             }
             for (out, &count) in out.iter_mut().zip(pixels) {
-                *out = count - scattered(count, self.share);
+                *out = count - scattered(count, self.fraction);
             }
             // Along the row in 32 bits if the cells are faint, as nearly all are.
             let most = cells.iter().copied().fold(0, u64::max);
@@ -83,12 +83,12 @@ impl Glare {
 
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "a part of a u32")]
-fn scattered(count: u32, share: u32) -> u32 {
-    ((u64::from(count) * u64::from(share)) >> 16) as u32
+fn scattered(count: u32, fraction: u32) -> u32 {
+    ((u64::from(count) * u64::from(fraction)) >> 16) as u32
 }
 
 /// Light of cells of 4 × 4 pixels, by channel: a fraction of every count.
-pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
+pub(super) fn cells(film: &Film, fraction: u32) -> [Plane; 3] {
     let (width, height) = (film.width_px as usize, film.height_px as usize);
     let columns = width.div_ceil(CELL_PX);
     std::array::from_fn(|channel| {
@@ -99,7 +99,7 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
             noctograph_core::dispatch!(|| {
                 for row in rows.chunks_exact(width) {
                     let (cells, rest) = row.as_chunks::<CELL_PX>();
-                    let light = |count: &u32| u64::from(scattered(*count, share));
+                    let light = |count: &u32| u64::from(scattered(*count, fraction));
                     for (sum, pixels) in sums.iter_mut().zip(cells) {
                         *sum += pixels.iter().map(light).sum::<u64>();
                     }
@@ -131,8 +131,8 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
         let inner = edge(sigmas[index]).min(outer);
         #[expect(clippy::cast_possible_truncation, reason = "0 to WHOLE")]
-        let share = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
-        share
+        let fraction = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
+        fraction
     }))
 }
 

@@ -60,7 +60,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
 
     #[inline(always)]
     fn parts(&self, value: u64) -> [u64; PARTS] {
-        let until = self.cumulative.map(|share| (value * share) >> self.shift);
+        let until = self.cumulative.map(|fraction| (value * fraction) >> self.shift);
         std::array::from_fn(|part| until[part] - if part == 0 { 0 } else { until[part - 1] })
     }
 
@@ -94,7 +94,8 @@ impl Kernel<8> {
         let n = out.len();
         #[expect(clippy::cast_possible_truncation, reason = "faint, and up to 32")]
         let parts = |value: u64| {
-            let until = self.cumulative.map(|share| (value as u32 * share as u32) >> self.shift);
+            let until =
+                self.cumulative.map(|fraction| (value as u32 * fraction as u32) >> self.shift);
             let part = |part: usize| until[part] - if part == 0 { 0 } else { until[part - 1] };
             [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|k| part(k + 4))]
         };

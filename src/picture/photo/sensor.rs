@@ -109,8 +109,8 @@ const SEEN: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.
 /// Fractions of red, green and blue light that the red, green and blue photosites receive, and the
 /// inverse. All see white alike.
 fn leak() -> [[[f32; 3]; 3]; 2] {
-    let shares = SEEN.map(|seen| seen.map(|light| light / seen.iter().sum::<f64>()));
-    let leak = nalgebra::Matrix3::from_fn(|i, j| shares[i][j]);
+    let fractions = SEEN.map(|seen| seen.map(|light| light / seen.iter().sum::<f64>()));
+    let leak = nalgebra::Matrix3::from_fn(|i, j| fractions[i][j]);
     let undo = leak.try_inverse().expect("each photosite receives most of its own color");
     [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }

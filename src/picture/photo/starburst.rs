@@ -40,7 +40,7 @@ const WIDTH_PX: f64 = 0.9;
 const TURN_RAD: f64 = 0.2;
 
 /// Largest fraction of the light of a point in its spikes.
-const MAX_SHARE: f64 = 0.3;
+const MAX_FRACTION: f64 = 0.3;
 
 /// Gain or loss of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,12 +59,12 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
     let n_spikes = if blades.is_multiple_of(2) { blades } else { 2 * blades };
     let mut changes = Vec::new();
     for point in points(film, camera, &cells(film, WHOLE)) {
-        let shares_px = WAVELENGTH_M.map(|wavelength_m| {
+        let fractions_px = WAVELENGTH_M.map(|wavelength_m| {
             let blur_px = wavelength_m * camera.f_number / camera.pixel_pitch_m();
-            let share_px = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
-            share_px.min(MAX_SHARE * INNER_PX)
+            let fraction_px = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
+            fraction_px.min(MAX_FRACTION * INNER_PX)
         });
-        let light = std::array::from_fn(|c| shares_px[c] * point.light[c] / f64::from(n_spikes));
+        let light = std::array::from_fn(|c| fractions_px[c] * point.light[c] / f64::from(n_spikes));
         let before = changes.len();
         for spike in 0..n_spikes {
             let turn = f64::from(spike) / f64::from(n_spikes) * std::f64::consts::TAU + TURN_RAD;

@@ -209,8 +209,8 @@ impl Levels16 {
         } else {
             let bits = light.min(1.0).to_bits() - DARK.to_bits();
             let node = (bits >> NODE_BITS) as usize;
-            let share = f64::from(bits & ((1 << NODE_BITS) - 1)) / f64::from(1 << NODE_BITS);
-            self.nodes[node] + share * (self.nodes[node + 1] - self.nodes[node])
+            let fraction = f64::from(bits & ((1 << NODE_BITS) - 1)) / f64::from(1 << NODE_BITS);
+            self.nodes[node] + fraction * (self.nodes[node + 1] - self.nodes[node])
         };
         (encoded * 65535.0 + 0.5) as u16
     }
