@@ -250,7 +250,7 @@ impl<'a> Floor<'a> {
         let met = corners_px.map(|corner_px| {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
-            let (on, point_m) = self.room.met(ray)?;
+            let (on, point_m) = self.room.intersection(ray)?;
             // The exposure of the sensor over that of the surface: ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
             let n = camera.f_number;
@@ -285,7 +285,8 @@ impl<'a> Floor<'a> {
         }
         let [nw, ne, sw, se] = corners(square.corner_px, square.side_px).map(|corner_px| {
             let [x_px, y_px] = corner_px.map(f64::from);
-            let (on, point_m) = self.room.met(self.camera.world_from_image(x_px, y_px)?)?;
+            let (on, point_m) =
+                self.room.intersection(self.camera.world_from_image(x_px, y_px)?)?;
             self.room.surfaces[on].is_floor().then(|| self.room.on_texture(on, point_m))
         });
         Some([nw?, ne?, sw?, se?])

@@ -105,9 +105,9 @@ impl Backdrop {
     fn surfaces(&self, y: usize, width: usize) -> Vec<f32> {
         let Some((camera, room)) = &self.surfaces else { return vec![1.0; width] };
         let seen = |x: f64, y: f64| {
-            let met = camera.world_from_image(x, y).and_then(|ray| room.met(ray));
+            let met = camera.world_from_image(x, y).and_then(|ray| room.intersection(ray));
             let luminance = met.map_or(0.0, |(on, point_m)| {
-                narrow(room.ambient(on, point_m, self.from_m) * room.uneven(on, point_m))
+                narrow(room.ambient(on, point_m, self.from_m) * room.relative_albedo(on, point_m))
             });
             (met.map(|(on, _)| on), luminance)
         };

@@ -420,7 +420,7 @@ fn floor_and_walls_differ_in_the_light_of_the_room() {
     let mut met = [0; 3];
     for (x, y) in (0..160).flat_map(|x| (0..120).map(move |y| (x, y))) {
         let ray = camera.world_from_image(f64::from(x) + 0.5, f64::from(y) + 0.5).unwrap();
-        let (on, point_m) = room.met(ray).unwrap();
+        let (on, point_m) = room.intersection(ray).unwrap();
         let index = 3 * (y as usize * 160 + x as usize);
         let fraction = f64::from(walled[index] / even[index]);
         let error = (fraction / room.ambient(on, point_m, None) - 1.0).abs();
