@@ -197,7 +197,7 @@ mod tests {
             assert!((point_m - Vector3::from(wanted)).norm() < 1e-12, "{point_m}");
         }
         let bare = Room::new(&ExposeOptions { room_m: None, ..ROOM }, camera_m);
-        assert_eq!(bare.met(Vector3::y()), None);
+        assert_eq!(bare.intersection(Vector3::y()), None);
         assert_eq!(bare.ambient(0, Vector3::zeros(), None), 1.0);
     }
 
