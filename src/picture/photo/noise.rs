@@ -9,7 +9,7 @@ use noctograph_core::random::split_mix;
 /// Cells of the table of normal numbers.
 const CELLS: usize = 2048;
 
-/// Electrons below which the Poisson distribution is exact. Above, a normal distribution stands in
+/// Electrons below which the Poisson distribution is exact. Above, a normal distribution replaces it
 /// (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
@@ -24,21 +24,23 @@ pub(super) enum Source {
     Hot,
 }
 
+/// Random numbers of a row, by column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream {
     keys: [u32; 2],
 }
 
 impl Stream {
+    /// Returns the random numbers of a row of a channel for one use.
     pub(super) fn new(seed: u64, y: usize, channel: usize, source: Source) -> Self {
-        let place = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
-        let key = split_mix(split_mix(seed) ^ place);
-        #[expect(clippy::cast_possible_truncation, reason = "both halves are taken")]
+        let index = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
+        let key = split_mix(split_mix(seed) ^ index);
+        #[expect(clippy::cast_possible_truncation, reason = "both halves are used")]
         let keys = [key as u32, (key >> 32) as u32];
         Self { keys }
     }
 
-    /// 32 random bits of a column (a multiply-xorshift hash, after Wellons' `lowbias32`).
+    /// Returns 32 random bits of a column (a multiply-xorshift hash, after Wellons' `lowbias32`).
     #[inline(always)]
     pub(super) fn bits(self, x: u32) -> u32 {
         let mut h = x.wrapping_mul(0x9e37_79b9) ^ self.keys[0];
@@ -47,6 +49,7 @@ impl Stream {
         h ^ (h >> 16)
     }
 
+    /// Writes the random bits of all columns of a row.
     #[inline(always)]
     pub(super) fn fill(self, out: &mut [u32]) {
         for (x, bits) in (0_u32..).zip(out) {
@@ -55,8 +58,8 @@ impl Stream {
     }
 }
 
-/// Normal numbers, by a piecewise linear inverse of their distribution: of variance 1 to the last
-/// digits of f32, and up to 3.8 σ.
+/// Normally distributed numbers, by a piecewise linear inverse of the distribution. Their variance
+/// is 1 to the last digits of f32, and they reach 3.8 σ.
 #[derive(Debug)]
 pub(super) struct Normal {
     /// Start of each cell, and its slope per unit of the lower bits.
@@ -66,6 +69,7 @@ pub(super) struct Normal {
 pub(super) static NORMAL: LazyLock<Normal> = LazyLock::new(Normal::new);
 
 impl Normal {
+    /// Computes the table: cells of equal probability.
     fn new() -> Self {
         let p = 1.0 / CELLS as f64;
         let mut nodes = [0.0; CELLS + 1];
@@ -88,7 +92,7 @@ impl Normal {
         Self { cells }
     }
 
-    /// The normal number for each of some 32 uniform bits.
+    /// Returns a normally distributed number for each set of 32 uniform bits.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, bits: [u32; N]) -> [f32; N] {
         let cells = bits.map(|bits| self.cells[(bits >> LOWER_BITS) as usize]);
@@ -99,11 +103,11 @@ impl Normal {
     }
 }
 
-/// Bits that select within a cell.
+/// Bits that select the position within a cell.
 const LOWER_BITS: u32 = 32 - CELLS.ilog2();
 
-/// Quantile of the normal distribution for 0 < p < 1, to 1.2e-9 of itself (rational approximation
-/// of Acklam).
+/// Returns the quantile of the normal distribution for 0 < p < 1, with a relative error of 1.2e-9
+/// (rational approximation by Acklam).
 fn quantile(p: f64) -> f64 {
     const A: [f64; 6] = [
         -3.969_683_028_665_376e1,
@@ -150,9 +154,9 @@ fn quantile(p: f64) -> f64 {
     }
 }
 
-/// Fast Poisson numbers of means below [`POISSON_BELOW`], by tables of the means `(k / 32)²`. A
-/// mean between two of them takes either at random, so that the mean is exact, and the variance to
-/// 0.1 %.
+/// Fast Poisson-distributed numbers with means below [`POISSON_BELOW`], from tables for the means
+/// `(k / 32)²`. For a mean between two of them one is chosen at random, so that the mean is exact,
+/// and the variance to 0.1 %.
 #[derive(Debug)]
 pub(super) struct Poisson {
     /// Tables of rising means up to [`POISSON_BELOW`].
@@ -179,6 +183,7 @@ const PER_SQUARE: f32 = 1024.0;
 pub(super) static POISSON: LazyLock<Poisson> = LazyLock::new(Poisson::new);
 
 impl Poisson {
+    /// Computes the tables.
     fn new() -> Self {
         let last = (f64::from(POISSON_BELOW * PER_SQUARE)).sqrt().ceil();
         let mut levels = Box::new([[0; NUMBERS]; LEVELS]);
@@ -189,9 +194,10 @@ impl Poisson {
         Self { levels }
     }
 
-    /// The numbers for means and uniform bits, without branches, which random bits would
-    /// mispredict: what is computed, then what is looked up, then what is computed from it, so that
-    /// all but the table runs in wide registers.
+    /// Returns a Poisson-distributed number for each mean and its uniform bits.
+    ///
+    /// It has no branches, which random bits would mispredict. Lookups are separated from the
+    /// computations before and after them, which run in wide registers.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, means: [f32; N], bits: [u32; N]) -> [f32; N] {
         let level: [u32; N] = std::array::from_fn(|n| Self::level(means[n], bits[n]));
@@ -208,7 +214,7 @@ impl Poisson {
         })
     }
 
-    /// The level that a mean and the lowest of its bits select.
+    /// Returns the table for a mean: one of the two nearest, chosen by the lowest bits.
     #[inline(always)]
     fn level(mean: f32, bits: u32) -> u32 {
         let square = mean * PER_SQUARE;
