@@ -219,8 +219,8 @@ impl Piece {
     }
 }
 
-/// Returns the piece between setpoints `from` and `to`. Each axis has the simplest form that is near
-/// enough to the design: a constant, a line or a cubic.
+/// Returns the piece between setpoints `from` and `to`. Each axis has the simplest form that is
+/// near enough to the design: a constant, a line or a cubic.
 fn piece(
     stretch: &Stretch,
     [from, to]: [usize; 2],
@@ -329,9 +329,9 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     Err(Error::input("vehicle.firmware", actual, wanted, hint))
 }
 
-/// Appends the bytes of a segment from rest to rest. An axis that moves is of degree 7: four control
-/// points at its start and four at its end. A long hover becomes several pieces. A segment of 0 ms
-/// is omitted, since a duration of 0 ends a trajectory.
+/// Appends the bytes of a segment from rest to rest. An axis that moves is of degree 7: four
+/// control points at its start and four at its end. A long hover becomes several pieces. A segment
+/// of 0 ms is omitted, since a duration of 0 ends a trajectory.
 fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
     let mut remaining_ms = (1e3 * segment.duration_s).round() as u32;

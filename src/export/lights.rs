@@ -92,8 +92,8 @@ pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     }))
 }
 
-/// Returns the color of a lamp at setpoint `row` in white, red, green and blue: from the plan's color
-/// channels if it has them, else the color of the letter. A ring has no white.
+/// Returns the color of a lamp at setpoint `row` in white, red, green and blue: from the plan's
+/// color channels if it has them, else the color of the letter. A ring has no white.
 fn color(
     plan: &Plan,
     channel: &str,
@@ -195,7 +195,8 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
 /// Lights that the timing memory of a ring plays (`ring.effect` 17), from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Duration in units of 40 ms, and color rounded by the memory, of each entry. The last is dark.
+    /// Duration in units of 40 ms, and color rounded by the memory, of each entry. The last is
+    /// dark.
     pub(super) entries: Vec<(u8, [u8; 3])>,
     /// Time in the plan, s, and level of each change that is played.
     pub(super) changes: Vec<(f64, f64)>,

@@ -53,8 +53,8 @@ pub enum Length {
     Any,
 }
 
-/// Returns the plans that a release flies with trajectories on board, which all start together. Time
-/// zero is the command to take off.
+/// Returns the plans that a release flies with trajectories on board, which all start together.
+/// Time zero is the command to take off.
 ///
 /// # Errors
 ///
@@ -98,7 +98,8 @@ pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f
     plans.iter().try_for_each(fits)
 }
 
-/// Returns the pieces of a plan's trajectory. Refuses a plan that does not fit the form or `length`.
+/// Returns the pieces of a plan's trajectory. Refuses a plan that does not fit the form or
+/// `length`.
 pub(super) fn pieces(
     release: Release,
     plan: &Plan,

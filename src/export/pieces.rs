@@ -351,8 +351,8 @@ impl<P> Fit<'_, P> {
         Choice { start, untried_ends: nearest..farthest + 1 }
     }
 
-    /// Returns the end of the longest piece that keeps to the limits. Removes it and those beyond it
-    /// from the choice. `None` if no piece does.
+    /// Returns the end of the longest piece that keeps to the limits. Removes it and those beyond
+    /// it from the choice. `None` if no piece does.
     fn longest(&self, choice: &mut Choice, previous: &[P]) -> Option<usize> {
         let (start, rounding) = (choice.start, Rounding::Nearest);
         choice.untried_ends.rfind(|end| {

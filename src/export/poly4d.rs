@@ -140,8 +140,8 @@ fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// Returns the piece between setpoints `from` and `to`: their quintic, and two coefficients by least
-/// squares.
+/// Returns the piece between setpoints `from` and `to`: their quintic, and two coefficients by
+/// least squares.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
     // The quintic Hermite interpolation between both ends.
     let duration_s = stretch.time_s(to) - stretch.time_s(from);

@@ -122,7 +122,8 @@ impl Curves {
         }
     }
 
-    /// Replaces the Gaussians of a blurred rectangle, from `n_along` on those across, by its curves.
+    /// Replaces the Gaussians of a blurred rectangle, from `n_along` on those across, by its
+    /// curves.
     fn draw_rectangles(&mut self, record: &Record, n_along: usize) {
         let axes = [(0, record.x_px, record.width), (n_along, record.y_px, record.height)];
         for (axis, (start, middles_px, pixels)) in axes.into_iter().enumerate() {
@@ -140,7 +141,8 @@ impl Curves {
         &self.along[spot * self.strides[0]..][from..self.strides[0]]
     }
 
-    /// Returns the upper and the lower bits of the curve of a spot across, for some rows of the box.
+    /// Returns the upper and the lower bits of the curve of a spot across, for some rows of the
+    /// box.
     #[inline(always)]
     pub(super) fn across(&self, spot: usize, rows: Range<usize>) -> [&[u32]; 2] {
         [&self.high, &self.low].map(|part| &part[spot * self.strides[1]..][rows.clone()])
@@ -161,8 +163,8 @@ fn exponents(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
     out[pixels..].fill(ZERO_EXPONENT);
 }
 
-/// Writes the curve of a line of `half_px` to either side, blurred by a Gaussian of σ = 1 / `per_px`.
-/// It is 1 in the middle.
+/// Writes the curve of a line of `half_px` to either side, blurred by a Gaussian of σ = 1 /
+/// `per_px`. It is 1 in the middle.
 fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
     let peak = between(0.0, per_px, half_px);
     for (x, value) in (0_u16..).zip(out) {

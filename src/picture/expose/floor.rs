@@ -29,8 +29,8 @@ use noctograph_core::camera::Camera;
 const SIDE_PX: u32 = 32;
 
 /// Largest difference between the center of a square and the mean of its corners: relative to
-/// itself (a level of 8 bits), and to saturation (a fifth of the light that the camera tone shows as
-/// black).
+/// itself (a level of 8 bits), and to saturation (a fifth of the light that the camera tone shows
+/// as black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
 /// Light of the room in a picture, as squares.

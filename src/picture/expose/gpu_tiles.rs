@@ -58,8 +58,8 @@ fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// Calls `send` with the records of a color in chunks: their curves, and their parts on the tiles in
-/// `lit`, which are the ones to be drawn.
+/// Calls `send` with the records of a color in chunks: their curves, and their parts on the tiles
+/// in `lit`, which are the ones to be drawn.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,

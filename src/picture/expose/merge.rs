@@ -48,11 +48,13 @@ impl Segment {
 }
 
 /// Relative error of brightness and of spot width for each pixel of tolerance. A smaller one makes
-/// more segments of a changing light. At 1, the error of a ramp would be ten times that of position.
+/// more segments of a changing light. At 1, the error of a ramp would be ten times that of
+/// position.
 const UNEVENNESS: f64 = 0.2;
 
 /// Largest change of half the width or height of a rectangle for each pixel of tolerance. Such a
-/// change comes from the height of the camera over the lamp, and shows only at the edge of a stroke.
+/// change comes from the height of the camera over the lamp, and shows only at the edge of a
+/// stroke.
 const HALF_SLACK: f64 = 4.0;
 
 /// Merges the intervals of one lamp and appends the segments. Their light is that of the brightest

@@ -113,8 +113,8 @@ impl LampReading {
     }
 }
 
-/// Returns a reading for each emitter of a trace, by name. Emitters without light in the picture are
-/// omitted.
+/// Returns a reading for each emitter of a trace, by name. Emitters without light in the picture
+/// are omitted.
 ///
 /// # Errors
 ///
@@ -177,7 +177,8 @@ pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f
     })
 }
 
-/// Returns the segments of a lamp's trail in the picture. Their light is `fraction` times the lamp's.
+/// Returns the segments of a lamp's trail in the picture. Their light is `fraction` times the
+/// lamp's.
 fn visible_segments(lamp: &Lamp, fraction: f64, camera: &Camera) -> Vec<Segment> {
     let mut segments = Vec::new();
     merge::merge(project::intervals(lamp, camera), fraction, MERGE_PX, &mut segments);

@@ -263,8 +263,8 @@ impl Latent {
     }
 }
 
-/// A backend that starts in the background, since opening a graphics device and compiling its shader
-/// take longer than exposing a film.
+/// A backend that starts in the background, since opening a graphics device and compiling its
+/// shader take longer than exposing a film.
 #[derive(Debug)]
 pub struct Developer {
     choice: BackendChoice,

@@ -136,8 +136,8 @@ impl<'a> Lens<'a> {
         }
     }
 
-    /// Returns the spot of a lamp in the picture. `None` if the lamp is nearer than [`NEAREST_M`] or
-    /// behind the camera, or the spot beyond [`FARTHEST_PX`].
+    /// Returns the spot of a lamp in the picture. `None` if the lamp is nearer than [`NEAREST_M`]
+    /// or behind the camera, or the spot beyond [`FARTHEST_PX`].
     fn spot(&self, sample: &LightSample) -> Option<Spot> {
         let image = self.camera.image_from_world(sample.position_m)?;
         let at_px = Px::new(image.x_px, image.y_px);
@@ -166,8 +166,8 @@ impl<'a> Lens<'a> {
         })
     }
 
-    /// Returns half the width and half the height of the box around a cylinder in the picture. 0 for
-    /// a disc.
+    /// Returns half the width and half the height of the box around a cylinder in the picture. 0
+    /// for a disc.
     fn half_px(&self, axis: Vector3<f64>, depth_m: f64) -> Px {
         let Some(length_m) = self.emitter.depth_m else { return Px::ZERO };
         let axis = self.camera.camera_from_world * axis / axis.norm();

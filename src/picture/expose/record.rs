@@ -14,8 +14,8 @@ use noctograph_core::random::{GOLDEN, split_mix};
 
 pub(super) const SPOTS: usize = 4;
 
-/// Radius of a spot. 3.7e-6 of the light is beyond it, and is added to the rest of the spot. At this
-/// radius the spot has 3.7e-6 of its peak.
+/// Radius of a spot. 3.7e-6 of the light is beyond it, and is added to the rest of the spot. At
+/// this radius the spot has 3.7e-6 of its peak.
 const REACH_SIGMA: f64 = 5.0;
 
 /// Bound on the peak of a spot over that of its Gaussian, once the sum is corrected: for those

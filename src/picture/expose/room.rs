@@ -96,8 +96,8 @@ impl Room {
         (1.0 + factor * self.unevenness * deviation).max(0.0)
     }
 
-    /// Returns the luminance of a point of surface `on` in the light of the room, relative to a wall
-    /// far from the floor. Without walls it is 1.
+    /// Returns the luminance of a point of surface `on` in the light of the room, relative to a
+    /// wall far from the floor. Without walls it is 1.
     ///
     /// The light is diffuse by reflection between walls and ceiling. Half of it comes from a gap at
     /// `gap_m`, if there is one.
@@ -121,8 +121,8 @@ impl Room {
             0.5 * (1.0 - d / (d * d + h * h).sqrt()) * (1.0 - other.albedo / brightest).max(0.0)
         });
         let diffuse = 1.0 - hidden.sum::<f64>();
-        // The gap's light falls with the cosine over d², relative to the depth of the room. Near the
-        // gap the added constant limits it.
+        // The gap's light falls with the cosine over d², relative to the depth of the room. Near
+        // the gap the added constant limits it.
         let light = gap_m.map_or(diffuse, |gap_m| {
             let to_gap_m = gap_m - point_m;
             let d_sq = to_gap_m.norm_squared() + NEAREST_M;
@@ -150,8 +150,8 @@ impl Surface {
         self.normal.dot(&point_m) - self.at_m
     }
 
-    /// Returns the light that a floor with sheen reflects from one direction to another, relative to
-    /// a matte floor. Both are unit vectors away from the surface.
+    /// Returns the light that a floor with sheen reflects from one direction to another, relative
+    /// to a matte floor. Both are unit vectors away from the surface.
     pub(super) fn sheen(&self, roughness: f64, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
         // Facets along the half vector mirror: D = α² / (π (cos² (α² - 1) + 1)²).
         let half = (from + to).normalize();

@@ -273,8 +273,8 @@ fn same_color(a: &Instant, b: &Instant) -> bool {
     channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))
 }
 
-/// Returns a lamp that shines in all directions. `instant_cd` gives its intensity at each instant by
-/// index. The largest one is level 1.
+/// Returns a lamp that shines in all directions. `instant_cd` gives its intensity at each instant
+/// by index. The largest one is level 1.
 fn lamp(run: &[Instant], rgb: [f64; 3], instant_cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
     let intensities_cd: Vec<f64> =
         run.iter().enumerate().map(|(i, instant)| instant_cd(i, instant)).collect();

@@ -104,8 +104,8 @@ impl Pose {
     }
 }
 
-/// Returns the samples of a lamp over a flight. Each lit run begins and ends at level 0. The lamp is
-/// dark between two stretches, since its path is unknown there.
+/// Returns the samples of a lamp over a flight. Each lit run begins and ends at level 0. The lamp
+/// is dark between two stretches, since its path is unknown there.
 pub(super) fn shine(
     stretches: &[Vec<Pose>],
     fixture: &Fixture,

@@ -142,8 +142,8 @@ impl Backdrop {
     }
 }
 
-/// Returns the albedo of floor and walls relative to the median, from the background in each channel
-/// as if it was uniformly lit. It is at most 4. `None` without a background.
+/// Returns the albedo of floor and walls relative to the median, from the background in each
+/// channel as if it was uniformly lit. It is at most 4. `None` without a background.
 ///
 /// # Errors
 ///

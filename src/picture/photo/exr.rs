@@ -19,11 +19,12 @@ const CHROMATICITIES: Chromaticities = Chromaticities {
 };
 
 impl Readout {
-    /// Returns the readout as an uncompressed EXR file, with 32 bits per channel and without a time.
+    /// Returns the readout as an uncompressed EXR file, with 32 bits per channel and without a
+    /// time.
     ///
-    /// Attributes: chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (if the camera
-    /// has one), software, and comments. The comments have a line `keyword: text` for each note, in
-    /// UTF-8, which the official library and its Python module read.
+    /// Attributes: chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (if the
+    /// camera has one), software, and comments. The comments have a line `keyword: text` for each
+    /// note, in UTF-8, which the official library and its Python module read.
     pub fn encode_exr(&self, camera: &Camera, notes: &[(&str, String)]) -> Vec<u8> {
         let width = self.width_px as usize;
         let size = (width, self.height_px as usize);

@@ -47,8 +47,8 @@ impl Glare {
         Some(Self { fraction, halo, rows })
     }
 
-    /// Writes the counts of row `y` of a channel after the scatter to `out`. `pixels` are the counts
-    /// before it, and `cells` is a buffer.
+    /// Writes the counts of row `y` of a channel after the scatter to `out`. `pixels` are the
+    /// counts before it, and `cells` is a buffer.
     pub(super) fn row(
         &self,
         channel: usize,

@@ -139,8 +139,8 @@ pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
 /// Least number of rows in a task.
 const TASK_ROWS: usize = 16;
 
-/// Processes the picture row by row. `finish` converts the channels of a row to the product. Returns
-/// the luminous exposure at white, and the product.
+/// Processes the picture row by row. `finish` converts the channels of a row to the product.
+/// Returns the luminous exposure at white, and the product.
 fn process<T: Copy + Default + Send>(
     film: &Film,
     camera: &Camera,

@@ -9,8 +9,8 @@ use noctograph_core::random::split_mix;
 /// Cells of the table of normal numbers.
 const CELLS: usize = 2048;
 
-/// Electrons below which the Poisson distribution is exact. Above, a normal distribution replaces it
-/// (as in `ISETCam`).
+/// Electrons below which the Poisson distribution is exact. Above, a normal distribution replaces
+/// it (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
 /// Use of a random number.

@@ -38,8 +38,8 @@ pub(super) const LIMIT: Limit =
 
 /// Encodes a photo as PNG: 8 bits per channel, sRGB, fast compression, no time.
 ///
-/// The scene and `notes`, pairs of keyword and text, become text chunks. With metadata, the file has
-/// EXIF and XMP, and the size of the print.
+/// The scene and `notes`, pairs of keyword and text, become text chunks. With metadata, the file
+/// has EXIF and XMP, and the size of the print.
 pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, String)]) -> Vec<u8> {
     let size_px = [photo.width_px, photo.height_px];
     let scene = photo.scene_toml.as_deref();

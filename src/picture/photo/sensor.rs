@@ -112,8 +112,8 @@ impl Sensor {
 /// contributors of github.com/butcherg/ssf-data.
 const SENSITIVITY: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
 
-/// Returns the matrix of the crosstalk, and its inverse: fractions of red, green and blue light that
-/// the red, green and blue photosites receive. White gives the same in all.
+/// Returns the matrix of the crosstalk, and its inverse: fractions of red, green and blue light
+/// that the red, green and blue photosites receive. White gives the same in all.
 fn crosstalk() -> [[[f32; 3]; 3]; 2] {
     let fractions = SENSITIVITY.map(|row| row.map(|light| light / row.iter().sum::<f64>()));
     let crosstalk = nalgebra::Matrix3::from_fn(|i, j| fractions[i][j]);

@@ -1,10 +1,10 @@
 //! Starburst: spikes that the iris diffracts from points where a lamp dwells.
 //!
-//! A straight blade diffracts light into a spike at right angles to it. The fraction `2 λ N / (π² r)`
-//! of a point's light lands farther than r from it, like for a round iris. Straight blades
-//! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. The spikes
-//! of a moving lamp are too faint to see, so only lamps at rest have them. Their light is subtracted
-//! from the point.
+//! A straight blade diffracts light into a spike at right angles to it. The fraction `2 λ N / (π²
+//! r)` of a point's light lands farther than r from it, like for a round iris. Straight blades
+//! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. The
+//! spikes of a moving lamp are too faint to see, so only lamps at rest have them. Their light is
+//! subtracted from the point.
 //!
 //! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure
 //! of spikes by color.
@@ -189,8 +189,8 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
     }
 }
 
-/// Subtracts the light of the changes from `first` on from the pixels of the point, in proportion to
-/// their light.
+/// Subtracts the light of the changes from `first` on from the pixels of the point, in proportion
+/// to their light.
 fn subtract_spikes(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let spikes: [i128; 3] = std::array::from_fn(|c| {
