@@ -219,8 +219,8 @@ const SUMMED: f32 = (1_u32 << 22) as f32;
 const HIGH: f32 = (1_u32 << LOW_BITS) as f32;
 const PER_HIGH: f32 = 1.0 / HIGH;
 
-/// 1.5 · 2^23. A float of this size has a step of 1, so that adding it to a number below 2^22 rounds
-/// the number into the last bits of the sum.
+/// Number 1.5 · 2^23. A float of this size has a step of 1, so that adding it to a number below
+/// 2^22 rounds the number into the last bits of the sum.
 const MAGIC: f32 = 12_582_912.0;
 
 /// Returns a number from -1/2 to 2^22, rounded.

@@ -206,12 +206,13 @@ fn double_spin(call: usize) -> Frame {
     frame
 }
 
-/// A level of 0 to 1 as the nearest of 255 steps.
+/// Returns the nearest byte, 0 to 255, for a level from 0 to 1.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 pub(super) fn byte(level: f64) -> u8 {
     (255.0 * level).round().clamp(0.0, 255.0) as u8
 }
 
+/// Truncates a value to a byte like the firmware.
 #[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
 fn cut(value: f32) -> u8 {
     value as u8

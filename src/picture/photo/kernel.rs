@@ -101,9 +101,9 @@ impl Kernel<8> {
         let n = out.len();
         #[expect(clippy::cast_possible_truncation, reason = "faint, and up to 32")]
         let parts = |value: u64| {
-            let until =
+            let sums =
                 self.cumulative.map(|fraction| (value as u32 * fraction as u32) >> self.shift);
-            let part = |part: usize| until[part] - if part == 0 { 0 } else { until[part - 1] };
+            let part = |part: usize| sums[part] - if part == 0 { 0 } else { sums[part - 1] };
             [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|k| part(k + 4))]
         };
         // A block of four pixels gets the upper half of one cell and the lower half of the next.

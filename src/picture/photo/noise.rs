@@ -227,31 +227,32 @@ impl Poisson {
     }
 }
 
-/// Alias table of a Poisson distribution (Walker 1977, Vose 1991): the number is the column if the
-/// bits within are below the upper bits of the cell, else the lower bits of the cell, its alias.
+/// Returns the alias table of a Poisson distribution (Walker 1977, Vose 1991). The number is the
+/// column if the bits within are below the upper bits of the cell, else the alias in its lower
+/// bits.
 fn table(mean: f64) -> [u32; NUMBERS] {
     // Probabilities times the number of columns.
-    let mut next = NUMBERS as f64 * libm::exp(-mean);
+    let mut probability = NUMBERS as f64 * libm::exp(-mean);
     let mut scaled: [f64; NUMBERS] = std::array::from_fn(|number| {
-        let this = next;
-        next *= mean / (number + 1) as f64;
-        this
+        let scaled = probability;
+        probability *= mean / (number + 1) as f64;
+        scaled
     });
-    let (mut less, mut more): (Vec<usize>, Vec<usize>) =
+    let (mut rare, mut frequent): (Vec<usize>, Vec<usize>) =
         (0..NUMBERS).partition(|&number| scaled[number] < 1.0);
     let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
-    // A number that is too rare for its column leaves the rest of it to one that is too frequent.
-    while let (Some(&from), Some(to)) = (more.last(), less.pop()) {
+    // A number that is too rare to fill its column divides it with a frequent one, its alias.
+    while let (Some(&alias), Some(column)) = (frequent.last(), rare.pop()) {
         #[expect(clippy::cast_possible_truncation, reason = "below 1")]
-        let within = (scaled[to] * f64::from(1 << WITHIN_BITS)) as u32;
-        cells[to] = within << COLUMN_BITS | u32::try_from(from).expect("a column");
-        scaled[from] -= 1.0 - scaled[to];
-        if scaled[from] < 1.0 {
-            less.extend(more.pop());
+        let within = (scaled[column] * f64::from(1 << WITHIN_BITS)) as u32;
+        cells[column] = within << COLUMN_BITS | u32::try_from(alias).expect("a column");
+        scaled[alias] -= 1.0 - scaled[column];
+        if scaled[alias] < 1.0 {
+            rare.extend(frequent.pop());
         }
     }
-    // The rest fill a column each, but for rounding.
-    for number in less.into_iter().chain(more) {
+    // The remaining numbers fill a column each, apart from rounding.
+    for number in rare.into_iter().chain(frequent) {
         cells[number] |= u32::try_from(number).expect("a column");
     }
     cells
