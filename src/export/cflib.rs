@@ -25,10 +25,10 @@ use noctograph_plan::Plan;
 use noctograph_sim::sensors::Positioning;
 use noctograph_sim::{ControllerKind, Law};
 
-/// The script, with `@DATA@`, `@LOG@`, `@OPTIONAL@` and `@WATCH@` in place of the plan and the
-/// log's variables, and `@CFLIB@` in that of the oldest cflib.
+/// Template of the script. Placeholders: `@DATA@` for the plan, `@LOG@`, `@OPTIONAL@` and `@WATCH@`
+/// for the log variables, and `@CFLIB@` for the oldest cflib.
 const SCRIPT: &str = include_str!("cflib.py");
-/// The script for several drones, with `@SCRIPTS@` in place of their scripts' names.
+/// Template of the launcher for several drones, with `@SCRIPTS@` for the names of their scripts.
 const LAUNCHER: &str = include_str!("launcher.py");
 
 /// Shortest time between two setpoints over the radio, s.
@@ -37,6 +37,12 @@ const MIN_INTERVAL_S: f64 = 0.02;
 const SAME_M: f64 = 2e-5;
 /// Flight after the last light command, s.
 pub(super) const AFTERGLOW_S: f64 = 0.2;
+/// Number of the Kalman filter for `stabilizer.estimator` (firmware `estimator.h`).
+pub(super) const KALMAN_ESTIMATOR: u32 = 2;
+/// Last byte of the radio address of a drone as it is sold.
+const FACTORY_ADDRESS: usize = 0xE7;
+/// Tolerance for rounded times, s.
+const TIME_ROUNDING_S: f64 = 1e-6;
 
 settings! {
     /// What a script sends while the drone writes.
@@ -50,11 +56,11 @@ settings! {
     }
 }
 
-/// The script for one drone of several, counted from 0. The first of them starts its trajectory at
-/// `before_s`, in the time of their plans.
-pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<String> {
-    let data = data(job, drone, before_s)?;
-    // A JSON text as a JSON string is a Python string literal as well.
+/// Returns the script for one drone, counted from 0. `first_start_s` is the time at which the first
+/// of all drones starts its trajectory, by the plans' clock.
+pub(super) fn script(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<String> {
+    let data = script_data(job, drone, first_start_s)?;
+    // JSON text, encoded as a JSON string, is also a Python string literal.
     let literal = serde_json::to_string(&ascii(&data)).expect("text is serializable");
     let script = SCRIPT.replace("@LOG@", &python(&BLOCKS));
     let script = script.replace("@OPTIONAL@", &python(&OBSERVER_BLOCKS));
@@ -62,52 +68,35 @@ pub(super) fn script(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Strin
     Ok(with_caution(job, script.replace("@DATA@", &literal)))
 }
 
+/// Returns the script that starts the scripts of several drones.
 pub(super) fn launcher(job: &Job<'_>, scripts: &[String]) -> String {
     let names = serde_json::to_string(scripts).expect("names are serializable");
     with_caution(job, LAUNCHER.replace("@SCRIPTS@", &names))
 }
 
-/// Data of one drone for the cflib script, as JSON.
-fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
+/// Returns the data of one drone for its script.
+fn script_data(job: &Job<'_>, drone: usize, first_start_s: f64) -> Result<Value> {
     let plan = &job.plans[drone];
     let stretch = Stretch::new(plan)?;
-    // Lights for setpoints, and those for the trajectory, which the ring's memory may play.
     let lights = commands(plan, job.light)?;
-    let on_board = job.trajectory_lights(drone)?;
-    let timing = timing(plan, &on_board).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES);
-    let timing = timing.map(|timing| {
-        let entries = timing.entries.iter().map(|(lasts, [r, g, b])| json!([lasts, r, g, b]));
-        let changes = timing.changes.iter().map(|(time_s, level)| json!([time_s, "ring", level]));
-        json!({ "entries": entries.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
-    });
-    let sent_until_s = end_s(plan, &stretch, &lights);
-    let trajectory_end_s = end_s(plan, &stretch, &on_board);
-    let flight = trajectory(job, drone).and_then(|trajectory| {
-        let timeline = Timeline::new(plan, &stretch, before_s, trajectory.ends_m());
-        let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
-        trajectory.flight(&timeline, over_s)
-    });
-    // A script of setpoints goes without a trajectory, and refuses it with the reason.
+    let setpoints_end_s = end_s(plan, &stretch, &lights);
+    // A script that sends setpoints works without a trajectory. It refuses that mode.
+    let (trajectory, refusal) = trajectory_data(job, drone, &stretch, first_start_s)?;
     let mut refused = job.refused.to_vec();
-    let bytes = match flight {
-        Err(error) if job.mode == Mode::Trajectory => return Err(error),
-        flight => flight.unwrap_or_else(|error| {
-            refused.push((Mode::Trajectory.name(), error.to_string()));
-            Vec::new()
-        }),
-    };
+    match refusal {
+        Some(error) if job.mode == Mode::Trajectory => return Err(error),
+        Some(error) => refused.push((Mode::Trajectory.name(), error.to_string())),
+        None => {}
+    }
     let start_m = plan.setpoints[0].position_m;
     let heights = plan.setpoints.iter().map(|setpoint| setpoint.position_m.z);
-    // Several drones have an address and a log each, by their number.
-    let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
-    // As `noctograph plan` writes it, so that a log finds its plan.
+    // The digest of the file that `noctograph plan` writes, so that a log finds its plan.
     let mut csv = Vec::new();
     plan.write_csv(&mut csv).expect("memory takes it");
-    // The script sends only the parameters that the drone does not have yet.
-    let mut parameters = vec![("stabilizer.estimator".to_owned(), 2)];
+    // When the shutter is closed, the script sets the lamps back.
     let lamps = preparation(plan, job.light)?;
-    // The lamps are set back last, when the shutter is closed.
     let lamp_names: Vec<String> = lamps.iter().map(|(name, _)| name.clone()).collect();
+    let mut parameters = vec![("stabilizer.estimator".to_owned(), KALMAN_ESTIMATOR)];
     parameters.extend(lamps);
     Ok(json!({
         "word": job.word,
@@ -119,36 +108,76 @@ fn data(job: &Job<'_>, drone: usize, before_s: f64) -> Result<Value> {
         "limits": limits(job, drone),
         "room_m": job.checks.room_m,
         "corners_m": corners_m(job.plans),
-        "uri": format!("radio://0/80/2M/E7E7E7E7{:02X}", if number.is_empty() { 0xE7 } else { drone + 1 }),
+        "uri": uri(job, drone),
         "mode": job.mode.name(),
         "refused": BTreeMap::from_iter(refused),
         "controller": firmware_controller(job.sim.controller.kind),
         "gains": gains::parameters(job.sim),
-        "log": format!("{}_flight{number}.json", stem(job.word)),
+        "log": format!("{}_flight{}.json", stem(job.word), job.number_suffix(drone)),
         "start_m": [start_m.x, start_m.y],
         "yaw_rad": plan.yaw_rad,
         "top_m": heights.fold(0.0, f64::max),
-        "end_s": sent_until_s,
+        "end_s": setpoints_end_s,
         "channels": plan.lamps().map(|(channel, _)| channel).collect::<Vec<_>>(),
         "parameters": parameters,
         "lamps": lamp_names,
         "dark": dark(plan, job.light)?.iter()
             .map(|c| json!([c.parameter, c.value, c.channel, c.level])).collect::<Vec<_>>(),
         "lights": command_rows(&lights),
-        "setpoints": setpoints(plan, sent_until_s)?,
-        "trajectory": {
-            "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
-            "start_bytes": START_BYTES,
-            "turns": bytes.get(YAW_BYTES) != Some(&[0; 2]),
-            "start_s": zero_s(before_s),
-            "lights": command_rows(&on_board),
-            "timing": timing,
-            "end_s": trajectory_end_s,
-        },
+        "setpoints": setpoints(plan, setpoints_end_s)?,
+        "trajectory": trajectory,
     }))
 }
 
-/// The trajectory of a drone for its memory.
+/// Returns the radio address of a drone: the factory's for a single drone, else by its number.
+fn uri(job: &Job<'_>, drone: usize) -> String {
+    let last_byte = if job.plans.len() > 1 { drone + 1 } else { FACTORY_ADDRESS };
+    format!("radio://0/80/2M/E7E7E7E7{last_byte:02X}")
+}
+
+/// Returns the script's data for a flight on board, and the error if the drone cannot fly it. Its
+/// bytes are then empty.
+fn trajectory_data(
+    job: &Job<'_>,
+    drone: usize,
+    stretch: &Stretch,
+    first_start_s: f64,
+) -> Result<(Value, Option<Error>)> {
+    let plan = &job.plans[drone];
+    let lights = job.trajectory_lights(drone)?;
+    let trajectory_end_s = end_s(plan, stretch, &lights);
+    let flight = trajectory(job, drone).and_then(|trajectory| {
+        let timeline = Timeline::new(plan, stretch, first_start_s, trajectory.ends_m());
+        let over_s = trajectory_end_s - stretch.start_s() - trajectory.duration_s();
+        trajectory.flight(&timeline, over_s)
+    });
+    let (bytes, refusal) = match flight {
+        Ok(bytes) => (bytes, None),
+        Err(error) => (Vec::new(), Some(error)),
+    };
+    let data = json!({
+        "hex": bytes.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
+        "start_bytes": START_BYTES,
+        "turns": bytes.get(YAW_BYTES) != Some(&[0; 2]),
+        "start_s": zero_s(first_start_s),
+        "lights": command_rows(&lights),
+        "timing": timing_data(plan, &lights),
+        "end_s": trajectory_end_s,
+    });
+    Ok((data, refusal))
+}
+
+/// Returns the ring's timing memory and the light changes that it plays. `None` if another lamp is
+/// lit or the memory is too small.
+fn timing_data(plan: &Plan, lights: &[Command]) -> Option<Value> {
+    let timing = timing(plan, lights).filter(|t| t.entries.len() <= RING_TIMING_ENTRIES)?;
+    let entries = timing.entries.iter().map(|(units, [r, g, b])| json!([units, r, g, b]));
+    let changes = timing.changes.iter().map(|(time_s, level)| json!([time_s, "ring", level]));
+    Some(json!({ "entries": Vec::from_iter(entries), "changes": Vec::from_iter(changes) }))
+}
+
+/// Returns the trajectory of a drone's letters for its memory. Refuses a plan for another clock and
+/// a flight that is not safe.
 fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     if job.trajectory_clock != 1.0 {
         let wanted = "1 for a trajectory on board";
@@ -164,12 +193,12 @@ fn trajectory(job: &Job<'_>, drone: usize) -> Result<Compressed> {
     Ok(trajectory)
 }
 
-/// Light commands as `[time, parameter, value, channel, level]`.
+/// Returns light commands as rows `[time, parameter, value, channel, level]`.
 fn command_rows(commands: &[Command]) -> Vec<Value> {
     commands.iter().map(|c| json!([c.time_s, c.parameter, c.value, c.channel, c.level])).collect()
 }
 
-/// Limits by which the script judges a drone, from the one table.
+/// Returns the limits of [`safety`] by which the script judges a drone.
 fn limits(job: &Job<'_>, drone: usize) -> Value {
     let checks = job.checks;
     let platform = checks.platform;
@@ -204,18 +233,19 @@ fn limits(job: &Job<'_>, drone: usize) -> Value {
     })
 }
 
-/// Decks that a flight needs, each with parameters in `deck.`, of which one has to be set (firmware
-/// `lighthouse.c`, `locodeck.c`, `gtgps.c`, `ledring12.c`, `color_led_deck.c`).
+/// Returns the decks that a flight needs: the name of each, and the parameters of the group `deck`
+/// of which one is 1 if it is fitted (firmware `lighthouse.c`, `locodeck.c`, `gtgps.c`,
+/// `ledring12.c`, `color_led_deck.c`).
 fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'static str>)> {
-    let position = match positioning {
+    let positioning_parameters = match positioning {
         Positioning::Position | Positioning::CrossingBeams | Positioning::Sweeps => {
             vec!["bcLighthouse4"]
         }
         Positioning::UwbTwr | Positioning::UwbTdoa => vec!["bcLoco", "bcDWM1000"],
         Positioning::Gnss => vec!["bcGTGPS"],
     };
-    // Decks of lamps by name, since a deck may have several channels.
-    let mut decks = vec![("positioning", position)];
+    // A lamp deck counts once, although it may have several channels.
+    let mut decks = vec![("positioning", positioning_parameters)];
     for channel in plan.lamps().filter_map(|(name, _)| Channel::named(name)) {
         let (name, parameters) = channel.deck;
         if decks.iter().all(|(other, _)| *other != name) {
@@ -225,7 +255,8 @@ fn decks(plan: &Plan, positioning: Positioning) -> Vec<(&'static str, Vec<&'stat
     decks
 }
 
-/// Corners of the box of all letters.
+/// Returns the corners of the rectangle around all letters, from the lower left counterclockwise.
+/// Empty if the plans have no letters. All letters are in one plane of constant y.
 fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     let setpoints = plans.iter().flat_map(|plan| &plan.setpoints);
     let mut written = setpoints.filter(|setpoint| setpoint.letter.is_some()).peekable();
@@ -234,7 +265,7 @@ fn corners_m(plans: &[Plan]) -> Vec<[f64; 3]> {
     [[left, low], [right, low], [right, high], [left, high]].map(|[x, z]| [x, y, z]).into()
 }
 
-/// Number of the controller in the firmware (`controller.h`), if the firmware has it.
+/// Returns the number of a controller in the firmware (`controller.h`). `None` if it lacks it.
 pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     match kind.law() {
         Law::Cascade => Some(1),
@@ -243,12 +274,13 @@ pub(super) fn firmware_controller(kind: ControllerKind) -> Option<u32> {
     }
 }
 
-/// Time in the plan at which all letters are flown and all lights are off, s.
+/// Returns the time in the plan at which all letters are flown and all lights are off, s.
 fn end_s(plan: &Plan, stretch: &Stretch, lights: &[Command]) -> f64 {
     let letters_s = stretch.start_s() + stretch.duration_s();
     let dark_s = lights.last().map_or(0.0, |command| command.time_s + AFTERGLOW_S);
-    let in_the_air = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
-    letters_s.max(dark_s).min(in_the_air.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
+    let last_airborne = plan.setpoints.iter().rfind(|setpoint| !setpoint.on_floor());
+    // The run-out may reach beyond the plan's landing. The lights are waited for in any case.
+    letters_s.min(last_airborne.map_or(0.0, |setpoint| setpoint.time_s)).max(dark_s)
 }
 
 /// True if a plan's setpoints are far enough apart to be sent one by one.
@@ -256,15 +288,17 @@ pub(super) fn fits_the_radio(plan: &Plan) -> bool {
     setpoints(plan, f64::INFINITY).is_ok_and(|rows| !rows.is_empty())
 }
 
-/// True if a setpoint only continues the one before it, or holds its position.
+/// True if setpoint `to` is redundant after `from`: it sends the same position, or its position is
+/// on the path that `from` begins.
 fn continues(plan: &Plan, from: usize, to: usize) -> bool {
     let (a, b) = (&plan.setpoints[from], &plan.setpoints[to]);
-    let held = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
-    held || (a.design_m(b.time_s) - b.position_m).norm() < SAME_M
+    let sends_same = (plan.sent_m(from) - plan.sent_m(to)).norm() < SAME_M;
+    sends_same || (a.design_m(b.time_s) - b.position_m).norm() < SAME_M
 }
 
-/// The setpoints for the radio: the plan in the air without the setpoints that only carry a light
-/// command, each as `[time, position sent, velocity, acceleration]`.
+/// Returns the setpoints to send in the air until `end_s`, each as `[time, position sent, velocity,
+/// acceleration]`. Omits redundant ones that come sooner than [`MIN_INTERVAL_S`] after another, and
+/// refuses others that do.
 fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
     let mut kept: Vec<usize> = Vec::new();
     for (row, setpoint) in plan.setpoints.iter().enumerate() {
@@ -272,18 +306,18 @@ fn setpoints(plan: &Plan, end_s: f64) -> Result<Vec<Value>> {
             continue;
         }
         let interval_s = kept.last().map(|last| setpoint.time_s - plan.setpoints[*last].time_s);
-        let Some(interval_s) = interval_s.filter(|s| *s < MIN_INTERVAL_S - 1e-6) else {
+        let Some(interval_s) = interval_s.filter(|s| *s < MIN_INTERVAL_S - TIME_ROUNDING_S) else {
             kept.push(row);
             continue;
         };
         // Two setpoints closer than the radio can send: drop the redundant one.
-        let before = kept[kept.len() - 1];
-        let last = &plan.setpoints[before];
-        let earlier = kept.len().checked_sub(2).map(|index| kept[index]);
-        if earlier.is_some_and(|earlier| continues(plan, earlier, before)) {
+        let previous_row = kept[kept.len() - 1];
+        let previous = &plan.setpoints[previous_row];
+        let earlier_row = kept.len().checked_sub(2).map(|index| kept[index]);
+        if earlier_row.is_some_and(|earlier_row| continues(plan, earlier_row, previous_row)) {
             *kept.last_mut().expect("a setpoint") = row;
-        } else if !continues(plan, before, row) || setpoint.letter != last.letter {
-            let (hz, time_s) = (1.0 / interval_s, last.time_s);
+        } else if !continues(plan, previous_row, row) || setpoint.letter != previous.letter {
+            let (hz, time_s) = (1.0 / interval_s, previous.time_s);
             return Err(Error::infeasible(
                 format!("{hz:.0} setpoints a second at {time_s:.2} s, the radio carries 50"),
                 "raise plan.setpoint_interval_s, or fly a trajectory on board",
@@ -546,7 +580,7 @@ mod tests {
             trajectory_clock: 1.0,
             checks: &checks,
         };
-        let [first, second] = [0, 1].map(|drone| data(&job, drone, 0.0).unwrap());
+        let [first, second] = [0, 1].map(|drone| script_data(&job, drone, 0.0).unwrap());
         assert_eq!(first["uri"], "radio://0/80/2M/E7E7E7E701");
         assert_eq!(second["uri"], "radio://0/80/2M/E7E7E7E702");
         assert_eq!([&first["log"], &second["log"]], ["I_flight-1.json", "I_flight-2.json"]);
@@ -562,14 +596,18 @@ mod tests {
         // Unsafe as a trajectory, and not to be asked for. So is a plan for a slow clock.
         let refused = |data: &Value| data["refused"]["trajectory"].as_str().unwrap().to_owned();
         assert!(refused(&first).contains("not safe") && first["trajectory"]["hex"] == "");
-        let slow = data(&Job { trajectory_clock: 0.99, flown: &plans, ..job }, 0, 0.0).unwrap();
+        let slow =
+            script_data(&Job { trajectory_clock: 0.99, flown: &plans, ..job }, 0, 0.0).unwrap();
         assert!(refused(&slow).contains("trajectory_clock"), "{}", refused(&slow));
         let asked = Job { mode: Mode::Trajectory, ..job };
-        assert!(data(&asked, 0, 0.0).is_err(), "and where it is asked for, nothing is written");
+        assert!(
+            script_data(&asked, 0, 0.0).is_err(),
+            "and where it is asked for, nothing is written"
+        );
         let alone = Job { plans: &plans[..1], ..job };
-        assert_eq!(data(&alone, 0, 0.0).unwrap()["uri"], "radio://0/80/2M/E7E7E7E7E7");
+        assert_eq!(script_data(&alone, 0, 0.0).unwrap()["uri"], "radio://0/80/2M/E7E7E7E7E7");
         let unknown = Checks { platform: None, ..checks.clone() };
-        let unknown = data(&Job { checks: &unknown, ..job }, 0, 0.0).unwrap();
+        let unknown = script_data(&Job { checks: &unknown, ..job }, 0, 0.0).unwrap();
         assert_eq!([&unknown["limits"]["low_v"], &unknown["limits"]["critical_v"]], [0.0, 0.0]);
         assert_eq!(unknown["limits"]["platforms"], json!([]));
     }

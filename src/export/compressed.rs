@@ -25,11 +25,13 @@ use noctograph_plan::Plan;
 const MAX_PIECE_S: f64 = 65.535;
 /// Largest coordinate: the largest int16, in m.
 const MAX_COORDINATE_M: f64 = 32.767;
-/// Distance that an axis may be off when it is left constant, m.
+/// Largest error of an axis that is stored as a constant, m.
 const CONSTANT_M: f64 = 0.0005;
-/// Distance that an axis may be off when it is flown linearly, m.
+/// Largest error of an axis that is stored as a line, m.
 const LINEAR_M: f64 = 0.0008;
-/// A piece that is cubic on three axes.
+/// Bytes of a position and a heading, with which a trajectory begins.
+const START_SIZE: usize = 8;
+/// Bytes of a piece that is cubic on three axes.
 const MAX_PIECE_BYTES: usize = 3 + 3 * 6;
 
 /// Bytes that end a trajectory.
@@ -38,16 +40,16 @@ const END: [u8; 3] = [0; 3];
 /// Bytes that end a trajectory without a goal: a line along z of zero duration, which makes the
 /// firmware divide by zero. Its commander then gives no more setpoints
 /// (`crtp_commander_high_level.c`, "invalid eval"), and its watchdog stops the motors 2 s later. At
-/// [`END`] the drone would hover for ever. So it is since release 2023.11.
+/// [`END`] the drone would hover for ever. Releases since 2023.11 do so.
 const END_WITHOUT_GOAL: [u8; 5] = [1 << 4, 0, 0, 0, 0];
 
-/// Offsets of the take-off position in the bytes of a flight: along x, and along y.
+/// Offsets of the take-off position in the bytes of a flight: of x, and of y.
 pub(super) const START_BYTES: [[usize; 4]; 2] = [[0, 28, 30, 32], [2, 42, 44, 46]];
 
-/// The heading in the bytes of a flight.
+/// Offsets of the heading in the bytes of a flight.
 pub(super) const YAW_BYTES: std::ops::Range<usize> = 6..8;
 
-/// A trajectory as the drone stores it: at least one piece.
+/// A trajectory of at least one piece, as the drone stores it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Compressed {
     pub(super) pieces: Vec<Piece>,
@@ -60,13 +62,13 @@ pub(super) struct Piece {
     /// The first control point, which is the end of the piece before, mm.
     pub(super) start_mm: [i16; 3],
     pub(super) duration_ms: u16,
-    /// The further control points of each axis, mm: none for a constant, the end for a line, three
-    /// for a cubic.
+    /// Control points of each axis after the first one, mm: none for a constant, the end for a
+    /// line, three for a cubic.
     pub(super) axes: [Vec<i16>; 3],
 }
 
 impl Compressed {
-    /// Encodes the letters of a plan for a release, within a distance of its design.
+    /// Encodes the letters of a plan for a release, within `tolerance_m` of its design.
     ///
     /// # Errors
     ///
@@ -81,8 +83,8 @@ impl Compressed {
         if bytes <= TRAJECTORY_MEMORY_BYTES {
             return Ok(trajectory);
         }
-        // For the error: when the memory is full. A run-out of one more piece ends each part.
-        let (mut used, mut until_s) = (8 + END.len() + MAX_PIECE_BYTES, 0.0);
+        // The error names the letters that fit, before a run-out of one more piece.
+        let (mut used, mut until_s) = (START_SIZE + END.len() + MAX_PIECE_BYTES, 0.0);
         for piece in &trajectory.pieces {
             used += piece.n_bytes();
             if used > TRAJECTORY_MEMORY_BYTES {
@@ -97,24 +99,25 @@ impl Compressed {
         Err(stretch.too_long(until_s, &needs, hint))
     }
 
-    /// The same for any memory.
+    /// Encodes a stretch within `tolerance_m` of its design, for a memory of any size. Refuses one
+    /// that exceeds the numbers of the format.
     pub(super) fn of_any_length(stretch: &Stretch, tolerance_m: f64) -> Result<Self> {
         check_range(stretch)?;
         let start_mm = millimeters(&stretch.setpoints[0].position_m);
-        let next = |from, to, before: &[Piece], rounding| {
-            piece(stretch, [from, to], before.last().map_or(start_mm, Piece::end_mm), rounding)
+        let next = |from, to, previous: &[Piece], rounding| {
+            piece(stretch, [from, to], previous.last().map_or(start_mm, Piece::end_mm), rounding)
         };
         let pieces = pieces(stretch, tolerance_m, MAX_PIECE_S, next, Piece::polynomials);
-        Ok(Self { pieces, yaw: tenths(stretch.yaw_rad) })
+        Ok(Self { pieces, yaw: tenths_of_degrees(stretch.yaw_rad) })
     }
 
-    /// The bytes that the drone stores.
+    /// Returns the bytes that the drone stores.
     pub fn to_bytes(&self) -> Vec<u8> {
         let start_mm = self.pieces.first().map_or([0; 3], |piece| piece.start_mm);
         let mut bytes = start_mm.map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         for piece in &self.pieces {
-            // The code of an axis by the number of its further control points.
+            // Two bits for each axis: 0, 1 or 3 further control points have the codes 0, 1 and 2.
             let [x, y, z] = piece.axes.each_ref().map(|points_mm| [0, 1, 1, 2][points_mm.len()]);
             bytes.push(x | y << 2 | z << 4);
             bytes.extend(piece.duration_ms.to_le_bytes());
@@ -125,16 +128,18 @@ impl Compressed {
         bytes
     }
 
-    /// The bytes of a flight from the floor to the floor, after which the firmware stops the
-    /// motors. The script lands `over_s` after the end of the trajectory.
+    /// Returns the bytes of a flight from take-off to landing, after which the firmware stops the
+    /// motors. The script lands `over_s` after the end of the trajectory. Refuses a flight that
+    /// exceeds the memory.
     pub(super) fn flight(&self, timeline: &Timeline, over_s: f64) -> Result<Vec<u8>> {
         // Take-off and path, the letters without their start and end, hover and landing.
         let mut bytes = millimeters(&timeline.before[0].1).map(i16::to_le_bytes).concat();
         bytes.extend(self.yaw.to_le_bytes());
         timeline.segments_before().iter().for_each(|segment| add_segment(&mut bytes, segment));
         let letters = self.to_bytes();
-        bytes.extend(&letters[8..letters.len() - END.len()]);
-        timeline.segments_alone(over_s).iter().for_each(|segment| add_segment(&mut bytes, segment));
+        bytes.extend(&letters[START_SIZE..letters.len() - END.len()]);
+        let landing = timeline.segments_without_link(over_s);
+        landing.iter().for_each(|segment| add_segment(&mut bytes, segment));
         bytes.extend(END_WITHOUT_GOAL);
         if bytes.len() > TRAJECTORY_MEMORY_BYTES {
             let what = format!(
@@ -148,27 +153,30 @@ impl Compressed {
         Ok(bytes)
     }
 
-    /// Duration as flown, s.
+    /// Returns the duration in whole milliseconds, s.
     pub fn duration_s(&self) -> f64 {
         self.polynomials().iter().map(|piece| piece.duration_s).sum()
     }
 
+    /// Returns the pieces as polynomials of time.
     pub(super) fn polynomials(&self) -> Vec<Polynomials> {
         self.pieces.iter().map(Piece::polynomials).collect()
     }
 
+    /// Returns the first and the last position, m.
     pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
         let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
         [first.start_mm, last.end_mm()].map(|mm| Vector3::from(mm.map(f64::from)) / 1e3)
     }
 
-    /// Its pieces as Bézier curves: duration in s, and four control points in m.
+    /// Returns the pieces as Bézier curves: duration in s, and four control points in m.
     pub(super) fn curves(&self) -> Vec<(f64, [Vector3<f64>; 4])> {
         self.pieces.iter().map(|piece| (piece.polynomials().duration_s, piece.curve_m())).collect()
     }
 }
 
-/// The four control points of an axis as a cubic, mm.
+/// Returns the four control points of an axis as a cubic, mm. Those of a constant or a line are
+/// evenly spaced.
 fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     let [a, d] = [start_mm, *points_mm.last().unwrap_or(&start_mm)].map(f64::from);
     match points_mm {
@@ -177,9 +185,9 @@ fn control_mm(start_mm: i16, points_mm: &[i16]) -> [f64; 4] {
     }
 }
 
-/// The coefficients of an axis in m and s.
+/// Returns the coefficients of an axis in ascending powers of time, in m and s.
 fn polynomial(start_mm: i16, points_mm: &[i16], duration_s: f64) -> [f64; 8] {
-    // From the Bernstein basis to powers of time over the duration, and of time.
+    // From the Bernstein basis to powers of t/T, then to powers of t.
     let [a, b, c, d] = control_mm(start_mm, points_mm).map(|mm| mm / 1000.0);
     let unit = [a, 3.0 * (b - a), 3.0 * (a - 2.0 * b + c), d - 3.0 * c + 3.0 * b - a];
     let (t, t2) = (duration_s, duration_s * duration_s);
@@ -187,31 +195,32 @@ fn polynomial(start_mm: i16, points_mm: &[i16], duration_s: f64) -> [f64; 8] {
 }
 
 impl Piece {
-    /// Bytes on board.
+    /// Returns the number of bytes on board.
     fn n_bytes(&self) -> usize {
         3 + 2 * self.axes.iter().map(Vec::len).sum::<usize>()
     }
 
-    /// The last control point, mm.
+    /// Returns the last control point, mm.
     pub(super) fn end_mm(&self) -> [i16; 3] {
         [0, 1, 2].map(|k| *self.axes[k].last().unwrap_or(&self.start_mm[k]))
     }
 
-    /// Its motion as the firmware computes it.
+    /// Returns the motion that the firmware computes from this piece.
     fn polynomials(&self) -> Polynomials {
         let duration_s = f64::from(self.duration_ms) / 1000.0;
         let axes = [0, 1, 2].map(|k| polynomial(self.start_mm[k], &self.axes[k], duration_s));
         Polynomials { duration_s, axes }
     }
 
-    /// As a Bézier curve: its four control points, m.
+    /// Returns the four control points of the piece as a Bézier curve, m.
     fn curve_m(&self) -> [Vector3<f64>; 4] {
         let axes = [0, 1, 2].map(|axis| control_mm(self.start_mm[axis], &self.axes[axis]));
         [0, 1, 2, 3].map(|k| Vector3::from(axes.map(|axis| axis[k])) / 1000.0)
     }
 }
 
-/// The piece between two setpoints: on each axis the simplest form that is near enough.
+/// Returns the piece between setpoints `from` and `to`. Each axis has the simplest form that is
+/// near enough to the design: a constant, a line or a cubic.
 fn piece(
     stretch: &Stretch,
     [from, to]: [usize; 2],
@@ -220,27 +229,27 @@ fn piece(
 ) -> Piece {
     // Differences of rounded times do not drift.
     let times_ms = [from, to].map(|index| (stretch.time_s(index) * 1000.0).round());
-    #[expect(clippy::cast_possible_truncation, reason = "below 65 535")]
+    #[expect(clippy::cast_possible_truncation, reason = "below 65 535, see `check_range`")]
     let duration_ms = ((times_ms[1] - times_ms[0]) as u16).max(1);
     let duration_s = f64::from(duration_ms) / 1000.0;
-    let (here, there) = (&stretch.setpoints[from], &stretch.setpoints[to]);
+    let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let axes = [0, 1, 2].map(|axis| {
         // A constant or a line, if the design is near enough.
-        let end_mm = round_mm(there.position_m[axis]);
+        let end_mm = round_mm(end.position_m[axis]);
         let forms = [(Vec::new(), CONSTANT_M), (vec![end_mm], LINEAR_M)];
         let simple = forms.into_iter().find(|(points_mm, tolerance_m)| {
-            let [start_m, slope_m_s, ..] = polynomial(start_mm[axis], points_mm, duration_s);
+            let [start_m, speed_m_s, ..] = polynomial(start_mm[axis], points_mm, duration_s);
             stretch.check_times_s(from, to).all(|time_s| {
-                let line_m = start_m + slope_m_s * (time_s - stretch.time_s(from));
+                let line_m = start_m + speed_m_s * (time_s - stretch.time_s(from));
                 (line_m - stretch.position_m(time_s)[axis]).abs() < *tolerance_m
             })
         });
-        // Else a cubic from the rounded ends, so that the velocities at them are rounded once.
+        // Else a cubic Hermite piece: its inner control points are v T/3 from its rounded ends.
         let third_s = duration_s / 3.0;
-        let [ahead_m, behind_m] = [here, there].map(|s| s.velocity_m_s[axis] * third_s);
+        let [from_start_m, to_end_m] = [start, end].map(|s| s.velocity_m_s[axis] * third_s);
         let cubic_mm = [
-            round_mm(f64::from(start_mm[axis]) / 1000.0 + ahead_m),
-            round_mm(f64::from(end_mm) / 1000.0 - behind_m),
+            round_mm(f64::from(start_mm[axis]) / 1000.0 + from_start_m),
+            round_mm(f64::from(end_mm) / 1000.0 - to_end_m),
             end_mm,
         ];
         match (simple, rounding) {
@@ -252,18 +261,20 @@ fn piece(
     Piece { start_mm, duration_ms, axes }
 }
 
-/// The cubic whose inner control points are within a millimeter of given ones, with the least
-/// acceleration at its ends.
+/// Moves the inner control points `b` and `c` of a cubic by at most a millimeter each, so that the
+/// acceleration at its ends is least. Returns them with the end.
 fn gentlest(start_mm: i16, [b, c, end_mm]: [i16; 3]) -> [i16; 3] {
     let [near_b, near_c] = [b, c].map(|mm| [mm, mm.saturating_sub(1), mm.saturating_add(1)]);
     let cubics = near_b.into_iter().flat_map(|b| near_c.map(|c| [b, c, end_mm]));
     let gentlest = cubics.min_by_key(|points_mm| {
+        // The acceleration at the ends is proportional to a - 2b + c and b - 2c + d.
         let [b, c, d] = points_mm.map(i32::from);
         (i32::from(start_mm) - 2 * b + c).abs().max((b - 2 * c + d).abs())
     });
     gentlest.expect("nine cubics")
 }
 
+/// Refuses setpoints that are too far apart in time, or coordinates beyond the format's range.
 fn check_range(stretch: &Stretch) -> Result<()> {
     for (index, setpoint) in stretch.setpoints.iter().enumerate() {
         let step_s = stretch.time_s(index) - stretch.time_s(index.saturating_sub(1));
@@ -285,15 +296,15 @@ fn check_range(stretch: &Stretch) -> Result<()> {
     Ok(())
 }
 
-/// A heading in tenths of a degree.
+/// Returns a heading in tenths of a degree.
 #[expect(clippy::cast_possible_truncation, reason = "a turn at most, and it saturates")]
-fn tenths(yaw_rad: f64) -> i16 {
+fn tenths_of_degrees(yaw_rad: f64) -> i16 {
     (10.0 * yaw_rad.to_degrees()).round() as i16
 }
 
-/// True if a release flies the heading of a compressed trajectory: any, or only 0.
+/// True if a release flies the heading of a compressed trajectory. Older releases only fly 0.
 pub(super) fn flies_heading(release: Release, yaw_rad: f64) -> bool {
-    release.has(&Feature::HEADING) || tenths(yaw_rad) == 0
+    release.has(&Feature::HEADING) || tenths_of_degrees(yaw_rad) == 0
 }
 
 /// Refuses a heading that a release misreads ([`Feature::HEADING`]).
@@ -301,8 +312,8 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     if flies_heading(release, yaw_rad) {
         return Ok(());
     }
-    // Older releases take ten times the stored number for radians.
-    let (stored, since) = (f64::from(tenths(yaw_rad)), Feature::HEADING.since.name());
+    // Older releases use ten times the stored number as radians.
+    let (stored, since) = (f64::from(tenths_of_degrees(yaw_rad)), Feature::HEADING.since.name());
     let flown_turns = 10.0 * stored / TAU;
     let actual = format!(
         "{}, which flies a compressed trajectory with a heading of {}° (plan.yaw_rad) at {:.0}°",
@@ -318,31 +329,33 @@ fn check_heading(release: Release, yaw_rad: f64) -> Result<()> {
     Err(Error::input("vehicle.firmware", actual, wanted, hint))
 }
 
-/// Adds a segment from rest to rest: an axis that moves is of degree 7, and has its start and its
-/// end four times each as control points. A long hover takes several pieces. A segment of 0 ms is
-/// left out, since a duration of 0 ends a trajectory.
+/// Appends the bytes of a segment from rest to rest. An axis that moves is of degree 7: four
+/// control points at its start and four at its end. A long hover becomes several pieces. A segment
+/// of 0 ms is omitted, since a duration of 0 ends a trajectory.
 fn add_segment(bytes: &mut Vec<u8>, segment: &Segment) {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-    let mut left_ms = (1e3 * segment.duration_s).round() as u32;
+    let mut remaining_ms = (1e3 * segment.duration_s).round() as u32;
     let ends_mm = segment.ends_m.each_ref().map(millimeters);
-    while left_ms > 0 {
-        let piece_ms = u16::try_from(left_ms).unwrap_or(u16::MAX);
+    while remaining_ms > 0 {
+        let piece_ms = u16::try_from(remaining_ms).unwrap_or(u16::MAX);
         bytes.push(segment.axes.iter().map(|axis| 3 << (2 * axis)).sum());
         bytes.extend(piece_ms.to_le_bytes());
         for axis in segment.axes {
             let [from_mm, to_mm] = ends_mm.map(|end_mm| end_mm[*axis]);
+            // The first control point is the end of the piece before.
             let points_mm = [[from_mm; 3].as_slice(), &[to_mm; 4]].concat();
             bytes.extend(points_mm.into_iter().flat_map(i16::to_le_bytes));
         }
-        left_ms = if segment.axes.is_empty() { left_ms - u32::from(piece_ms) } else { 0 };
+        remaining_ms = if segment.axes.is_empty() { remaining_ms - u32::from(piece_ms) } else { 0 };
     }
 }
 
+/// Returns a position in whole millimeters.
 fn millimeters(position_m: &Vector3<f64>) -> [i16; 3] {
     [0, 1, 2].map(|axis| round_mm(position_m[axis]))
 }
 
-/// A coordinate in whole millimeters. Control points beyond the range saturate.
+/// Returns a coordinate in whole millimeters. Control points beyond the range saturate.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn round_mm(x_m: f64) -> i16 {
     (x_m * 1000.0).round() as i16
@@ -398,7 +411,7 @@ mod tests {
             let numbers: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
             let [stored, before_rad, since_rad] = numbers[..] else { panic!("{line}") };
             let yaw_rad = (stored / 10.0).to_radians();
-            assert_eq!(f64::from(tenths(yaw_rad)), stored);
+            assert_eq!(f64::from(tenths_of_degrees(yaw_rad)), stored);
             assert!((since_rad - yaw_rad).abs() < 1e-6 && before_rad == 10.0 * stored, "{line}");
             let plan = Plan::made(PlanData { yaw_rad, ..beside().into_data() });
             for release in Release::ALL.iter().copied() {
@@ -407,7 +420,7 @@ mod tests {
                 let is_flown = (flown_rad - yaw_rad).abs() < 1e-6;
                 let encoded = Compressed::encode(release, &plan, 0.0001);
                 assert_eq!(encoded.is_ok(), is_flown, "{release:?}: {line}");
-                assert!(encoded.is_err() || encoded.unwrap().yaw == tenths(yaw_rad));
+                assert!(encoded.is_err() || encoded.unwrap().yaw == tenths_of_degrees(yaw_rad));
             }
         }
         let turned = Plan::made(PlanData { yaw_rad: -FRAC_PI_2, ..beside().into_data() });
@@ -534,7 +547,7 @@ mod tests {
         let letters =
             Compressed::encode(Release::MODELED, &beside(), 0.0001).unwrap().polynomials();
         let (before, after) =
-            (flown(&timeline.segments_before()), flown(&timeline.segments_alone(0.2)));
+            (flown(&timeline.segments_before()), flown(&timeline.segments_without_link(0.2)));
         let all = [before, letters, after].concat();
         let lasts_s: f64 = all.iter().map(|piece| piece.duration_s).sum();
         let mut last_s = 0.0;

@@ -9,7 +9,7 @@
 
 use serde_json::json;
 
-use super::cflib::{AFTERGLOW_S, firmware_controller};
+use super::cflib::{AFTERGLOW_S, KALMAN_ESTIMATOR, firmware_controller};
 use super::lights::{dark, preparation};
 use super::pieces::Stretch;
 use super::poly4d::Poly4d;
@@ -23,27 +23,27 @@ use noctograph_core::crazyflie::{Feature, MOTORS_STOP_S, SLOW_CLOCK};
 use noctograph_core::error::{Error, Result};
 use noctograph_plan::Plan;
 
-/// The script, with `@DATA@` in place of the checks and the drones' data.
+/// Template of the script, with `@DATA@` for the checks and the drones' data.
 const SCRIPT: &str = include_str!("crazyswarm.py");
 
 /// Variables of the script's own topic, in its order: 24 of the 26 bytes of a block.
 const LOGGED: &str = "\"kalman.varPX\", \"kalman.varPY\", \"kalman.varPZ\", \
                       \"stateEstimate.roll\", \"stateEstimate.pitch\", \"stateEstimate.yaw\"";
 
-/// All files for Crazyswarm2.
+/// Returns all files for Crazyswarm2. Refuses drones and controllers that it cannot fly.
 pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     let (controller, platform) = firmware(job)?;
     // A trajectory and an entry for each drone. All trajectories start together.
-    let before_s = earliest_s(job.plans)?;
+    let first_start_s = earliest_s(job.plans)?;
     let mut files = per_drone(job, "csv", |drone, plan| {
         let stretch = Stretch::new(plan)?;
         let over_s = end_s(job, drone, &stretch)? - stretch.start_s() - stretch.duration_s();
         let trajectory = Poly4d::fit(job.sim.vehicle.firmware, plan, job.tolerance_m)?;
-        let timeline = Timeline::new(plan, &stretch, before_s, trajectory.ends_m());
+        let timeline = Timeline::new(plan, &stretch, first_start_s, trajectory.ends_m());
         Ok(trajectory.flight(&timeline, over_s)?.to_csv().into_bytes())
     })?;
     let drones = job.plans.iter().zip(&files).enumerate().map(|(index, (plan, csv))| {
-        entry(job, index, plan, &csv.name, controller, zero_s(before_s))
+        entry(job, index, plan, &csv.name, controller, zero_s(first_start_s))
     });
     let drones = drones.collect::<Result<Vec<_>>>()?;
     let checks = job.checks;
@@ -74,10 +74,11 @@ pub(super) fn files(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Number of the controller in the firmware, and the drone.
+/// Returns the firmware's number of the scene's controller, and the drone. Refuses others than the
+/// firmware's, and a plan for another clock.
 fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     let (kind, clock) = (job.sim.controller.kind, job.trajectory_clock);
-    // Lamps are timed for the flight under the scene's controller.
+    // Lamps are timed for the flight under the scene's controller, so no other may fly it.
     let Some(controller) = firmware_controller(kind) else {
         let wanted = "pid or geometric (Lee's): controllers that the drone's firmware has";
         let hint = "choose one of these, or fly a controller of your own with the script for cflib";
@@ -95,14 +96,15 @@ fn firmware(job: &Job<'_>) -> Result<(u32, Platform)> {
     Ok((controller, platform))
 }
 
-/// Time in the plan of the landing: all letters flown and all lamps off, s.
+/// Returns the time at which a drone lands, all letters flown and all lamps off, by the plan's
+/// clock, s.
 fn end_s(job: &Job<'_>, drone: usize, stretch: &Stretch) -> Result<f64> {
     let dark_s = job.trajectory_lights(drone)?.last().map_or(0.0, |last| last.time_s);
     Ok(dark_s.max(stretch.start_s() + stretch.duration_s()) + AFTERGLOW_S)
 }
 
-/// The entry of a drone in the JSON that the flight script reads: parameters to set `before` the
-/// estimator's reset and after it, light commands, and those that turn all lamps off (`dark`).
+/// Returns the entry of a drone in the JSON that the script reads: parameters to set before and
+/// after the reset of the estimator, light commands, and commands that turn all lamps off.
 fn entry(
     job: &Job<'_>,
     index: usize,
@@ -116,9 +118,9 @@ fn entry(
     let dark = dark(plan, job.light)?;
     let start_m = plan.setpoints[0].position_m;
     let battery = job.checks.batteries.get(index).copied().flatten();
-    // The Kalman filter starts anew, with the plan's heading.
+    // The Kalman filter restarts with the plan's heading.
     let before = json!([
-        ["stabilizer.estimator", 2],
+        ["stabilizer.estimator", KALMAN_ESTIMATOR],
         ["kalman.initialYaw", plan.yaw_rad],
         ["kalman.resetEstimation", 1]
     ]);
@@ -141,7 +143,7 @@ fn entry(
     }))
 }
 
-/// The file `crazyflies.yaml` of Crazyswarm2.
+/// Returns Crazyswarm2's `crazyflies.yaml` for the drones of a job.
 fn yaml(job: &Job<'_>, controller: u32, platform: Platform) -> String {
     let kind = match platform {
         Platform::Crazyflie2 => "cf21",

@@ -20,7 +20,7 @@ use noctograph_sim::{Law, SimOptions};
 
 type Parameters = Vec<(String, f64)>;
 
-/// Firmware parameters of the scene's controller.
+/// Returns the firmware parameters of the scene's controller. Empty if the firmware lacks it.
 pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     match sim.controller.kind.law() {
         Law::Geometric => lee(sim),
@@ -29,7 +29,7 @@ pub(super) fn parameters(sim: &SimOptions) -> Parameters {
     }
 }
 
-/// Parameters of the firmware's geometric controller (Lee).
+/// Returns the parameters of the firmware's geometric controller (Lee).
 fn lee(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mut parameters = Vec::new();
@@ -50,7 +50,8 @@ fn lee(sim: &SimOptions) -> Parameters {
     parameters
 }
 
-/// Mellinger's controller with the same stiffness and damping.
+/// Returns the parameters of the firmware's Mellinger controller with the same stiffness and
+/// damping as the scene's geometric controller.
 fn mellinger(sim: &SimOptions) -> Parameters {
     let (k, vehicle) = (&sim.controller.geometric, &sim.vehicle);
     let mass_kg = vehicle.mass_kg;
@@ -80,7 +81,7 @@ fn mellinger(sim: &SimOptions) -> Parameters {
     gains.into_iter().map(|(name, axis, gain)| (format!("ctrlMel.{name}{axis}"), gain)).collect()
 }
 
-/// Parameters of the firmware's cascade.
+/// Returns the gains of the firmware's PID cascade.
 fn pid(sim: &SimOptions) -> Parameters {
     let names = [
         ("posCtlPid", ["xK", "yK", "zK"]),
@@ -99,15 +100,18 @@ fn pid(sim: &SimOptions) -> Parameters {
     parameters
 }
 
+/// Returns parameters as a JSON object.
 fn object(parameters: Parameters) -> Map<String, serde_json::Value> {
     parameters.into_iter().map(|(name, gain)| (name, json!(gain))).collect()
 }
 
-/// The gains as files: `gains.json` with firmware parameters, or `gains.h`.
+/// Returns `gains.json` with firmware parameters, or `gains.h` for a state feedback. Refuses other
+/// controllers.
 pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     let kind = sim.controller.kind;
     let json = match kind.law() {
         Law::Geometric => json!({
+            // Numbers of the controllers in the firmware (`controller.h`).
             "lee": { "stabilizer.controller": 5, "parameters": object(lee(sim)) },
             "mellinger": { "stabilizer.controller": 2, "parameters": object(mellinger(sim)) },
         }),
@@ -127,7 +131,7 @@ pub(super) fn files(sim: &SimOptions) -> Result<Vec<File>> {
     Ok(vec![File::new("gains.json", format!("{json:#}\n"))])
 }
 
-/// The regulator and its observer in C.
+/// Returns a C header with the gain matrices of the regulator and its observer.
 fn header(design: &Design, sim: &SimOptions) -> String {
     let k = design.k.as_ref().expect("a regulator has a gain");
     format!(
@@ -145,6 +149,7 @@ fn header(design: &Design, sim: &SimOptions) -> String {
     )
 }
 
+/// Returns the C definition of a matrix as a constant array.
 fn table(name: &str, matrix: &DMatrix<f64>) -> String {
     let rows = matrix.row_iter().map(|row| {
         let entries: Vec<String> = row.iter().map(|entry| format!("{entry:.9e}f")).collect();

@@ -65,15 +65,15 @@ settings! {
     }
 }
 
-/// What is exported.
+/// Plans to export, with the scene's options that the files depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct Job<'a> {
     /// One plan for each drone.
     pub plans: &'a [Plan],
-    /// The flights of the trajectories that are exported ([`flown`]), with the lights timed on
-    /// them. Empty if none is ([`Format::trajectory`]), or none fits.
+    /// Flights of the exported trajectories ([`flown`]), with the lights timed on them. Empty if
+    /// the format has no trajectory ([`Format::trajectory`]) or it does not fit.
     pub flown: &'a [Plan],
-    /// Why they should not be flown, although they are exported. Scripts quote it.
+    /// Reason not to fly the exported plans. Scripts quote it.
     pub unsafe_because: Option<&'a str>,
     /// The word, for names and titles.
     pub word: &'a str,
@@ -85,9 +85,9 @@ pub struct Job<'a> {
     pub camera: &'a Camera,
     /// Largest distance of a trajectory from the design, m.
     pub tolerance_m: f64,
-    /// What the script for cflib sends by default.
+    /// Mode of the script for cflib, if the operator names none.
     pub mode: Mode,
-    /// Names of other modes that it must not fly, and why.
+    /// Names of other modes that the script must refuse, and the reasons.
     pub refused: &'a [(&'static str, String)],
     /// Rate of the clock for which the plans were paced (`plan.trajectory_clock`).
     pub trajectory_clock: f64,
@@ -96,8 +96,8 @@ pub struct Job<'a> {
 }
 
 impl Format {
-    /// The trajectory that drones fly of it: its form and the length it may have.
-    /// `None`: setpoints, or no flight.
+    /// Returns the form and the allowed length of the trajectory in this format's files. `None` if
+    /// they send setpoints or fly no drone.
     pub fn trajectory(self, mode: Mode) -> Option<(Form, Length)> {
         match self {
             Self::Cflib if mode != Mode::Trajectory => None,
@@ -108,7 +108,7 @@ impl Format {
         }
     }
 
-    /// Uses that its files do not serve, if that is not obvious.
+    /// Returns what the files cannot be used for. `None` if that is obvious.
     pub fn note(self) -> Option<&'static str> {
         match self {
             Self::Skyc => Some(
@@ -130,14 +130,19 @@ impl Format {
         !matches!(self, Self::Gains | Self::LogConfig)
     }
 
-    /// True if its files are trajectories of only the letters, which begin and end in the air.
+    /// True if its files contain only the letters' trajectory, which begins and ends in the air.
     pub fn stays_in_the_air(self) -> bool {
         matches!(self, Self::Compressed | Self::Poly4d)
     }
 }
 
 impl Job<'_> {
-    /// The light commands of a drone that flies a trajectory, in the time of its plan.
+    /// Returns the number of a drone in file names, from 1: empty for a single drone.
+    fn number_suffix(&self, drone: usize) -> String {
+        if self.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() }
+    }
+
+    /// Returns the light commands of a drone that flies a trajectory, timed by its plan's clock.
     fn trajectory_lights(&self, drone: usize) -> Result<Vec<lights::Command>> {
         let Some(flown) = self.flown.get(drone) else {
             return lights::commands(&self.plans[drone], self.light);
@@ -149,9 +154,10 @@ impl Job<'_> {
     }
 }
 
-/// JSON in ASCII: a word that was typed may hold characters that hide others or turn the line
-/// (U+202E), and the operator reads the script.
+/// Returns JSON text in which all characters outside ASCII are escaped. A typed word may contain
+/// invisible ones, or ones that reverse the line (U+202E), and the operator reads the script.
 fn ascii(json: &Value) -> String {
+    // JSON escapes UTF-16 code units, of which a character has one or two.
     let mut units = [0; 2];
     let mut text = String::new();
     for c in json.to_string().chars() {
@@ -163,25 +169,27 @@ fn ascii(json: &Value) -> String {
     text
 }
 
-/// A script with the reason not to fly it as a comment below its first line. The reason may quote a
-/// typed word: characters that are invisible or turn the line are escaped.
+/// Inserts the reason not to fly a script as a comment below its first line. Returns the script
+/// unchanged if it is safe to fly.
 fn with_caution(job: &Job<'_>, script: String) -> String {
     let Some(reason) = job.unsafe_because else { return script };
     let (first, rest) = script.split_once('\n').expect("a script has lines");
     format!("{first}\n# EXPORTED UNCHECKED, NOT SAFE TO FLY: {}\n{rest}", visible(reason))
 }
 
+/// Returns a text with blanks for control characters, and invisible characters escaped.
 fn visible(text: &str) -> String {
-    let mut visible = String::new();
+    let mut output = String::new();
     for c in text.chars() {
         match c {
-            _ if c.is_control() => visible.push(' '),
-            _ if c.is_ascii() || c.is_alphanumeric() => visible.push(c),
-            _ if c.escape_debug().len() == 1 => visible.push(c),
-            _ => visible.extend(c.escape_unicode()),
+            _ if c.is_control() => output.push(' '),
+            _ if c.is_ascii() || c.is_alphanumeric() => output.push(c),
+            // Rust escapes characters that do not print.
+            _ if c.escape_debug().len() == 1 => output.push(c),
+            _ => output.extend(c.escape_unicode()),
         }
     }
-    visible
+    output
 }
 
 /// An exported file.
@@ -199,7 +207,7 @@ impl File {
     }
 }
 
-/// The files of a format. Several drones have a file each.
+/// Returns the files of a format: one per drone, or one for all drones.
 ///
 /// # Errors
 ///
@@ -225,7 +233,8 @@ pub fn export(format: Format, job: &Job<'_>) -> Result<Vec<File>> {
     }
 }
 
-/// Heights above the floor at which the trajectories of a plan's letters begin and end, m.
+/// Returns the heights above the floor at which the trajectory of a plan's letters begins and
+/// ends, m.
 ///
 /// # Errors
 ///
@@ -235,7 +244,7 @@ pub fn end_heights_m(plan: &Plan) -> Result<[f64; 2]> {
     Ok([0, stretch.last()].map(|index| stretch.setpoints[index].position_m.z))
 }
 
-/// The trajectory memory on board that a plan takes, and how it can be sent.
+/// Trajectory memory on board that a plan needs, and the formats that can fly it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Memory {
     /// Bytes as a compressed trajectory, of [`TRAJECTORY_MEMORY_BYTES`].
@@ -244,38 +253,39 @@ pub struct Memory {
     pub flies_heading: bool,
     /// Pieces as polynomials, of [`poly4d::MAX_PIECES`].
     pub pieces: usize,
-    /// Names of the formats in which it fits: the memory as either trajectory, and the radio as the
-    /// setpoints of a script.
+    /// Names of the formats in which the plan fits: a trajectory fits the memory on board, and a
+    /// script's setpoints fit the radio.
     pub formats: Vec<&'static str>,
     /// True if it fits in all of them.
     pub fits_all: bool,
 }
 
-/// The trajectory memory that a plan takes, and the formats that a release flies.
+/// Returns the trajectory memory that a plan needs, and the formats in which a release flies it.
 ///
 /// # Errors
 ///
 /// As [`compressed::Compressed::encode`], but for length and heading.
 pub fn memory(release: Release, plan: &Plan) -> Result<Memory> {
     let flies_heading = compressed::flies_heading(release, plan.yaw_rad);
-    let (stretch, within_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
-    let bytes = compressed::Compressed::of_any_length(&stretch, within_m)?.to_bytes().len();
+    let (stretch, tolerance_m) = (pieces::Stretch::new(plan)?, Form::Compressed.tolerance_m());
+    let bytes = compressed::Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
     let pieces = poly4d::Poly4d::fit_any_length(plan, Form::Poly4d.tolerance_m())?.pieces.len();
-    let fits = [
+    let fits_by_format = [
         (Format::Compressed, flies_heading && bytes <= TRAJECTORY_MEMORY_BYTES),
         (Format::Poly4d, pieces <= poly4d::MAX_PIECES),
         (Format::Cflib, cflib::fits_the_radio(plan)),
     ];
-    let formats = fits.into_iter().filter(|(_, fits)| *fits).map(|(format, _)| format.name());
-    let fits_all = fits.iter().all(|(_, fits)| *fits);
-    Ok(Memory { bytes, flies_heading, pieces, formats: formats.collect(), fits_all })
+    let fitting = fits_by_format.into_iter().filter(|(_, fits)| *fits);
+    let formats: Vec<_> = fitting.map(|(format, _)| format.name()).collect();
+    let fits_all = formats.len() == fits_by_format.len();
+    Ok(Memory { bytes, flies_heading, pieces, formats, fits_all })
 }
 
-/// The cflib script of each drone, and a launcher for several.
+/// Returns a cflib script for each drone, and a launcher if there are several.
 fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
-    let before_s = earliest_s(job.plans)?;
-    let mut files =
-        per_drone(job, "py", |drone, _| Ok(cflib::script(job, drone, before_s)?.into_bytes()))?;
+    let first_start_s = earliest_s(job.plans)?;
+    let script = |drone, _: &Plan| Ok(cflib::script(job, drone, first_start_s)?.into_bytes());
+    let mut files = per_drone(job, "py", script)?;
     if files.len() > 1 {
         let names: Vec<String> = files.iter().map(|file| file.name.clone()).collect();
         let launcher = cflib::launcher(job, &names);
@@ -284,11 +294,15 @@ fn scripts(job: &Job<'_>) -> Result<Vec<File>> {
     Ok(files)
 }
 
-/// Letters that have no decomposition, each before its spelling in ASCII.
+/// Letters without a Unicode decomposition, each followed by its spelling in ASCII.
 const SPELLED: &str = "ŁL łl ØO øo ĐD đd ıi ßss ẞSS ÆAE æae ŒOE œoe ÞTh";
+/// Most characters of a file name before its extension.
+const MAX_STEM: usize = 32;
 
-/// A word as the stem of a file's name: its letters and digits in ASCII, without accents.
+/// Returns the file name for a word, without an extension: its letters and digits in ASCII, without
+/// accents. A word with none of them gives `drawing`.
 pub fn stem(word: &str) -> String {
+    // NFKD separates accents from their letters.
     let mut stem = String::new();
     for letter in word.nfkd() {
         match SPELLED.split(' ').find_map(|pair| pair.strip_prefix(letter)) {
@@ -297,25 +311,26 @@ pub fn stem(word: &str) -> String {
             None => {}
         }
     }
-    stem.truncate(32);
+    stem.truncate(MAX_STEM);
     if stem.is_empty() { "drawing".to_owned() } else { stem }
 }
 
-/// One file for each drone, with its number in the name if there are several.
+/// Returns one file for each drone: `encode` makes its bytes from the drone's index and plan. The
+/// name contains the drone's number if there are several.
 fn per_drone(
     job: &Job<'_>,
-    ending: &str,
-    bytes: impl Fn(usize, &Plan) -> Result<Vec<u8>>,
+    extension: &str,
+    encode: impl Fn(usize, &Plan) -> Result<Vec<u8>>,
 ) -> Result<Vec<File>> {
     let files = job.plans.iter().enumerate().map(|(drone, plan)| {
-        let number = if job.plans.len() > 1 { format!("-{}", drone + 1) } else { String::new() };
-        let name = format!("{}{number}.{ending}", stem(job.word));
-        Ok(File { name, bytes: bytes(drone, plan)? })
+        let name = format!("{}{}.{extension}", stem(job.word), job.number_suffix(drone));
+        Ok(File { name, bytes: encode(drone, plan)? })
     });
     files.collect()
 }
 
-/// Largest distance of the trajectories in a format from the design, m. `None` if it has none.
+/// Returns the largest distance of a format's trajectories from the planned paths, m. `None` if the
+/// format has no trajectories.
 ///
 /// # Errors
 ///

@@ -20,7 +20,7 @@ use noctograph_plan::Plan;
 
 /// `led.bitmask` with the board's own LEDs dark.
 const BOARD_DARK: u32 = 128;
-/// 1 if the color LED deck corrects its brightness, as [`COLOR_LED`] sets it.
+/// Parameter that is 1 if the color LED deck corrects its brightness, as [`COLOR_LED`] sets it.
 const BRIGHTNESS_CORRECTION: &str = "colorLedBot.brightCorr";
 
 /// Units of the last, dark entry of a timing memory: 80 ms hold a tick of the ring at every phase,
@@ -53,6 +53,7 @@ struct Target<'a> {
 }
 
 impl<'a> Target<'a> {
+    /// Finds the parameter of a channel: a deck's, or a custom lamp's. Refuses other channels.
     fn new(channel: &str, fixtures: &'a [Fixture]) -> Result<Self> {
         if let Some(Channel { parameter, colors, .. }) = Channel::named(channel) {
             return Ok(Self { parameter, colors, most: 1 });
@@ -67,11 +68,11 @@ impl<'a> Target<'a> {
         })
     }
 
-    /// The command at a level from 0 to 1, with the color for a lamp that has colors.
+    /// Returns the command that sets a level from 0 to 1, in color `wrgb` for a lamp with colors.
     fn command(&self, time_s: f64, channel: &str, level: f64, wrgb: [u8; 4]) -> Command {
         #[expect(clippy::cast_possible_truncation, reason = "0 to its most")]
         let (value, level) = match (self.colors.len(), self.most) {
-            // A pin is on at any level above 0.
+            // A pin is on at any level above 0. A deck's color has the last of the four bytes.
             (0, 1) => (u32::from(level > 0.0), level.ceil()),
             (0, most) => ((f64::from(most) * level.clamp(0.0, 1.0)).round() as u32, level),
             (n, _) => (packed(&wrgb[4 - n..], level), level),
@@ -81,7 +82,7 @@ impl<'a> Target<'a> {
     }
 }
 
-/// Light channels of a plan that can only be on or off.
+/// Returns the light channels of a plan that can only be on or off.
 pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     let fixtures = options.fixtures();
     let channels = plan.lamps().map(|(channel, _)| channel.as_str());
@@ -91,8 +92,8 @@ pub fn switches<'a>(plan: &'a Plan, options: &LightOptions) -> Vec<&'a str> {
     }))
 }
 
-/// Color of a lamp at a setpoint, of the four dies of the color LED deck or the three of a ring:
-/// that of the plan's channels, or that of the letter.
+/// Returns the color of a lamp at setpoint `row` in white, red, green and blue: from the plan's
+/// color channels if it has them, else the color of the letter. A ring has no white.
 fn color(
     plan: &Plan,
     channel: &str,
@@ -101,23 +102,23 @@ fn color(
     options: &LightOptions,
 ) -> [u8; 4] {
     let [r, g, b] = options.ring_rgb_of(letter);
-    let of_letter = if channel == RING.name { [0, r, g, b] } else { options.wrgb_of(letter) };
+    let letter_wrgb = if channel == RING.name { [0, r, g, b] } else { options.wrgb_of(letter) };
     let colors = Channel::named(channel).map_or(&[][..], |channel| channel.colors);
     // The channels are the last of the four bytes.
     std::array::from_fn(|k| {
         let name = (k + colors.len()).checked_sub(4).and_then(|k| colors.get(k));
         let levels = name.and_then(|name| plan.lights.get(*name));
-        levels.map_or(of_letter[k], |levels| byte(levels[row]))
+        levels.map_or(letter_wrgb[k], |levels| byte(levels[row]))
     })
 }
 
-/// A level from 0 to 1 as a byte.
+/// Returns a level from 0 to 1 as a byte.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 fn byte(level: f64) -> u8 {
     (255.0 * level.clamp(0.0, 1.0)).round() as u8
 }
 
-/// All changes of a plan's lights, which are dark at first, in order of time.
+/// Returns a command for each change of a plan's lights, in order of time. They are dark at first.
 ///
 /// # Errors
 ///
@@ -127,7 +128,6 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     let (letters, fixtures) = (noctograph_plan::light_letters(plan), options.fixtures());
     for (channel, levels) in plan.lamps() {
         let target = Target::new(channel, &fixtures)?;
-        // A command for each change of the value, which is dark at first.
         let mut value = target.command(0.0, channel, 0.0, [0; 4]).value;
         for (row, (setpoint, level)) in plan.setpoints.iter().zip(levels).enumerate() {
             let wrgb = color(plan, channel, row, letters[row], options);
@@ -142,7 +142,7 @@ pub fn commands(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     Ok(commands)
 }
 
-/// Commands that make every channel of a plan dark.
+/// Returns a command for each channel of a plan that makes it dark.
 ///
 /// # Errors
 ///
@@ -153,24 +153,24 @@ pub fn dark(plan: &Plan, options: &LightOptions) -> Result<Vec<Command>> {
     targets.map(|(channel, target)| Ok(target?.command(0.0, channel, 0.0, [0; 4]))).collect()
 }
 
-/// Parameters before the flight: the lamps of the plan ready and dark, all others off.
+/// Returns the parameters to set before the flight: the plan's lamps ready and dark, others off.
 pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(String, u32)>> {
     let mut parameters: Vec<(String, u32)> = vec![("led.bitmask".to_owned(), BOARD_DARK)];
     let fixtures = options.fixtures();
     for Channel { name, ready, idle, .. } in &CHANNELS {
         let is_fitted = |lamp: &Fixture| lamp.drive.channel() == Some(*name);
-        let set = match plan.lights.contains_key(*name) {
+        let settings = match plan.lights.contains_key(*name) {
             true => *ready,
             false if fixtures.iter().any(is_fitted) => *idle,
             false => &[],
         };
-        parameters.extend(set.iter().map(|(parameter, value)| ((*parameter).to_owned(), *value)));
+        parameters.extend(settings.iter().map(|(name, value)| ((*name).to_owned(), *value)));
     }
     if options.color_led_levels == ColorLedLevels::Plain {
-        let corrected = parameters.iter_mut().find(|(name, _)| name == BRIGHTNESS_CORRECTION);
-        corrected.into_iter().for_each(|(_, value)| *value = 0);
+        let correction = parameters.iter_mut().find(|(name, _)| name == BRIGHTNESS_CORRECTION);
+        correction.into_iter().for_each(|(_, value)| *value = 0);
     }
-    // Custom lamps: those of the plan, then those that it does not light.
+    // Then the custom lamps that the plan lights, and those that it does not light.
     let mut custom = dark(plan, options)?;
     custom.retain(|command| Channel::named(&command.channel).is_none());
     parameters.extend(custom.into_iter().map(|command| (command.parameter, command.value)));
@@ -182,8 +182,8 @@ pub(crate) fn preparation(plan: &Plan, options: &LightOptions) -> Result<Vec<(St
     Ok(parameters)
 }
 
-/// Entries of the timing memory that the lights of a flight take. `None` unless the ring is the
-/// only lamp.
+/// Returns the number of entries that a plan's lights need in the ring's timing memory. `None` if
+/// the ring is not the only lamp, never lit, or not dark in the end.
 ///
 /// # Errors
 ///
@@ -192,52 +192,54 @@ pub fn timing_entries(plan: &Plan, options: &LightOptions) -> Result<Option<usiz
     Ok(timing(plan, &commands(plan, options)?).map(|timing| timing.entries.len()))
 }
 
-/// A ring's lights as its timing memory plays them (`ring.effect` 17) from the first change on.
+/// Lights that the timing memory of a ring plays (`ring.effect` 17), from the first change on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timing {
-    /// Duration in units of 40 ms and color of each entry, as the memory rounds it. Dark to the end
-    /// by the last one.
+    /// Duration in units of 40 ms, and color rounded by the memory, of each entry. The last is
+    /// dark.
     pub(super) entries: Vec<(u8, [u8; 3])>,
-    /// Time in the plan, s, and level of each change as it is played.
+    /// Time in the plan, s, and level of each change that is played.
     pub(super) changes: Vec<(f64, f64)>,
 }
 
-/// The timing memory of any length of a plan that lights only the ring. `None` for other lamps, and
-/// if it does not end dark.
+/// Returns the timing memory, of any length, for a plan that lights only the ring. `None` for other
+/// lamps, without commands, and if the ring is not dark in the end.
 pub(super) fn timing(plan: &Plan, commands: &[Command]) -> Option<Timing> {
     let (first, last) = (commands.first()?, commands.last()?);
     if !plan.lamps().map(|(channel, _)| channel).eq([RING.name]) || last.value != 0 {
         return None;
     }
+    // Times in units since the first change.
     let (mut entries, mut changes, mut played) = (Vec::new(), Vec::new(), 0);
     for (index, command) in commands.iter().enumerate() {
         changes.push((first.time_s + RING_TIMING_S * played as f64, command.level));
-        // A change that is shorter than the unit lasts one unit, and the next ones make up for it.
-        let (until_s, least) = match commands.get(index + 1) {
+        // A change that is shorter than the unit lasts one unit. The next ones are shortened.
+        let (until_s, least_units) = match commands.get(index + 1) {
             Some(next) => (next.time_s, 1),
             None => (command.time_s, LAST_UNITS),
         };
         #[expect(clippy::cast_possible_truncation, reason = "an hour")]
-        let until = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
+        let planned = ((until_s - first.time_s) / RING_TIMING_S).round() as u64;
         let [_, r, g, b] = command.value.to_be_bytes();
-        let (until, color) = (until.max(played + least), ring_memory_rgb([r, g, b]));
-        // A long one takes several entries.
+        let (until, color) = (planned.max(played + least_units), ring_memory_rgb([r, g, b]));
+        // A long color needs several entries.
         while played < until {
-            let lasts = (until - played).min(MAX_RING_TIMING);
-            entries.push((u8::try_from(lasts).expect("at most 255"), color));
-            played += lasts;
+            let units = (until - played).min(MAX_RING_TIMING);
+            entries.push((u8::try_from(units).expect("at most 255"), color));
+            played += units;
         }
     }
     Some(Timing { entries, changes })
 }
 
-/// Red, green and blue of a command's light as a screen shows it (sRGB): its hue at full scale,
-/// times its level. The bytes of a lamp are drives of its dies, which are far brighter than a
-/// screen: red that writes is 3 of 255, and black in a show.
+/// Returns the sRGB color in which a screen shows a command's light: its hue at full scale, times
+/// its level. The bytes of a lamp cannot be used, since they drive dies that are far brighter than
+/// a screen: red that writes is 3 of 255, which a show would display as black.
 pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     let deck = Channel::named(&command.channel).filter(|channel| !channel.colors.is_empty());
     // With corrected levels the dies are equally bright and the bytes are sRGB.
-    let alike = deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
+    let is_corrected =
+        deck == Some(COLOR_LED) && options.color_led_levels == ColorLedLevels::Corrected;
     let mut light = Vector3::zeros();
     for lamp in lamps_on(&command.channel, options) {
         // A deck's last bytes drive its dies. Any other lamp has all of them on.
@@ -245,8 +247,11 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
         let drives = drives.into_iter().rev().chain(std::iter::repeat(u8::MAX));
         for (drive, die) in drives.zip(lamp.dies.iter().rev()) {
             let drive = f64::from(drive) / 255.0;
-            let bright = if alike { linear_from_encoded(drive) } else { die.intensity_cd * drive };
-            light += Vector3::from(rgb_from_xyz(xyz(die.chromaticity))) * bright;
+            let linear = match is_corrected {
+                true => linear_from_encoded(drive),
+                false => die.intensity_cd * drive,
+            };
+            light += Vector3::from(rgb_from_xyz(xyz(die.chromaticity))) * linear;
         }
     }
     let light = light.map(|channel: f64| channel.max(0.0));
@@ -257,7 +262,7 @@ pub(super) fn screen_rgb(command: &Command, options: &LightOptions) -> [u8; 3] {
     light.map(|channel| byte(encoded_from_linear(channel / most * command.level))).into()
 }
 
-/// The lamps on a channel: the scene's, or those of a deck if the scene has none.
+/// Returns the lamps on a channel: the scene's, or a deck's if the scene has none.
 fn lamps_on(channel: &str, options: &LightOptions) -> Vec<Fixture> {
     let mut lamps = options.fixtures();
     lamps.retain(|lamp| lamp.drive.channel() == Some(channel));

@@ -30,7 +30,7 @@ pub(super) const OBSERVER_BLOCKS: [Block; 1] = [(
     "ae483log.o_x ae483log.o_y ae483log.o_z ae483log.psi ae483log.theta ae483log.phi",
 )];
 
-/// Blocks by which the exported script judges the drone on the ground and in the air.
+/// Blocks that the exported script checks on the ground and in the air.
 pub(super) const WATCH_BLOCKS: [Block; 2] = [
     (
         "where",
@@ -39,6 +39,7 @@ pub(super) const WATCH_BLOCKS: [Block; 2] = [
     ("state", "stateEstimate.yaw stateEstimate.pitch stateEstimate.roll pm.vbat supervisor.info"),
 ];
 
+/// Returns the type with which a variable is logged.
 fn kind(variable: &str) -> &'static str {
     let is_short = variable.starts_with("motor.") || variable == "supervisor.info";
     if is_short { "uint16_t" } else { "float" }
@@ -49,7 +50,7 @@ const PERIOD_MS: u32 = 20;
 /// Rate of the µSD log, Hz.
 const CARD_HZ: u32 = 250;
 
-/// Blocks as a Python dictionary.
+/// Returns blocks as the literal of a Python dictionary: block, variable and type.
 pub(super) fn python(blocks: &[Block]) -> String {
     let blocks = blocks.iter().map(|(name, variables)| {
         let variables = variables.split(' ').map(|name| format!("{name:?}: {:?}", kind(name)));
@@ -58,7 +59,7 @@ pub(super) fn python(blocks: &[Block]) -> String {
     format!("{{\n{}}}", blocks.collect::<String>())
 }
 
-/// One configuration of cfclient for each block, and `config.txt` for the µSD card.
+/// Returns a cfclient log configuration for each block, and `config.txt` for the µSD card.
 pub(super) fn files() -> Vec<File> {
     let radio = BLOCKS.iter().map(|(name, variables)| {
         let variables = variables.split(' ').map(|name| {

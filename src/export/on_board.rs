@@ -14,10 +14,12 @@ use noctograph_core::flight::table::on_grid;
 use noctograph_core::settings::settings;
 use noctograph_plan::{Plan, PlanData, Setpoint, conflict};
 
-/// Time between two setpoints of the plan, s: the commander on board computes as often.
+/// Time between two setpoints of the plan, s, which is the period of the commander on board.
 const STEP_S: f64 = 0.01;
-/// Steps of the differences for velocity and acceleration, and for the jerk, s: pieces end at whole
-/// milliseconds.
+/// Times closer than this are the same, s.
+const SAME_TIME_S: f64 = 1e-6;
+/// Steps of the differences for velocity and acceleration, and for the jerk, s. All points are then
+/// within a millisecond, since pieces end at whole milliseconds.
 const DIFFERENCE_S: f64 = 5e-4;
 const JERK_DIFFERENCE_S: f64 = 1e-3 / 3.0;
 
@@ -32,8 +34,8 @@ settings! {
 }
 
 impl Form {
-    /// Default tolerance of each form, m: polynomials of degree 7 need more memory for the same
-    /// distance from the design.
+    /// Returns the default tolerance, m. It is larger for polynomials of degree 7, which need more
+    /// memory for the same distance from the design.
     pub fn tolerance_m(self) -> f64 {
         match self {
             Self::Compressed => 0.002,
@@ -42,17 +44,17 @@ impl Form {
     }
 }
 
-/// Length of trajectories.
+/// Length that trajectories may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Length {
     /// Up to what the memory on board holds.
     OnBoard,
-    /// Any, for drones with more memory.
+    /// Any length, for drones with more memory.
     Any,
 }
 
-/// Plans as a release flies them with trajectories that all start together. Time zero is the
-/// command to take off.
+/// Returns the plans that a release flies with trajectories on board, which all start together.
+/// Time zero is the command to take off.
 ///
 /// # Errors
 ///
@@ -65,13 +67,13 @@ pub fn flown(
     tolerance_m: f64,
     length: Length,
 ) -> Result<Vec<Plan>> {
-    let before_s = earliest_s(plans)?;
+    let first_start_s = earliest_s(plans)?;
     let flown = plans.iter().map(|plan| {
         let pieces = pieces(release, plan, form, tolerance_m, length)?;
-        flown_alone(plan, before_s, |time_s| motion(&pieces, time_s)[0])
+        flown_alone(plan, first_start_s, |time_s| motion(&pieces, time_s)[0])
     });
     let flown: Vec<Plan> = flown.collect::<Result<_>>()?;
-    // Drones that wait in the air were not in the plans, so their distances are checked again.
+    // The plans have no drones that wait in the air, so the distances are checked again.
     let mut pairs =
         flown.iter().enumerate().flat_map(|(i, a)| flown[i + 1..].iter().map(move |b| (a, b)));
     let near = pairs.find_map(|(a, b)| conflict(a, b)).filter(|_| length == Length::OnBoard);
@@ -96,7 +98,8 @@ pub fn check_memory(release: Release, plans: &[Plan], form: Form, tolerance_m: f
     plans.iter().try_for_each(fits)
 }
 
-/// The pieces of a plan's trajectory.
+/// Returns the pieces of a plan's trajectory. Refuses a plan that does not fit the form or
+/// `length`.
 pub(super) fn pieces(
     release: Release,
     plan: &Plan,
@@ -116,55 +119,59 @@ pub(super) fn pieces(
     })
 }
 
-/// A plan as it is flown with a trajectory, with the trajectory as a function of the time since its
-/// start.
+/// Returns the plan that a drone flies with a trajectory on board, regardless of other drones.
+/// `trajectory_m` gives the trajectory's position by the time since its start.
 fn flown_alone(
     plan: &Plan,
-    before_s: f64,
-    position_m: impl Fn(f64) -> Vector3<f64>,
+    first_start_s: f64,
+    trajectory_m: impl Fn(f64) -> Vector3<f64>,
 ) -> Result<Plan> {
     let stretch = Stretch::new(plan)?;
-    let ends_m = [position_m(0.0), position_m(stretch.duration_s())];
-    let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
-    let (zero_s, end_s) = (timeline.zero_s, timeline.after[1].0);
-
-    // Even steps, and the plan's times, at which its lights change.
-    #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
-    let steps = (end_s / STEP_S).ceil() as u32;
-    let mut times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();
-    let changes_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s - zero_s);
-    times_s.extend(changes_s.filter(|time_s| *time_s > 0.0 && *time_s < end_s));
-    times_s.sort_by(f64::total_cmp);
-    times_s.dedup_by(|b, a| *b - *a < 1e-6);
+    let ends_m = [trajectory_m(0.0), trajectory_m(stretch.duration_s())];
+    let timeline = Timeline::new(plan, &stretch, first_start_s, ends_m);
     let lit = plan.lit();
     let mut out = PlanData { yaw_rad: plan.yaw_rad, ..PlanData::default() };
-    for time_s in times_s {
-        let row = plan.setpoints.partition_point(|s| s.time_s <= time_s + zero_s + 1e-6);
-        let row = row.checked_sub(1);
+    for time_s in sample_times_s(plan, &timeline) {
+        // Lights and letter are those of the last setpoint of the plan. Before it, lights are dark.
+        let plan_time_s = time_s + timeline.zero_s + SAME_TIME_S;
+        let row = plan.setpoints.partition_point(|s| s.time_s <= plan_time_s).checked_sub(1);
         out.lit.push(row.map_or(0.0, |row| lit[row]));
         for (channel, levels) in &plan.lights {
             let level = row.map_or(0.0, |row| levels[row]);
             out.lights.entry(channel.clone()).or_default().push(level);
         }
-        // Derivatives by forward differences, since a piece may begin here: v to the second order,
-        // (4b - 3a - c) / 2h, a as (a - 2b + c) / h², the jerk as the third difference.
-        let h = DIFFERENCE_S;
-        let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h]
-            .map(|time_s| timeline.position_m(time_s, &position_m));
-        let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0]
-            .map(|step| timeline.position_m(time_s + step * JERK_DIFFERENCE_S, &position_m));
-        let jerk_m_s3 = (3.0 * (j1 - j2) + j3 - j0)
-            / (JERK_DIFFERENCE_S * JERK_DIFFERENCE_S * JERK_DIFFERENCE_S);
+        let [position_m, velocity_m_s, acceleration_m_s2, jerk_m_s3] =
+            derivatives(time_s, |time_s| timeline.position_m(time_s, &trajectory_m));
         out.jerk_m_s3.push(jerk_m_s3.map(on_grid));
-        out.setpoints.push(Setpoint {
-            time_s,
-            position_m: a,
-            velocity_m_s: (4.0 * b - 3.0 * a - c) / (2.0 * h),
-            acceleration_m_s2: (a - 2.0 * b + c) / (h * h),
-            letter: row.and_then(|row| plan.setpoints[row].letter),
-        });
+        let letter = row.and_then(|row| plan.setpoints[row].letter);
+        let setpoint = Setpoint { time_s, position_m, velocity_m_s, acceleration_m_s2, letter };
+        out.setpoints.push(setpoint);
     }
     Plan::new(out)
+}
+
+/// Returns the times of a flown plan: even steps, and the times at which its plan changes lights.
+fn sample_times_s(plan: &Plan, timeline: &Timeline) -> Vec<f64> {
+    let end_s = timeline.after[1].0;
+    #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
+    let steps = (end_s / STEP_S).ceil() as u32;
+    let mut times_s: Vec<f64> = (0..=steps).map(|step| f64::from(step) * STEP_S).collect();
+    let changes_s = plan.setpoints.iter().map(|setpoint| setpoint.time_s - timeline.zero_s);
+    times_s.extend(changes_s.filter(|time_s| *time_s > 0.0 && *time_s < end_s));
+    times_s.sort_by(f64::total_cmp);
+    times_s.dedup_by(|b, a| *b - *a < SAME_TIME_S);
+    times_s
+}
+
+/// Returns position, velocity, acceleration and jerk of a path at `time_s`, in m and s.
+fn derivatives(time_s: f64, position_m: impl Fn(f64) -> Vector3<f64>) -> [Vector3<f64>; 4] {
+    // Forward differences, since a piece may begin here: v to the second order, (4b - 3a - c) / 2h,
+    // a as (a - 2b + c) / h², the jerk as the third difference.
+    let [h, k] = [DIFFERENCE_S, JERK_DIFFERENCE_S];
+    let [a, b, c] = [time_s, time_s + h, time_s + 2.0 * h].map(&position_m);
+    let [j0, j1, j2, j3] = [0.0, 1.0, 2.0, 3.0].map(|step| position_m(time_s + step * k));
+    let jerk_m_s3 = (3.0 * (j1 - j2) + j3 - j0) / (k * k * k);
+    [a, (4.0 * b - 3.0 * a - c) / (2.0 * h), (a - 2.0 * b + c) / (h * h), jerk_m_s3]
 }
 
 #[cfg(test)]

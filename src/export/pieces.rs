@@ -14,12 +14,12 @@ use noctograph_core::error::{Error, Result};
 use noctograph_plan::{Plan, Setpoint};
 
 /// Least number of times between two setpoints at which a piece is compared with the design, and
-/// the longest time between two of them, s: a run-up is 0.5 s without a setpoint.
+/// the longest interval between them, s. A run-up is 0.5 s without a setpoint.
 const CHECKS_PER_SETPOINT: f64 = 4.0;
 const CHECK_INTERVAL_S: f64 = 0.02;
 
-/// Time in which a trajectory on board comes from rest to the speed of the first letter, and from
-/// that of the last one to rest, s: 0.4 m/s² at 0.2 m/s.
+/// Time in which a trajectory accelerates from rest to the speed of the first letter, and brakes
+/// from the speed of the last one, s. It takes 0.4 m/s² at 0.2 m/s.
 const RUN_S: f64 = 0.5;
 
 /// Largest speed and acceleration of a piece at the times of comparison, relative to those of the
@@ -29,7 +29,7 @@ const OVER_LIMITS: f64 = 1.04;
 /// Step of the drone's evaluator, s (`stabilizer.c`).
 const STEP_S: f64 = 0.001;
 
-/// Shorter pieces that are tried before one is left over the limits.
+/// Largest number of times that the search goes back, before a piece may exceed the limits.
 const RETRIES: u32 = 200;
 
 /// The part of a plan that flies as a trajectory: a run-up from rest, all letters, and a run-out to
@@ -39,11 +39,13 @@ pub(super) struct Stretch {
     pub(super) setpoints: Vec<Setpoint>,
     /// Acceleration at the end of the letters, where the run-out begins, m/s².
     stop_m_s2: Vector3<f64>,
-    /// Heading of its plan.
+    /// Heading of the plan.
     pub(super) yaw_rad: f64,
 }
 
 impl Stretch {
+    /// Returns the stretch of a plan. Refuses a plan without letters, and one that comes down to
+    /// the floor between take-off and landing.
     pub(super) fn new(plan: &Plan) -> Result<Self> {
         let first = plan.setpoints.iter().position(|setpoint| setpoint.letter.is_some());
         let last = plan.setpoints.iter().rposition(|setpoint| setpoint.letter.is_some());
@@ -54,7 +56,7 @@ impl Stretch {
         // The last stroke ends at the setpoint after the last one of a letter.
         let end = (last + 1).min(plan.setpoints.len() - 1);
         let (start, stop) = (&plan.setpoints[first], &plan.setpoints[end]);
-        // Even acceleration over RUN_S to the speed of the first letter, and from the last one's.
+        // Constant acceleration over RUN_S to the speed of the first letter, and from the last's.
         let run_up = Setpoint {
             time_s: start.time_s - RUN_S,
             position_m: start.position_m - start.velocity_m_s * (RUN_S / 2.0),
@@ -86,24 +88,28 @@ impl Stretch {
         Ok(Self { setpoints, stop_m_s2, yaw_rad: plan.yaw_rad })
     }
 
+    /// Returns the start by the plan's clock, s.
     pub(super) fn start_s(&self) -> f64 {
         self.setpoints[0].time_s
     }
 
+    /// Returns the duration with run-up and run-out, s.
     pub(super) fn duration_s(&self) -> f64 {
         self.time_s(self.last())
     }
 
+    /// Returns the index of the last setpoint.
     pub(super) fn last(&self) -> usize {
         self.setpoints.len() - 1
     }
 
-    /// Time of a setpoint since the start of the stretch, s.
+    /// Returns the time of a setpoint since the start of the stretch, s.
     pub(super) fn time_s(&self, index: usize) -> f64 {
         self.setpoints[index].time_s - self.start_s()
     }
 
-    /// Acceleration just before a setpoint, m/s²: run-up and run-out begin and end with a jump.
+    /// Returns the acceleration just before a setpoint, m/s². It differs from the setpoint's at the
+    /// ends of run-up and run-out, where it jumps.
     pub(super) fn acceleration_before_m_s2(&self, index: usize) -> Vector3<f64> {
         match self.last() - index {
             1 => self.stop_m_s2,
@@ -113,23 +119,23 @@ impl Stretch {
         }
     }
 
-    /// Position of the design at a time since the start, m.
+    /// Returns the position of the design at a time since the start, m.
     pub(super) fn position_m(&self, time_s: f64) -> Vector3<f64> {
-        let time_s = time_s + self.start_s();
-        let after = self.setpoints.partition_point(|setpoint| setpoint.time_s <= time_s);
+        let plan_time_s = time_s + self.start_s();
+        let after = self.setpoints.partition_point(|setpoint| setpoint.time_s <= plan_time_s);
         let setpoint = &self.setpoints[after.saturating_sub(1)];
-        setpoint.design_m(time_s.max(setpoint.time_s))
+        setpoint.design_m(plan_time_s.max(setpoint.time_s))
     }
 
-    /// Largest speed of the design, m/s, and its largest acceleration, m/s².
+    /// Returns the largest speed of the design, m/s, and its largest acceleration, m/s².
     pub(super) fn limits(&self) -> [f64; 2] {
         let speeds = self.setpoints.iter().map(|s| s.velocity_m_s.norm());
         let accelerations = self.setpoints.iter().map(|s| s.acceleration_m_s2.norm());
         [speeds.fold(0.0, f64::max), accelerations.fold(0.0, f64::max)]
     }
 
-    /// Largest distance of a trajectory from the design at any of the drone's milliseconds, m. Just
-    /// before a setpoint a design of constant accelerations is the farthest off.
+    /// Returns the largest distance of a trajectory from the design at any of the drone's
+    /// milliseconds, m. It occurs between the times of comparison, just before a setpoint.
     pub(super) fn worst_m(&self, pieces: &[Polynomials]) -> f64 {
         let (mut worst_m, mut start_s) = (0.0, 0.0);
         for piece in pieces {
@@ -145,8 +151,8 @@ impl Stretch {
         worst_m
     }
 
-    /// The error for a trajectory that `needs` more than the drone's memory, with the number of
-    /// letters that fit before `until_s`.
+    /// Returns the error for a trajectory that needs more than the drone's memory, with the number
+    /// of letters that end before `until_s`. `needs` says how much memory it needs.
     pub(super) fn too_long(&self, until_s: f64, needs: &str, hint: &str) -> Error {
         let [begun, total] = [until_s, f64::INFINITY].map(|until_s| {
             let flown = self.setpoints.iter().filter(|s| s.time_s - self.start_s() < until_s);
@@ -157,7 +163,8 @@ impl Stretch {
         Error::infeasible(what, hint)
     }
 
-    /// Times at which a piece between two setpoints is compared with the design.
+    /// Returns the times at which a piece from one setpoint to another is compared with the design,
+    /// s since the start.
     pub(super) fn check_times_s(&self, from: usize, to: usize) -> impl Iterator<Item = f64> {
         (from..to).flat_map(move |index| {
             let (start_s, end_s) = (self.time_s(index), self.time_s(index + 1));
@@ -173,6 +180,7 @@ impl Stretch {
 /// Coefficients of an axis in ascending powers of the time in s.
 pub(super) type Polynomial = [f64; 8];
 
+/// Motion of a piece: a polynomial of the time since its start for each axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Polynomials {
     pub(super) duration_s: f64,
@@ -180,16 +188,16 @@ pub(super) struct Polynomials {
 }
 
 impl Polynomials {
-    /// From rest to rest without jerk at the ends, as the firmware's take-off and landing
-    /// (`pptraj.c`, `poly7_nojerk`).
+    /// Returns the motion from rest to rest without jerk at the ends that the firmware uses for
+    /// take-off and landing (`pptraj.c`, `poly7_nojerk`).
     pub(super) fn from_rest_to_rest([from_m, to_m]: [Vector3<f64>; 2], duration_s: f64) -> Self {
         let path_m = to_m - from_m;
         let axes = [0, 1, 2].map(|axis| {
-            // The smoothstep 35 s⁴ - 84 s⁵ + 70 s⁶ - 20 s⁷ of s = t/T.
-            let mut power = 1.0;
+            // The smoothstep 35 s⁴ - 84 s⁵ + 70 s⁶ - 20 s⁷ of s = t/T. `scale` is T to each power.
+            let mut scale = 1.0;
             let mut polynomial = [0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0].map(|factor| {
-                let coefficient = path_m[axis] * factor / power;
-                power *= duration_s;
+                let coefficient = path_m[axis] * factor / scale;
+                scale *= duration_s;
                 coefficient
             });
             polynomial[0] = from_m[axis];
@@ -198,7 +206,7 @@ impl Polynomials {
         Self { duration_s, axes }
     }
 
-    /// Position, velocity and acceleration at a time since its start, in m and s.
+    /// Returns position, velocity and acceleration at `t` s since the start, in m and s.
     pub(super) fn evaluate(&self, t: f64) -> [Vector3<f64>; 3] {
         // Horner's scheme for the value, the first derivative and half the second one.
         let axes = self.axes.map(|c| {
@@ -209,21 +217,21 @@ impl Polynomials {
     }
 }
 
-/// Position, velocity and acceleration of pieces in order at a time since their start. After the
-/// last one they are at rest at its end.
+/// Returns position, velocity and acceleration of consecutive pieces at a time since their start.
+/// After the last one the drone rests at its end.
 pub(super) fn motion(pieces: &[Polynomials], time_s: f64) -> [Vector3<f64>; 3] {
-    let (mut left_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
+    let (mut since_start_s, mut end) = (time_s.max(0.0), [Vector3::zeros(); 3]);
     for piece in pieces {
-        if left_s < piece.duration_s {
-            return piece.evaluate(left_s);
+        if since_start_s < piece.duration_s {
+            return piece.evaluate(since_start_s);
         }
-        left_s -= piece.duration_s;
+        since_start_s -= piece.duration_s;
         end[0] = piece.evaluate(piece.duration_s)[0];
     }
     end
 }
 
-/// How the numbers of a piece are rounded to those of its form.
+/// Rounding of a piece's numbers to those of its form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rounding {
     /// To the nearest.
@@ -232,11 +240,12 @@ pub(super) enum Rounding {
     Gentlest,
 }
 
-/// The pieces of a stretch, found greedily with backtracking. Each is the longest that stays within
+/// Divides a stretch into pieces, greedily with backtracking. Each is the longest that stays within
 /// `tolerance_m` of the design, within `max_piece_s`, and within the speed and acceleration of the
-/// design. If no piece can follow it, a shorter one is taken. `piece` makes the piece between two
-/// setpoints after the pieces so far. If the design states no acceleration, only the distance
-/// decides, and the piece to the next setpoint is taken in any case.
+/// design. If no piece can follow it, a shorter one replaces it.
+///
+/// `piece` makes the piece between two setpoints after the previous pieces. If the design states no
+/// acceleration, only the distance decides, and a piece to the next setpoint is always accepted.
 pub(super) fn pieces<P>(
     stretch: &Stretch,
     tolerance_m: f64,
@@ -249,45 +258,49 @@ pub(super) fn pieces<P>(
         limits: stretch.limits(),
         tolerance_m,
         max_piece_s,
-        motion: &|from, to, before, rounding| polynomials(&piece(from, to, before, rounding)),
+        motion: &|from, to, previous, rounding| polynomials(&piece(from, to, previous, rounding)),
     };
-    // The pieces, and for each its first setpoint and the ends that were not tried.
-    let (mut done, mut tried): (Vec<P>, Vec<(usize, Range<usize>)>) = (Vec::new(), Vec::new());
-    let (mut start, mut stuck_start, mut retries) = (0, 0, 0);
-    let mut untried = fit.ends(0, &done);
-    while start < stretch.last() {
-        let mut next = fit.longest(start, &mut untried, &done);
-        if next.is_none() {
-            (stuck_start, retries) =
-                if start > stuck_start { (start, 1) } else { (stuck_start, retries + 1) };
+    let (mut pieces, mut choices): (Vec<P>, Vec<Choice>) = (Vec::new(), Vec::new());
+    let (mut stuck_start, mut retries) = (0, 0);
+    let mut choice = fit.choice(0, &pieces);
+    while choice.start < stretch.last() {
+        let mut end = fit.longest(&mut choice, &pieces);
+        if end.is_none() {
+            (stuck_start, retries) = match choice.start > stuck_start {
+                true => (choice.start, 1),
+                false => (stuck_start, retries + 1),
+            };
             // Back to the last piece that can be shorter. Those after it are made again.
-            let other =
-                (0..done.len()).rev().filter(|_| retries <= RETRIES).find_map(|index: usize| {
-                    let (from, untried) = &mut tried[index];
-                    Some((index, fit.longest(*from, untried, &done[..index])?))
-                });
-            if let Some((index, to)) = other {
-                done.truncate(index);
-                (start, untried) = tried.swap_remove(index);
-                tried.truncate(index);
-                next = Some(to);
+            if retries <= RETRIES
+                && let Some((index, shorter_end)) = fit.backtrack(&mut choices, &pieces)
+            {
+                pieces.truncate(index);
+                choice = choices.drain(index..).next().expect("a choice for each piece");
+                end = Some(shorter_end);
             }
         }
         // The retries are used up: the piece with the least effort, over the limits or not.
-        let next = next.map(|to| (to, Rounding::Nearest)).or_else(|| fit.gentlest(start, &done));
-        let (to, rounding) = next.expect("the next setpoint");
-        let made = piece(start, to, &done, rounding);
-        done.push(made);
-        tried.push((start, untried));
-        start = to;
-        untried = fit.ends(start, &done);
+        let next = end.map(|end| (end, Rounding::Nearest));
+        let next = next.or_else(|| fit.gentlest(choice.start, &pieces));
+        let (end, rounding) = next.expect("the next setpoint");
+        let next_piece = piece(choice.start, end, &pieces, rounding);
+        pieces.push(next_piece);
+        choices.push(choice);
+        choice = fit.choice(end, &pieces);
     }
-    done
+    pieces
 }
 
-/// Motion of the piece between two setpoints after the pieces so far.
+/// The first setpoint of a piece, and the setpoints at which it may end that were not tried yet.
+struct Choice {
+    start: usize,
+    untried_ends: Range<usize>,
+}
+
+/// Motion of the piece between two setpoints after the previous pieces.
 type Motion<'a, P> = dyn Fn(usize, usize, &[P], Rounding) -> Polynomials + 'a;
 
+/// Conditions on the pieces of a stretch.
 struct Fit<'a, P> {
     stretch: &'a Stretch,
     limits: [f64; 2],
@@ -297,71 +310,85 @@ struct Fit<'a, P> {
 }
 
 impl<P> Fit<'_, P> {
-    fn is_near(&self, from: usize, to: usize, before: &[P], rounding: Rounding) -> bool {
-        let made = (self.motion)(from, to, before, rounding);
+    /// True if a piece between two setpoints is short enough, and near enough to the design.
+    fn is_near(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> bool {
+        let motion = (self.motion)(from, to, previous, rounding);
         let start_s = self.stretch.time_s(from);
         self.stretch.time_s(to) - start_s < self.max_piece_s
             && self.stretch.check_times_s(from, to).all(|t| {
-                let position_m = made.evaluate((t - start_s).min(made.duration_s))[0];
+                let position_m = motion.evaluate((t - start_s).min(motion.duration_s))[0];
                 (position_m - self.stretch.position_m(t)).norm() <= self.tolerance_m
             })
     }
 
-    fn farthest(&self, from: usize, before: &[P]) -> usize {
-        longest(from, self.stretch.last(), |to| self.is_near(from, to, before, Rounding::Nearest))
+    /// Returns the setpoint at which the longest piece from `from` that is near enough ends.
+    fn farthest(&self, from: usize, previous: &[P]) -> usize {
+        let last = self.stretch.last();
+        gallop(from + 1, last, |to| self.is_near(from, to, previous, Rounding::Nearest))
     }
 
-    /// Largest speed or acceleration relative to the design's.
-    fn effort(&self, from: usize, to: usize, before: &[P], rounding: Rounding) -> f64 {
-        let made = (self.motion)(from, to, before, rounding);
+    /// Returns the largest speed or acceleration of a piece relative to the design's.
+    fn effort(&self, from: usize, to: usize, previous: &[P], rounding: Rounding) -> f64 {
+        let motion = (self.motion)(from, to, previous, rounding);
         let [max_m_s, max_m_s2] = self.limits;
         let start_s = self.stretch.time_s(from);
         let times_s = self.stretch.check_times_s(from, to).map(|t| t - start_s);
         let efforts = [0.0].into_iter().chain(times_s).map(|t| {
-            let [_, v, a] = made.evaluate(t);
+            let [_, v, a] = motion.evaluate(t);
             f64::max(v.norm() / max_m_s, a.norm() / max_m_s2)
         });
         efforts.fold(0.0, f64::max)
     }
 
-    /// Ends of pieces from a setpoint to be tried.
-    fn ends(&self, from: usize, before: &[P]) -> Range<usize> {
-        if from == self.stretch.last() {
-            return 0..0;
+    /// Returns the ends that a piece from a setpoint may have: only the farthest if the design
+    /// states no acceleration.
+    fn choice(&self, start: usize, previous: &[P]) -> Choice {
+        if start == self.stretch.last() {
+            return Choice { start, untried_ends: 0..0 };
         }
-        let farthest = self.farthest(from, before);
-        let shortest = if self.limits[1] > 0.0 { from + 1 } else { farthest };
-        shortest..farthest + 1
+        let farthest = self.farthest(start, previous);
+        let nearest = if self.limits[1] > 0.0 { start + 1 } else { farthest };
+        Choice { start, untried_ends: nearest..farthest + 1 }
     }
 
-    /// The end of the longest piece that keeps to the limits. Removes it and those beyond it from
-    /// `ends`.
-    fn longest(&self, from: usize, ends: &mut Range<usize>, before: &[P]) -> Option<usize> {
-        let rounding = Rounding::Nearest;
-        ends.rfind(|to| {
+    /// Returns the end of the longest piece that keeps to the limits. Removes it and those beyond
+    /// it from the choice. `None` if no piece does.
+    fn longest(&self, choice: &mut Choice, previous: &[P]) -> Option<usize> {
+        let (start, rounding) = (choice.start, Rounding::Nearest);
+        choice.untried_ends.rfind(|end| {
             self.limits[1] == 0.0
-                || self.effort(from, *to, before, rounding) <= OVER_LIMITS
-                    && self.is_near(from, *to, before, rounding)
+                || self.effort(start, *end, previous, rounding) <= OVER_LIMITS
+                    && self.is_near(start, *end, previous, rounding)
         })
     }
 
-    /// End and rounding of the piece with the least effort. One to the next setpoint always counts.
-    fn gentlest(&self, from: usize, before: &[P]) -> Option<(usize, Rounding)> {
-        let ends = (from + 1..=self.farthest(from, before))
+    /// Returns the index of the last piece that can be shorter, and its new end.
+    fn backtrack(&self, choices: &mut [Choice], pieces: &[P]) -> Option<(usize, usize)> {
+        (0..pieces.len())
+            .rev()
+            .find_map(|index| Some((index, self.longest(&mut choices[index], &pieces[..index])?)))
+    }
+
+    /// Returns end and rounding of the piece with the least effort among those near enough. A piece
+    /// to the next setpoint is always accepted.
+    fn gentlest(&self, from: usize, previous: &[P]) -> Option<(usize, Rounding)> {
+        let candidates = (from + 1..=self.farthest(from, previous))
             .flat_map(|to| [Rounding::Nearest, Rounding::Gentlest].map(|rounding| (to, rounding)));
-        let allowed = ends.filter(|(to, rounding)| {
+        let allowed = candidates.filter(|(to, rounding)| {
             (*to, *rounding) == (from + 1, Rounding::Nearest)
-                || self.is_near(from, *to, before, *rounding)
+                || self.is_near(from, *to, previous, *rounding)
         });
-        let efforts = allowed.map(|end| (end, self.effort(from, end.0, before, end.1)));
-        efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(end, _)| end)
+        let efforts = allowed
+            .map(|(to, rounding)| ((to, rounding), self.effort(from, to, previous, rounding)));
+        efforts.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(candidate, _)| candidate)
     }
 }
 
-/// The setpoint at which the longest piece from `from` ends: doubles the length until a piece
-/// fails, then halves the step.
-fn longest(from: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
-    let (mut good, mut step) = (from + 1, 1);
+/// Galloping search (Bentley and Yao 1976): returns the largest number up to `last` that fits, if
+/// all below it do. `first` always fits.
+fn gallop(first: usize, last: usize, fits: impl Fn(usize) -> bool) -> usize {
+    // Doubles the step until a number does not fit, then halves it.
+    let (mut good, mut step) = (first, 1);
     while good + step <= last && fits(good + step) {
         good += step;
         step *= 2;

@@ -22,7 +22,7 @@ use noctograph_plan::Plan;
 const PIECE_BYTES: usize = 33 * 4;
 /// Most pieces that the trajectory memory holds.
 pub const MAX_PIECES: usize = TRAJECTORY_MEMORY_BYTES / PIECE_BYTES;
-/// Shortest segment, s: a drone that starts first waits for none.
+/// Shortest segment that becomes a piece, s. The first drone does not hover before its letters.
 const LEAST_SEGMENT_S: f64 = 1e-3;
 const HEADER: &str = "Duration,x^0,x^1,x^2,x^3,x^4,x^5,x^6,x^7,y^0,y^1,y^2,y^3,y^4,y^5,y^6,y^7,\
                       z^0,z^1,z^2,z^3,z^4,z^5,z^6,z^7,yaw^0,yaw^1,yaw^2,yaw^3,yaw^4,yaw^5,yaw^6,yaw^7";
@@ -36,25 +36,28 @@ pub struct Poly4d {
 }
 
 impl Poly4d {
-    /// Fits the letters of a plan within a distance of its design, in as many pieces as the drone's
-    /// memory holds. The release decides what is advised if they are too many.
+    /// Fits the letters of a plan within `tolerance_m` of its design, in as many pieces as the
+    /// drone's memory holds. The error's hint depends on the release.
     ///
     /// # Errors
     ///
     /// [`noctograph_core::error::Error::Input`] for a plan without letters,
     /// [`noctograph_core::error::Error::Infeasible`] for one that takes more.
     pub fn fit(release: Release, plan: &Plan, tolerance_m: f64) -> Result<Self> {
-        let (stretch, long) = (Stretch::new(plan)?, Self::fit_any_length(plan, tolerance_m)?);
-        let n = long.pieces.len();
+        let stretch = Stretch::new(plan)?;
+        let trajectory = Self::fit_any_length(plan, tolerance_m)?;
+        let n = trajectory.pieces.len();
         if n <= MAX_PIECES {
-            return Ok(long);
+            return Ok(trajectory);
         }
-        let until_s = long.pieces[..MAX_PIECES - 1].iter().map(|piece| piece.duration_s).sum();
-        let compressed = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
+        // The error names the letters that fit, and the other formats.
+        let fitting = &trajectory.pieces[..MAX_PIECES - 1];
+        let until_s = fitting.iter().map(|piece| piece.duration_s).sum();
+        let n_bytes = Compressed::of_any_length(&stretch, tolerance_m)?.to_bytes().len();
         let needs = format!("{n} pieces of degree 7, the drone's memory holds {MAX_PIECES}");
         let other = match flies_heading(release, plan.yaw_rad) {
             true => {
-                format!("export it compressed ({compressed} of {TRAJECTORY_MEMORY_BYTES} bytes)")
+                format!("export it compressed ({n_bytes} of {TRAJECTORY_MEMORY_BYTES} bytes)")
             }
             false => "send setpoints over the radio (script for cflib)".to_owned(),
         };
@@ -62,7 +65,7 @@ impl Poly4d {
         Err(stretch.too_long(until_s, &needs, &hint))
     }
 
-    /// The same in any number of pieces, for drones with more memory.
+    /// Fits the letters of a plan within `tolerance_m` of its design, in any number of pieces.
     ///
     /// # Errors
     ///
@@ -74,14 +77,16 @@ impl Poly4d {
         Ok(Self { pieces, yaw_rad: plan.yaw_rad })
     }
 
-    /// The flight from the floor to the floor, after which the firmware stops the motors: its last
-    /// piece is NaN, so that the commander on board gives no more setpoints
-    /// (`crtp_commander_high_level.c`, "invalid eval") and the watchdog ends the flight 2 s later.
-    /// The script lands `over_s` after the trajectory's end.
+    /// Returns the flight from take-off to landing. Refuses one that exceeds the memory. The script
+    /// lands `over_s` after the end of the trajectory.
+    ///
+    /// Afterwards the firmware stops the motors: the last piece is NaN, so that the commander on
+    /// board gives no more setpoints (`crtp_commander_high_level.c`, "invalid eval") and the
+    /// watchdog ends the flight 2 s later.
     pub(super) fn flight(self, timeline: &Timeline, over_s: f64) -> Result<Self> {
         let no_goal = Polynomials { duration_s: 1.0, axes: [constant(f64::NAN); 3] };
         let before = segment_pieces(&timeline.segments_before());
-        let after = segment_pieces(&timeline.segments_alone(over_s));
+        let after = segment_pieces(&timeline.segments_without_link(over_s));
         let pieces = [before, self.pieces, after, vec![no_goal]].concat();
         let n = pieces.len();
         if n > MAX_PIECES {
@@ -95,12 +100,13 @@ impl Poly4d {
         Ok(Self { pieces, ..self })
     }
 
+    /// Returns the first and the last position, m.
     pub(super) fn ends_m(&self) -> [Vector3<f64>; 2] {
         let (first, last) = (&self.pieces[0], &self.pieces[self.pieces.len() - 1]);
         [first.evaluate(0.0)[0], last.evaluate(last.duration_s)[0]]
     }
 
-    /// The bytes that the drone stores.
+    /// Returns the bytes that the drone stores.
     pub fn to_bytes(&self) -> Vec<u8> {
         let numbers = self.pieces.iter().flat_map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
@@ -110,7 +116,7 @@ impl Poly4d {
         numbers.flat_map(|number| (number as f32).to_le_bytes()).collect()
     }
 
-    /// The CSV of `uav_trajectories`, with as many digits as the numbers have.
+    /// Returns the CSV of `uav_trajectories`, with the digits that each number needs.
     pub fn to_csv(&self) -> String {
         let rows = self.pieces.iter().map(|piece| {
             let axes = piece.axes.into_iter().chain([constant(self.yaw_rad)]).flatten();
@@ -121,7 +127,7 @@ impl Poly4d {
     }
 }
 
-/// Segments from rest to rest as pieces.
+/// Returns a piece for each segment from rest to rest.
 fn segment_pieces(segments: &[Segment]) -> Vec<Polynomials> {
     let segments = segments.iter().filter(|segment| segment.duration_s > LEAST_SEGMENT_S);
     segments
@@ -129,13 +135,15 @@ fn segment_pieces(segments: &[Segment]) -> Vec<Polynomials> {
         .collect()
 }
 
+/// Returns a polynomial with the same value at all times.
 fn constant(value: f64) -> Polynomial {
     [value, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 }
 
-/// The piece between two setpoints.
+/// Returns the piece between setpoints `from` and `to`: their quintic, and two coefficients by
+/// least squares.
 fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
-    // The quintic Hermite interpolation of both ends.
+    // The quintic Hermite interpolation between both ends.
     let duration_s = stretch.time_s(to) - stretch.time_s(from);
     let (start, end) = (&stretch.setpoints[from], &stretch.setpoints[to]);
     let arrival_m_s2 = stretch.acceleration_before_m_s2(to);
@@ -145,31 +153,34 @@ fn fit(stretch: &Stretch, from: usize, to: usize) -> Polynomials {
         quintic(ends, duration_s)
     });
     let mut piece = Polynomials { duration_s, axes: quintics };
-    // Least squares of what is left, by the normal equations, which all axes have alike.
-    let (mut normal, mut sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
+    // Least squares of the residuals by the normal equations, whose matrix is the same on all axes.
+    let (mut normal_matrix, mut right_sides) = (Matrix2::zeros(), [Vector2::zeros(); 3]);
     for time_s in stretch.check_times_s(from, to) {
         let t = time_s - stretch.time_s(from);
-        // Two bumps that vanish at both ends with two derivatives, scaled to about 1.
+        // Two basis functions that vanish at both ends with two derivatives, scaled to about 1.
         let (s, rest) = (t / duration_s, 1.0 - t / duration_s);
         let bump = 64.0 * s * s * s * rest * rest * rest;
         let row = Vector2::new(bump, bump * (2.0 * s - 1.0));
         let residual_m = stretch.position_m(time_s) - piece.evaluate(t)[0];
-        normal += row * row.transpose();
+        normal_matrix += row * row.transpose();
         for axis in 0..3 {
-            sides[axis] += row * residual_m[axis];
+            right_sides[axis] += row * residual_m[axis];
         }
     }
-    if let Some(inverse) = normal.try_inverse() {
-        for (axis, side) in piece.axes.iter_mut().zip(sides) {
-            add_bumps(axis, inverse * side, duration_s);
+    // With too few times the matrix is singular, and the quintic is kept.
+    if let Some(inverse) = normal_matrix.try_inverse() {
+        for (axis, right_side) in piece.axes.iter_mut().zip(right_sides) {
+            add_bumps(axis, inverse * right_side, duration_s);
         }
     }
     piece
 }
 
-/// The quintic with position, velocity and acceleration given at both ends.
+/// Returns the quintic Hermite polynomial of duration `t` with position, velocity and acceleration
+/// `p, v, a` at the start and `q, w, b` at the end.
 fn quintic([[p, v, a], [q, w, b]]: [[f64; 3]; 2], t: f64) -> Polynomial {
-    // What the motion with constant acceleration lacks at the end.
+    // Errors at the end of a motion with constant acceleration: position d, velocity e/t,
+    // acceleration f/t².
     let d = q - p - v * t - 0.5 * a * t * t;
     let e = (w - v - a * t) * t;
     let f = (b - a) * t * t;
@@ -191,10 +202,11 @@ fn add_bumps(axis: &mut Polynomial, c: Vector2<f64>, duration_s: f64) {
     // s³(1−s)³ = s³ − 3s⁴ + 3s⁵ − s⁶, and 2s⁴(1−s)³ − s³(1−s)³ = −s³ + 5s⁴ − 9s⁵ + 7s⁶ − 2s⁷.
     let even = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0, 0.0];
     let odd = [0.0, 0.0, 0.0, -1.0, 5.0, -9.0, 7.0, -2.0];
-    let mut power = 1.0;
+    // The duration to the power of each coefficient.
+    let mut scale = 1.0;
     for ((coefficient, even), odd) in axis.iter_mut().zip(even).zip(odd) {
-        *coefficient += 64.0 * (c.x * even + c.y * odd) / power;
-        power *= duration_s;
+        *coefficient += 64.0 * (c.x * even + c.y * odd) / scale;
+        scale *= duration_s;
     }
 }
 

@@ -1,5 +1,5 @@
-//! Safety: what is checked before and in a flight, by whom and at which limit. One table, from
-//! which `check`, the exported scripts and `docs/fly.md` take their numbers.
+//! Safety: limits of the checks before and during a flight. `check`, the exported scripts and
+//! `docs/fly.md` use the same numbers.
 //!
 //! Firmware: `crazyflie-firmware`, release 2026.08, unless another is named.
 
@@ -20,24 +20,24 @@ pub const START_RADIUS_M: f64 = 0.2;
 /// Least distance of people from a flight, m, however slow it is: an arm's length, and a step back
 /// (an assumption).
 pub const LEAST_PEOPLE_M: f64 = 1.0;
-/// Largest turn of the nose from the plan's yaw before take-off, rad: 10°. Headlights write beside
-/// the ring by the turn's sine. A nose along another axis is 90° off.
+/// Largest difference of the heading from the plan's before take-off, rad: 10°. It moves the light
+/// of headlights sideways by its sine. A drone turned to another axis is 90° off.
 pub const NOSE_RAD: f64 = 0.174_532_925_199_432_95;
-/// Largest roll and pitch before take-off, rad: 5°. More is a drone on an edge or a cable.
+/// Largest roll and pitch before take-off, rad: 5°. A drone on an edge or a cable has more.
 pub const LEVEL_RAD: f64 = 0.087_266_462_599_716_47;
 /// Largest error of the drone's position at a corner of the canvas, m.
 pub const CORNER_M: f64 = 0.02;
 /// Distance of the script's fence from the volume that `check` keeps the plan in, m: half of what
 /// the volume keeps from a room's walls.
 pub const FENCE_M: f64 = 0.1;
-/// Largest distance of the estimated position from what is sent, m. The PID cascade trails by 0.56
+/// Largest distance of the estimated position from the setpoint, m. The PID cascade trails by 0.56
 /// s, 0.45 m at 0.8 m/s.
 pub const STRAY_M: f64 = 0.8;
 /// Speed of landing, m/s: slow enough for the ground effect not to throw the drone back up.
 pub const SINK_M_S: f64 = 0.3;
-/// Time for which something has to be wrong in the air before the script lands, s, so that one bad
-/// sample does not end a flight. The firmware levels a silent drone after the same time
-/// ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
+/// Time for which a limit has to be exceeded in the air before the script lands, s, so that one bad
+/// sample does not end a flight. The firmware levels out a drone without commands after the same
+/// time ([`noctograph_core::crazyflie::LEVEL_OUT_S`]).
 pub const WRONG_S: f64 = 0.5;
 /// Least voltage at rest if the scene's drone has no battery, V: a Crazyflie's cell is then charged
 /// to some 28 %, and a flight of a word should begin with more.
@@ -51,7 +51,7 @@ pub(super) const CRITICAL_BATTERY_V: f64 = 3.0;
 /// (`DEFAULT_BAT_LOW_DURATION_TO_TRIGGER_SEC`, `platform_defaults_cf2.h`): a sag at take-off
 /// empties no battery.
 pub const LOW_BATTERY_S: f64 = 5.0;
-/// Oldest cflib that the script flies with: arming requests, and the commands of protocol 8 and up.
+/// Oldest cflib that has what the script uses: arming requests, and commands of protocol 8.
 pub const OLDEST_CFLIB: &str = "0.1.27";
 
 /// A drone as its firmware names it, with the limits that the firmware has for it.
@@ -64,7 +64,8 @@ pub enum Platform {
 }
 
 impl Platform {
-    /// Names that its firmware may answer with (`platform_cf2.c`, `platform_cf21bl.c`).
+    /// Returns the names with which the firmware may identify itself (`platform_cf2.c`,
+    /// `platform_cf21bl.c`).
     pub fn names(self) -> &'static [&'static str] {
         match self {
             Self::Crazyflie2 => &["Crazyflie 2.1", "Crazyflie 2.0"],
@@ -72,7 +73,7 @@ impl Platform {
         }
     }
 
-    /// Voltage under load at which the battery is low, V (`DEFAULT_BAT_LOW_VOLTAGE` in
+    /// Returns the voltage under load at which the battery is low, V (`DEFAULT_BAT_LOW_VOLTAGE` in
     /// `platform_defaults_cf2.h` and `platform_defaults_cf21bl.h`).
     pub fn low_battery_v(self) -> f64 {
         match self {
@@ -82,7 +83,7 @@ impl Platform {
     }
 }
 
-/// Largest variance of an estimated coordinate that has settled, m².
+/// Returns the largest variance of an estimated coordinate that counts as settled, m².
 ///
 /// Lighthouse: 3 cm, the limit of Bitcraze's examples (cflib, `autonomous_sequence.py`). The filter
 /// settles at 1 mm. Ultra-wideband: 10 cm. Two-way ranges of 0.25 m (`lpsTwrTag.c`), 150 a second,
@@ -95,16 +96,16 @@ pub fn variance_m2(positioning: Positioning) -> f64 {
     }
 }
 
-/// True if a voltage stays above the firmware's limit: never below it for [`LOW_BATTERY_S`] at a
-/// stretch.
+/// True if a voltage is never below `low_v` for [`LOW_BATTERY_S`] without interruption. `voltages`
+/// are times and voltages.
 fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
-    let mut since_s = None;
+    let mut low_since_s = None;
     for (time_s, voltage_v) in voltages {
         if voltage_v >= low_v {
-            since_s = None;
+            low_since_s = None;
             continue;
         }
-        if time_s - *since_s.get_or_insert(time_s) >= LOW_BATTERY_S {
+        if time_s - *low_since_s.get_or_insert(time_s) >= LOW_BATTERY_S {
             return false;
         }
     }
@@ -113,11 +114,13 @@ fn lasts(voltages: impl Iterator<Item = (f64, f64)>, low_v: f64) -> bool {
 
 /// Resolution of the least charge: a hundredth of a percent.
 const CHARGE_STEPS: u32 = 10_000;
+/// Tolerance for rounded voltages, V.
+const VOLTAGE_ROUNDING_V: f64 = 1e-9;
 
-/// The load of a flight on its battery.
+/// Voltages of a flight's battery.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Battery {
-    /// Voltage at rest of the scene's battery as it is charged, V.
+    /// Voltage at rest with the charge of the scene, V.
     pub rest_v: f64,
     /// Least voltage at rest with which the flight stays above the firmware's limit, V. `None` if
     /// not even a full battery suffices.
@@ -127,7 +130,7 @@ pub struct Battery {
 }
 
 impl Battery {
-    /// The battery of a simulated flight. `None` if the scene's drone has none.
+    /// Returns the voltages of a simulated flight. `None` if the scene's drone has no battery.
     ///
     /// Currents are computed from the flight's voltages. They give the voltages of the same flight
     /// from any other charge.
@@ -138,30 +141,11 @@ impl Battery {
         let times = flight.samples.iter().map(|sample| sample.time_s);
         let voltages: Vec<(f64, f64)> =
             times.zip(flight.extra.get(BATTERY_V)?.iter().copied()).collect();
-        // Charge spent and drop at the resistance at each sample.
-        let (mut spent_frac, mut before_s) = (0.0, voltages.first()?.0);
-        let loads = Vec::from_iter(voltages.iter().map(|(time_s, voltage_v)| {
-            let open_v = options.open_circuit_v((options.charge_frac - spent_frac).max(0.0));
-            let drop_v = open_v - voltage_v;
-            let current_a = drop_v / options.resistance_ohm;
-            spent_frac += current_a * (time_s - before_s) / (3600.0 * options.capacity_ah);
-            before_s = *time_s;
-            (*time_s, spent_frac, drop_v)
-        }));
-        // Binary search for the least charge that lasts.
-        let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);
-        while low < high {
-            let middle = low.midpoint(high);
-            let charge_frac = f64::from(middle) / f64::from(CHARGE_STEPS);
-            let voltages = loads.iter().map(|(time_s, spent_frac, drop_v)| {
-                (*time_s, options.open_circuit_v((charge_frac - spent_frac).max(0.0)) - drop_v)
-            });
-            if lasts(voltages, low_v) {
-                (least_frac, high) = (Some(charge_frac), middle);
-            } else {
-                low = middle + 1;
-            }
+        if voltages.is_empty() {
+            return None;
         }
+        let least_frac = least_charge_frac(options, &loads(options, &voltages), low_v);
+        // At rest the battery only supplies the idle current.
         let idle_v = options.resistance_ohm * options.idle_current_a;
         let rest_v = options.open_circuit_v(options.charge_frac) - idle_v;
         let lowest_v = voltages.iter().map(|(_, v)| *v).fold(f64::INFINITY, f64::min);
@@ -172,34 +156,77 @@ impl Battery {
         })
     }
 
-    /// True if the battery lasts as it is charged.
+    /// True if the battery lasts through the flight with the charge of the scene.
     pub fn lasts(&self) -> bool {
-        self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - 1e-9)
+        self.least_rest_v.is_some_and(|least_v| self.rest_v >= least_v - VOLTAGE_ROUNDING_V)
     }
 }
 
-/// The facts behind a flight's checks that its files carry: what was checked is what flies.
+/// Load on the battery at a sample of a flight.
+struct Load {
+    time_s: f64,
+    /// Charge used since the start, as a fraction of the capacity.
+    used_frac: f64,
+    /// Voltage drop at the inner resistance.
+    drop_v: f64,
+}
+
+/// Returns the loads that explain the times and voltages of a flight.
+fn loads(options: &BatteryOptions, voltages: &[(f64, f64)]) -> Vec<Load> {
+    let (mut used_frac, mut previous_s) = (0.0, voltages.first().map_or(0.0, |first| first.0));
+    let loads = voltages.iter().map(|(time_s, voltage_v)| {
+        let open_v = options.open_circuit_v((options.charge_frac - used_frac).max(0.0));
+        let drop_v = open_v - voltage_v;
+        // I = U/R, and the charge is its integral over time, in seconds of an ampere hour.
+        let current_a = drop_v / options.resistance_ohm;
+        used_frac += current_a * (time_s - previous_s) / (3600.0 * options.capacity_ah);
+        previous_s = *time_s;
+        Load { time_s: *time_s, used_frac, drop_v }
+    });
+    loads.collect()
+}
+
+/// Returns the least charge from which the battery lasts under the loads, by binary search, as a
+/// fraction of the capacity. `None` if a full battery does not last.
+fn least_charge_frac(options: &BatteryOptions, loads: &[Load], low_v: f64) -> Option<f64> {
+    let (mut least_frac, mut low, mut high) = (None, 0, CHARGE_STEPS + 1);
+    while low < high {
+        let middle = low.midpoint(high);
+        let charge_frac = f64::from(middle) / f64::from(CHARGE_STEPS);
+        let voltages = loads.iter().map(|Load { time_s, used_frac, drop_v }| {
+            (*time_s, options.open_circuit_v((charge_frac - used_frac).max(0.0)) - drop_v)
+        });
+        if lasts(voltages, low_v) {
+            (least_frac, high) = (Some(charge_frac), middle);
+        } else {
+            low = middle + 1;
+        }
+    }
+    least_frac
+}
+
+/// Facts of a flight's checks that exported files contain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checks {
     /// The drone. `None` if its firmware is not Bitcraze's.
     pub platform: Option<Platform>,
-    /// Its positioning.
+    /// Positioning of the drones.
     pub positioning: Positioning,
     /// Least and greatest x, y, z of the volume in which `check` keeps the plans, within the room
     /// if there is one.
     pub volume_m: [[f64; 3]; 2],
-    /// Width, depth and height of the room, if it is known.
+    /// Width, depth and height of the room. `None` if the scene has no room.
     pub room_m: Option<[f64; 3]>,
-    /// The battery load of each plan's flight. `None` if it was not simulated.
+    /// Battery voltages of each plan's flight. `None` if no flight with a battery was simulated.
     pub batteries: Vec<Option<Battery>>,
-    /// SHA-256 of the scene as it is printed.
+    /// SHA-256 of the printed scene.
     pub scene_sha256: String,
     /// The scene (TOML), which goes with the log.
     pub scene_toml: String,
 }
 
-/// All checks in the order in which they are made, as a table for `docs/fly.md`. Its columns: the
-/// check, who makes it (`check` and `export`, a script, the firmware), its limit, and the source.
+/// Returns the table of all checks for `docs/fly.md`, in the order in which they are made. Its
+/// columns: the check, the program that makes it, its limit, and the source.
 pub fn table() -> String {
     let [cf2, brushless] = [Platform::Crazyflie2, Platform::Brushless].map(Platform::low_battery_v);
     let [lighthouse, uwb] = [Positioning::Sweeps, Positioning::UwbTwr]

@@ -19,6 +19,10 @@ use noctograph_plan::{MIN_HORIZONTAL_M, Plan};
 
 /// Steps of a light program per second.
 const LIGHT_HZ: f64 = 50.0;
+/// Shortest segment of a trajectory, s. The first drone of a fleet does not wait for its turn.
+const MIN_SEGMENT_S: f64 = 1e-6;
+/// Room above the drones in the show's altitude limit, m.
+const HEADROOM_M: f64 = 0.5;
 // Commands of a light program.
 const END: u8 = 0;
 const COLOR: u8 = 4;
@@ -27,11 +31,12 @@ const WHITE: u8 = 7;
 /// Width of the film that Skybrush's focal lengths are for, mm.
 const FILM_MM: f64 = 36.0;
 
+/// Returns the `.skyc` file of a job: a zip archive with `show.json`.
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
-    let before_s = earliest_s(job.plans)?;
+    let first_start_s = earliest_s(job.plans)?;
     let drones =
-        job.plans.iter().enumerate().map(|(index, plan)| drone(job, index, plan, before_s));
-    // Limits of the show's validation, which no drone exceeds.
+        job.plans.iter().enumerate().map(|(index, plan)| drone(job, index, plan, first_start_s));
+    // No drone exceeds the limits of the show's validation.
     let setpoints = job.plans.iter().flat_map(|plan| &plan.setpoints);
     let level_m_s = setpoints.clone().map(|s| s.velocity_m_s.xy().norm());
     let vertical_m_s = setpoints.clone().map(|s| s.velocity_m_s.z.abs());
@@ -42,7 +47,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
         "settings": {
             "cues": { "version": 1, "items": [] },
             "validation": {
-                "maxAltitude": (heights.fold(0.0, f64::max) + 0.5).ceil(),
+                "maxAltitude": (heights.fold(0.0, f64::max) + HEADROOM_M).ceil(),
                 "maxVelocityXY": level_m_s.fold(1.0, f64::max),
                 "maxVelocityZ": vertical_m_s.fold(1.0, f64::max),
                 "minDistance": MIN_HORIZONTAL_M,
@@ -55,7 +60,7 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File { name: format!("{}.skyc", stem(job.word)), bytes: zip(&[file]) })
 }
 
-/// A segment that ends at a time: from rest to rest, with control points at the ends.
+/// Returns a segment from rest to rest that ends at `time_s`. Its control points are its ends.
 fn segment(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
     match from == to {
         true => json!([time_s, to.as_slice(), []]),
@@ -63,26 +68,24 @@ fn segment(from: Vector3<f64>, time_s: f64, to: Vector3<f64>) -> Value {
     }
 }
 
-/// A drone of a Skybrush show: trajectory, lights and home.
-fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Value> {
+/// Returns a drone of a Skybrush show: trajectory, lights and home.
+fn drone(job: &Job<'_>, index: usize, plan: &Plan, first_start_s: f64) -> Result<Value> {
     let stretch = Stretch::new(plan)?;
     let trajectory = Compressed::of_any_length(&stretch, job.tolerance_m)?;
-    let curves = trajectory.curves();
-    let ends_m = [curves[0].1[0], curves[curves.len() - 1].1[3]];
-    let timeline = Timeline::new(plan, &stretch, before_s, ends_m);
+    let [first_m, last_m] = trajectory.ends_m();
+    let timeline = Timeline::new(plan, &stretch, first_start_s, [first_m, last_m]);
     let home_m = timeline.before[0].1;
     // The trajectory as Bézier curves: to the first letter, the letters, a hover and the landing.
     let mut points = vec![json!([0.0, home_m.as_slice(), []])];
-    // The first drone of a fleet waits for none.
-    let segments = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > 1e-6);
+    let segments = timeline.before.windows(2).filter(|ends| ends[1].0 - ends[0].0 > MIN_SEGMENT_S);
     points.extend(segments.map(|ends| segment(ends[0].1, ends[1].0, ends[1].1)));
     let mut time_s = timeline.before[3].0;
-    for (duration_s, [_, b, c, d]) in curves {
+    for (duration_s, [_, b, c, d]) in trajectory.curves() {
         time_s += duration_s;
         points.push(json!([time_s, d.as_slice(), [b.as_slice(), c.as_slice()]]));
     }
-    points.push(segment(ends_m[1], timeline.after[0].0, ends_m[1]));
-    points.push(segment(ends_m[1], timeline.after[1].0, timeline.after[1].1));
+    points.push(segment(last_m, timeline.after[0].0, last_m));
+    points.push(segment(last_m, timeline.after[1].0, timeline.after[1].1));
     // Lights are timed on the flight of the trajectory.
     let lights = commands(&job.flown[index], job.light)?;
     let colors: Vec<(f64, [u8; 3])> =
@@ -101,8 +104,8 @@ fn drone(job: &Job<'_>, index: usize, plan: &Plan, before_s: f64) -> Result<Valu
     }))
 }
 
-/// The light program of a drone from the command to take off on: times in s, and colors from then
-/// on.
+/// Encodes the light program of a drone, which is dark at first. Each change is a time since the
+/// take-off command in s, and the color from then on.
 fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     let mut colors = vec![(0, [0; 3])];
     for (time_s, color) in changes {
@@ -128,7 +131,8 @@ fn program(changes: &[(f64, [u8; 3])]) -> Vec<u8> {
     bytes
 }
 
-/// Seven bits a byte, the lowest first. The highest bit is set if another byte follows.
+/// Appends a number in bytes of seven bits, the lowest first. The highest bit of a byte is set if
+/// another one follows.
 fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     while value > 127 {
         bytes.push((value & 127) as u8 | 128);
@@ -138,13 +142,13 @@ fn varuint(bytes: &mut Vec<u8>, mut value: u64) {
     bytes.push(value as u8);
 }
 
-/// The photographer's camera: at rest it looks along -z with +y up.
+/// Returns the photographer's camera. Without a rotation Skybrush's looks along -z with +y up.
 fn camera(camera: &Camera) -> Value {
-    // Ours looks along +z with y down.
+    // This program's camera looks along +z with y down.
     let world_from_camera = camera.camera_from_world.transpose()
         * nalgebra::Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0));
-    let turn = Rotation3::from_matrix_unchecked(world_from_camera);
-    let q = UnitQuaternion::from_rotation_matrix(&turn);
+    let rotation = Rotation3::from_matrix_unchecked(world_from_camera);
+    let q = UnitQuaternion::from_rotation_matrix(&rotation);
     json!({
         "name": "Photographer", "type": "perspective", "default": true,
         "position": camera.position_m.as_slice(),

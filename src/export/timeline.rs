@@ -1,4 +1,4 @@
-//! From the floor to the floor: what scripts upload around the letters of a trajectory.
+//! Timing of a flight with a trajectory on board, from take-off to landing.
 //!
 //! Take-off, the path to the first letter, a hover until the drone's turn, the letters, and a hover
 //! and a landing for a drone that hears nothing more. The script lands before that. Segments from
@@ -15,25 +15,26 @@ use noctograph_plan::Plan;
 const TAKE_OFF_S: f64 = 3.5;
 /// Hover before the script lands, s.
 const HOVER_S: f64 = 0.5;
-/// Hover after the time at which the script lands, s: then the trajectory lands by itself.
-const ALONE_S: f64 = 3.0;
-/// Depth below the floor at which that landing ends, which keeps the drone there, m.
+/// Hover after the time at which the script lands, s. Then the trajectory lands without it.
+const WITHOUT_LINK_S: f64 = 3.0;
+/// Depth below the floor at which a landing without a script ends, m. It keeps the drone there.
 const BELOW_FLOOR_M: f64 = 0.1;
 /// Shortest landing, s.
 const MIN_LAND_S: f64 = 2.0;
 
-/// Time of the take-off command when the first trajectory starts at `before_s`, both in the time of
-/// the plans, s.
-pub(super) fn zero_s(before_s: f64) -> f64 {
-    before_s - 2.0 * TAKE_OFF_S
+/// Returns the time of the take-off command if the first trajectory starts at `first_start_s`, both
+/// by the plans' clock, s.
+pub(super) fn zero_s(first_start_s: f64) -> f64 {
+    first_start_s - 2.0 * TAKE_OFF_S
 }
 
-/// When the first of several trajectories starts, in the time of their plans, s.
+/// Returns the time at which the first of several trajectories starts, by the plans' clock, s.
 pub(super) fn earliest_s(plans: &[Plan]) -> Result<f64> {
     let starts = plans.iter().map(|plan| Ok(Stretch::new(plan)?.start_s()));
     Ok(starts.collect::<Result<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min))
 }
 
+/// A motion from rest to rest.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
     /// The axes that move.
@@ -43,31 +44,34 @@ pub(super) struct Segment {
 }
 
 const UP: &[usize] = &[2];
-/// Both axes, even if the plan's ends are the same: a drone beside the plan's start flies there.
+/// Both axes, even if the ends are the same, since a drone beside the plan's start flies there.
 const LEVEL: &[usize] = &[0, 1];
 const HOVER: &[usize] = &[];
 
-/// Positions of a drone with a trajectory on board. Time zero is the command to take off.
+/// Times and positions of a drone with a trajectory on board. Time zero is the take-off command.
 pub(super) struct Timeline {
-    /// That command in the time of the plan, s.
+    /// Time of the take-off command by the plan's clock, s.
     pub(super) zero_s: f64,
-    /// Rest to rest before the trajectory, and after it: end, s, and position.
+    /// Times and positions of rest before the trajectory: on the floor, above it, at the first
+    /// letter, and at the trajectory's start.
     pub(super) before: [(f64, Vector3<f64>); 4],
+    /// Times and positions of rest after it: at the end of a hover, and on the floor.
     pub(super) after: [(f64, Vector3<f64>); 2],
 }
 
 impl Timeline {
-    /// The flight around a trajectory from `first_m` to `last_m`.
+    /// Times the flight around a trajectory from `first_m` to `last_m`, if the first trajectory of
+    /// all drones starts at `first_start_s`.
     pub(super) fn new(
         plan: &Plan,
         stretch: &Stretch,
-        before_s: f64,
+        first_start_s: f64,
         [first_m, last_m]: [Vector3<f64>; 2],
     ) -> Self {
         // Straight up, level to the first letter, and a hover until the drone's turn.
         let home_m = plan.setpoints[0].position_m;
         let above_m = Vector3::new(home_m.x, home_m.y, first_m.z);
-        let zero_s = zero_s(before_s);
+        let zero_s = zero_s(first_start_s);
         let start_s = stretch.start_s() - zero_s;
         let hover_s = start_s + stretch.duration_s() + HOVER_S;
         let land_s = (last_m.z / SINK_M_S).max(MIN_LAND_S);
@@ -83,7 +87,7 @@ impl Timeline {
         }
     }
 
-    /// The segments from the floor to the beginning of the trajectory.
+    /// Returns the segments from the floor to the start of the trajectory.
     pub(super) fn segments_before(&self) -> [Segment; 3] {
         [(0, UP), (1, LEVEL), (2, HOVER)].map(|(index, axes)| {
             let [from, to] = [self.before[index], self.before[index + 1]];
@@ -91,20 +95,21 @@ impl Timeline {
         })
     }
 
-    /// The segments after the trajectory for a drone that hears nothing more. The script lands
-    /// `over_s` after the trajectory's end.
-    pub(super) fn segments_alone(&self, over_s: f64) -> [Segment; 2] {
+    /// Returns the segments after the trajectory for a drone without a radio link: a hover and a
+    /// landing. With a link the script lands `over_s` after the trajectory's end, before them.
+    pub(super) fn segments_without_link(&self, over_s: f64) -> [Segment; 2] {
         let last_m = self.after[0].1;
         let below_m = Vector3::new(last_m.x, last_m.y, -BELOW_FLOOR_M);
-        let sinks_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
-        let hovers_s = over_s.max(0.0) + ALONE_S;
+        let landing_s = ((last_m.z + BELOW_FLOOR_M) / SINK_M_S).max(MIN_LAND_S);
+        let hover_s = over_s.max(0.0) + WITHOUT_LINK_S;
         [
-            Segment { axes: HOVER, duration_s: hovers_s, ends_m: [last_m; 2] },
-            Segment { axes: UP, duration_s: sinks_s, ends_m: [last_m, below_m] },
+            Segment { axes: HOVER, duration_s: hover_s, ends_m: [last_m; 2] },
+            Segment { axes: UP, duration_s: landing_s, ends_m: [last_m, below_m] },
         ]
     }
 
-    /// Position at a time, with the trajectory as a function of the time since its beginning.
+    /// Returns the position at `time_s`, m. `trajectory_m` gives the trajectory's position by the
+    /// time since its start.
     pub(super) fn position_m(
         &self,
         time_s: f64,
@@ -115,11 +120,11 @@ impl Timeline {
             return trajectory_m(time_s - start_s);
         }
         // Before or after it the drone flies from rest to rest, or is at rest.
-        let segments: &[_] = if time_s < start_s { &self.before } else { &self.after };
-        let segment = segments
+        let rests: &[_] = if time_s < start_s { &self.before } else { &self.after };
+        let segment = rests
             .windows(2)
             .find(|segment| time_s < segment[1].0)
-            .unwrap_or(&segments[segments.len() - 2..]);
+            .unwrap_or(&rests[rests.len() - 2..]);
         let [(from_s, from_m), (to_s, to_m)] = [segment[0], segment[1]];
         if time_s >= to_s {
             return to_m;
@@ -141,17 +146,17 @@ mod tests {
         let stretch = Stretch::new(&plan).unwrap();
         let [first_m, last_m] = [Vector3::new(0.0, 0.0, 0.9), Vector3::new(1.0, 0.2, 1.1)];
         let timeline = Timeline::new(&plan, &stretch, stretch.start_s(), [first_m, last_m]);
-        let [hover, descent] = timeline.segments_alone(0.5);
+        let [hover, descent] = timeline.segments_without_link(0.5);
         assert_eq!((hover.duration_s, hover.ends_m), (3.5, [last_m; 2]));
         assert_eq!(descent.ends_m, [last_m, Vector3::new(1.0, 0.2, -0.1)]);
         assert!((descent.duration_s - 4.0).abs() < 1e-9, "1.2 m at 0.3 m/s: {descent:?}");
         assert_eq!(
-            timeline.segments_alone(-9.0)[0].duration_s,
+            timeline.segments_without_link(-9.0)[0].duration_s,
             3.0,
             "the script lands before the end"
         );
         let low = Timeline::new(&plan, &stretch, 0.0, [first_m, Vector3::new(0.0, 0.0, 0.2)]);
-        assert_eq!(low.segments_alone(0.0)[1].duration_s, 2.0, "no faster than any landing");
+        assert_eq!(low.segments_without_link(0.0)[1].duration_s, 2.0, "no faster than any landing");
         assert_eq!(low.after[1].0 - low.after[0].0, 2.0);
     }
 }

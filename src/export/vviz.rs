@@ -17,7 +17,10 @@ use noctograph_plan::Plan;
 /// Positions and color frames per second.
 const POSITION_HZ: f64 = 10.0;
 const COLOR_HZ: f64 = 20.0;
+/// Positions are rounded to 0.1 mm.
+const ROUNDING_PER_M: f64 = 1e4;
 
+/// Returns the `.vviz` file of a job. Refuses a plan with a heading.
 pub(super) fn show(job: &Job<'_>) -> Result<File> {
     if let Some(plan) = job.plans.iter().find(|plan| plan.yaw_rad != 0.0) {
         let wanted = "0 for VVIZ: no document says from where and which way its headings turn";
@@ -51,34 +54,35 @@ pub(super) fn show(job: &Job<'_>) -> Result<File> {
     Ok(File::new(format!("{}.vviz", stem(job.word)), format!("{}\n", ascii(&show))))
 }
 
+/// Returns the steps of a drone from each sampled position to the next. The first is zero.
 fn steps(flown: &Plan) -> Vec<Value> {
     // Differences of rounded positions, so that the rounding does not add up.
-    let rounded =
-        rows(flown, POSITION_HZ).map(|(_, position_m)| (position_m * 1e4).map(f64::round));
-    let rounded: Vec<_> = rounded.collect();
-    let from = rounded.first().into_iter().chain(&rounded);
-    let steps = from.zip(&rounded).map(|(a, b)| (b - a) / 1e4);
+    let positions_m = samples(flown, POSITION_HZ).map(|(_, position_m)| position_m);
+    let rounded: Vec<_> =
+        positions_m.map(|position_m| (position_m * ROUNDING_PER_M).map(f64::round)).collect();
+    let previous = rounded.first().into_iter().chain(&rounded);
+    let steps = previous.zip(&rounded).map(|(a, b)| (b - a) / ROUNDING_PER_M);
     steps.map(|step| json!({ "dx": step.x, "dy": step.z, "dz": step.y })).collect()
 }
 
-/// Color changes of a VVIZ agent over time.
+/// Returns the color of a drone in each frame.
 fn colors(job: &Job<'_>, flown: &Plan) -> Result<Vec<Value>> {
     let lights = commands(flown, job.light)?;
-    let colors = rows(flown, COLOR_HZ).map(|(time_s, _)| {
-        // The nearest frame shows a change.
-        let now = lights.iter().rfind(|c| c.time_s <= time_s + 0.5 / COLOR_HZ);
-        let [r, g, b] = now.map_or([0; 3], |command| screen_rgb(command, job.light));
+    let colors = samples(flown, COLOR_HZ).map(|(time_s, _)| {
+        // The nearest frame shows a change: within half a period.
+        let latest = lights.iter().rfind(|c| c.time_s <= time_s + 0.5 / COLOR_HZ);
+        let [r, g, b] = latest.map_or([0; 3], |command| screen_rgb(command, job.light));
         json!({ "r": r, "g": g, "b": b })
     });
     Ok(colors.collect())
 }
 
-/// Times and positions of a plan at a rate, to its end.
-fn rows(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
+/// Returns times and positions of a plan, sampled at `hz` until its end.
+fn samples(plan: &Plan, hz: f64) -> impl Iterator<Item = (f64, Vector3<f64>)> {
     #[expect(clippy::cast_possible_truncation, reason = "an hour at most")]
     let n = (plan.duration_s() * hz).ceil() as u32;
-    (0..=n).map(move |row| {
-        let time_s = f64::from(row) / hz;
+    (0..=n).map(move |sample| {
+        let time_s = f64::from(sample) / hz;
         (time_s, plan.design_m(time_s.min(plan.duration_s())))
     })
 }

@@ -8,14 +8,14 @@ pub mod expose;
 pub mod light;
 pub mod photo;
 
-/// A number of an image, whose positions and light need no more than f32: 6e-8 of the value.
+/// Converts a number to f32, which suffices for positions and light in an image.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "6e-8 of the value")]
 fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// Whole pixels of a length in pixels, not below 0.
+/// Rounds a length in pixels down to whole pixels, to at least 0.
 #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture, rounded down")]
 fn whole(px: f64) -> usize {
     px as usize

@@ -17,28 +17,30 @@ use super::record::{DITHER, Record};
 use super::tile::Tiles;
 use super::{Latent, Tint};
 
-/// Least number of pixels of a band, summed over the boxes of the records: about a
-/// quarter of a millisecond.
+/// Least number of pixels of a band, summed over the boxes of the records: about a quarter of a
+/// millisecond of work.
 const BAND_PIXELS: u64 = 1 << 19;
 
 /// Counts in a page of memory.
 const PAGE: usize = 1024;
 
-/// Adds up the light in at most `n_bands` bands of rows: three planes of counts.
+/// Adds up the light of a latent image in at most `n_bands` bands of rows. Returns the counts of
+/// three planes.
 pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     let [width, height] = latent.size_px.map(|px| px as usize);
     let mut counts = vec![0_u32; 3 * width * height];
-    // Counts are added up: a page that is read before it is written is fetched twice.
-    let floor = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
+    // Writes each page of the glow once. A page that is read before it is written is mapped twice.
+    let glow_start = latent.glow.as_ref().map_or(height, Glow::top_px) * width;
     for plane in counts.chunks_exact_mut(width * height) {
-        plane[floor..].chunks_mut(PAGE).for_each(|page| page[0] = black_box(0));
+        plane[glow_start..].chunks_mut(PAGE).for_each(|page| page[0] = black_box(0));
     }
+    // Each band gets its rows of the three planes.
     let ends = ends_of_bands(&latent.tints, latent.size_px, n_bands);
-    let mut rest: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
+    let mut remaining: Vec<&mut [u32]> = counts.chunks_exact_mut(width * height).collect();
     let starts = [0].into_iter().chain(ends.iter().copied());
     let bands = starts.zip(&ends).map(|(start, &end)| {
         let pixels = (end - start) as usize * width;
-        let planes = rest.iter_mut().filter_map(|plane| plane.split_off_mut(..pixels));
+        let planes = remaining.iter_mut().filter_map(|plane| plane.split_off_mut(..pixels));
         (Tiles::new(start..end, width, width + LANES), planes.collect())
     });
     let bands: Vec<(Tiles, Vec<&mut [u32]>)> = bands.collect();
@@ -48,7 +50,7 @@ pub(super) fn splat(n_bands: u64, latent: &Latent) -> Vec<u32> {
     counts
 }
 
-/// Last row (exclusive) of each of several bands of equal work.
+/// Returns the last row (exclusive) of each band. The bands have about equal work.
 fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
     let [width, height] = size_px;
     // Pixels of boxes on each row: first the differences between rows, then their sums.
@@ -58,20 +60,23 @@ fn ends_of_bands(tints: &[Tint], size_px: [u32; 2], n_bands: u64) -> Vec<u32> {
         pixels[rows.start as usize] += columns.len() as i64;
         pixels[rows.end as usize] -= columns.len() as i64;
     }
-    let (mut on_row, mut until) = (0, 0);
+    let (mut on_row, mut total) = (0, 0);
     for row in &mut pixels {
         on_row += *row;
-        until += on_row;
-        *row = until;
+        total += on_row;
+        *row = total;
     }
-    let n_bands = (until.cast_unsigned() / BAND_PIXELS).clamp(1, n_bands).cast_signed();
-    let full = |band: i64| pixels.partition_point(|&pixels| pixels * n_bands < until * band) as u32;
-    let mut ends: Vec<u32> = (1..n_bands).map(|band| full(band) + 1).chain([height]).collect();
+    // A band ends at the row at which its fraction of the total is reached.
+    let n_bands = (total.cast_unsigned() / BAND_PIXELS).clamp(1, n_bands).cast_signed();
+    let ends = (1..n_bands)
+        .map(|band| pixels.partition_point(|&sum| sum * n_bands < total * band) as u32 + 1);
+    let mut ends: Vec<u32> = ends.chain([height]).collect();
     ends.dedup();
     ends
 }
 
-/// Adds up the light of all records on a band of rows: the tiles, and their rows of the planes.
+/// Adds up the light of all records on a band: each color in `tiles`, which are then counted into
+/// the band's rows of the three planes.
 #[inline(always)]
 fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
     let counts_per_lx_s = latent.counts_per_lx_s();
@@ -82,7 +87,7 @@ fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
             if rows.is_empty() {
                 continue;
             }
-            // A loop of its length for each number of spots.
+            // The number of spots is a constant in each loop, so that it can be unrolled.
             tiles.light(&columns, &rows);
             curves.draw(record, counts_per_lx_s);
             let part = [columns, rows];
@@ -93,11 +98,11 @@ fn splat_band(latent: &Latent, tiles: &mut Tiles, planes: &mut [&mut [u32]]) {
                 _ => add::<4>(record, &curves, part, tiles),
             }
         }
-        tiles.count(tint.shares, planes);
+        tiles.count(tint.fractions, planes);
     }
 }
 
-/// Adds the light of a record of `N` spots to some columns and rows.
+/// Adds the light of a record of `N` spots to the tiles in some columns and rows of its box.
 #[inline(always)]
 fn add<const N: usize>(
     record: &Record,
@@ -126,16 +131,16 @@ fn add<const N: usize>(
             let counts: &mut [u32; LANES] =
                 row[x..].first_chunk_mut().expect("rows are as long as whole lanes");
             let across: [[u32; 2]; N] = std::array::from_fn(|k| across[k].map(|part| part[j]));
-            // Upper and lower part of the product apart: either sum fits into 32 bits.
+            // Upper and lower bits of the products are summed separately, to fit into 32 bits.
             let mut sums = [0_u32; LANES];
             for lane in 0..LANES {
-                let (mut sum, mut rest) = (0_u32, 0_u32);
+                let (mut high, mut low) = (0_u32, 0_u32);
                 for k in 0..N {
-                    sum = sum.wrapping_add(along[k][lane].wrapping_mul(across[k][0]));
-                    rest = rest.wrapping_add(along[k][lane].wrapping_mul(across[k][1]));
+                    high = high.wrapping_add(along[k][lane].wrapping_mul(across[k][0]));
+                    low = low.wrapping_add(along[k][lane].wrapping_mul(across[k][1]));
                 }
-                let up = dither[lane] >> (32 - shift);
-                sums[lane] = sum.wrapping_add(rest >> LOW_BITS).wrapping_add(up) >> shift;
+                let threshold = dither[lane] >> (32 - shift);
+                sums[lane] = high.wrapping_add(low >> LOW_BITS).wrapping_add(threshold) >> shift;
             }
             for lane in 0..LANES {
                 counts[lane] = counts[lane].wrapping_add(sums[lane]);

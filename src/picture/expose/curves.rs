@@ -31,8 +31,9 @@ const SUM_BITS: i32 = 30;
 const STEP: usize = 32;
 
 /// Exponent of 2 that stands for zero.
-const NOTHING: f32 = -125.0;
+const ZERO_EXPONENT: f32 = -125.0;
 
+/// Curves of the spots of one record.
 #[derive(Debug, Default)]
 pub(super) struct Curves {
     /// Along a row of the box, spot after spot, padded with zeros to whole lanes and one more.
@@ -41,14 +42,16 @@ pub(super) struct Curves {
     /// zeros to whole lanes.
     high: Vec<u32>,
     low: Vec<u32>,
+    /// Numbers of a spot in `along`, and in `high` and `low`.
     strides: [usize; 2],
     /// Sums are in counts times `2^shift`, from 1 to 30.
     pub(super) shift: u32,
+    /// Gaussians of all spots: those along, then those across.
     bells: Vec<f32>,
 }
 
 impl Curves {
-    /// Draws the curves of a record, for a film of that scale.
+    /// Computes the curves of a record for a film with `counts_per_lx_s`.
     #[inline(always)]
     pub(super) fn draw(&mut self, record: &Record, counts_per_lx_s: f64) {
         let (width, height) = (record.width as usize, record.height as usize);
@@ -57,7 +60,7 @@ impl Curves {
         let [n_along, n_across] = strides.map(|stride| spots * stride);
         self.strides = strides;
         let n_steps = n_across.next_multiple_of(STEP);
-        self.bells.resize((n_along + n_steps).next_multiple_of(STEP), NOTHING);
+        self.bells.resize((n_along + n_steps).next_multiple_of(STEP), ZERO_EXPONENT);
         self.along.resize(n_along.next_multiple_of(STEP), 0);
         self.high.resize(n_steps, 0);
         self.low.resize(n_steps, 0);
@@ -65,27 +68,29 @@ impl Curves {
         let (along, across) = self.bells.split_at_mut(n_along);
         for k in 0..spots {
             let along = &mut along[k * strides[0]..][..strides[0]];
-            powers(along, record.x_px[k], record.per_px, width);
+            exponents(along, record.x_px[k], record.per_px, width);
             let across = &mut across[k * strides[1]..][..strides[1]];
-            powers(across, record.y_px[k], record.per_px, height);
+            exponents(across, record.y_px[k], record.per_px, height);
         }
-        self.bells[n_along + n_across..].fill(NOTHING);
+        self.bells[n_along + n_across..].fill(ZERO_EXPONENT);
         for bells in self.bells.as_chunks_mut::<STEP>().0 {
             bells.iter_mut().for_each(|bell| *bell = exp2(*bell));
         }
         if record.half_px != [0.0; 2] {
-            self.widen(record, n_along);
+            self.draw_rectangles(record, n_along);
         }
+        // The curves along as integers, then those across with the light.
         let bells = self.bells.as_chunks::<STEP>().0;
         for (along, bells) in self.along.as_chunks_mut::<STEP>().0.iter_mut().zip(bells) {
             for (along, bell) in along.iter_mut().zip(bells) {
-                *along = whole(bell * ALONG);
+                *along = rounded(bell * ALONG);
             }
         }
         self.draw_across(record, counts_per_lx_s, n_along);
     }
 
-    /// Scales the curves across, in `bells` from `n_along` on, and makes them integers.
+    /// Scales the curves across, in `bells` from `n_along` on, to the light of the record, and
+    /// converts them to integers.
     #[inline(always)]
     fn draw_across(&mut self, record: &Record, counts_per_lx_s: f64, n_along: usize) {
         let strides = self.strides;
@@ -94,14 +99,14 @@ impl Curves {
         self.shift = (SUM_BITS - exponent).clamp(1, SUM_BITS).cast_unsigned();
         let in_sums = f64::from(1_u32 << self.shift) * f64::from(1_u32 << LOW_BITS);
         let light = record.light_lx_s * counts_per_lx_s * in_sums;
-        // The light of a spot over the sums of both its curves, as rounded.
+        // The light of a spot over the sums of both its rounded curves.
         for k in 0..record.spots as usize {
             let across = k * strides[1]..(k + 1) * strides[1];
             let bells = self.bells[n_along..][across].as_chunks_mut::<LANES>().0;
             let along = sum(self.along[k * strides[0]..][..strides[0]].as_chunks().0, |&x| x);
-            let sum = sum(bells, |bell| whole(bell * SUMMED));
-            let share = f64::from(record.share[k]) * f64::from(SUMMED);
-            let factor = narrow(light * share / (f64::from(along) * f64::from(sum)));
+            let across = sum(bells, |bell| rounded(bell * SUMMED));
+            let fraction = f64::from(record.fraction[k]) * f64::from(SUMMED);
+            let factor = narrow(light * fraction / (f64::from(along) * f64::from(across)));
             bells.as_flattened_mut().iter_mut().for_each(|bell| *bell *= factor);
         }
         // Split into upper and lower bits, rounded by the addition of MAGIC.
@@ -112,13 +117,14 @@ impl Curves {
             for (value, (high, low)) in values.iter().zip(high.iter_mut().zip(low)) {
                 let above = (value * PER_HIGH - 0.5) + MAGIC;
                 *high = above.to_bits().wrapping_sub(MAGIC.to_bits());
-                *low = whole(value - (above - MAGIC) * HIGH);
+                *low = rounded(value - (above - MAGIC) * HIGH);
             }
         }
     }
 
-    /// Draws the curves of a blurred rectangle over those of the Gaussian.
-    fn widen(&mut self, record: &Record, n_along: usize) {
+    /// Replaces the Gaussians of a blurred rectangle, from `n_along` on those across, by its
+    /// curves.
+    fn draw_rectangles(&mut self, record: &Record, n_along: usize) {
         let axes = [(0, record.x_px, record.width), (n_along, record.y_px, record.height)];
         for (axis, (start, middles_px, pixels)) in axes.into_iter().enumerate() {
             for k in (0..record.spots as usize).filter(|_| record.half_px[axis] != 0.0) {
@@ -129,58 +135,62 @@ impl Curves {
         }
     }
 
-    /// Curve of a spot along the row, from a pixel of the box on, in whole lanes.
+    /// Returns the curve of a spot along the row, from a pixel of the box on, in whole lanes.
     #[inline(always)]
     pub(super) fn along(&self, spot: usize, from: usize) -> &[u32] {
         &self.along[spot * self.strides[0]..][from..self.strides[0]]
     }
 
-    /// Upper and lower part of the curve of a spot across, for some rows of the box.
+    /// Returns the upper and the lower bits of the curve of a spot across, for some rows of the
+    /// box.
     #[inline(always)]
     pub(super) fn across(&self, spot: usize, rows: Range<usize>) -> [&[u32]; 2] {
         [&self.high, &self.low].map(|part| &part[spot * self.strides[1]..][rows.clone()])
     }
 }
 
-/// Exponents of 2 of a bell curve, pixel by pixel.
+/// Writes the exponents of 2 of a Gaussian of σ = 1 / `per_px` to the first `pixels` pixels.
 #[inline(always)]
-fn powers(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
-    for (c, powers) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+fn exponents(out: &mut [f32], middle_px: f32, per_px: f32, pixels: usize) {
+    // exp(-x² / 2) is 2 to the power of -x² / 2 · log2(e).
+    for (c, exponents) in out.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
         let first_px = (c * LANES) as f32 - middle_px;
         for lane in 0..LANES {
             let x = (LANE[lane] + first_px) * per_px;
-            powers[lane] = x * x * (-0.5 * std::f32::consts::LOG2_E);
+            exponents[lane] = x * x * (-0.5 * std::f32::consts::LOG2_E);
         }
     }
-    out[pixels..].fill(NOTHING);
+    out[pixels..].fill(ZERO_EXPONENT);
 }
 
-/// A line of `half_px` to either side, blurred by a Gaussian: 1 in its middle.
+/// Writes the curve of a line of `half_px` to either side, blurred by a Gaussian of σ = 1 /
+/// `per_px`. It is 1 in the middle.
 fn blurred(out: &mut [f32], middle_px: f32, per_px: f32, half_px: f32) {
-    let most = between(0.0, per_px, half_px);
+    let peak = between(0.0, per_px, half_px);
     for (x, value) in (0_u16..).zip(out) {
-        *value = (between(f32::from(x) - middle_px, per_px, half_px) / most).max(0.0);
+        *value = (between(f32::from(x) - middle_px, per_px, half_px) / peak).max(0.0);
     }
 }
 
-/// Twice the fraction of a Gaussian about 0 within `half_px` of x.
+/// Returns twice the fraction of a Gaussian about 0, of σ = 1 / `per_px`, within `half_px` of x.
 fn between(x: f32, per_px: f32, half_px: f32) -> f32 {
     let [from, to] = [x - half_px, x + half_px].map(|edge| {
-        let sigmas = edge * per_px * std::f32::consts::FRAC_1_SQRT_2;
-        // The function is 1 in f32 beyond, as at most edges.
-        if sigmas.abs() < 4.0 { libm::erff(sigmas) } else { sigmas.signum() }
+        let argument = edge * per_px * std::f32::consts::FRAC_1_SQRT_2;
+        // From 4 on the error function is 1 in f32.
+        if argument.abs() < 4.0 { libm::erff(argument) } else { argument.signum() }
     });
     to - from
 }
 
 const LANE: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
-/// 2 to the power of a number from -125 to 0, to 1e-7 of itself: the integer part in the exponent,
-/// the rest by a Taylor series.
+/// Returns 2 to the power of a number from -125 to 0, with a relative error of 1e-7. The integer
+/// part goes into the exponent of the float, and a Taylor series gives the rest.
 #[inline(always)]
 fn exp2(power: f32) -> f32 {
     let whole = power + MAGIC;
     let x = (power - (whole - MAGIC)) * std::f32::consts::LN_2;
+    // The terms up to x⁷ / 7!, in two independent chains.
     let x2 = x * x;
     let low = (1.0 + x) + x2 * (1.0 / 2.0 + x * (1.0 / 6.0));
     let high = (1.0 / 24.0 + x * (1.0 / 120.0)) + x2 * (1.0 / 720.0 + x * (1.0 / 5040.0));
@@ -189,15 +199,16 @@ fn exp2(power: f32) -> f32 {
     f32::from_bits(series.to_bits().wrapping_add(whole.to_bits() << 23))
 }
 
+/// Returns the sum of values as integers, each converted by `to_integer`.
 #[inline(always)]
-fn sum<T>(rows: &[[T; LANES]], whole: impl Fn(&T) -> u32) -> u32 {
-    let mut sum = [0; LANES];
+fn sum<T>(rows: &[[T; LANES]], to_integer: impl Fn(&T) -> u32) -> u32 {
+    let mut sums = [0; LANES];
     for values in rows {
         for lane in 0..LANES {
-            sum[lane] += whole(&values[lane]);
+            sums[lane] += to_integer(&values[lane]);
         }
     }
-    sum.iter().sum()
+    sums.iter().sum()
 }
 
 /// Unit of the sum of a curve across: fine enough for 1e-7 of it, and below 2^32 for the widest
@@ -208,18 +219,20 @@ const SUMMED: f32 = (1_u32 << 22) as f32;
 const HIGH: f32 = (1_u32 << LOW_BITS) as f32;
 const PER_HIGH: f32 = 1.0 / HIGH;
 
-/// Added to a number below 2^22, this rounds it into the last bits of the sum.
+/// Number 1.5 · 2^23. A float of this size has a step of 1, so that adding it to a number below
+/// 2^22 rounds the number into the last bits of the sum.
 const MAGIC: f32 = 12_582_912.0;
 
-/// A number from -1/2 to 2^22, rounded.
+/// Returns a number from -1/2 to 2^22, rounded.
 #[inline(always)]
-fn whole(x: f32) -> u32 {
+fn rounded(x: f32) -> u32 {
     (x + MAGIC).to_bits().wrapping_sub(MAGIC.to_bits())
 }
 
-/// Least exponent of 2 above a positive number.
+/// Returns the least exponent of 2 above a positive number.
 #[inline(always)]
 fn exponent(x: f64) -> i32 {
+    // A double has its exponent above 52 bits, with a bias of 1023 for the power of 2 below it.
     (x.to_bits() >> 52) as i32 - 1022
 }
 
@@ -234,13 +247,13 @@ mod tests {
         for i in 0..1000_u16 {
             let (middle, per_px) = (9.0 + f32::from(i) * 1e-3, 0.1 + f32::from(i) * 1e-3);
             let mut bells = [0.0; 24];
-            powers(&mut bells, middle, per_px, 19);
+            exponents(&mut bells, middle, per_px, 19);
             let bells = bells.map(exp2);
             for (x, &bells) in (0..19_u16).zip(&bells) {
                 let u = f64::from(f32::from(x) - middle) * f64::from(per_px);
                 worst = worst.max((f64::from(bells) - libm::exp(-0.5 * u * u)).abs());
             }
-            assert!(bells[19..].iter().all(|bell| whole(bell * SUMMED) == 0), "nothing beyond");
+            assert!(bells[19..].iter().all(|bell| rounded(bell * SUMMED) == 0), "nothing beyond");
         }
         assert!(worst < 3e-7, "it errs by {worst}");
     }

@@ -49,8 +49,8 @@ impl Rules for FilmData {
 }
 
 impl FilmData {
-    /// Luminous exposure in lx s of one channel (0 red, 1 green, 2 blue) at a pixel,
-    /// `y * width_px + x`. White light of H lx s has H in all three.
+    /// Returns the luminous exposure of one channel (0 red, 1 green, 2 blue) in lx s at the pixel
+    /// with the index `y * width_px + x`. White light of H lx s has H in all three.
     ///
     /// # Panics
     ///
@@ -60,7 +60,7 @@ impl FilmData {
         libm::ldexp(f64::from(self.plane(channel)[index]), self.scale_log2)
     }
 
-    /// Sum of one channel (0 red, 1 green, 2 blue) over the pixels, in lx s.
+    /// Returns the sum of one channel (0 red, 1 green, 2 blue) over the pixels, in lx s.
     ///
     /// # Panics
     ///
@@ -71,14 +71,14 @@ impl FilmData {
         libm::ldexp(sum as f64, self.scale_log2)
     }
 
-    /// Counts of one channel.
+    /// Returns the counts of one channel (0 red, 1 green, 2 blue).
     pub fn plane(&self, channel: usize) -> &[u32] {
         let pixels = self.counts.len() / 3;
         &self.counts[channel * pixels..][..pixels]
     }
 
-    /// SHA-256 of size, scale and counts (little endian), in hexadecimal. It is the same for equal
-    /// films on every backend and machine.
+    /// Returns the SHA-256 of size, scale and counts (little endian), in hexadecimal. It is the
+    /// same for equal films on every backend and machine.
     #[must_use]
     pub fn sha256(&self) -> String {
         let mut digest = Digest::default();
@@ -92,7 +92,8 @@ impl FilmData {
     }
 }
 
-/// Smallest `scale_log2` at which no pixel can overflow, with a glow of up to `glow_lx_s`.
+/// Returns the smallest `scale_log2` at which no pixel can overflow, with a glow of up to
+/// `glow_lx_s`.
 pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2]) -> i32 {
     let [width, height] = size_px;
     let columns = width.div_ceil(TILE_PX) as usize;
@@ -100,7 +101,7 @@ pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2
     let mut tiles = vec![[0.0_f64; 3]; columns * rows];
     let mut brightest_record = 0.0_f64;
     for tint in tints {
-        let shares = tint.shares.map(|share| f64::from(share) / f64::from(ALL));
+        let fractions = tint.fractions.map(|fraction| f64::from(fraction) / f64::from(ALL));
         for record in &tint.records {
             let peak_lx_s = record.peak_lx_s();
             brightest_record = brightest_record.max(peak_lx_s);
@@ -110,8 +111,8 @@ pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2
                 .map(|pixels| [pixels.start, pixels.end - 1].map(|px| (px / TILE_PX) as usize));
             for row in down[0]..=down[1] {
                 for sum in &mut tiles[row * columns..][across[0]..=across[1]] {
-                    for (sum, share) in sum.iter_mut().zip(shares) {
-                        *sum += share * peak_lx_s;
+                    for (sum, fraction) in sum.iter_mut().zip(fractions) {
+                        *sum += fraction * peak_lx_s;
                     }
                 }
             }
@@ -120,7 +121,7 @@ pub(super) fn finest_scale_log2(tints: &[Tint], glow_lx_s: f64, size_px: [u32; 2
     let brightest_tile = tiles.iter().flatten().copied().fold(0.0, f64::max);
     let brightest =
         [(brightest_tile, TILE_BITS), (brightest_record, PEAK_BITS), (glow_lx_s, GLOW_BITS)];
-    // frexp gives the exponent with x < 2^exponent.
+    // `frexp` returns the exponent with x < 2^exponent.
     let lit = brightest.into_iter().filter(|(x, _)| *x > 0.0);
     lit.map(|(x, bits)| libm::frexp(x).1 - bits).fold(MIN_SCALE_LOG2, i32::max)
 }

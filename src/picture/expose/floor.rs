@@ -28,10 +28,12 @@ use noctograph_core::camera::Camera;
 /// Side of the squares before any is quartered.
 const SIDE_PX: u32 = 32;
 
-/// Largest difference between the center of a square and the mean of its corners: relative (a level
-/// of 8 bits), and relative to saturation (a fifth of what the camera tone shows as black).
+/// Largest difference between the center of a square and the mean of its corners: relative to
+/// itself (a level of 8 bits), and to saturation (a fifth of the light that the camera tone shows
+/// as black).
 const EVEN: [f64; 2] = [0.02, 1e-4];
 
+/// Light of the room in a picture, as squares.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Glow {
     /// Squares by bands of [`SIDE_PX`] rows.
@@ -39,11 +41,11 @@ pub(super) struct Glow {
     /// Standard deviation of the floor's albedo, relative.
     unevenness: f32,
     pub(super) peak_lx_s: f64,
-    /// What a photographed room reflects, in place of the unevenness.
+    /// Reflectance of a photographed room, which replaces the unevenness.
     pub(super) reflectance: Option<Reflectance>,
 }
 
-/// What floor and walls reflect at each pixel of red, green and blue, relative to their albedo.
+/// Reflectance of floor and walls at each pixel in red, green and blue, relative to their albedo.
 pub type Reflectance = Arc<[Vec<f32>; 3]>;
 
 /// A square of the picture, and the exposure in lx s at its [`corners`].
@@ -52,29 +54,30 @@ struct Square {
     corner_px: [u32; 2],
     side_px: u32,
     corners_lx_s: [Rgb; 4],
-    /// Its corners on the floor's texture. `None` on a wall, on edges and in the dark.
+    /// Corners on the floor's texture. `None` on a wall, on edges and in the dark.
     on_texture: Option<[[f32; 2]; 4]>,
 }
 
-/// Corners of a square: top left, top right, bottom left, bottom right.
+/// Returns the corners of a square: top left, top right, bottom left, bottom right.
 fn corners([x, y]: [u32; 2], side_px: u32) -> [[u32; 2]; 4] {
     [[x, y], [x + side_px, y], [x, y + side_px], [x + side_px, y + side_px]]
 }
 
+/// The lit room that a camera sees.
 struct Floor<'a> {
     camera: &'a Camera,
     room: Room,
-    /// Those of the lamps, and that of the floor last if there are walls.
+    /// Trees of the lamps, and last the tree of the floor if there are walls.
     trees: Vec<Tree<'a>>,
-    n_lamps: usize,
+    n_lamp_trees: usize,
     /// Points on the floor straight below low sources: x, y and the source's height, in pixels.
     feet_px: Vec<[f64; 3]>,
-    /// Difference that is even everywhere, from [`EVEN`].
+    /// Difference that is negligible at any exposure, from [`EVEN`].
     even_lx_s: f64,
 }
 
 impl Glow {
-    /// The glow of a trace. `None` if the floor is dark or the camera is not above it.
+    /// Returns the glow of a trace. `None` if floor and walls are black or out of view.
     pub(super) fn new(
         trace: &LightTrace,
         camera: &Camera,
@@ -89,13 +92,14 @@ impl Glow {
         // Corners of the coarse grid, each of up to four squares.
         let corners = (0..=rows).into_par_iter().map(|j| {
             let points_px = (0..=columns).map(|i| [[i * SIDE_PX, j * SIDE_PX]]);
-            points_px.flat_map(|point_px| floor.seen_lx_s(point_px)).collect()
+            points_px.flat_map(|point_px| floor.exposures_lx_s(point_px)).collect()
         });
         let corners: Vec<Vec<Rgb>> = corners.collect();
         // Bands of the picture are divided in parallel.
         let rows = (0..rows).into_par_iter().zip(corners.par_windows(2));
         let bands = rows.map(|(j, corners)| {
             let mut squares = Vec::new();
+            // Sources below this band.
             let middle_px = f64::from(j * SIDE_PX + SIDE_PX / 2);
             let mut feet_px = floor.feet_px.clone();
             feet_px.retain(|[_, y, _]| (y - middle_px).abs() < f64::from(SIDE_PX));
@@ -104,7 +108,7 @@ impl Glow {
                 let corners_lx_s = [above[0], above[1], below[0], below[1]];
                 let corner_px = [i * SIDE_PX, j * SIDE_PX];
                 let square = Square { corner_px, side_px: SIDE_PX, corners_lx_s, on_texture: None };
-                let [middle_lx_s] = floor.seen_lx_s([corner_px.map(|px| px + SIDE_PX / 2)]);
+                let [middle_lx_s] = floor.exposures_lx_s([corner_px.map(|px| px + SIDE_PX / 2)]);
                 floor.divide(square, middle_lx_s, &feet_px, &mut squares);
             }
             squares
@@ -115,10 +119,12 @@ impl Glow {
         Some(Self { bands, unevenness, peak_lx_s, reflectance: None })
     }
 
+    /// Returns the first row with glow, or 0 without any.
     pub(super) fn top_px(&self) -> usize {
         self.bands.iter().flatten().map(|square| square.corner_px[1] as usize).min().unwrap_or(0)
     }
 
+    /// Adds the glow to a film, band by band in parallel.
     pub(super) fn add_to(&self, film: &mut FilmData) {
         let per_lx_s = libm::ldexp(1.0, -film.scale_log2);
         let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
@@ -143,12 +149,14 @@ impl Glow {
 }
 
 impl Square {
+    /// Returns the largest exposure at a corner.
     fn peak_lx_s(&self) -> f64 {
         self.corners_lx_s.as_flattened().iter().copied().fold(0.0, f64::max)
     }
 
-    /// Adds its light, given in counts at the corners, to its band of the film's planes, times what
-    /// is reflected at each pixel of the band.
+    /// Adds the light, given in counts at the corners, to the square's band of the film's planes.
+    /// It is multiplied by the relative albedo: `reflected` at each pixel of the band, or the
+    /// floor's texture.
     #[inline(always)]
     fn add_to(
         &self,
@@ -188,16 +196,18 @@ impl Square {
                 let counts = plane[first..][..across].iter_mut().zip(&albedo);
                 for (i, ((count, albedo), [light])) in (0..).zip(counts.zip(lights)) {
                     let dither = dither.wrapping_add(DITHER[0].wrapping_mul(i));
-                    let part = (dither >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0);
+                    // The upper 24 bits, over 2^24: from 0 to 1.
+                    let threshold = (dither >> 8).cast_signed() as f32 * (1.0 / 16_777_216.0);
                     #[expect(clippy::cast_possible_truncation, reason = "below 2^31")]
-                    let counts = (light * albedo + part) as i32;
+                    let counts = (light * albedo + threshold) as i32;
                     *count = count.wrapping_add(counts.cast_unsigned());
                 }
             }
         }
     }
 
-    /// True if a source is above the square or close to it, lower than the square is wide.
+    /// True if a source, given by the point below it and its height, is above the square or beside
+    /// it, and lower than the square is wide.
     fn is_under(&self, [x, y, height_px]: [f64; 3]) -> bool {
         let side = f64::from(self.side_px);
         let mut pairs = [x, y].into_iter().zip(self.corner_px);
@@ -206,7 +216,8 @@ impl Square {
     }
 }
 
-/// Values in the middles of the pixels of a square's row, bilinear between its corners.
+/// Returns the values in the middles of the pixels of a row of a square, bilinear between its
+/// corners. `down` is the fraction of the square above the row, and `step` that of a pixel.
 #[inline(always)]
 fn along<const N: usize>(
     [nw, ne, sw, se]: [[f32; N]; 4],
@@ -223,6 +234,7 @@ fn along<const N: usize>(
 }
 
 impl<'a> Floor<'a> {
+    /// Prepares the sources of light of a trace, and of the floor if there are walls.
     fn new(trace: &'a LightTrace, camera: &'a Camera, options: &ExposeOptions, room: Room) -> Self {
         let z_m = options.floor_z_m;
         let mut trees = trees(trace, camera, z_m);
@@ -234,23 +246,25 @@ impl<'a> Floor<'a> {
             (height_px < f64::from(SIDE_PX)).then_some([image.x_px, image.y_px, height_px])
         });
         let feet_px = feet_px.collect();
-        // What the floor reflects lights the walls.
-        let n_lamps = trees.len();
+        // The floor's reflected light illuminates the walls.
+        let n_lamp_trees = trees.len();
         if let Some([width_m, depth_m, _]) = options.room_m {
             let floor = reflected(&trees, [width_m, depth_m], z_m, options.floor_albedo);
             trees.push(floor);
         }
         let even_lx_s = EVEN[1] * camera.saturation_lx_s();
-        Self { camera, room, trees, n_lamps, feet_px, even_lx_s }
+        Self { camera, room, trees, n_lamp_trees, feet_px, even_lx_s }
     }
 
-    /// Exposure of the sensor at corners of pixels that are near each other.
-    fn seen_lx_s<const N: usize>(&self, corners_px: [[u32; 2]; N]) -> [Rgb; N] {
+    /// Returns the exposure of the sensor at corners of pixels that are close together. It is 0
+    /// outside the room's surfaces.
+    fn exposures_lx_s<const N: usize>(&self, corners_px: [[u32; 2]; N]) -> [Rgb; N] {
         let camera = self.camera;
-        let met = corners_px.map(|corner_px| {
+        // For each corner: surface, point, direction to the camera, and factor to the sensor.
+        let hits = corners_px.map(|corner_px| {
             let [x_px, y_px] = corner_px.map(f64::from);
             let ray = camera.world_from_image(x_px, y_px)?;
-            let (on, point_m) = self.room.met(ray)?;
+            let (on, point_m) = self.room.intersection(ray)?;
             // The exposure of the sensor over that of the surface: ρ τ cos⁴ / (4 N²).
             let cos = (camera.camera_from_world * ray).z;
             let n = camera.f_number;
@@ -258,41 +272,44 @@ impl<'a> Floor<'a> {
             let factor = reflected * cos * cos * cos * cos * camera.unvignetted(x_px, y_px);
             Some((on, point_m, -ray, factor))
         });
-        // Points of one surface are lit side by side, others one by one.
-        let first = met[0].map(|(on, ..)| on);
-        let is_one = met.iter().all(|point| point.map(|(on, ..)| on) == first);
-        let Some(on) = first.filter(|_| is_one) else {
+        // Points on the same surface are computed together, others one by one.
+        let first = hits[0].map(|(on, ..)| on);
+        let is_same = hits.iter().all(|hit| hit.map(|(on, ..)| on) == first);
+        let Some(on) = first.filter(|_| is_same) else {
             return match N {
                 1 => [[0.0; 3]; N],
-                _ => corners_px.map(|corner_px| self.seen_lx_s([corner_px])[0]),
+                _ => corners_px.map(|corner_px| self.exposures_lx_s([corner_px])[0]),
             };
         };
-        let met = met.map(|met| met.expect("all meet the surface that the first does"));
-        let (points_m, toward) = (met.map(|met| met.1), met.map(|met| met.2));
+        let hits = hits.map(|hit| hit.expect("all are on the surface of the first"));
+        let points_m = hits.map(|(_, point_m, ..)| point_m);
+        let toward = hits.map(|(_, _, to_camera, _)| to_camera);
         let surface = &self.room.surfaces[on];
         // The floor does not light itself.
-        let lights = if surface.is_floor() { &self.trees[..self.n_lamps] } else { &self.trees };
-        let lit: [Rgb; N] =
-            noctograph_core::dispatch(|| exposures_lx_s(lights, points_m, surface, toward));
-        std::array::from_fn(|n| lit[n].map(|channel| channel * met[n].3))
+        let n_trees = if surface.is_floor() { self.n_lamp_trees } else { self.trees.len() };
+        let trees = &self.trees[..n_trees];
+        let exposures: [Rgb; N] =
+            noctograph_core::dispatch(|| exposures_lx_s(trees, points_m, surface, toward));
+        std::array::from_fn(|n| exposures[n].map(|channel| channel * hits[n].3))
     }
 
-    /// A square's corners on the texture of the floor. `None` if one is elsewhere, or if the square
-    /// is too dark to show it.
+    /// Returns a square's corners on the texture of the floor. `None` if a corner is not on the
+    /// floor, or if the square is too dark to show the texture.
     fn on_texture(&self, square: &Square) -> Option<[[f32; 2]; 4]> {
         if square.peak_lx_s() * self.room.unevenness <= self.even_lx_s {
             return None;
         }
         let [nw, ne, sw, se] = corners(square.corner_px, square.side_px).map(|corner_px| {
             let [x_px, y_px] = corner_px.map(f64::from);
-            let (on, point_m) = self.room.met(self.camera.world_from_image(x_px, y_px)?)?;
+            let (on, point_m) =
+                self.room.intersection(self.camera.world_from_image(x_px, y_px)?)?;
             self.room.surfaces[on].is_floor().then(|| self.room.on_texture(on, point_m))
         });
         Some([nw?, ne?, sw?, se?])
     }
 
-    /// Keeps an even square, divides any other, and drops dark ones. `middle` is the exposure in
-    /// its middle, and `feet_px` are those that may be under it.
+    /// Appends an even square to `squares`, divides any other, and drops dark ones. `middle` is the
+    /// exposure in its middle, and `feet_px` are points below sources that may be under it.
     fn divide(&self, square: Square, middle: Rgb, feet_px: &[[f64; 3]], squares: &mut Vec<Square>) {
         let Square { corner_px: [x, y], side_px, corners_lx_s: [nw, ne, sw, se], .. } = square;
         let (half, quarter) = (side_px / 2, side_px / 4);
@@ -300,7 +317,7 @@ impl<'a> Floor<'a> {
             let mean = 0.25 * (nw[c] + ne[c] + sw[c] + se[c]);
             (middle[c] - mean).abs() > EVEN[0] * middle[c].max(mean) + self.even_lx_s
         });
-        // Feet that are under a quarter are under the square, too.
+        // Points under a quarter are under the square, too.
         let feet_px = feet_px.iter().copied().filter(|foot_px| square.is_under(*foot_px));
         let feet_px: Vec<[f64; 3]> = feet_px.collect();
         if half == 0 || (!uneven && feet_px.is_empty()) {
@@ -313,7 +330,7 @@ impl<'a> Floor<'a> {
         // The quarters need the middles of the sides and their own middles.
         let quarters_px = corners([x, y], half);
         let [m_nw, m_ne, m_sw, m_se] = quarters_px.map(|corner| corner.map(|px| px + quarter));
-        let [north, south, west, east, m_nw, m_ne, m_sw, m_se] = self.seen_lx_s([
+        let [north, south, west, east, m_nw, m_ne, m_sw, m_se] = self.exposures_lx_s([
             [x + half, y],
             [x + half, y + side_px],
             [x, y + half],
@@ -409,10 +426,10 @@ mod tests {
                 latent.tints.clear();
                 latent.on_cpu().film
             });
-        for (channel, share) in [1.0, 2.0, 0.5].into_iter().enumerate() {
+        for (channel, fraction) in [1.0, 2.0, 0.5].into_iter().enumerate() {
             let [left, right] = [100 * 320 + 120, 100 * 320 + 200];
             let ratio = lit.exposure_lx_s(channel, left) / even.exposure_lx_s(channel, left);
-            assert!((ratio / share - 1.0).abs() < 1e-3, "{ratio} for {share}");
+            assert!((ratio / fraction - 1.0).abs() < 1e-3, "{ratio} for {fraction}");
             assert_eq!(lit.exposure_lx_s(channel, right), 0.0, "black");
         }
     }

@@ -15,12 +15,14 @@ use noctograph_core::error::{Error, Result};
 
 pub(super) const SHADER: &str = include_str!("../../../shaders/splat.wgsl");
 
+/// Bytes of a tile's counts.
 const TILE_BYTES: u64 = (size_of::<u32>() as u64) * (TILE_PX as u64) * (TILE_PX as u64);
 
-/// Most tiles of a buffer: 256 MiB, all of a picture of 67 megapixels. Every device takes as many
-/// workgroups.
-const TILES: u64 = 16_384;
+/// Most tiles of a buffer: 256 MiB, enough for a picture of 67 megapixels. Every device supports as
+/// many workgroups.
+const MAX_TILES: u64 = 16_384;
 
+/// An open graphics device with the compiled shader.
 #[derive(Debug)]
 pub(super) struct Gpu {
     device: wgpu::Device,
@@ -28,7 +30,8 @@ pub(super) struct Gpu {
     pipeline: wgpu::ComputePipeline,
     pub(super) adapter: String,
     pub(super) max_tiles_bytes: u64,
-    complaint: Arc<Mutex<Option<String>>>,
+    /// First error that the device reported on its own.
+    first_error: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
@@ -45,9 +48,9 @@ impl Gpu {
                 "install a Vulkan driver (Debian: mesa-vulkan-drivers) or choose the processor";
             gpu_error(format!("none found ({e})"), hint)
         })?;
-        let about = adapter.get_info();
-        let name = [about.name, about.driver_info].join(", ");
-        // All that the adapter can do, since the buffers are as large as it takes.
+        let info = adapter.get_info();
+        let name = [info.name, info.driver_info].join(", ");
+        // The adapter's largest limits, since the buffers are as large as possible.
         let limits = adapter.limits();
         let max_tiles_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
@@ -57,20 +60,20 @@ impl Gpu {
         }))
         .map_err(|e| gpu_error(format!("{name}: {e}"), "choose the processor as the backend"))?;
 
-        // Errors of later calls come to this handler. The first one names the cause.
-        let complaint = Arc::new(Mutex::new(None));
-        let first = Arc::clone(&complaint);
+        // This handler receives errors of later calls. The first one names the cause.
+        let first_error = Arc::new(Mutex::new(None));
+        let handler_error = Arc::clone(&first_error);
         device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| {
-            if let Ok(mut first) = first.lock() {
-                first.get_or_insert(e.to_string());
+            if let Ok(mut first_error) = handler_error.lock() {
+                first_error.get_or_insert(e.to_string());
             }
         }));
         let pipeline = pipeline(&device, SHADER);
-        Ok(Self { device, queue, pipeline, adapter: name, max_tiles_bytes, complaint })
+        Ok(Self { device, queue, pipeline, adapter: name, max_tiles_bytes, first_error })
     }
 
-    /// Opens a device and runs the shader once: a driver compiles it at the first use, which takes
-    /// longer than most films.
+    /// Opens a device and runs the shader once, since a driver compiles it at the first use, which
+    /// takes longer than most films.
     pub(super) fn ready() -> Result<Self> {
         let gpu = Self::open()?;
         let part = Part { shift: 1, ..bytemuck::Zeroable::zeroed() };
@@ -85,11 +88,11 @@ impl Gpu {
         self.pipeline = pipeline(&self.device, shader);
     }
 
-    /// Adds up the light: three planes of counts.
+    /// Adds up the light of a latent image. Returns the counts of three planes.
     pub(super) fn splat(&self, latent: &Latent) -> Result<Vec<u32>> {
         let [width, height] = latent.size_px.map(|px| px as usize);
-        let most = (self.max_tiles_bytes / TILE_BYTES).min(TILES) as usize;
-        if most == 0 {
+        let max_tiles = (self.max_tiles_bytes / TILE_BYTES).min(MAX_TILES) as usize;
+        if max_tiles == 0 {
             return Err(self.fail("a tile is too large for it"));
         }
         let mut counts = vec![0; 3 * width * height];
@@ -97,7 +100,7 @@ impl Gpu {
         for tint in &latent.tints {
             // One color after the other: its light on the device, then its counts in the film.
             let (across, lit) = lit_tiles(tint, latent.size_px);
-            for lit in lit.chunks(most) {
+            for lit in lit.chunks(max_tiles) {
                 let tiles = self.dark_tiles(lit.len());
                 chunks(tint, latent, lit, |chunk| self.dispatch(chunk, &tiles));
                 self.read(&tiles, lit.len(), |light| {
@@ -106,7 +109,7 @@ impl Gpu {
                         let [x, y] = [tile % across * size, tile / across * size];
                         let inside = [size.min(width - x), size.min(height - y)];
                         let to = [width, y * width + x];
-                        tile::count(light, [size, 0], tint.shares, &mut planes, to, inside);
+                        tile::count(light, [size, 0], tint.fractions, &mut planes, to, inside);
                     }
                 })?;
             }
@@ -114,6 +117,7 @@ impl Gpu {
         Ok(counts)
     }
 
+    /// Creates a buffer of `n` dark tiles on the device.
     fn dark_tiles(&self, n: usize) -> wgpu::Buffer {
         self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles"),
@@ -123,6 +127,7 @@ impl Gpu {
         })
     }
 
+    /// Creates a buffer with these contents on the device.
     fn filled(&self, label: &str, contents: &[u8]) -> wgpu::Buffer {
         let usage = wgpu::BufferUsages::STORAGE;
         self.device.create_buffer_init(&BufferInitDescriptor {
@@ -132,13 +137,13 @@ impl Gpu {
         })
     }
 
-    /// Lets the device add a chunk to the tiles.
+    /// Submits the work that adds a chunk to the tiles.
     fn dispatch(&self, chunk: &mut Chunk, tiles: &wgpu::Buffer) {
         let (rounds, parts) = chunk.by_tile();
         let parts = self.filled("records", bytemuck::cast_slice(&parts));
         let curves = self.filled("curves", bytemuck::cast_slice(&chunk.curves));
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        // A pass waits for the one before, so that no two workgroups add to one tile.
+        // A pass waits for the previous one, so that no two workgroups add to the same tile.
         for lists in &rounds {
             let on_device = self.filled("lists", bytemuck::cast_slice(lists));
             let entries = [(0, &on_device), (1, &parts), (2, &curves), (3, tiles)];
@@ -159,8 +164,8 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Waits for the device, and passes on `n` tiles, in order.
-    fn read(&self, tiles: &wgpu::Buffer, n: usize, take: impl FnOnce(&[u32])) -> Result<()> {
+    /// Waits for the device, and calls `use_counts` with the counts of `n` tiles, in order.
+    fn read(&self, tiles: &wgpu::Buffer, n: usize, use_counts: impl FnOnce(&[u32])) -> Result<()> {
         let size = TILE_BYTES * n as u64;
         let out = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("tiles out"),
@@ -173,26 +178,28 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
         let (sender, receiver) = std::sync::mpsc::channel();
         out.map_async(wgpu::MapMode::Read, .., move |mapped| {
-            // Without a receiver an error has been reported already.
+            // If the receiver is gone, an error has been reported already.
             let _ = sender.send(mapped);
         });
-        // The handler's error names the cause, the others what follows from it.
-        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
-        if let Some(complaint) = self.complaint.lock().ok().and_then(|mut c| c.take()) {
-            return Err(self.fail(complaint));
+        // The handler's error names the cause. The others are consequences.
+        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        if let Some(first_error) = self.first_error.lock().ok().and_then(|mut e| e.take()) {
+            return Err(self.fail(first_error));
         }
-        waited.map_err(|e| self.fail(e))?;
+        polled.map_err(|e| self.fail(e))?;
         receiver.recv().map_err(|e| self.fail(e))?.map_err(|e| self.fail(e))?;
         let mapped = out.get_mapped_range(..).map_err(|e| self.fail(e))?;
-        take(bytemuck::cast_slice(&mapped));
+        use_counts(bytemuck::cast_slice(&mapped));
         Ok(())
     }
 
+    /// Returns an error of this device.
     fn fail(&self, what: impl std::fmt::Display) -> Error {
         gpu_error(format!("{}: {what}", self.adapter), "choose the processor as the backend")
     }
 }
 
+/// Compiles a shader.
 fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("splat"),
@@ -211,6 +218,7 @@ fn pipeline(device: &wgpu::Device, shader: &str) -> wgpu::ComputePipeline {
     })
 }
 
+/// Returns the error of a driver that panicked.
 pub(super) fn driver_panicked() -> Error {
     gpu_error("its driver panicked".to_owned(), "choose the processor as the backend")
 }

@@ -11,13 +11,13 @@ use super::{Latent, Tint};
 
 pub(super) const TILE_PX: u32 = 64;
 
-/// Numbers along and across in a chunk, or a few more: 4 MB.
+/// Numbers of the curves in a chunk, or a few more: 4 MB.
 const CHUNK: usize = 1 << 18;
 
-/// Most iterations of all loops of one workgroup: llvmpipe leaves every loop after 65,535 together.
-const TURNS: u32 = 60_000;
+/// Most iterations of all loops of one workgroup. llvmpipe ends every loop after 65,535 in total.
+const MAX_ITERATIONS: u32 = 60_000;
 
-/// The part of a record on a tile, as the shader reads it: `Record` in `splat.wgsl`.
+/// The part of a record on a tile, in the layout of `Record` in `splat.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(super) struct Part {
@@ -31,14 +31,15 @@ pub(super) struct Part {
     pub(super) unused: u32,
 }
 
+/// Work for one submission to the device.
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
-    /// With the index of their tile among the lit ones.
+    /// Parts, each with the index of its tile among the lit ones.
     pub(super) parts: Vec<(usize, Part)>,
     pub(super) curves: Vec<[u32; SPOTS]>,
 }
 
-/// Number of tiles across the picture, and the tiles that the records of a color touch.
+/// Returns the number of tiles across the picture, and the tiles that the records of a color touch.
 pub(super) fn lit_tiles(tint: &Tint, [width, height]: [u32; 2]) -> (usize, Vec<usize>) {
     let across = width.div_ceil(TILE_PX) as usize;
     let mut lit = vec![false; across * height.div_ceil(TILE_PX) as usize];
@@ -51,15 +52,14 @@ pub(super) fn lit_tiles(tint: &Tint, [width, height]: [u32; 2]) -> (usize, Vec<u
     (across, (0..lit.len()).filter(|&tile| lit[tile]).collect())
 }
 
-/// The tiles of some pixels along one axis.
+/// Returns the tiles that a range of pixels along one axis touches.
 #[inline(always)]
 fn tiles(pixels: Range<u32>) -> Range<usize> {
     (pixels.start / TILE_PX) as usize..pixels.end.div_ceil(TILE_PX) as usize
 }
 
-/// For one color: computes the light profiles (curves) of each record, a segment of a trail, cuts
-/// the record into parts by tile, and sends curves and parts to the GPU in chunks. `lit` has the
-/// tiles that receive light.
+/// Calls `send` with the records of a color in chunks: their curves, and their parts on the tiles
+/// in `lit`, which are the ones to be drawn.
 pub(super) fn chunks(
     tint: &Tint,
     latent: &Latent,
@@ -72,16 +72,16 @@ pub(super) fn chunks(
     let mut slots = vec![None; across * height.div_ceil(TILE_PX) as usize];
     lit.iter().enumerate().for_each(|(slot, &tile)| slots[tile] = Some(slot));
 
-    let (mut drawn, mut chunk) = (Curves::default(), Chunk::default());
+    let (mut curves, mut chunk) = (Curves::default(), Chunk::default());
     for record in &tint.records {
         let inside = record.inside(width, &(0..height));
-        drawn.draw(record, latent.counts_per_lx_s());
-        let curves = chunk.push_curves(record, &drawn);
+        curves.draw(record, latent.counts_per_lx_s());
+        let starts = chunk.push_curves(record, &curves);
         let [columns, rows] = inside.clone().map(tiles);
         for row in rows {
             for column in columns.clone() {
                 if let Some(slot) = slots[row * across + column] {
-                    let part = part(record, drawn.shift, curves, &inside, [column, row], slot);
+                    let part = part(record, curves.shift, starts, &inside, [column, row], slot);
                     chunk.parts.push((slot, part));
                 }
             }
@@ -98,7 +98,8 @@ pub(super) fn chunks(
     }
 }
 
-/// The part of a record on a tile, whose index among the lit ones is `slot`.
+/// Returns the part of a record on a tile, whose index among the lit ones is `slot`. `along` and
+/// `across` are the starts of the record's curves.
 #[expect(clippy::cast_possible_truncation, reason = "tiles have fewer than 2^32 pixels")]
 fn part(
     record: &Record,
@@ -128,7 +129,7 @@ fn part(
 }
 
 impl Chunk {
-    /// Adds the curves of a record. Returns the start of those along and of those across.
+    /// Appends the curves of a record. Returns the start of those along and of those across.
     fn push_curves(&mut self, record: &Record, drawn: &Curves) -> [u32; 2] {
         let (width, height) = (record.width as usize, record.height as usize);
         let first = self.curves.len();
@@ -147,21 +148,22 @@ impl Chunk {
         [first, first + width].map(|first| u32::try_from(first).unwrap_or(u32::MAX))
     }
 
-    /// Start and end of the parts of each tile, in rounds within [`TURNS`], and the parts in that
-    /// order.
+    /// Sorts the parts by tile. Returns the rounds of the device, with the range of parts of each
+    /// tile, and the parts. No tile has more than [`MAX_ITERATIONS`] in a round.
     pub(super) fn by_tile(&mut self) -> (Vec<Vec<[u32; 2]>>, Vec<Part>) {
         self.parts.sort_by_key(|&(slot, _)| slot);
         let (mut rounds, mut end): (Vec<Vec<[u32; 2]>>, _) = (Vec::new(), 0);
         for tile in self.parts.chunk_by(|a, b| a.0 == b.0) {
-            let (mut turns, mut round) = (TURNS, 0);
+            // The first part always opens a round.
+            let (mut iterations, mut round) = (MAX_ITERATIONS, 0);
             for (_, part) in tile {
-                // A tile with too much work for one dispatch goes on in the next round.
-                if turns + part.turns() > TURNS {
+                // A tile with too much work for one dispatch continues in the next round.
+                if iterations + part.iterations() > MAX_ITERATIONS {
                     rounds.resize(rounds.len().max(round + 1), Vec::new());
                     rounds[round].push([end, end]);
-                    (turns, round) = (0, round + 1);
+                    (iterations, round) = (0, round + 1);
                 }
-                turns += part.turns();
+                iterations += part.iterations();
                 end += 1;
                 if let Some([_, last]) = rounds[round - 1].last_mut() {
                     *last = end;
@@ -173,8 +175,9 @@ impl Chunk {
 }
 
 impl Part {
-    /// Upper bound on the iterations of the shader's loops, with those that leave them.
-    fn turns(&self) -> u32 {
+    /// Returns an upper bound on the iterations of the shader's loops, including their exits.
+    fn iterations(&self) -> u32 {
+        // The threads of a workgroup cover two columns each in an iteration.
         3 + (self.columns / 16 + 1) * (self.rows + 3)
     }
 }

@@ -1,4 +1,4 @@
-//! Segments: neighboring intervals that run straight and evenly, merged into one.
+//! Segments: neighboring intervals, on a straight line at constant speed, merged into one.
 //!
 //! Greedy and linear in time: swinging-door thinning (Bristol 1990). An interval joins the run
 //! while three things stay within tolerance of the chord from the run's first sample to its last:
@@ -13,7 +13,7 @@ use noctograph_core::geometry::Chords;
 pub(super) struct Segment {
     pub(super) ends_px: [Px; 2],
     pub(super) sigma_px: f64,
-    /// Half the width and half the height of the rectangle that it blurs. 0 for a Gaussian spot.
+    /// Half the width and half the height of the blurred rectangle. 0 for a Gaussian spot.
     pub(super) half_px: Px,
     /// Light of the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
@@ -24,7 +24,7 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// The part between two fractions of the length.
+    /// Returns the part between two fractions of the length.
     pub(super) fn part(&self, [from, to]: [f64; 2]) -> Self {
         let [start, end] = self.ends_px;
         let mean = 1.0 + self.ramp * (from + to - 1.0);
@@ -36,51 +36,56 @@ impl Segment {
         }
     }
 
+    /// Returns the length, px.
     pub(super) fn length_px(&self) -> f64 {
         (self.ends_px[1] - self.ends_px[0]).length()
     }
 
+    /// Returns the point halfway along, px.
     pub(super) fn middle_px(&self) -> Px {
         (self.ends_px[0] + self.ends_px[1]) * 0.5
     }
 }
 
-/// Relative error of brightness and of spot width for each pixel of tolerance. Less makes more
-/// segments of a changing light. At 1, the error of a ramp would be ten times that of position.
+/// Relative error of brightness and of spot width for each pixel of tolerance. A smaller one makes
+/// more segments of a changing light. At 1, the error of a ramp would be ten times that of
+/// position.
 const UNEVENNESS: f64 = 0.2;
 
-/// Change of half the width or height of a rectangle for each pixel of tolerance: it changes with
-/// the height of the camera over the lamp, and its ends are at the edge of a stroke.
+/// Largest change of half the width or height of a rectangle for each pixel of tolerance. Such a
+/// change comes from the height of the camera over the lamp, and shows only at the edge of a
+/// stroke.
 const HALF_SLACK: f64 = 4.0;
 
-/// Merges the intervals of one lamp into `segments`. The brightest channel has the fraction `share`
-/// of its light. A `tolerance_px` of 0 merges nothing.
+/// Merges the intervals of one lamp and appends the segments. Their light is that of the brightest
+/// channel: `fraction` times the lamp's. A `tolerance_px` of 0 merges nothing.
 ///
 /// Every skipped sample is within `tolerance_px` of the position of its segment at that time, and
 /// its brightness and spot width are within [`UNEVENNESS`] of the segment's.
 pub(super) fn merge(
     intervals: impl Iterator<Item = Interval>,
-    share: f64,
+    fraction: f64,
     tolerance_px: f64,
     segments: &mut Vec<Segment>,
 ) {
-    let mut open: Option<Merged> = None;
+    let mut current: Option<Merged> = None;
     for next in intervals {
-        if let Some(run) = &mut open {
+        if let Some(run) = &mut current {
             if tolerance_px > 0.0 && run.extend(&next, tolerance_px) {
                 continue;
             }
-            segments.push(run.segment(share));
+            segments.push(run.segment(fraction));
         }
-        open = Some(Merged::new(next));
+        current = Some(Merged::new(next));
     }
-    segments.extend(open.map(|run| run.segment(share)));
+    segments.extend(current.map(|run| run.segment(fraction)));
 }
 
-/// Intervals that are one segment so far.
+/// A run of intervals that one segment replaces.
 struct Merged {
+    /// From the start of the first interval to the end of the last one.
     span: Interval,
-    /// In x, y and brightness.
+    /// Chords in x, y and brightness that stay within tolerance.
     chords: Chords<3>,
     /// Least and greatest width of the spot, and half size of its rectangle.
     sigmas_px: [f64; 2],
@@ -92,6 +97,7 @@ struct Merged {
 }
 
 impl Merged {
+    /// Begins a run with one interval.
     fn new(first: Interval) -> Self {
         let light = first.light();
         Self {
@@ -105,15 +111,15 @@ impl Merged {
         }
     }
 
-    /// Adds the interval if the run stays straight and even with it. A run that refused an interval
-    /// is complete.
+    /// Adds the interval if the run stays straight and even with it. Returns false if it does not,
+    /// and the run is then complete.
     fn extend(&mut self, next: &Interval, tolerance_px: f64) -> bool {
-        let [start_s, end_s] = self.span.time_s;
-        let [first, here] = self.span.light_lx_px2;
-        let slack = UNEVENNESS * tolerance_px * first.max(here);
+        let [first_light, last_light] = self.span.light_lx_px2;
+        let slack = UNEVENNESS * tolerance_px * first_light.max(last_light);
         // A gap or a step of the brightness ends the run, and so does a spot of another size.
-        let follows = next.time_s[0] == end_s && next.at_px[0] == self.span.at_px[1];
-        if !follows || (next.light_lx_px2[0] - here).abs() > slack {
+        let is_adjacent =
+            next.time_s[0] == self.span.time_s[1] && next.at_px[0] == self.span.at_px[1];
+        if !is_adjacent || (next.light_lx_px2[0] - last_light).abs() > slack {
             return false;
         }
         let sigmas_px =
@@ -121,22 +127,11 @@ impl Merged {
         if sigmas_px[1] > sigmas_px[0] * (1.0 + UNEVENNESS * tolerance_px) {
             return false;
         }
-        let [least, most] = self.halves_px;
-        let halves_px = [least.min(next.half_px), most.max(next.half_px)];
+        let halves_px = [self.halves_px[0].min(next.half_px), self.halves_px[1].max(next.half_px)];
         if (halves_px[1] - halves_px[0]).max_element() > HALF_SLACK * tolerance_px {
             return false;
         }
-        // The last sample is skipped if the interval joins: the chords, the doors that swing about
-        // the first sample, must pass it. Each axis takes the side of the square inside the circle
-        // of the tolerance.
-        let slack_px = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
-        let skipped = self.span.at_px[1] - self.span.at_px[0];
-        let low = [skipped.x - slack_px, skipped.y - slack_px, here - slack - first];
-        let high = [skipped.x + slack_px, skipped.y + slack_px, here + slack - first];
-        self.chords.keep_between(low, high, end_s - start_s);
-        let moved = next.at_px[1] - self.span.at_px[0];
-        let chord = [moved.x, moved.y, next.light_lx_px2[1] - first];
-        if !self.chords.contain(chord, next.time_s[1] - start_s) {
+        if !self.swing_doors(next, slack, tolerance_px) {
             return false;
         }
         self.span.time_s[1] = next.time_s[1];
@@ -149,13 +144,32 @@ impl Merged {
         true
     }
 
-    fn segment(&self, share: f64) -> Segment {
+    /// Narrows the chords so that they pass the last sample, which is skipped if `next` joins.
+    /// Returns true if the chord to the end of `next` is among them.
+    fn swing_doors(&mut self, next: &Interval, slack_light: f64, tolerance_px: f64) -> bool {
+        let [start_s, end_s] = self.span.time_s;
+        let [first_light, last_light] = self.span.light_lx_px2;
+        // On each axis half a side of the square inside the circle of the tolerance.
+        let slack_px = tolerance_px * std::f64::consts::FRAC_1_SQRT_2;
+        let skipped = self.span.at_px[1] - self.span.at_px[0];
+        let low =
+            [skipped.x - slack_px, skipped.y - slack_px, last_light - slack_light - first_light];
+        let high =
+            [skipped.x + slack_px, skipped.y + slack_px, last_light + slack_light - first_light];
+        self.chords.keep_between(low, high, end_s - start_s);
+        let moved = next.at_px[1] - self.span.at_px[0];
+        let chord = [moved.x, moved.y, next.light_lx_px2[1] - first_light];
+        self.chords.contain(chord, next.time_s[1] - start_s)
+    }
+
+    /// Returns the segment of the run: size of the spot averaged by the light, and the whole light.
+    fn segment(&self, fraction: f64) -> Segment {
         let [first, last] = self.span.light_lx_px2;
         Segment {
             ends_px: self.span.at_px,
             sigma_px: self.light_sigma / self.light,
             half_px: self.light_half / self.light,
-            light_lx_s: share * self.light,
+            light_lx_s: fraction * self.light,
             ramp: (last - first) / (last + first),
             start_s: self.span.time_s[0],
             duration_s: self.span.time_s[1] - self.span.time_s[0],

@@ -1,10 +1,10 @@
-//! Light meter: the exposure of each trail relative to saturation, and the settings that would
-//! change it to a wanted one.
+//! Light meter: the exposure of each trail relative to saturation, and the settings for a wanted
+//! exposure.
 //!
 //! Product in: [`LightTrace`] and [`Camera`]. Product out: a [`LampReading`] for each emitter. The
-//! exposure in the middle of a trail is the sum of the lamp's own light nearby, in f64, as `expose`
-//! draws it, and of what it lights on the drone's body around it. Light of other lamps, glare and
-//! ambient light are not included.
+//! exposure in the middle of a trail is the sum of the lamp's light nearby, computed in f64 as
+//! `expose` draws it, and of the light on the drone's body around the lamp. Light from other lamps,
+//! glare and ambient light are not included.
 
 use serde::Serialize;
 
@@ -33,10 +33,10 @@ const STREAK_SPEED: f64 = 2.0;
 /// and refer to luminance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LampReading {
-    /// Its drone, part of the name in JSON. `None` if there is only one.
+    /// Drone, part of the name in JSON. `None` if there is only one.
     #[serde(skip)]
     pub drone: Option<DroneIndex>,
-    /// Its label ([`Lamp::label`]).
+    /// Label of the lamp ([`Lamp::label`]).
     pub name: String,
     /// Time for which it is lit in the picture.
     pub lit_s: f64,
@@ -46,20 +46,20 @@ pub struct LampReading {
     pub p5_stops: f64,
     /// 95th percentile over the length.
     pub p95_stops: f64,
-    /// Places where it dwells: two stops or more above the median.
+    /// Points at which it dwells: two stops or more above the median.
     pub hot_spots: Vec<HotSpot>,
-    /// Time for which it is lit and moves more than twice as fast as its median.
+    /// Time for which it is lit and moves at more than twice its median speed.
     pub streak_s: f64,
 }
 
-/// A place where a lit lamp dwells.
+/// A point at which a lit lamp dwells.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HotSpot {
     /// Start.
     pub time_s: f64,
     /// Duration.
     pub duration_s: f64,
-    /// Place in the picture.
+    /// Position in the picture.
     pub at_px: [f64; 2],
     /// Exposure of its brightest part.
     pub stops: f64,
@@ -70,7 +70,7 @@ pub struct HotSpot {
 pub struct ExposureAdvice {
     /// Aperture number.
     pub f_number: f64,
-    /// Sensitivity. `None` below that of a full well, which would still saturate.
+    /// Sensitivity. `None` below the base sensitivity, at which the well would still saturate.
     pub iso: Option<f64>,
     /// Level of the lamp relative to the present one. `None` above it, since a lamp at full level
     /// gives no more.
@@ -79,13 +79,13 @@ pub struct ExposureAdvice {
 }
 
 impl LampReading {
-    /// Range of the exposure along the trail, from the 5th to the 95th percentile.
+    /// Returns the range of the exposure along the trail, from the 5th to the 95th percentile.
     #[must_use]
     pub fn evenness_stops(&self) -> f64 {
         self.p95_stops - self.p5_stops
     }
 
-    /// The reading of a lamp with the light of discs around it, quantile by quantile.
+    /// Returns the reading with the light of discs around the lamp added to each quantile.
     fn with_discs_around(&self, lamp: &Lamp, readings: &[(&Lamp, Self)]) -> Self {
         let mut sum = self.clone();
         for (_, disc) in readings.iter().filter(|(disc, _)| lamp.is_within(disc)) {
@@ -100,20 +100,21 @@ impl LampReading {
         sum
     }
 
-    /// Settings that would put the median at `target_stops`.
+    /// Returns settings that would move the median to `target_stops`.
     #[must_use]
     pub fn advice(&self, camera: &Camera, target_stops: f64) -> ExposureAdvice {
-        let more = target_stops - self.median_stops;
+        let change_stops = target_stops - self.median_stops;
         ExposureAdvice {
-            f_number: camera.f_number * libm::exp2(-0.5 * more),
-            iso: Some(camera.iso.max(camera.base_iso) * libm::exp2(more))
+            f_number: camera.f_number * libm::exp2(-0.5 * change_stops),
+            iso: Some(camera.iso.max(camera.base_iso) * libm::exp2(change_stops))
                 .filter(|iso| *iso >= camera.base_iso),
-            level: Some(libm::exp2(more)).filter(|level| *level <= 1.0),
+            level: Some(libm::exp2(change_stops)).filter(|level| *level <= 1.0),
         }
     }
 }
 
-/// Meters each emitter of a trace, by name. Those that leave no light in the picture are omitted.
+/// Returns a reading for each emitter of a trace, by name. Emitters without light in the picture
+/// are omitted.
 ///
 /// # Errors
 ///
@@ -123,12 +124,12 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
     // A row that changes its color is several lamps of one name.
     let mut trails: Vec<(&Lamp, Vec<Segment>)> = Vec::new();
     for lamp in &trace.lamps {
-        let mut segments = in_picture(lamp, luminance(lamp.emitter.rgb), camera);
-        let trail = trails.iter_mut().find(|(known, _)| {
-            known.drone == lamp.drone && known.emitter.name == lamp.emitter.name
+        let mut segments = visible_segments(lamp, luminance(lamp.emitter.rgb), camera);
+        let trail = trails.iter_mut().find(|(other, _)| {
+            other.drone == lamp.drone && other.emitter.name == lamp.emitter.name
         });
         match trail {
-            Some((_, known)) => known.append(&mut segments),
+            Some((_, trail)) => trail.append(&mut segments),
             None => trails.push((lamp, segments)),
         }
     }
@@ -141,42 +142,46 @@ pub fn meter(trace: &LightTrace, camera: &Camera) -> Result<Vec<LampReading>> {
         let lack = "no lamp that is lit in the picture";
         return Err(Error::input("light", lack, "light to measure", hint));
     }
-    Ok(readings.iter().map(|(lamp, it)| it.with_discs_around(lamp, &readings)).collect())
+    let with_discs =
+        readings.iter().map(|(lamp, reading)| reading.with_discs_around(lamp, &readings));
+    Ok(with_discs.collect())
 }
 
-/// Least ratio of the strongest channel to the luminance of colored light. White has 1.
+/// Ratio of the strongest channel to the luminance above which light is colored. White has 1.
 const COLORED: f64 = 1.25;
 
-/// True if the light of a lamp with all of its dies at full level is metered as a color.
+/// True if the light of a lamp with all dies at full level is metered as a color, not as white.
 #[must_use]
 pub fn is_colored(lamp: &Fixture) -> bool {
     is_color(emitter(lamp, &vec![1.0; lamp.dies.len()]).rgb)
 }
 
+/// True if light, in linear sRGB, is metered as a color, not as white.
 fn is_color(rgb: [f64; 3]) -> bool {
     rgb.into_iter().fold(0.0, f64::max) > COLORED * luminance(rgb)
 }
 
-/// Exposure of the trail of a label in the strongest channel of its brightest color and of its
-/// brightest white, median over the length, in stops relative to saturation. `None` if it has no
-/// such light.
+/// Returns the exposures of a lamp's brightest color and of its brightest white, by the lamp's
+/// label: median over the trail in the strongest channel, in stops relative to saturation. `None`
+/// if it has no such light.
 #[must_use]
 pub fn color_stops(trace: &LightTrace, camera: &Camera, name: &str) -> [Option<f64>; 2] {
     [true, false].map(|colored| {
         let lamps = trace.lamps.iter().filter(|lamp| lamp.label() == name);
         let channels = lamps.map(|lamp| (lamp, lamp.emitter.rgb.into_iter().fold(0.0, f64::max)));
-        let alike = channels.filter(|(lamp, _)| is_color(lamp.emitter.rgb) == colored);
-        let stops = alike.filter_map(|(lamp, share)| {
-            Some(reading(lamp, &in_picture(lamp, share, camera), camera)?.median_stops)
+        let matching = channels.filter(|(lamp, _)| is_color(lamp.emitter.rgb) == colored);
+        let stops = matching.filter_map(|(lamp, fraction)| {
+            Some(reading(lamp, &visible_segments(lamp, fraction, camera), camera)?.median_stops)
         });
         stops.max_by(f64::total_cmp)
     })
 }
 
-/// The trail of a lamp in the picture, in a channel with the fraction `share` of its light.
-fn in_picture(lamp: &Lamp, share: f64, camera: &Camera) -> Vec<Segment> {
+/// Returns the segments of a lamp's trail in the picture. Their light is `fraction` times the
+/// lamp's.
+fn visible_segments(lamp: &Lamp, fraction: f64, camera: &Camera) -> Vec<Segment> {
     let mut segments = Vec::new();
-    merge::merge(project::intervals(lamp, camera), share, MERGE_PX, &mut segments);
+    merge::merge(project::intervals(lamp, camera), fraction, MERGE_PX, &mut segments);
     segments.retain(|segment| {
         let [x, y]: [f64; 2] = segment.middle_px().into();
         (0.0..=camera.width_px.into()).contains(&x) && (0.0..=camera.height_px.into()).contains(&y)
@@ -184,8 +189,8 @@ fn in_picture(lamp: &Lamp, share: f64, camera: &Camera) -> Vec<Segment> {
     segments
 }
 
-/// Brightest light of the floor, in stops relative to saturation. `None` if it is dark or out of
-/// the picture.
+/// Returns the brightest light on floor and walls, in stops relative to saturation. `None` if they
+/// are dark or out of the picture.
 #[must_use]
 pub fn floor_stops(
     trace: &LightTrace,
@@ -196,22 +201,28 @@ pub fn floor_stops(
     Some(libm::log2(glow.peak_lx_s / camera.saturation_lx_s()))
 }
 
-/// Segments of one trail from which on neighbors at one point are metered as one.
+/// Number of segments of a trail above which successive ones at the same point are joined.
 const MANY: usize = 20_000;
 
-/// Distance, in σ of the spot, within which segments count as at one point.
-const ONE_POINT_SIGMA: f64 = 0.1;
+/// Distance, in σ of the spot, within which segments are at the same point.
+const SAME_POINT_SIGMA: f64 = 0.1;
 
-/// A long trail with successive segments at one point, such as the pulses of a slow lamp, joined:
-/// each is then compared with few others for any number of pulses.
-fn gathered(segments: &[Segment]) -> Vec<Segment> {
+/// Least length of a segment as a weight, so that a lamp at rest has quantiles, too.
+const MIN_LENGTH_PX: f64 = 1e-9;
+
+/// Gap between two segments that still follow each other, s.
+const SAME_TIME_S: f64 = 1e-6;
+
+/// Joins successive segments at the same point, such as the pulses of a slow lamp. Each is then
+/// compared with few others, for any number of pulses.
+fn joined(segments: &[Segment]) -> Vec<Segment> {
     let mut joined: Vec<Segment> = Vec::new();
     for segment in segments {
-        let near = joined.last_mut().filter(|last| {
-            let far = segment.ends_px.map(|end| (end - last.ends_px[0]).length());
-            far[0].max(far[1]) < ONE_POINT_SIGMA * last.sigma_px
+        let last = joined.last_mut().filter(|last| {
+            let distances_px = segment.ends_px.map(|end| (end - last.ends_px[0]).length());
+            distances_px[0].max(distances_px[1]) < SAME_POINT_SIGMA * last.sigma_px
         });
-        match near {
+        match last {
             Some(last) => {
                 last.ends_px[1] = segment.ends_px[1];
                 last.light_lx_s += segment.light_lx_s;
@@ -223,25 +234,25 @@ fn gathered(segments: &[Segment]) -> Vec<Segment> {
     joined
 }
 
-/// Exposure along the trail of a lamp in the picture. `None` for an invisible lamp.
+/// Returns the reading of a lamp from the segments of its trail. `None` if it has none.
 fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampReading> {
-    let few = (segments.len() > MANY).then(|| gathered(segments));
-    let segments = few.as_deref().unwrap_or(segments);
+    let joined = (segments.len() > MANY).then(|| joined(segments));
+    let segments = joined.as_deref().unwrap_or(segments);
     let stops = (0..segments.len())
         .map(|i| libm::log2(exposure_lx_s(segments, i) / camera.saturation_lx_s()));
     let stops: Vec<f64> = stops.collect();
     // Quantiles over the length of the trail.
-    let lengths = segments.iter().map(|segment| segment.length_px().max(1e-9));
-    let mut by_brightness: Vec<(f64, f64)> = stops.iter().copied().zip(lengths).collect();
+    let lengths = segments.iter().map(|segment| segment.length_px().max(MIN_LENGTH_PX));
+    let mut weighted: Vec<(f64, f64)> = stops.iter().copied().zip(lengths).collect();
     let [p5_stops, median_stops, p95_stops] =
-        [0.05, 0.5, 0.95].map(|part| weighted_quantile(&mut by_brightness, part));
+        [0.05, 0.5, 0.95].map(|probability| weighted_quantile(&mut weighted, probability));
     let (p5_stops, median_stops, p95_stops) = (p5_stops?, median_stops?, p95_stops?);
 
     // Streaks are faster than the median over the time.
     let speeds = segments.iter().map(|s| (s.length_px() / s.duration_s, s.duration_s));
     let mut speeds: Vec<(f64, f64)> = speeds.collect();
-    let usual = weighted_quantile(&mut speeds, 0.5)?;
-    let streaks = speeds.iter().filter(|(speed, _)| *speed > STREAK_SPEED * usual && usual > 0.0);
+    let median = weighted_quantile(&mut speeds, 0.5)?;
+    let streaks = speeds.iter().filter(|(speed, _)| *speed > STREAK_SPEED * median && median > 0.0);
     Some(LampReading {
         drone: lamp.drone,
         name: lamp.label(),
@@ -254,11 +265,11 @@ fn reading(lamp: &Lamp, segments: &[Segment], camera: &Camera) -> Option<LampRea
     })
 }
 
-/// Stretches of a trail brighter than a limit. Each ends in the dark.
+/// Returns the parts of a trail that are brighter than a limit. A dark gap separates two of them.
 fn hot_spots(segments: &[Segment], stops: &[f64], limit_stops: f64) -> Vec<HotSpot> {
     let trail: Vec<(&Segment, f64)> = segments.iter().zip(stops.iter().copied()).collect();
     let runs = trail.chunk_by(|(a, stops), (b, next_stops)| {
-        stops.min(*next_stops) > limit_stops && b.start_s <= a.start_s + a.duration_s + 1e-6
+        stops.min(*next_stops) > limit_stops && b.start_s <= a.start_s + a.duration_s + SAME_TIME_S
     });
     let spots = runs.filter(|run| run[0].1 > limit_stops).map(|run| {
         let (first, last) = (run[0].0, run[run.len() - 1].0);
@@ -272,31 +283,32 @@ fn hot_spots(segments: &[Segment], stops: &[f64], limit_stops: f64) -> Vec<HotSp
     spots.collect()
 }
 
-/// Exposure in the middle of a segment, from itself and from the adjoining segments.
+/// Returns the exposure in the middle of segment `i`, from itself and from adjoining segments.
 fn exposure_lx_s(segments: &[Segment], i: usize) -> f64 {
-    let at_px = segments[i].middle_px();
-    let near = |s: &&Segment| {
-        let [start, end] = s.ends_px.map(|end| (end - at_px).length());
+    let point_px = segments[i].middle_px();
+    let is_near = |s: &&Segment| {
+        let [start, end] = s.ends_px.map(|end| (end - point_px).length());
         start.min(end) < REACH_SIGMA * s.sigma_px + s.half_px.max_element()
     };
-    let after = segments[i + 1..].iter().take_while(near);
-    let before = segments[..i].iter().rev().take_while(near);
-    after.chain(before).chain([&segments[i]]).map(|s| left_by(s, at_px)).sum()
+    let after = segments[i + 1..].iter().take_while(is_near);
+    let before = segments[..i].iter().rev().take_while(is_near);
+    after.chain(before).chain([&segments[i]]).map(|s| segment_lx_s(s, point_px)).sum()
 }
 
-/// Exposure of a point by a segment, in lx s.
-fn left_by(segment: &Segment, at_px: Px) -> f64 {
+/// Returns the exposure that a segment leaves at a point, in lx s.
+fn segment_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, light_lx_s, .. } = *segment;
     if segment.half_px != Px::ZERO {
-        return left_by_rectangle(segment, at_px);
+        return rectangle_lx_s(segment, point_px);
     }
     // A Gaussian across the segment, and along it a Gaussian averaged over its length.
     let root_tau = std::f64::consts::TAU.sqrt();
     let length = segment.length_px();
     let along = if length > 0.0 { (end - start) / length } else { Px::X };
-    let (u, v) = ((at_px - start).dot(along) / sigma, along.perp_dot(at_px - start) / sigma);
+    let (u, v) = ((point_px - start).dot(along) / sigma, along.perp_dot(point_px - start) / sigma);
     let across = libm::exp(-0.5 * v * v) / (sigma * root_tau);
-    let smear = if length > 1e-3 * sigma {
+    // The mean over a very short segment would lose its digits.
+    let smear = if length > MIN_LENGTH_SIGMA * sigma {
         let [upper, lower] =
             [u, u - length / sigma].map(|x| 0.5 * libm::erf(x * std::f64::consts::FRAC_1_SQRT_2));
         (upper - lower) / length
@@ -306,19 +318,21 @@ fn left_by(segment: &Segment, at_px: Px) -> f64 {
     light_lx_s * smear * across
 }
 
-/// The same of a blurred rectangle: the mean over points along the segment, a σ apart.
-fn left_by_rectangle(segment: &Segment, at_px: Px) -> f64 {
+/// Returns the exposure that a blurred rectangle leaves at a point, in lx s: the mean over points
+/// along the segment, a σ apart.
+fn rectangle_lx_s(segment: &Segment, point_px: Px) -> f64 {
     let Segment { ends_px: [start, end], sigma_px: sigma, half_px, light_lx_s, .. } = *segment;
     #[expect(clippy::cast_possible_truncation, reason = "within 1 and 1000")]
     let n = (segment.length_px() / sigma).ceil().clamp(1.0, 1000.0) as u32;
-    let offsets = (0..n).map(|i| start.lerp(end, (f64::from(i) + 0.5) / f64::from(n)) - at_px);
-    let near = offsets.filter(|by| (by.abs() - half_px).max_element() < REACH_SIGMA * sigma);
+    let offsets = (0..n).map(|i| start.lerp(end, (f64::from(i) + 0.5) / f64::from(n)) - point_px);
+    let near = offsets.filter(|d| (d.abs() - half_px).max_element() < REACH_SIGMA * sigma);
     let sum: f64 =
-        near.map(|by| density(by.x, half_px.x, sigma) * density(by.y, half_px.y, sigma)).sum();
+        near.map(|d| density(d.x, half_px.x, sigma) * density(d.y, half_px.y, sigma)).sum();
     light_lx_s * sum / f64::from(n)
 }
 
-/// Light per pixel of a line of `half` to either side, blurred, at a distance from its middle.
+/// Returns the light per pixel of a blurred line of `half` to either side, at a distance from its
+/// middle. The light of the whole line is 1.
 fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
     let half = half.max(MIN_HALF_SIGMA * sigma);
     let [lower, upper] = [from_middle - half, from_middle + half]
@@ -326,8 +340,11 @@ fn density(from_middle: f64, half: f64, sigma: f64) -> f64 {
     (upper - lower) / (4.0 * half)
 }
 
-/// Half a width, in σ, that a Gaussian hides.
+/// Least half width of a line, in σ. Blur hides any narrower line.
 const MIN_HALF_SIGMA: f64 = 1e-3;
+
+/// Least length of a segment, in σ, over which a Gaussian is averaged.
+const MIN_LENGTH_SIGMA: f64 = 1e-3;
 
 #[cfg(test)]
 mod tests {

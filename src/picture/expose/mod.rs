@@ -64,18 +64,18 @@ pub(crate) use room::Room;
 /// Most samples of a trace, and most segments of a picture.
 pub const MAX_SAMPLES: usize = 50_000_000;
 
-/// A film and its origin.
+/// A film and the backend that exposed it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exposure {
     /// The film.
     pub film: Film,
     /// The backend that exposed it.
     pub backend: Backend,
-    /// Name and driver of the graphics device, `CPU` without one.
+    /// Name and driver of the graphics device, or `CPU`.
     pub adapter: String,
 }
 
-/// A latent image: the segments in the picture before they are added up.
+/// A latent image: records of the segments in the picture, before they are added up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Latent {
     size_px: [u32; 2],
@@ -84,10 +84,11 @@ pub struct Latent {
     glow: Option<Glow>,
 }
 
+/// Records of all lamps of one color.
 #[derive(Clone, Debug, PartialEq)]
 struct Tint {
     /// Red, green and blue relative to the brightest of them, which is [`ALL`].
-    shares: [u32; 3],
+    fractions: [u32; 3],
     records: Vec<Record>,
 }
 
@@ -143,10 +144,10 @@ settings! {
     }
 }
 
-/// Opens the shutter of a camera on lamps.
+/// Exposes a film to moving lamps while the shutter of a camera is open.
 ///
-/// Lamps behind the camera and lamps nearer than 0.1 m along the optical axis leave no light while
-/// they are there. Spots wider than 256 px (one σ) are drawn 256 px wide, with all their light.
+/// Lamps behind the camera and lamps nearer than 0.1 m along the optical axis leave no light. Spots
+/// with a σ above 256 px are drawn with a σ of 256 px and all their light.
 ///
 /// # Errors
 ///
@@ -164,7 +165,7 @@ pub fn expose(
     developer.develop(&project(trace, camera, options)?)
 }
 
-/// The first half of [`expose`]: all that is computed in floating point.
+/// Computes the latent image: the first half of [`expose`], in floating point.
 ///
 /// # Errors
 ///
@@ -181,7 +182,7 @@ pub fn project(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> 
 }
 
 impl Latent {
-    /// The same with counts of `2^scale_log2` lx s, for films that are to be added up.
+    /// Returns the image with counts of `2^scale_log2` lx s, for films that are to be added up.
     ///
     /// # Errors
     ///
@@ -196,45 +197,49 @@ impl Latent {
         Ok(Self { scale_log2, ..self })
     }
 
-    /// Floor and walls as a photograph of the room has them ([`crate::photo::reflectance`]), four
-    /// times as bright as their albedo at most.
+    /// Multiplies the light of floor and walls by the reflectance of a photographed room
+    /// ([`crate::photo::reflectance`]), which is 4 at most.
     #[must_use]
     pub fn reflected_by(mut self, room: Option<Reflectance>) -> Self {
         if let (Some(glow), Some(room)) = (&mut self.glow, room) {
+            // Two bits for light that is up to four times as bright.
             self.scale_log2 += 2;
             glow.reflectance = Some(room);
         }
         self
     }
 
-    /// Adds up the light on the processor, in at most one band of rows for each core.
+    /// Adds up the light on the processor, in at most one band of rows for each core. Returns the
+    /// film.
     #[must_use]
     pub fn develop_on(&self, cores: NonZero<usize>) -> Film {
         self.film(cpu::splat(cores.get() as u64, self))
     }
 
-    /// The same on as many cores as there are.
+    /// Adds up the light on all cores of the processor. Returns the film.
     #[must_use]
     pub fn develop_on_all(&self) -> Film {
         self.develop_on(NonZero::new(rayon::current_num_threads()).unwrap_or(NonZero::<usize>::MIN))
     }
 
-    /// One count of the film is `2^scale_log2` lx s.
+    /// Returns the scale: one count of the film is `2^scale_log2` lx s.
     #[must_use]
     pub fn scale_log2(&self) -> i32 {
         self.scale_log2
     }
 
-    /// Number of segments in the picture.
+    /// Returns the number of records in the picture.
     #[must_use]
     pub fn n_segments(&self) -> usize {
         self.tints.iter().map(|tint| tint.records.len()).sum()
     }
 
+    /// Adds up the light on the processor.
     fn on_cpu(&self) -> Exposure {
         Exposure { film: self.develop_on_all(), backend: Backend::Cpu, adapter: "CPU".to_owned() }
     }
 
+    /// Adds up the light on a graphics device.
     fn on_gpu(&self, gpu: Gpu) -> Result<Exposure> {
         Ok(Exposure {
             film: self.film(gpu.splat(self)?),
@@ -247,6 +252,7 @@ impl Latent {
         libm::ldexp(1.0, -self.scale_log2)
     }
 
+    /// Returns a film with the lamps' counts and the glow.
     fn film(&self, counts: Vec<u32>) -> Film {
         let [width_px, height_px] = self.size_px;
         let mut film = FilmData { width_px, height_px, counts, scale_log2: self.scale_log2 };
@@ -257,8 +263,8 @@ impl Latent {
     }
 }
 
-/// A backend that starts while other work goes on: to open a graphics device and to compile its
-/// shader takes longer than to expose a film.
+/// A backend that starts in the background, since opening a graphics device and compiling its
+/// shader take longer than exposing a film.
 #[derive(Debug)]
 pub struct Developer {
     choice: BackendChoice,
@@ -268,7 +274,7 @@ pub struct Developer {
 }
 
 impl Developer {
-    /// Starts the backend.
+    /// Starts the backend in a thread of its own. The processor needs none.
     #[must_use]
     pub fn start(choice: BackendChoice) -> Self {
         let device = match choice {
@@ -278,8 +284,8 @@ impl Developer {
         Self { choice, device }
     }
 
-    /// Adds up light once the backend is ready. With [`BackendChoice::Auto`] the processor takes
-    /// the place of a device that fails.
+    /// Adds up the light of an image once the backend is ready. With [`BackendChoice::Auto`] the
+    /// processor replaces a device that fails.
     ///
     /// # Errors
     ///
@@ -308,7 +314,7 @@ pub fn try_device() -> Result<String> {
 }
 
 impl Drop for Developer {
-    /// Waits for the device: a driver that is still compiling when the program ends may crash it.
+    /// Waits for the device, since a driver that is still compiling may crash an exiting program.
     fn drop(&mut self) {
         if let Some(device) = self.device.take() {
             drop(device.join());
@@ -316,7 +322,7 @@ impl Drop for Developer {
     }
 }
 
-/// Checks the numbers of camera, lamps and options against their ranges.
+/// Refuses numbers of camera and options out of range, and traces with too many samples.
 fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result<()> {
     check_size(camera.width_px, camera.height_px)?;
     let ranges = [
@@ -346,29 +352,31 @@ fn check(trace: &LightTrace, camera: &Camera, options: &ExposeOptions) -> Result
     Ok(())
 }
 
+/// Returns the records of all lamps, grouped by color. Refuses more than [`MAX_SAMPLES`].
 fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result<Vec<Tint>> {
     let mut tints: Vec<Tint> = Vec::new();
     let (mut segments, mut n) = (Vec::new(), 0);
     for lamp in &trace.lamps {
         let rgb = lamp.emitter.rgb;
-        let most = rgb[0].max(rgb[1]).max(rgb[2]);
-        if most == 0.0 {
+        let brightest = rgb[0].max(rgb[1]).max(rgb[2]);
+        if brightest == 0.0 {
             continue;
         }
         // Lamps of one color are in one plane, in counts of its brightest channel.
         #[expect(clippy::cast_possible_truncation, reason = "0 to 2^31")]
-        let shares = rgb.map(|channel| (channel / most * f64::from(ALL)).round() as u32);
-        let known = tints.iter().position(|tint| tint.shares == shares).unwrap_or_else(|| {
-            tints.push(Tint { shares, records: Vec::new() });
-            tints.len() - 1
-        });
+        let fractions = rgb.map(|channel| (channel / brightest * f64::from(ALL)).round() as u32);
+        let index =
+            tints.iter().position(|tint| tint.fractions == fractions).unwrap_or_else(|| {
+                tints.push(Tint { fractions, records: Vec::new() });
+                tints.len() - 1
+            });
         // Lamp by lamp: its path, merged to segments, becomes records.
         segments.clear();
         let intervals = project::intervals(lamp, camera);
-        merge::merge(intervals, most, merge_tolerance_px, &mut segments);
+        merge::merge(intervals, brightest, merge_tolerance_px, &mut segments);
         for segment in &segments {
             record::records(segment, [camera.width_px, camera.height_px], |record| {
-                tints[known].records.push(record);
+                tints[index].records.push(record);
                 n += 1;
             });
             if n > MAX_SAMPLES {
@@ -379,6 +387,7 @@ fn tints(trace: &LightTrace, camera: &Camera, merge_tolerance_px: f64) -> Result
     Ok(tints)
 }
 
+/// Returns the error of too many samples or segments.
 fn too_many(place: &str, what: &str, n: usize) -> Error {
     let hint = "take a shorter flight, coarser samples or a larger merge tolerance";
     Error::input(place, format!("{n} {what}"), format!("at most {MAX_SAMPLES}"), hint)

@@ -1,24 +1,27 @@
-//! Stands in for the graphics device in a build without the feature `gpu`: there is never one.
+//! Replaces the graphics device in a build without the feature `gpu`. Every call fails.
 
 use super::Latent;
 use noctograph_core::error::{Error, Result};
 
-/// A graphics device that cannot be.
+/// A graphics device that cannot be opened.
 #[derive(Debug)]
 pub(super) struct Gpu {
     pub(super) adapter: String,
 }
 
 impl Gpu {
+    /// Returns the error of a missing device.
     pub(super) fn ready() -> Result<Self> {
         Err(driver_panicked())
     }
 
+    /// Returns the error of a missing device.
     pub(super) fn splat(&self, _: &Latent) -> Result<Vec<u32>> {
         Err(driver_panicked())
     }
 }
 
+/// Returns the error of a missing device, in place of that of a driver.
 pub(super) fn driver_panicked() -> Error {
     let what = "the program was built without the feature gpu".to_owned();
     Error::Gpu { what, hint: "choose the processor as the backend".into() }

@@ -40,7 +40,7 @@ const AIRY_SIGMA: f64 = 0.42;
 /// Variance of a square pixel along each axis, in px².
 const PIXEL_VARIANCE: f64 = 1.0 / 12.0;
 
-/// Stretch between two neighboring samples with the shutter open.
+/// Motion of a spot between two neighboring samples with the shutter open.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Interval {
     pub(super) time_s: [f64; 2],
@@ -49,16 +49,18 @@ pub(super) struct Interval {
     pub(super) light_lx_px2: [f64; 2],
     /// Standard deviation of the spot, mean of its ends.
     pub(super) sigma_px: f64,
-    /// Half the size of the box of a cylinder that it blurs, mean of its ends. 0 for a disc.
+    /// Half the size of the box around a cylinder, mean of its ends. 0 for a disc.
     pub(super) half_px: Px,
 }
 
 impl Interval {
+    /// Returns the light over the interval, in lx s px²: mean brightness times duration.
     pub(super) fn light(&self) -> f64 {
         0.5 * (self.light_lx_px2[0] + self.light_lx_px2[1]) * (self.time_s[1] - self.time_s[0])
     }
 }
 
+/// Image of a lamp at an instant.
 #[derive(Clone, Copy)]
 struct Spot {
     at_px: Px,
@@ -67,7 +69,7 @@ struct Spot {
     half_px: Px,
 }
 
-/// Intervals of a lamp that leave light, in order of time.
+/// Returns the intervals in which a lamp leaves light in the picture, in order of time.
 pub(super) fn intervals<'a>(
     lamp: &'a Lamp,
     camera: &'a Camera,
@@ -83,12 +85,12 @@ pub(super) fn intervals<'a>(
         }
         let first = if a.time_s < open { a.toward(&b, open) } else { a };
         let second = if b.time_s > close { a.toward(&b, close) } else { b };
-        // The start is mostly the end of the interval before, which was projected already.
+        // The start is mostly the end of the previous interval, which was projected already.
         let from = match last {
             Some((sample, spot)) if sample == first => spot,
-            _ => lens.see(&first),
+            _ => lens.spot(&first),
         };
-        let to = lens.see(&second);
+        let to = lens.spot(&second);
         last = Some((second, to));
         let (from, to) = (from?, to?);
         let interval = Interval {
@@ -102,7 +104,7 @@ pub(super) fn intervals<'a>(
     })
 }
 
-/// A camera and an emitter: all that does not change from sample to sample.
+/// A camera and an emitter, with the quantities that are the same for all samples.
 struct Lens<'a> {
     camera: &'a Camera,
     emitter: &'a Emitter,
@@ -115,6 +117,7 @@ struct Lens<'a> {
 }
 
 impl<'a> Lens<'a> {
+    /// Computes the quantities that are the same for all samples.
     fn new(camera: &'a Camera, emitter: &'a Emitter) -> Self {
         let pitch_m = camera.pixel_pitch_m();
         let radius_m = camera.focal_length_m / (2.0 * camera.f_number);
@@ -133,9 +136,9 @@ impl<'a> Lens<'a> {
         }
     }
 
-    /// Spot of a lamp. `None` if it is nearer than [`NEAREST_M`], behind the camera, or beyond
-    /// [`FARTHEST_PX`].
-    fn see(&self, sample: &LightSample) -> Option<Spot> {
+    /// Returns the spot of a lamp in the picture. `None` if the lamp is nearer than [`NEAREST_M`]
+    /// or behind the camera, or the spot beyond [`FARTHEST_PX`].
+    fn spot(&self, sample: &LightSample) -> Option<Spot> {
         let image = self.camera.image_from_world(sample.position_m)?;
         let at_px = Px::new(image.x_px, image.y_px);
         if image.depth_m < NEAREST_M || at_px.abs().max_element() > FARTHEST_PX {
@@ -163,14 +166,16 @@ impl<'a> Lens<'a> {
         })
     }
 
-    /// Half the width and half the height of a cylinder in the picture: those of the box around it.
+    /// Returns half the width and half the height of the box around a cylinder in the picture. 0
+    /// for a disc.
     fn half_px(&self, axis: Vector3<f64>, depth_m: f64) -> Px {
         let Some(length_m) = self.emitter.depth_m else { return Px::ZERO };
         let axis = self.camera.camera_from_world * axis / axis.norm();
         let px_per_m = self.camera.focal_length_px() / depth_m;
         let half = [axis.x, axis.y].map(|along: f64| {
-            let round_m = self.emitter.diameter_m * (1.0 - along * along).max(0.0).sqrt();
-            (0.5 * (length_m * along.abs() + round_m) * px_per_m).min(MAX_SIGMA_PX)
+            // The length and the round ends, both foreshortened.
+            let ends_m = self.emitter.diameter_m * (1.0 - along * along).max(0.0).sqrt();
+            (0.5 * (length_m * along.abs() + ends_m) * px_per_m).min(MAX_SIGMA_PX)
         });
         half.into()
     }

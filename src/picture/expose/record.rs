@@ -1,9 +1,9 @@
-//! Records: the segments as both backends draw them.
+//! Records: parts of segments in the form that both backends draw.
 //!
 //! A segment is the integral of a Gaussian spot along a line. Gauss-Legendre quadrature makes it a
 //! sum of up to [`SPOTS`] spots, each the product of one curve along x and one along y, which the
-//! backends add up. What holds for a Gaussian holds for a rectangle that it blurs. A ramp of the
-//! brightness is in the weights of the spots, so a fade costs nothing. Here f64 becomes f32.
+//! backends add up. The same holds for a blurred rectangle. A ramp of the brightness is in the
+//! weights of the spots, so a fade costs nothing. Here f64 becomes f32.
 
 use std::ops::Range;
 
@@ -14,13 +14,14 @@ use noctograph_core::random::{GOLDEN, split_mix};
 
 pub(super) const SPOTS: usize = 4;
 
-/// Radius of a spot. Beyond it lies 3.7e-6 of the light, which goes to the rest of the spot, and at
-/// it the spot has 3.7e-6 of its peak.
+/// Radius of a spot. 3.7e-6 of the light is beyond it, and is added to the rest of the spot. At
+/// this radius the spot has 3.7e-6 of its peak.
 const REACH_SIGMA: f64 = 5.0;
 
 /// Bound on the peak of a spot over that of its Gaussian, once the sum is corrected: for those
 /// narrower than 0.85 px, and for others.
 const PEAK_MARGINS: [f64; 2] = [1.0 + 1.0 / 32.0, 1.0 + 1.0 / 1024.0];
+const NARROW_SIGMA_PX: f64 = 0.85;
 
 /// Longest segment, in σ, that 1, 2, 3 and 4 spots draw to within 6e-6 of its peak (error term of
 /// the quadrature, with the derivative of order 2n of the Gaussian at its middle). Longer segments
@@ -70,11 +71,12 @@ pub(super) struct Record {
     pub(super) x_px: [f32; SPOTS],
     pub(super) y_px: [f32; SPOTS],
     /// Fractions of the light, with sum 1.
-    pub(super) share: [f32; SPOTS],
+    pub(super) fraction: [f32; SPOTS],
     /// Luminous exposure in the brightest channel, summed over the pixels.
     pub(super) light_lx_s: f64,
+    /// 1 / σ.
     pub(super) per_px: f32,
-    /// Half the width and half the height of the rectangle that the Gaussian blurs. 0 for none.
+    /// Half the width and half the height of the blurred rectangle. 0 for a Gaussian.
     pub(super) half_px: [f32; 2],
     /// First pixel of the box, which may be outside the picture.
     pub(super) x: i32,
@@ -87,12 +89,12 @@ pub(super) struct Record {
 }
 
 impl Record {
-    /// Upper bound of its exposure of a pixel.
+    /// Returns an upper bound of the exposure that it adds to any pixel.
     #[inline(always)]
     pub(super) fn peak_lx_s(&self) -> f64 {
         let per_px = f64::from(self.per_px);
-        let margin = PEAK_MARGINS[usize::from(per_px < 1.0 / 0.85)];
-        // A Gaussian's peak, squared, and how much lower a rectangle makes it.
+        let margin = PEAK_MARGINS[usize::from(per_px < 1.0 / NARROW_SIGMA_PX)];
+        // The peak of a Gaussian in two dimensions, and the factor of a rectangle on each axis.
         let gaussian = per_px * per_px * (margin / std::f64::consts::TAU);
         let flat = self.half_px.map(|half| {
             let half_sigma = f64::from(half) * per_px;
@@ -101,7 +103,7 @@ impl Record {
         self.light_lx_s * gaussian * flat[0] * flat[1]
     }
 
-    /// Columns and rows of the box in the picture and among these rows.
+    /// Returns the columns and rows of the box that are in the picture and among `rows`.
     #[inline(always)]
     pub(super) fn inside(&self, width: u32, rows: &Range<u32>) -> [Range<u32>; 2] {
         let end = |first: i32, pixels: u32| (first + pixels.cast_signed()).max(0).cast_unsigned();
@@ -112,7 +114,7 @@ impl Record {
         ]
     }
 
-    /// Dither at a pixel of the picture inside the box.
+    /// Returns the dither at a pixel of the picture inside the box.
     #[inline(always)]
     pub(super) fn dither_at(&self, x: u32, y: u32) -> u32 {
         let [i, j] =
@@ -122,10 +124,11 @@ impl Record {
     }
 }
 
-/// Passes on the records of the part of a segment that reaches the picture. A long part is split.
+/// Calls `each` with the records of the part of a segment that reaches the picture. A long part is
+/// split.
 pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut(Record)) {
     let Some([from, to]) = visible(segment, size_px) else { return };
-    // Pieces of even length, each short enough for the quadrature with most nodes.
+    // Pieces of equal length, each short enough for the quadrature with the most nodes.
     let length_sigma = length_sigma(segment);
     let n = ((to - from) * length_sigma / LONGEST_SIGMA[SPOTS - 1]).ceil().max(1.0);
     let mut dither = dither(segment.start_s);
@@ -144,14 +147,14 @@ pub(super) fn records(segment: &Segment, size_px: [u32; 2], mut each: impl FnMut
     }
 }
 
-/// Length in σ, as [`LONGEST_SIGMA`] counts it.
+/// Returns the length of a segment in σ, to compare with [`LONGEST_SIGMA`].
 fn length_sigma(segment: &Segment) -> f64 {
     let is_flat = segment.half_px.min_element() > segment.sigma_px;
     segment.length_px() / segment.sigma_px / if is_flat { LONGER_FLAT } else { 1.0 }
 }
 
-/// Fractions of the length, 0 to 1, between which the light of a segment reaches the picture: the
-/// part between each pair of borders (Liang and Barsky 1984).
+/// Returns the fractions of the length, 0 to 1, between which the light of a segment reaches the
+/// picture (line clipping by Liang and Barsky 1984). `None` if it does not.
 fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     let reach = reach_px(segment) + Px::ONE;
     let [start, end] = segment.ends_px;
@@ -173,12 +176,12 @@ fn visible(segment: &Segment, size_px: [u32; 2]) -> Option<[f64; 2]> {
     (from < to).then_some([from, to])
 }
 
-/// Distance from a spot's middle along each axis beyond which it leaves nothing.
+/// Returns the distance from a spot's middle along each axis beyond which it leaves no light.
 fn reach_px(segment: &Segment) -> Px {
     segment.half_px + REACH_SIGMA * segment.sigma_px
 }
 
-/// The record of a short segment. `None` if its box misses the picture.
+/// Returns the record of a short segment. `None` if its box misses the picture.
 fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     // The box of pixels whose centers, at +0.5, the light reaches.
     let [start, end] = segment.ends_px;
@@ -197,7 +200,7 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     let mut record = Record {
         x_px: [0.0; SPOTS],
         y_px: [0.0; SPOTS],
-        share: [0.0; SPOTS],
+        fraction: [0.0; SPOTS],
         light_lx_s: segment.light_lx_s,
         per_px: narrow(1.0 / sigma),
         half_px: segment
@@ -214,17 +217,18 @@ fn record(segment: &Segment, dither: u32, size_px: [u32; 2]) -> Option<Record> {
     for (k, (node, weight)) in rule.iter().enumerate() {
         let spot = segment.middle_px() + (end - start) * (0.5 * node) - first - half;
         (record.x_px[k], record.y_px[k]) = (narrow(spot.x), narrow(spot.y));
-        record.share[k] = narrow(weight * (1.0 + segment.ramp * node));
+        record.fraction[k] = narrow(weight * (1.0 + segment.ramp * node));
     }
     Some(record)
 }
 
-/// First dither of a segment: a hash of its time. It depends on nothing else, so that films add up.
+/// Returns the first dither of a segment: a hash of its start time. It depends on nothing else, so
+/// that films can be added up.
 fn dither(start_s: f64) -> u32 {
     (split_mix(start_s.to_bits().wrapping_sub(GOLDEN)) >> 32) as u32
 }
 
-/// A whole number of pixels as an integer.
+/// Returns a whole number of pixels as an integer.
 #[expect(clippy::cast_possible_truncation, reason = "a box reaches the picture")]
 fn pixel(whole: f64) -> i32 {
     whole as i32

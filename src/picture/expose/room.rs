@@ -2,9 +2,9 @@
 //!
 //! Walls are matte. The floor is matte or has a sheen on top: microfacets with GGX-distributed
 //! normals (Walter et al., "Microfacet models for refraction through rough surfaces", 2007) reflect
-//! as glass and polish do, 4 % straight on and all of it at grazing angles (Schlick 1994).
+//! like glass and polish: 4 % at normal incidence and all of it at grazing angles (Schlick 1994).
 //!
-//! Not modeled: furniture, doors, and what a surface hides from another.
+//! Not modeled: furniture, doors, and surfaces that hide each other.
 
 use nalgebra::Vector3;
 
@@ -12,11 +12,15 @@ use super::ExposeOptions;
 use super::project::NEAREST_M;
 use super::texture;
 
-/// Fraction of light that a polished surface of refractive index 1.5 reflects straight on.
-const STRAIGHT_ON: f64 = 0.04;
+/// Fraction of light that a polished surface of refractive index 1.5 reflects at normal incidence.
+const NORMAL_REFLECTANCE: f64 = 0.04;
 
-/// Most light of a gap right beside it, relative to a wall at the depth of the room.
-const MOST_LIT: f64 = 30.0;
+/// Largest light of a gap close to it, relative to a wall at the depth of the room.
+const MAX_GAP_LIGHT: f64 = 30.0;
+
+/// Least cosine at which a ray meets a surface, and a lower limit against division by zero.
+const MIN_RAY_COS: f64 = 1e-9;
+const MIN_COS: f64 = 1e-6;
 
 /// A plane of the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +28,7 @@ pub(crate) struct Surface {
     pub(super) normal: Vector3<f64>,
     /// `normal · p` of its points.
     at_m: f64,
-    /// Fraction of light that it reflects evenly to all sides.
+    /// Fraction of light that it reflects diffusely.
     pub(super) albedo: f64,
     /// Mean slope of the facets of its sheen.
     pub(super) roughness: Option<f64>,
@@ -43,7 +47,7 @@ pub(crate) struct Room {
 }
 
 impl Room {
-    /// The room around a camera. A camera outside looks through the wall.
+    /// Returns the surfaces that face a camera. A camera outside looks through the wall.
     pub(crate) fn new(options: &ExposeOptions, camera_m: Vector3<f64>) -> Self {
         let ExposeOptions { floor_z_m, floor_albedo, floor_roughness, wall_albedo, .. } = *options;
         let floor = Surface::matte(Vector3::z(), floor_z_m, floor_albedo);
@@ -63,17 +67,18 @@ impl Room {
         Self { camera_m, surfaces, size_m: options.room_m, unevenness: options.unevenness }
     }
 
-    /// Index of the first surface that a ray from the camera meets, and the point.
-    pub(crate) fn met(&self, ray: Vector3<f64>) -> Option<(usize, Vector3<f64>)> {
-        let met = self.surfaces.iter().enumerate().filter_map(|(i, surface)| {
-            let toward = surface.normal.dot(&ray);
-            (toward <= -1e-9).then(|| (i, surface.height_m(self.camera_m) / -toward))
+    /// Intersects a ray from the camera with the room. Returns the index of the nearest surface and
+    /// the point, or `None` if the ray meets no surface.
+    pub(crate) fn intersection(&self, ray: Vector3<f64>) -> Option<(usize, Vector3<f64>)> {
+        let hits = self.surfaces.iter().enumerate().filter_map(|(i, surface)| {
+            let cos = surface.normal.dot(&ray);
+            (cos <= -MIN_RAY_COS).then(|| (i, surface.height_m(self.camera_m) / -cos))
         });
-        let (i, far_m) = met.min_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some((i, self.camera_m + ray * far_m))
+        let (i, distance) = hits.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((i, self.camera_m + ray * distance))
     }
 
-    /// A point of a surface on the texture.
+    /// Returns the point of the texture at a point of surface `on`.
     pub(super) fn on_texture(&self, on: usize, point_m: Vector3<f64>) -> [f32; 2] {
         let normal = self.surfaces[on].normal;
         texture::on_tile(match (normal.x != 0.0, normal.y != 0.0) {
@@ -83,24 +88,24 @@ impl Room {
         })
     }
 
-    /// Albedo of a point of a surface relative to the surface's. Walls are half as uneven as the
-    /// floor.
-    pub(crate) fn uneven(&self, on: usize, point_m: Vector3<f64>) -> f64 {
+    /// Returns the albedo at a point of surface `on` relative to the surface's mean. Walls are half
+    /// as uneven as the floor.
+    pub(crate) fn relative_albedo(&self, on: usize, point_m: Vector3<f64>) -> f64 {
         let deviation = f64::from(texture::deviation(self.on_texture(on, point_m)));
         let factor = if self.surfaces[on].is_floor() { 1.0 } else { 0.5 };
         (1.0 + factor * self.unevenness * deviation).max(0.0)
     }
 
-    /// Luminance of a point of a surface in the light of the room relative to that of a wall far
-    /// from the floor. Without walls it is 1.
+    /// Returns the luminance of a point of surface `on` in the light of the room, relative to a
+    /// wall far from the floor. Without walls it is 1.
     ///
     /// The light is diffuse by reflection between walls and ceiling. Half of it comes from a gap at
-    /// `from_m`, if there is one.
+    /// `gap_m`, if there is one.
     pub(crate) fn ambient(
         &self,
         on: usize,
         point_m: Vector3<f64>,
-        from_m: Option<Vector3<f64>>,
+        gap_m: Option<Vector3<f64>>,
     ) -> f64 {
         let Some([width_m, depth_m, height_m]) = self.size_m else { return 1.0 };
         let surface = &self.surfaces[on];
@@ -115,45 +120,48 @@ impl Room {
             let h = size_m.dot(&surface.normal.abs());
             0.5 * (1.0 - d / (d * d + h * h).sqrt()) * (1.0 - other.albedo / brightest).max(0.0)
         });
-        let even = 1.0 - hidden.sum::<f64>();
-        // The gap's light falls with the cosine over d², relative to the depth of the room.
-        let light = from_m.map_or(even, |from_m| {
-            let toward_m = from_m - point_m;
-            let d_sq = toward_m.norm_squared() + NEAREST_M;
-            let lit =
-                depth_m * depth_m * surface.normal.dot(&toward_m).max(0.0) / (d_sq * d_sq.sqrt());
-            0.5 * (even + lit.min(MOST_LIT))
+        let diffuse = 1.0 - hidden.sum::<f64>();
+        // The gap's light falls with the cosine over d², relative to the depth of the room. Near
+        // the gap the added constant limits it.
+        let light = gap_m.map_or(diffuse, |gap_m| {
+            let to_gap_m = gap_m - point_m;
+            let d_sq = to_gap_m.norm_squared() + NEAREST_M;
+            let from_gap =
+                depth_m * depth_m * surface.normal.dot(&to_gap_m).max(0.0) / (d_sq * d_sq.sqrt());
+            0.5 * (diffuse + from_gap.min(MAX_GAP_LIGHT))
         });
         light * surface.albedo / brightest
     }
 }
 
 impl Surface {
+    /// Returns a surface without sheen, whose points have `normal · p = at_m`.
     pub(super) fn matte(normal: Vector3<f64>, at_m: f64, albedo: f64) -> Self {
         Self { normal, at_m, albedo, roughness: None }
     }
 
+    /// True if the surface faces up.
     pub(super) fn is_floor(&self) -> bool {
         self.normal == Vector3::z()
     }
 
-    /// Distance of a point from it, into the room.
+    /// Returns the distance of a point from the surface, positive inside the room, m.
     fn height_m(&self, point_m: Vector3<f64>) -> f64 {
         self.normal.dot(&point_m) - self.at_m
     }
 
-    /// Light that it reflects from one direction to another, both away from it, relative to what it
-    /// reflects evenly.
+    /// Returns the light that a floor with sheen reflects from one direction to another, relative
+    /// to a matte floor. Both are unit vectors away from the surface.
     pub(super) fn sheen(&self, roughness: f64, from: Vector3<f64>, to: Vector3<f64>) -> f64 {
         // Facets along the half vector mirror: D = α² / (π (cos² (α² - 1) + 1)²).
         let half = (from + to).normalize();
-        let [cos_from, cos_to, cos] = [from, to, half].map(|v| self.normal.dot(&v).max(1e-6));
+        let [cos_from, cos_to, cos] = [from, to, half].map(|v| self.normal.dot(&v).max(MIN_COS));
         let a_sq = roughness * roughness;
         let spread = cos * cos * (a_sq - 1.0) + 1.0;
         let facets = a_sq / (std::f64::consts::PI * spread * spread);
         // Schlick's Fresnel term.
-        let away = 1.0 - from.dot(&half).clamp(0.0, 1.0);
-        let reflected = STRAIGHT_ON + (1.0 - STRAIGHT_ON) * away * away * away * away * away;
+        let x = 1.0 - from.dot(&half).clamp(0.0, 1.0);
+        let reflected = NORMAL_REFLECTANCE + (1.0 - NORMAL_REFLECTANCE) * x * x * x * x * x;
         // Smith's shadowing, with the cosines of the microfacet model divided out.
         let shadow = |cos: f64| 1.0 / (cos + (a_sq + (1.0 - a_sq) * cos * cos).sqrt());
         let lobe = facets * reflected * shadow(cos_from) * shadow(cos_to);
@@ -185,11 +193,11 @@ mod tests {
             ([0.5, 1.0, 0.0], [2.0, -1.0, 1.0]),
             ([0.0, 1.0, 0.5], [0.5, -1.0, 2.5]),
         ] {
-            let (_, point_m) = room.met(Vector3::from(ray)).unwrap();
+            let (_, point_m) = room.intersection(Vector3::from(ray)).unwrap();
             assert!((point_m - Vector3::from(wanted)).norm() < 1e-12, "{point_m}");
         }
         let bare = Room::new(&ExposeOptions { room_m: None, ..ROOM }, camera_m);
-        assert_eq!(bare.met(Vector3::y()), None);
+        assert_eq!(bare.intersection(Vector3::y()), None);
         assert_eq!(bare.ambient(0, Vector3::zeros(), None), 1.0);
     }
 
@@ -206,7 +214,7 @@ mod tests {
     fn a_gap_lights_what_is_near_and_faces_it() {
         let room = Room::new(&ROOM, Vector3::new(0.0, -2.0, 1.5));
         let lit = |x| {
-            let (on, point_m) = room.met(Vector3::new(x, 5.0, 0.5)).unwrap();
+            let (on, point_m) = room.intersection(Vector3::new(x, 5.0, 0.5)).unwrap();
             let gap_m = Some(Vector3::new(-1.9, 0.0, 2.0));
             2.0 * room.ambient(on, point_m, gap_m) - room.ambient(on, point_m, None)
         };
@@ -235,12 +243,15 @@ mod tests {
                     sum += (floor.sheen(roughness, from, to) - 1.0) * 0.2 * 2.0 * cos;
                 }
             }
-            let share = sum / f64::from(n * n);
+            let fraction = sum / f64::from(n * n);
             let straight = 1.0 - libm::cos(angle);
             let wanted = 0.04 + 0.96 * libm::pow(straight, 5.0);
-            assert!(share < 1.0 && share > 0.2 * wanted, "{share} at {degrees}, {roughness}");
+            assert!(
+                fraction < 1.0 && fraction > 0.2 * wanted,
+                "{fraction} at {degrees}, {roughness}"
+            );
             if roughness < 0.2 {
-                assert!((share / wanted - 1.0).abs() < 0.1, "{share}, Fresnel {wanted}");
+                assert!((fraction / wanted - 1.0).abs() < 0.1, "{fraction}, Fresnel {wanted}");
             }
         }
     }

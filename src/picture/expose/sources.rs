@@ -20,6 +20,9 @@ const LOWEST_M: f64 = 0.002;
 /// straight below it, and by less elsewhere.
 const OPENING: f64 = 0.3;
 
+/// Largest step along a lamp's path between two sources, relative to its height.
+const STEP: f64 = 0.25 * OPENING;
+
 pub(super) type Rgb = [f64; 3];
 
 /// Sources of one beam shape and about one axis.
@@ -30,6 +33,7 @@ pub(super) struct Tree<'a> {
 
 /// A branch of a tree, followed by its children.
 pub(super) struct Branch {
+    /// All sources of the branch as one.
     pub(super) source: Source,
     /// Half the diagonal of the box around its sources.
     radius_m: f64,
@@ -37,30 +41,32 @@ pub(super) struct Branch {
     next: usize,
 }
 
+/// Light that a lamp emits at a point.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Source {
     pub(super) position_m: Vector3<f64>,
     axis: Vector3<f64>,
-    /// Light on the axis.
+    /// Luminous intensity on the axis times duration.
     light_cd_s: Rgb,
 }
 
-/// The light of a trace while the shutter is open.
+/// Returns the light of a trace while the shutter is open: a tree for each beam shape and axis.
 pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) -> Vec<Tree<'a>> {
+    // Sources of each emitter, by a key of beam shape and axis.
     let mut groups: Vec<(&Emitter, [f64; 6], Vec<Source>)> = Vec::new();
     for lamp in &trace.lamps {
         let emitter = &lamp.emitter;
         let light_cd = emitter.rgb.map(|channel| channel * emitter.intensity_cd);
-        for LightSample { position_m, axis, level, .. } in moments(&lamp.samples, camera, floor_z_m)
+        for LightSample { position_m, axis, level, .. } in points(&lamp.samples, camera, floor_z_m)
         {
             let source = Source { position_m, axis, light_cd_s: light_cd.map(|cd| cd * level) };
-            // Axes whose doubled coordinates round alike are about one axis.
-            let turn = if emitter.is_even() { 0.0 } else { 2.0 };
-            let [x, y, z] = axis.map(|value| (turn * value).round()).into();
-            let shape = [emitter.beam_exponent, emitter.spill, emitter.visible_cos, x, y, z];
-            match groups.iter_mut().rev().find(|(_, other, _)| *other == shape) {
+            // Axes are grouped by their coordinates, rounded to halves. An isotropic lamp has none.
+            let scale = if emitter.is_isotropic() { 0.0 } else { 2.0 };
+            let [x, y, z] = axis.map(|value| (scale * value).round()).into();
+            let key = [emitter.beam_exponent, emitter.spill, emitter.visible_cos, x, y, z];
+            match groups.iter_mut().rev().find(|(_, other, _)| *other == key) {
                 Some((.., sources)) => sources.push(source),
-                None => groups.push((emitter, shape, vec![source])),
+                None => groups.push((emitter, key, vec![source])),
             }
         }
     }
@@ -71,10 +77,10 @@ pub(super) fn trees<'a>(trace: &'a LightTrace, camera: &Camera, floor_z_m: f64) 
     }))
 }
 
-/// A lamp's light as moments during which it moves little for its height. The level of a moment is
-/// multiplied by its duration.
-fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<LightSample> {
-    let mut moments: Vec<LightSample> = Vec::new();
+/// Divides a lamp's path into points, between which it moves little for its height. The level of a
+/// point is multiplied by its duration.
+fn points(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<LightSample> {
+    let mut points: Vec<LightSample> = Vec::new();
     let mut start_m: Option<Vector3<f64>> = None;
     for pair in samples.windows(2) {
         // The part of the interval with the shutter open, in steps short for the height.
@@ -85,7 +91,7 @@ fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Ligh
             continue;
         }
         let height_m = (a.position_m.z.min(b.position_m.z) - floor_z_m).max(LOWEST_M);
-        let step_m = 0.25 * OPENING * height_m;
+        let step_m = STEP * height_m;
         let length_m = (b.position_m - a.position_m).norm();
         #[expect(clippy::cast_possible_truncation, reason = "1 to 1000")]
         let n = (length_m / step_m).ceil().clamp(1.0, 1000.0) as u32;
@@ -94,28 +100,28 @@ fn moments(samples: &[LightSample], camera: &Camera, floor_z_m: f64) -> Vec<Ligh
             let mut next = a.toward(b, time_s);
             next.position_m.z = next.position_m.z.max(floor_z_m + LOWEST_M);
             next.level = next.level * (to_s - from_s) / f64::from(n);
-            // Steps that stay near the start of a moment are averaged into it by their light.
-            match moments.last_mut().zip(start_m) {
+            // Steps close to the start of a point are averaged into it, weighted by their light.
+            match points.last_mut().zip(start_m) {
                 Some((last, start_m)) if (next.position_m - start_m).norm() < step_m => {
-                    let part = next.level / (last.level + next.level).max(f64::MIN_POSITIVE);
-                    last.position_m += (next.position_m - last.position_m) * part;
-                    last.axis += (next.axis - last.axis) * part;
+                    let weight = next.level / (last.level + next.level).max(f64::MIN_POSITIVE);
+                    last.position_m += (next.position_m - last.position_m) * weight;
+                    last.axis += (next.axis - last.axis) * weight;
                     last.level += next.level;
                 }
                 _ => {
-                    moments.push(next);
+                    points.push(next);
                     start_m = Some(next.position_m);
                 }
             }
         }
     }
-    moments
+    points
 }
 
-/// Adds the branch of some sources to a tree, and its children after it.
+/// Appends the branch that contains all `sources`, and then its children.
 fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     let Some(first) = sources.first() else { return };
-    // The branch as one source: the light of all, at the mean weighted by it.
+    // The branch as one source: the sum of the light, at the mean position weighted by it.
     let (mut low, mut high) = (first.position_m, first.position_m);
     let (mut sum, mut total) = (Source::default(), 0.0);
     for source in &sources {
@@ -147,11 +153,11 @@ fn grow(sources: Vec<Source>, floor_z_m: f64, branches: &mut Vec<Branch>) {
     branches[index].next = branches.len();
 }
 
-/// Edge of the squares of the floor that light the walls, and most of them along a wall.
+/// Least side of the squares of the floor that light the walls, and most squares along a wall.
 const PATCH_M: f64 = 0.5;
 const MAX_PATCHES: f64 = 32.0;
 
-/// A square of the floor as a lamp.
+/// Emitter for a square of the floor: a Lambertian beam.
 static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     name: "floor".to_owned(),
     intensity_cd: 1.0,
@@ -163,10 +169,10 @@ static PATCH: LazyLock<Emitter> = LazyLock::new(|| Emitter {
     depth_m: None,
 });
 
-/// The floor of a room as sources of the light that it reflects.
+/// Returns the sources of light that the floor of a room reflects: one for each square.
 ///
-/// Each square counts as evenly lit as its middle would be from lamps its edge higher up: their
-/// light is the same in all, and no square misses a lamp at its corner.
+/// The exposure of a square is computed at the point below its middle at a depth of one side, so
+/// that no lamp close to the floor lights one square too much or falls between two.
 pub(super) fn reflected(
     trees: &[Tree<'_>],
     [width_m, depth_m]: [f64; 2],
@@ -183,12 +189,12 @@ pub(super) fn reflected(
         let [column, row] = [square % whole(columns), square / whole(columns)];
         let x_m = ((column as f64 + 0.5) / columns - 0.5) * width_m;
         let y_m = ((row as f64 + 0.5) / rows - 0.5) * depth_m;
-        let below_m = Vector3::new(x_m, y_m, floor_z_m - side_m);
-        let [lit_lx_s] = exposures_lx_s(trees, [below_m], &floor, [Vector3::z()]);
+        let sample_m = Vector3::new(x_m, y_m, floor_z_m - side_m);
+        let [exposure_lx_s] = exposures_lx_s(trees, [sample_m], &floor, [Vector3::z()]);
         Source {
             position_m: Vector3::new(x_m, y_m, floor_z_m),
             axis: Vector3::z(),
-            light_cd_s: lit_lx_s.map(|channel| channel * factor),
+            light_cd_s: exposure_lx_s.map(|channel| channel * factor),
         }
     });
     let mut branches = Vec::new();
@@ -196,11 +202,11 @@ pub(super) fn reflected(
     Tree { emitter: &PATCH, branches }
 }
 
-/// Exposure of points of a surface. Light counts as much as it reflects `toward` a unit vector at
-/// each point, relative to what it reflects evenly.
+/// Returns the exposure of points of a surface. On a surface with sheen, light is weighted by its
+/// reflection toward a unit vector at each point, relative to a matte surface.
 ///
-/// The points are near each other, so that they mostly open the same branches, and are lit side by
-/// side. The bits are those of each point by itself.
+/// The points are close together, so that they mostly open the same branches, and are computed
+/// together. The result has the same bits as for each point separately.
 #[inline(always)]
 pub(super) fn exposures_lx_s<const N: usize>(
     trees: &[Tree<'_>],
@@ -209,14 +215,17 @@ pub(super) fn exposures_lx_s<const N: usize>(
     toward: [Vector3<f64>; N],
 ) -> [Rgb; N] {
     let points_m: [[f64; N]; 3] = std::array::from_fn(|axis| points_m.map(|point| point[axis]));
-    // A mirror shows lamps apart that light a matte surface together.
+    // A mirror resolves lamps that a matte surface blurs, so their branches are opened sooner.
     let opening = surface.roughness.map_or(OPENING, |roughness| OPENING.min(0.5 * roughness));
     let mut sums = [[0.0; N]; 3];
     for Tree { emitter, branches } in trees {
         // Intensity at the edge of the body's shadow, beyond which the light ends at once.
-        let edge =
-            if emitter.visible_cos <= -1.0 { 0.0 } else { emitter.share(emitter.visible_cos) };
-        let is_even = emitter.is_even();
+        let edge = if emitter.visible_cos <= -1.0 {
+            0.0
+        } else {
+            emitter.relative_intensity(emitter.visible_cos)
+        };
+        let is_even = emitter.is_isotropic();
         // Walk down the tree. Each point skips the children of a branch that it has counted.
         let mut index = 0;
         let mut skipped_until = [0; N];
@@ -234,7 +243,7 @@ pub(super) fn exposures_lx_s<const N: usize>(
             let is_leaf = *next == index + 1;
             let is_near: [bool; N] =
                 std::array::from_fn(|n| radius_m * radius_m > opening * opening * squares[n]);
-            // About the root every point opens the branch, which saves all that follows.
+            // Near the root every point opens the branch, so the steps below are skipped.
             if !is_leaf && (0..N).all(|n| is_near[n] && skipped_until[n] <= index) {
                 index += 1;
                 continue;
@@ -256,14 +265,16 @@ pub(super) fn exposures_lx_s<const N: usize>(
             });
             if !is_even || surface.roughness.is_some() {
                 for n in (0..N).filter(|n| counts[*n]) {
-                    let mut beam = emitter.share(cos_beam[n]);
+                    let mut beam = emitter.relative_intensity(cos_beam[n]);
                     if at_edge[n] {
-                        // The sources of a branch are hidden one after another, not all at once.
-                        let past = cos_beam[n] - emitter.visible_cos;
-                        let shown = 0.5 + 0.5 * past / (radius_m * per_m[n]);
-                        beam += edge * (shown - f64::from(u8::from(past >= 0.0)));
+                        // The fraction of the branch's sources that the body does not hide, instead
+                        // of all or none.
+                        let beyond_edge = cos_beam[n] - emitter.visible_cos;
+                        let visible = 0.5 + 0.5 * beyond_edge / (radius_m * per_m[n]);
+                        beam += edge * (visible - f64::from(u8::from(beyond_edge >= 0.0)));
                     }
-                    // Beam and sheen, relative to a lamp and a surface that are even.
+                    // Effect of beam shape and sheen, relative to an isotropic lamp and a matte
+                    // surface.
                     weights[n] *= beam;
                     if let Some(roughness) = surface.roughness.filter(|_| weights[n] > 0.0) {
                         let from = Vector3::new(to[0][n], to[1][n], to[2][n]) * -per_m[n];

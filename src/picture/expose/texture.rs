@@ -1,4 +1,4 @@
-//! Texture: how unevenly floor and walls reflect, from worn spots to stains.
+//! Texture: unevenness of the light that floor and walls reflect, from worn spots to stains.
 //!
 //! Fractal noise (Perlin, "An image synthesizer", 1985): octaves from 4 cm to 1.28 m, of the same
 //! variance each, from one tile that repeats. Not modeled: boards, tiles and seams.
@@ -32,21 +32,22 @@ static TILE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     tile
 });
 
-/// A point of a surface in meters as a point on the tile, which repeats.
+/// Converts a point of a surface in meters to a point on the tile, which repeats.
 pub(super) fn on_tile(point_m: [f64; 2]) -> [f32; 2] {
-    // Tiles away from the corner, so that no coordinate of a room is negative.
-    let far = f64::from(1 << 17);
-    point_m.map(|point_m| narrow((point_m / STEP_M).clamp(-far, far) + far))
+    // Moved by whole tiles, so that no coordinate of a room is negative.
+    let offset = f64::from(1 << 17);
+    point_m.map(|point_m| narrow((point_m / STEP_M).clamp(-offset, offset) + offset))
 }
 
-/// The deviation at a point on the tile, bilinear.
+/// Returns the deviation of the albedo at a point on the tile, with bilinear interpolation.
 #[inline(always)]
 pub(super) fn deviation(point: [f32; 2]) -> f32 {
     let tile = &*TILE;
     bilinear(|x, y| tile[(y % SIDE) * SIDE + x % SIDE], point)
 }
 
-/// Value at a point between four nodes.
+/// Interpolates bilinearly between the four nodes around a point. `node` gives the value at whole
+/// coordinates.
 #[inline(always)]
 fn bilinear(node: impl Fn(usize, usize) -> f32, [x, y]: [f32; 2]) -> f32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^24")]

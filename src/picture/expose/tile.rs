@@ -26,13 +26,14 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
+    /// Returns dark tiles for some rows of a picture of that width.
     pub(super) fn new(rows: Range<u32>, width: usize, stride: usize) -> Self {
         let tiles = width.div_ceil(TILE_PX[0]) * rows.len().div_ceil(TILE_PX[1]);
         let counts = vec![0; stride * rows.len()];
         Self { rows, stride, counts, width, lit: vec![false; tiles] }
     }
 
-    /// Marks columns and rows of the picture as lit.
+    /// Marks the tiles that columns and rows of the picture touch as lit.
     #[inline(always)]
     pub(super) fn light(&mut self, columns: &Range<u32>, rows: &Range<u32>) {
         let [first_column, last_column] =
@@ -45,10 +46,10 @@ impl Tiles {
         }
     }
 
-    /// Counts its light, of which each channel has a fraction relative to [`ALL`], into these rows
-    /// of the planes of the film, and clears it.
+    /// Adds the light to the film's planes, given from these rows on, and clears it. Each channel
+    /// gets a fraction of it, relative to [`ALL`].
     #[inline(always)]
-    pub(super) fn count(&mut self, shares: [u32; 3], planes: &mut [&mut [u32]]) {
+    pub(super) fn count(&mut self, fractions: [u32; 3], planes: &mut [&mut [u32]]) {
         let tiles_across = self.width.div_ceil(TILE_PX[0]);
         for (tile, lit) in self.lit.iter_mut().enumerate() {
             if !std::mem::take(lit) {
@@ -57,39 +58,46 @@ impl Tiles {
             let [x, y] = [tile % tiles_across * TILE_PX[0], tile / tiles_across * TILE_PX[1]];
             let size = [TILE_PX[0].min(self.width - x), TILE_PX[1].min(self.rows.len() - y)];
             let light = &mut self.counts[y * self.stride..][..size[1] * self.stride];
-            count(light, [self.stride, x], shares, planes, [self.width, y * self.width + x], size);
+            count(
+                light,
+                [self.stride, x],
+                fractions,
+                planes,
+                [self.width, y * self.width + x],
+                size,
+            );
             light.chunks_exact_mut(self.stride).for_each(|row| row[x..x + size[0]].fill(0));
         }
     }
 }
 
-/// Counts columns and rows of light, from the first row on, into planes. Light and planes are given
-/// with their distance between rows and their first pixel.
+/// Adds columns and rows of light to planes, a fraction to each. The light begins at column `x` of
+/// rows `light_stride` apart, and the planes at pixel `first` of rows `stride` apart.
 #[inline(always)]
 pub(super) fn count(
     light: &[u32],
     [light_stride, x]: [usize; 2],
-    shares: [u32; 3],
+    fractions: [u32; 3],
     planes: &mut [&mut [u32]],
     [stride, first]: [usize; 2],
     [columns, rows]: [usize; 2],
 ) {
     for (row, light) in light.chunks_exact(light_stride).take(rows).enumerate() {
-        for (plane, share) in planes.iter_mut().zip(shares) {
-            add(&mut plane[first + row * stride..][..columns], &light[x..x + columns], share);
+        for (plane, fraction) in planes.iter_mut().zip(fractions) {
+            add(&mut plane[first + row * stride..][..columns], &light[x..x + columns], fraction);
         }
     }
 }
 
-/// Adds a rounded fraction of light.
+/// Adds a fraction of light, relative to [`ALL`] and rounded, to counts.
 #[inline(always)]
-fn add(counts: &mut [u32], light: &[u32], share: u32) {
-    match share {
+fn add(counts: &mut [u32], light: &[u32], fraction: u32) {
+    match fraction {
         0 => {}
         ALL => counts.iter_mut().zip(light).for_each(|(count, light)| *count += light),
         _ => {
             for (count, &light) in counts.iter_mut().zip(light) {
-                let part = u64::from(light) * u64::from(share) + u64::from(ALL / 2);
+                let part = u64::from(light) * u64::from(fraction) + u64::from(ALL / 2);
                 #[expect(clippy::cast_possible_truncation, reason = "no more than the light")]
                 let part = (part >> ALL_BITS) as u32;
                 *count += part;

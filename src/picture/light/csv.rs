@@ -20,10 +20,10 @@ use noctograph_core::flight::timestamps::unit_of;
 
 const COLUMNS: [&str; 7] = ["t", "x", "y", "z", "r", "g", "b"];
 
-/// Resolution of an intensity: rows whose colors differ by no more have one color.
+/// Resolution of an intensity. Rows whose colors differ by at most this have one color.
 const DIGIT_CD: f64 = 1e-5;
 
-/// Usual titles of the columns, in lower case and without their unit.
+/// Usual titles of each column, in lower case and without their unit.
 const TITLES: [(&str, &str); 7] = [
     ("t", "t time timestamp seconds"),
     ("x", "x px pos_x"),
@@ -34,36 +34,48 @@ const TITLES: [(&str, &str); 7] = [
     ("b", "b blue led_b"),
 ];
 
-/// Speed that no drone reaches, and smaller steps than those of motion.
+/// Speed that no drone reaches.
 const FASTEST_M_S: f64 = 15.0;
+/// Shorter steps do not count as motion.
 const STEP_M: f64 = 1e-3;
+/// Number of steps, and their fraction of all steps, from which a lamp is too fast.
+const MIN_FAST_STEPS: usize = 3;
+const MIN_FAST_FRACTION: f64 = 0.1;
+/// Largest intensity of a channel, cd.
+const MAX_CD: f64 = 1e6;
+/// Bytes in which the header is searched.
+const HEADER_SIZE: usize = 1 << 16;
 
-/// Largest level of a light log in bytes, and the intensity that it is shown as.
+/// Largest level of a light log in bytes, and the intensity that it stands for.
 const FULL_LEVEL: f64 = 255.0;
 const FULL_CD: f64 = 1.0;
 
-/// Our name of a title, and the size of the unit that it names in brackets.
+/// Returns the name in [`COLUMNS`] of a title such as `Time [ms]` or `x_cm`, and the size of its
+/// unit in s or m, if it has one. `None` for another title or an unknown unit.
 fn column(title: &str) -> Option<(&'static str, Option<f64>)> {
     let (bare, bracket) = bracketed(title);
     let bare = simplified(bare);
-    fn known(bare: &str) -> Option<&'static str> {
-        Some(TITLES.iter().find(|(_, titles)| titles.split(' ').any(|known| known == bare))?.0)
-    }
-    let (name, text) = match (known(&bare), bare.rsplit_once('_')) {
+    let (name, unit_name) = match (column_name(&bare), bare.rsplit_once('_')) {
         (Some(name), _) => (name, bracket.map(simplified)),
-        (None, Some((bare, unit))) => (known(bare)?, Some(unit.to_owned())),
+        (None, Some((bare, unit_name))) => (column_name(bare)?, Some(unit_name.to_owned())),
         (None, None) => return None,
     };
-    match text {
+    match unit_name {
         None => Some((name, None)),
-        Some(text) => Some((name, Some(unit(&text, name == "t")?))),
+        Some(unit_name) => Some((name, Some(unit(&unit_name, name == "t")?))),
     }
+}
+
+/// Returns the name in [`COLUMNS`] of a title without its unit. `None` for another title.
+fn column_name(bare_title: &str) -> Option<&'static str> {
+    let mut columns = TITLES.iter();
+    Some(columns.find(|(_, titles)| titles.split(' ').any(|title| title == bare_title))?.0)
 }
 
 /// True if a text begins with the header of a light trace.
 #[must_use]
 pub fn is_light_trace(text: &[u8]) -> bool {
-    let head = Head::find(&Text::decode(&text[..text.len().min(1 << 16)]).bytes);
+    let head = Head::find(&Text::decode(&text[..text.len().min(HEADER_SIZE)]).bytes);
     let names: Vec<_> = head.titles.iter().filter_map(|title| Some(column(title)?.0)).collect();
     COLUMNS.iter().all(|column| names.contains(column))
 }
@@ -79,36 +91,20 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     let text = Text::decode(text);
     let mut head = Head::find(&text.bytes);
     let is_trace = COLUMNS.iter().all(|column| head.has(column));
-    // Titles become our names, and the first of several columns for one name counts.
-    let (mut units, mut others) = (BTreeMap::new(), Vec::new());
-    for title in &mut head.titles {
-        match column(title).filter(|(name, _)| !units.contains_key(name)) {
-            Some((name, unit)) => {
-                units.insert(name, unit);
-                *title = name.to_owned();
-            }
-            None => {
-                others.push(title.clone());
-                *title = format!("other {title}");
-            }
-        }
-    }
+    let (units, others) = rename_titles(&mut head.titles);
     let table = Table::below(head, &text, file, |title| COLUMNS.contains(&title))?;
     let mut warnings = table.notes().to_vec();
     if !others.is_empty() {
         warnings.push(format!("columns of a light trace that are not read: {}", others.join(", ")));
     }
-    let size = |name| units.get(name).copied().flatten();
     // The unit of time is in the title, or follows from the steps.
-    let mut unit_s = size("t").unwrap_or(1.0);
-    if !is_trace && size("t").is_none() {
-        let timestamps = unit_of(table.column("t")?);
-        unit_s = timestamps.unit_s;
-        if unit_s != 1.0 {
-            let step = timestamps.step;
-            warnings.push(format!("timestamps {step} apart: taken as {unit_s} s a unit"));
-        }
-    }
+    let [unit_t, unit_x, unit_y, unit_z] =
+        ["t", "x", "y", "z"].map(|name| units.get(name).copied().flatten());
+    let unit_s = match unit_t {
+        Some(unit_s) => unit_s,
+        None if is_trace => 1.0,
+        None => unit_from_steps_s(&table, &mut warnings)?,
+    };
     let unit_cd = unit_cd(&table, is_trace, &mut warnings);
     // Rows of the table, in s, m and cd.
     let t = table.times_in("t", unit_s)?;
@@ -120,16 +116,16 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     let [x, y, z] = [table.quantity("x")?, table.quantity("y")?, table.quantity("z")?];
     let [r, g, b] = [table.quantity("r")?, table.quantity("g")?, table.quantity("b")?];
     for (name, column) in [("r", r), ("g", g), ("b", b)] {
-        if let Some(row) = column.iter().position(|value| !(0.0..=1e6).contains(value)) {
+        if let Some(row) = column.iter().position(|value| !(0.0..=MAX_CD).contains(value)) {
             let place = format!("{file}:{}: column {name}", table.line(row));
             let hint = "correct the file, or write it again";
             return Err(Error::input(place, column[row], "a number from 0 to 1e6", hint));
         }
     }
-    let [x_m, y_m, z_m] = ["x", "y", "z"].map(|name| size(name).unwrap_or(1.0));
+    let [unit_x_m, unit_y_m, unit_z_m] = [unit_x, unit_y, unit_z].map(|unit| unit.unwrap_or(1.0));
     let instants = Vec::from_iter((0..t.len()).map(|row: usize| Instant {
         time_s: on_grid(t[row] * unit_s),
-        position_m: Vector3::new(x[row] * x_m, y[row] * y_m, z[row] * z_m),
+        position_m: Vector3::new(x[row] * unit_x_m, y[row] * unit_y_m, z[row] * unit_z_m),
         rgb_cd: [r[row], g[row], b[row]].map(|value| value * unit_cd),
     }));
     warnings.extend(too_fast(&instants));
@@ -138,11 +134,42 @@ pub fn read(text: &[u8], file: &str) -> Result<Warned<LightTrace>> {
     Ok(Warned { product, warnings: Diagnostic::warnings("light-trace", warnings) })
 }
 
-/// Unit of the colors: whole numbers up to 255 are levels, except in a light trace.
+/// Renames titles to those of [`COLUMNS`]. Of several titles for one column the first counts.
+/// Returns the units that the titles name, and the titles of other columns.
+fn rename_titles(titles: &mut [String]) -> (BTreeMap<&'static str, Option<f64>>, Vec<String>) {
+    let (mut units, mut others) = (BTreeMap::new(), Vec::new());
+    for title in titles {
+        match column(title).filter(|(name, _)| !units.contains_key(name)) {
+            Some((name, unit)) => {
+                units.insert(name, unit);
+                *title = name.to_owned();
+            }
+            None => {
+                others.push(title.clone());
+                *title = format!("other {title}");
+            }
+        }
+    }
+    (units, others)
+}
+
+/// Returns the unit of the timestamps in s, from the steps between them. Warns if it is not 1 s.
+fn unit_from_steps_s(table: &Table, warnings: &mut Vec<String>) -> Result<f64> {
+    let timestamps = unit_of(table.column("t")?);
+    let (unit_s, step) = (timestamps.unit_s, timestamps.step);
+    if unit_s != 1.0 {
+        warnings.push(format!("timestamps {step} apart: taken as {unit_s} s a unit"));
+    }
+    Ok(unit_s)
+}
+
+/// Returns the unit of the colors in cd. Whole numbers up to 255 are levels, except in a light
+/// trace. Warns of such numbers.
 fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     let colors = ["r", "g", "b"].into_iter().filter_map(|name| table.column(name).ok()).flatten();
-    let most = colors.clone().copied().fold(0.0, f64::max);
-    if most <= 1.0 || most > FULL_LEVEL || colors.into_iter().any(|level| level.fract() != 0.0) {
+    let largest = colors.clone().copied().fold(0.0, f64::max);
+    let is_whole = colors.into_iter().all(|level| level.fract() == 0.0);
+    if largest <= 1.0 || largest > FULL_LEVEL || !is_whole {
         return 1.0;
     }
     let (unit_cd, warning) = match is_trace {
@@ -159,14 +186,15 @@ fn unit_cd(table: &Table, is_trace: bool, warnings: &mut Vec<String>) -> f64 {
     unit_cd
 }
 
-/// A warning of a lamp that is faster in a tenth of its steps than any drone is.
+/// Returns a warning if a lamp is faster than any drone in a tenth of the steps in which it moves.
 fn too_fast(instants: &[Instant]) -> Option<String> {
     let steps = instants.windows(2).map(|pair| {
         (pair[1].time_s - pair[0].time_s, (pair[1].position_m - pair[0].position_m).norm())
     });
     let moving: Vec<_> = steps.filter(|(_, step_m)| *step_m > STEP_M).collect();
     let fast = moving.iter().filter(|(step_s, step_m)| *step_m > FASTEST_M_S * step_s).count();
-    (fast >= 3 && 10 * fast > moving.len()).then(|| {
+    let is_frequent = fast as f64 > MIN_FAST_FRACTION * moving.len() as f64;
+    (fast >= MIN_FAST_STEPS && is_frequent).then(|| {
         format!(
             "{fast} of {} steps are faster than {FASTEST_M_S} m/s: are the columns in another unit \
              (x_cm), or the rows of several drones? Keep those of one",
@@ -175,6 +203,7 @@ fn too_fast(instants: &[Instant]) -> Option<String> {
     })
 }
 
+/// A row of the table.
 struct Instant {
     time_s: f64,
     position_m: Vector3<f64>,
@@ -182,12 +211,13 @@ struct Instant {
 }
 
 impl Instant {
+    /// Returns the intensity of the strongest channel, cd.
     fn strength_cd(&self) -> f64 {
         self.rgb_cd.into_iter().fold(0.0, f64::max)
     }
 }
 
-/// Stretches with light, each with the dark instants at its ends.
+/// Divides instants into runs that are lit. Each includes the dark instant before and after it.
 fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
     let runs = instants.chunk_by(|a, b| (a.rgb_cd == [0.0; 3]) == (b.rgb_cd == [0.0; 3]));
     let mut end = 0;
@@ -199,8 +229,12 @@ fn lit_runs(instants: &[Instant]) -> impl Iterator<Item = &[Instant]> {
     })
 }
 
-/// Lamps of a lit run: one for each stretch of one color, which fades into the next, or one for
-/// each channel of a color that changes continuously.
+/// A run has at most [`MIN_STRETCHES`] stretches of one color, and one more for this many rows.
+const ROWS_PER_STRETCH: usize = 8;
+const MIN_STRETCHES: usize = 2;
+
+/// Returns the lamps of a lit run: one for each stretch of one color, which fades into the next, or
+/// one for each channel of a color that changes continuously.
 fn lamps(run: &[Instant]) -> Vec<Lamp> {
     // Stretches of one color, which is that of the brightest row so far.
     let mut stretches = Vec::new();
@@ -216,7 +250,7 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     }
     stretches.push((start..run.len(), brightest));
     // Too many for a lamp each: the color changes continuously.
-    if stretches.len() > run.len() / 8 + 2 {
+    if stretches.len() > run.len() / ROWS_PER_STRETCH + MIN_STRETCHES {
         let channels = (0..3).map(|c| {
             lamp(run, std::array::from_fn(|k| f64::from(k == c)), |_, instant| instant.rgb_cd[c])
         });
@@ -231,18 +265,21 @@ fn lamps(run: &[Instant]) -> Vec<Lamp> {
     }))
 }
 
-/// True if two rows have one color, within the resolution of the file.
+/// True if two rows have the same color, within the resolution of the file.
 fn same_color(a: &Instant, b: &Instant) -> bool {
+    // x / a = y / b in each channel, without dividing by zero in the dark.
     let (a_cd, b_cd) = (a.strength_cd(), b.strength_cd());
     let mut channels = a.rgb_cd.iter().zip(&b.rgb_cd);
     channels.all(|(x, y)| (x * b_cd - y * a_cd).abs() <= DIGIT_CD * (a_cd + b_cd))
 }
 
-/// A lamp without a beam, with its largest intensity at level 1.
-fn lamp(run: &[Instant], rgb: [f64; 3], cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
-    let light_cd: Vec<f64> = run.iter().enumerate().map(|(i, instant)| cd(i, instant)).collect();
-    let intensity_cd = light_cd.iter().copied().fold(0.0, f64::max);
-    let samples = run.iter().zip(&light_cd).map(|(instant, cd)| LightSample {
+/// Returns a lamp that shines in all directions. `instant_cd` gives its intensity at each instant
+/// by index. The largest one is level 1.
+fn lamp(run: &[Instant], rgb: [f64; 3], instant_cd: impl Fn(usize, &Instant) -> f64) -> Lamp {
+    let intensities_cd: Vec<f64> =
+        run.iter().enumerate().map(|(i, instant)| instant_cd(i, instant)).collect();
+    let intensity_cd = intensities_cd.iter().copied().fold(0.0, f64::max);
+    let samples = run.iter().zip(&intensities_cd).map(|(instant, cd)| LightSample {
         time_s: instant.time_s,
         position_m: instant.position_m,
         axis: -Vector3::y(),

@@ -1,8 +1,8 @@
-//! Gaps of a real flight's log: bridged if the motion allows it, else dark.
+//! Gaps in a log: bridged if the motion allows it, else dark.
 //!
 //! Between the ends of a gap of T seconds the position follows the cubic through both ends with
-//! their velocities, and the attitude turns evenly. A drone that accelerates at `a` leaves that
-//! path by at most about `a T² / 8`. The flight itself stays below `a` in 95 % of its time.
+//! their velocities, and the attitude changes at a constant rate. A drone that accelerates at `a`
+//! leaves that path by at most about `a T² / 8`. The flight stays below `a` in 95 % of its time.
 
 use std::borrow::Cow;
 
@@ -12,8 +12,8 @@ use noctograph_core::flight::{Flight, FlightSample, airborne};
 use noctograph_core::geometry::Attitude;
 use noctograph_core::statistics::weighted_quantile;
 
-/// Largest uncertainty of a bridge: about the width of an overexposed trail. More draws strokes
-/// that were not flown. Less leaves dashes.
+/// Largest uncertainty of a bridge: about the width of an overexposed trail. A larger limit draws
+/// strokes that were not flown. A smaller one leaves dashes.
 const BRIDGE_M: f64 = 0.02;
 
 /// Least acceleration that is assumed for a flight, m/s²: that of the reference flight.
@@ -22,7 +22,11 @@ const LEAST_M_S2: f64 = 0.4;
 /// Time over which velocities are measured: ten samples of the firmware's position loop.
 const VELOCITY_S: f64 = 0.1;
 
+/// Time between the samples of a bridge.
 const STEP_S: f64 = 0.01;
+
+/// Quantile of speed and acceleration that counts as their largest value.
+const LARGEST: f64 = 0.95;
 
 /// Largest distance of a lamp from the middle of a Crazyflie: half its diagonal, 92 mm between
 /// motors.
@@ -44,19 +48,21 @@ impl Gap {
     }
 }
 
-/// The gaps of a flight.
+/// Returns the gaps of a flight with the uncertainty of a bridge over each.
 pub fn gaps(flight: &Flight) -> Vec<Gap> {
     if flight.gaps.is_empty() {
         return Vec::new();
     }
-    let acceleration = acceleration_m_s2(flight).max(LEAST_M_S2);
+    let acceleration_m_s2 = acceleration_m_s2(flight).max(LEAST_M_S2);
     Vec::from_iter(flight.gaps.iter().map(|span_s| {
-        let lasts_s = span_s[1] - span_s[0];
-        Gap { span_s: *span_s, uncertainty_m: acceleration * lasts_s * lasts_s / 8.0 }
+        // a T² / 8: the largest deviation from a path of constant velocity.
+        let duration_s = span_s[1] - span_s[0];
+        let uncertainty_m = acceleration_m_s2 * duration_s * duration_s / 8.0;
+        Gap { span_s: *span_s, uncertainty_m }
     }))
 }
 
-/// The open gaps, in which lamps are dark, each with the longest possible path of a lamp.
+/// Returns the gaps that are not bridged, each with the longest path of a lamp in it, m.
 pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     if flight.gaps.is_empty() {
         return Vec::new();
@@ -66,7 +72,8 @@ pub fn dark(flight: &Flight) -> Vec<(Gap, f64)> {
     open.map(|gap| (gap, 2.0 * LAMP_M + speed_m_s * (gap.span_s[1] - gap.span_s[0]))).collect()
 }
 
-/// The samples of a flight in stretches: over bridges, and from one open gap to the next.
+/// Returns the samples of a flight, divided at gaps that are not bridged. Bridges are filled with
+/// interpolated samples.
 pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     if flight.gaps.is_empty() {
         return vec![Cow::Borrowed(&flight.samples)];
@@ -88,7 +95,8 @@ pub(super) fn stretches(flight: &Flight) -> Vec<Cow<'_, [FlightSample]>> {
     stretches
 }
 
-/// Samples between the end of one stretch and the start of the next.
+/// Returns interpolated samples between the end of `before` and the start of `after`. Empty if
+/// either has no samples.
 fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> {
     let (Some(a), Some(b)) = (before.last(), after.first()) else { return Vec::new() };
     // Velocities at both ends, or the mean over the gap if there are too few samples.
@@ -101,54 +109,56 @@ fn bridge(before: &[FlightSample], after: &[FlightSample]) -> Vec<FlightSample> 
     #[expect(clippy::cast_possible_truncation, reason = "under a minute")]
     let steps = ((span_s / STEP_S).ceil() as u32).max(1);
     Vec::from_iter((1..steps).map(|step| {
-        // Cubic Hermite interpolation, and even turns the short way round.
+        // Cubic Hermite interpolation, with the smoothstep 3u² - 2u³ between the positions.
         let u = f64::from(step) / f64::from(steps);
-        let (turn, back) = (u * u * (3.0 - 2.0 * u), (1.0 - u) * (1.0 - u));
-        let position_m = a.position_m.lerp(&b.position_m, turn)
-            + (v_a * u * back - v_b * u * u * (1.0 - u)) * span_s;
-        let half_turn = |from: f64, to: f64| {
-            let turns = ((to - from) / std::f64::consts::TAU).round();
-            from + (to - from - turns * std::f64::consts::TAU) * u
-        };
+        let position_m = a.position_m.lerp(&b.position_m, u * u * (3.0 - 2.0 * u))
+            + (v_a * u * ((1.0 - u) * (1.0 - u)) - v_b * u * u * (1.0 - u)) * span_s;
         let attitude = Attitude {
-            yaw_rad: half_turn(a.attitude.yaw_rad, b.attitude.yaw_rad),
-            pitch_rad: half_turn(a.attitude.pitch_rad, b.attitude.pitch_rad),
-            roll_rad: half_turn(a.attitude.roll_rad, b.attitude.roll_rad),
+            yaw_rad: between_angles(a.attitude.yaw_rad, b.attitude.yaw_rad, u),
+            pitch_rad: between_angles(a.attitude.pitch_rad, b.attitude.pitch_rad, u),
+            roll_rad: between_angles(a.attitude.roll_rad, b.attitude.roll_rad, u),
         };
         FlightSample { time_s: a.time_s + span_s * u, position_m, attitude, ..*a }
     }))
 }
 
+/// Returns the angle at the fraction `u` of the shorter arc between two angles.
+fn between_angles(from_rad: f64, to_rad: f64, u: f64) -> f64 {
+    let turns = ((to_rad - from_rad) / std::f64::consts::TAU).round();
+    from_rad + (to_rad - from_rad - turns * std::f64::consts::TAU) * u
+}
+
+/// Returns the mean velocity over samples. `None` if they have no duration.
 fn velocity_m_s(samples: &[FlightSample]) -> Option<Vector3<f64>> {
     let (first, last) = (samples.first()?, samples.last()?);
-    let lasts_s = last.time_s - first.time_s;
-    (lasts_s > 0.0).then(|| (last.position_m - first.position_m) / lasts_s)
+    let duration_s = last.time_s - first.time_s;
+    (duration_s > 0.0).then(|| (last.position_m - first.position_m) / duration_s)
 }
 
-/// Acceleration that a flight stays below in 95 % of its time, outside of its gaps.
+/// Returns the acceleration that a flight stays below in 95 % of its time, outside of its gaps.
 fn acceleration_m_s2(flight: &Flight) -> f64 {
     let runs = spaced(flight, &flight.samples);
-    let accelerations = runs.iter().flat_map(|run| run.windows(3)).map(|run| {
-        let [before_m_s, after_m_s] = [(run[0], run[1]), (run[1], run[2])]
+    let accelerations = runs.iter().flat_map(|run| run.windows(3)).map(|triple| {
+        let [before_m_s, after_m_s] = [(triple[0], triple[1]), (triple[1], triple[2])]
             .map(|(a, b)| (b.position_m - a.position_m) / (b.time_s - a.time_s));
-        let lasts_s = 0.5 * (run[2].time_s - run[0].time_s);
-        ((after_m_s - before_m_s).norm() / lasts_s, lasts_s)
+        let duration_s = 0.5 * (triple[2].time_s - triple[0].time_s);
+        ((after_m_s - before_m_s).norm() / duration_s, duration_s)
     });
-    weighted_quantile(&mut accelerations.collect::<Vec<_>>(), 0.95).unwrap_or(0.0)
+    weighted_quantile(&mut accelerations.collect::<Vec<_>>(), LARGEST).unwrap_or(0.0)
 }
 
-/// Speed that a flight stays below in 95 % of its time in the air, outside of its gaps.
+/// Returns the speed that a flight stays below in 95 % of its time in the air, outside of its gaps.
 fn speed_m_s(flight: &Flight) -> f64 {
     let air = airborne(flight).unwrap_or(0..flight.samples.len());
     let runs = spaced(flight, &flight.samples[air]);
     let speeds = runs.iter().flat_map(|run| run.windows(2)).map(|pair| {
-        let lasts_s = pair[1].time_s - pair[0].time_s;
-        ((pair[1].position_m - pair[0].position_m).norm() / lasts_s, lasts_s)
+        let duration_s = pair[1].time_s - pair[0].time_s;
+        ((pair[1].position_m - pair[0].position_m).norm() / duration_s, duration_s)
     });
-    weighted_quantile(&mut speeds.collect::<Vec<_>>(), 0.95).unwrap_or(0.0)
+    weighted_quantile(&mut speeds.collect::<Vec<_>>(), LARGEST).unwrap_or(0.0)
 }
 
-/// Samples at least [`VELOCITY_S`] apart, in the runs between the gaps.
+/// Thins samples to at least [`VELOCITY_S`] apart. Returns the runs between the gaps.
 fn spaced<'a>(flight: &Flight, samples: &'a [FlightSample]) -> Vec<Vec<&'a FlightSample>> {
     let mut gaps = flight.gaps.iter().peekable();
     let (mut runs, mut run) = (Vec::new(), Vec::<&FlightSample>::new());

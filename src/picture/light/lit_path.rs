@@ -20,22 +20,22 @@ pub(super) struct Pose {
 }
 
 /// Largest distance of a lamp from its path between two samples: 1 % of a pixel that shows a
-/// millimeter. Less makes more samples and no better picture.
+/// millimeter. A smaller one needs more samples and improves no picture.
 pub(super) const FINE_M: f64 = 10e-6;
 
-/// The same for a row of several colors in turn, such as an LED of a spinner.
+/// Largest distance for a lamp of several colors in turn, such as an LED of a spinner.
 pub(super) const COARSE_M: f64 = 60e-6;
 
 /// Lever arm of a lamp on the body: the sum of its distances along the axes of the body.
 const ARM_M: f64 = 0.07;
 
-/// Poses of a flight between which the motion is straight and even within the tolerance. An open
-/// gap in a real log separates one stretch of poses from the next.
+/// Returns the poses of each stretch of a flight, thinned within a tolerance. The motion between
+/// two poses is straight, at constant speed.
 pub(super) fn stretches(samples: &[Cow<'_, [FlightSample]>], tolerance_m: f64) -> Vec<Vec<Pose>> {
     samples.iter().map(|stretch| poses(stretch, tolerance_m)).collect()
 }
 
-/// The poses of a flight, thinned to straight stretches within a tolerance.
+/// Thins the poses of a stretch to the ends of straight segments within a tolerance.
 fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
     let mut kept: Vec<Pose> = Vec::new();
     let mut run: Option<Straight> = None;
@@ -45,15 +45,15 @@ fn poses(samples: &[FlightSample], tolerance_m: f64) -> Vec<Pose> {
             position_m: sample.position_m,
             world_from_body: sample.attitude.world_from_body(),
         };
-        let Some(open) = &mut run else {
+        let Some(current) = &mut run else {
             kept.push(pose);
             run = Some(Straight::new(pose, pose));
             continue;
         };
         // The run's last pose ends it and begins the next.
-        if !open.extend(&pose, tolerance_m) {
-            kept.push(open.last);
-            *open = Straight::new(open.last, pose);
+        if !current.extend(&pose, tolerance_m) {
+            kept.push(current.last);
+            *current = Straight::new(current.last, pose);
         }
     }
     kept.extend(run.filter(|run| run.last.time_s > run.first.time_s).map(|run| run.last));
@@ -68,21 +68,23 @@ struct Straight {
 }
 
 impl Straight {
+    /// Begins a run with two poses, which are always straight.
     fn new(first: Pose, last: Pose) -> Self {
         Self { first, last, chords: Chords::ALL }
     }
 
-    /// Extends the run to the next pose if it stays straight.
+    /// Extends the run to the next pose. Returns false, without doing so, if it is not straight.
     fn extend(&mut self, next: &Pose, tolerance_m: f64) -> bool {
-        // Half of the tolerance is for the position and half for the rotation.
-        let slack = 0.5 * tolerance_m / 3.0_f64.sqrt();
+        // Half of the tolerance is for the position and half for the rotation, on each of 3 axes.
+        let slack_m = 0.5 * tolerance_m / 3.0_f64.sqrt();
         let skipped_s = self.last.time_s - self.first.time_s;
         if skipped_s > 0.0 {
-            let skipped = self.last.lengths_from(&self.first);
-            let [low, high] = [-slack, slack].map(|slack| skipped.map(|length| length + slack));
+            // The last pose is skipped if the run goes on, and limits the rates of its chord.
+            let skipped_m = self.last.lengths_from(&self.first);
+            let [low, high] = [-slack_m, slack_m].map(|m| skipped_m.map(|length_m| length_m + m));
             self.chords.keep_between(low, high, skipped_s);
-            let offset = next.lengths_from(&self.first);
-            if !self.chords.contain(offset, next.time_s - self.first.time_s) {
+            let offset_m = next.lengths_from(&self.first);
+            if !self.chords.contain(offset_m, next.time_s - self.first.time_s) {
                 return false;
             }
         }
@@ -92,17 +94,18 @@ impl Straight {
 }
 
 impl Pose {
-    /// Differences of position and of attitude from another pose, all as lengths.
+    /// Returns the differences of position and of attitude from another pose, m: three coordinates,
+    /// then the nine numbers of the rotation matrix times the lever arm.
     fn lengths_from(&self, other: &Self) -> [f64; 12] {
         std::array::from_fn(|i| match i.checked_sub(3) {
             None => self.position_m[i] - other.position_m[i],
-            Some(turn) => self.world_from_body[turn] * ARM_M - other.world_from_body[turn] * ARM_M,
+            Some(k) => self.world_from_body[k] * ARM_M - other.world_from_body[k] * ARM_M,
         })
     }
 }
 
-/// Samples of a lamp over a flight. Each lit run begins and ends at level 0. The lamp is dark
-/// between two stretches, since its path is unknown there.
+/// Returns the samples of a lamp over a flight. Each lit run begins and ends at level 0. The lamp
+/// is dark between two stretches, since its path is unknown there.
 pub(super) fn shine(
     stretches: &[Vec<Pose>],
     fixture: &Fixture,
@@ -125,7 +128,8 @@ pub(super) fn shine(
     samples
 }
 
-/// Samples of a lamp over one stretch. Knots in the gap before it take effect at its start.
+/// Appends the samples of a lamp over one stretch. Knots in the gap before it take effect at its
+/// start. `next` is the first knot that has not passed, and moves on.
 fn shine_along(
     poses: &[Pose],
     fixture: &Fixture,
@@ -133,36 +137,36 @@ fn shine_along(
     next: &mut usize,
     samples: &mut Vec<LightSample>,
 ) {
-    let mut before: Option<&Pose> = None;
+    let mut previous: Option<&Pose> = None;
     for pose in poses {
         let first = *next;
         while knots.get(*next).is_some_and(|knot| knot.time_s <= pose.time_s) {
             *next += 1;
         }
-        // A sample at each knot since the pose before, then one at the pose.
+        // A sample at each knot since the previous pose, then one at the pose.
         if first < *next {
-            let here = lamp(pose, fixture);
-            let start = before.map_or(here, |before| lamp(before, fixture));
+            let end = dark_sample(pose, fixture);
+            let start = previous.map_or(end, |previous| dark_sample(previous, fixture));
             for index in first..*next {
                 // Lit at the knot, just before or just after it.
-                let beside = &knots[index.saturating_sub(1)..(index + 2).min(knots.len())];
-                if beside.iter().any(|knot| knot.level > 0.0) {
+                let neighbors = &knots[index.saturating_sub(1)..(index + 2).min(knots.len())];
+                if neighbors.iter().any(|knot| knot.level > 0.0) {
                     let Change { time_s, level } = knots[index];
-                    samples.push(LightSample { level, ..between(start, here, time_s) });
+                    samples.push(LightSample { level, ..between(start, end, time_s) });
                 }
             }
         }
         let level = level_at(knots, *next, pose.time_s);
-        let on_knot = *next > 0 && knots[*next - 1].time_s == pose.time_s;
-        if level > 0.0 && !on_knot {
-            samples.push(LightSample { level, ..lamp(pose, fixture) });
+        let is_at_knot = *next > 0 && knots[*next - 1].time_s == pose.time_s;
+        if level > 0.0 && !is_at_knot {
+            samples.push(LightSample { level, ..dark_sample(pose, fixture) });
         }
-        before = Some(pose);
+        previous = Some(pose);
     }
 }
 
-/// Levels as knots, linear in between. Every change is a step, two knots at one time, since LEDs
-/// take less than 1 µs.
+/// Returns changes of a level as knots, linear in between. Every change is a step, two knots at one
+/// time, since LEDs switch in less than 1 µs.
 fn knots(changes: &[Change]) -> Vec<Change> {
     let mut level = 0.0;
     let mut knots: Vec<Change> = Vec::with_capacity(2 * changes.len());
@@ -175,19 +179,20 @@ fn knots(changes: &[Change]) -> Vec<Change> {
     knots
 }
 
-/// The level between the knots before and after `next`.
+/// Returns the level at `time_s`, which is after all knots before `next` and before the others.
 fn level_at(knots: &[Change], next: usize, time_s: f64) -> f64 {
     let Some(last) = next.checked_sub(1).map(|index| knots[index]) else { return 0.0 };
     match knots.get(next) {
         Some(after) if after.level != last.level => {
-            let part = (time_s - last.time_s) / (after.time_s - last.time_s);
-            last.level + (after.level - last.level) * part
+            let fraction = (time_s - last.time_s) / (after.time_s - last.time_s);
+            last.level + (after.level - last.level) * fraction
         }
         _ => last.level,
     }
 }
 
-fn lamp(pose: &Pose, fixture: &Fixture) -> LightSample {
+/// Returns position and axis of a lamp at a pose, with level 0.
+fn dark_sample(pose: &Pose, fixture: &Fixture) -> LightSample {
     let axis = Vector3::from(fixture.axis_body).normalize();
     LightSample {
         time_s: pose.time_s,
@@ -197,13 +202,14 @@ fn lamp(pose: &Pose, fixture: &Fixture) -> LightSample {
     }
 }
 
+/// Interpolates position and axis of a lamp at `time_s`, which is limited to the samples' times.
 fn between(a: LightSample, b: LightSample, time_s: f64) -> LightSample {
     let span_s = b.time_s - a.time_s;
-    let part = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
+    let fraction = if span_s > 0.0 { ((time_s - a.time_s) / span_s).clamp(0.0, 1.0) } else { 1.0 };
     LightSample {
         time_s: time_s.clamp(a.time_s, b.time_s),
-        position_m: a.position_m.lerp(&b.position_m, part),
-        axis: a.axis.lerp(&b.axis, part).normalize(),
+        position_m: a.position_m.lerp(&b.position_m, fraction),
+        axis: a.axis.lerp(&b.axis, fraction).normalize(),
         level: 0.0,
     }
 }

@@ -44,10 +44,10 @@ mod tests;
 /// Lamps moving through the world, of one drone or of several ([`LightTraceData::append`]).
 pub type LightTrace = Valid<LightTraceData>;
 
-/// The data of a [`LightTrace`].
+/// Data of a [`LightTrace`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightTraceData {
-    /// One for each color of each row that is ever lit.
+    /// One lamp for each color of each row that is ever lit.
     pub lamps: Vec<Lamp>,
 }
 
@@ -57,11 +57,40 @@ impl Rules for LightTraceData {
     }
 }
 
-/// Checks that a lamp's numbers are finite and within range, and that its time does not fall.
+/// Checks that a lamp's numbers are finite and within range, and that its samples are in order of
+/// time.
 fn check_lamp(lamp: &Lamp) -> Result<()> {
+    check_emitter(&lamp.emitter)?;
+    let (name, mut previous_s) = (&lamp.emitter.name, f64::NEG_INFINITY);
+    for sample in &lamp.samples {
+        let LightSample { time_s, position_m, axis, level } = sample;
+        let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
+        let hint = "the flight or log that this light comes from is broken at that time";
+        if !time_s.is_finite() || *time_s < previous_s {
+            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
+        }
+        previous_s = *time_s;
+        for (what, v) in [("position", position_m), ("axis", axis)] {
+            if !v.iter().all(|x| x.is_finite()) {
+                let vector = format!("({}, {}, {})", v.x, v.y, v.z);
+                return Err(Error::input(place(what), vector, "three finite numbers", hint));
+            }
+        }
+        if !(0.0..=MAX_LEVEL).contains(level) {
+            return Err(Error::input(place("level"), level, "a number from 0 to 1", hint));
+        }
+    }
+    Ok(())
+}
+
+/// Largest level of a sample. Levels above 1 are not expected, but a film can hold them.
+const MAX_LEVEL: f64 = 1e3;
+
+/// Checks that an emitter's numbers are within range.
+fn check_emitter(emitter: &Emitter) -> Result<()> {
     let Emitter { name, intensity_cd, rgb, beam_exponent, spill, diameter_m, depth_m, .. } =
-        &lamp.emitter;
-    // The emitter, each number with its largest value.
+        emitter;
+    // Each number with its largest value.
     let settings = [
         ("intensity_cd", *intensity_cd, 1e9),
         ("rgb[0]", rgb[0], 1e3),
@@ -80,35 +109,15 @@ fn check_lamp(lamp: &Lamp) -> Result<()> {
             return Err(Error::input(place, value, format!("a number from 0 to {max:e}"), hint));
         }
     }
-    // Its samples, in order of time.
-    let mut before = f64::NEG_INFINITY;
-    for sample in &lamp.samples {
-        let LightSample { time_s, position_m, axis, level } = sample;
-        let place = |what: &str| format!("lamp `{name}` at {time_s} s: {what}");
-        let hint = "the flight or log that this light comes from is broken at that time";
-        if !time_s.is_finite() || *time_s < before {
-            return Err(Error::input(place("time"), time_s, "a time not before the last", hint));
-        }
-        before = *time_s;
-        for (what, v) in [("position", position_m), ("axis", axis)] {
-            if !v.iter().all(|x| x.is_finite()) {
-                let vector = format!("({}, {}, {})", v.x, v.y, v.z);
-                return Err(Error::input(place(what), vector, "three finite numbers", hint));
-            }
-        }
-        if !(0.0..=1e3).contains(level) {
-            return Err(Error::input(place("level"), level, "a number from 0 to 1", hint));
-        }
-    }
     Ok(())
 }
 
 impl LightTraceData {
-    /// Time of the last sample, or 0.
+    /// Returns the time of the last sample, or 0 if there is none.
     #[must_use]
     pub fn end_s(&self) -> f64 {
-        let ends = self.lamps.iter().filter_map(|lamp| lamp.samples.last());
-        ends.map(|last| last.time_s).fold(0.0, f64::max)
+        let last_samples = self.lamps.iter().filter_map(|lamp| lamp.samples.last());
+        last_samples.map(|last| last.time_s).fold(0.0, f64::max)
     }
 
     /// Adds the lamps of another drone, flown at the same time.
@@ -120,25 +129,25 @@ impl LightTraceData {
 /// One emitter and its path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lamp {
-    /// Its drone. `None` if there is only one.
+    /// Drone that carries it. `None` if there is only one drone.
     pub drone: Option<DroneIndex>,
-    /// Its constant properties.
+    /// Constant properties.
     pub emitter: Emitter,
-    /// Its path, in order of time. Position, axis and level are linear between samples. Two samples
-    /// at one time make a step.
+    /// Path in order of time. Position, axis and level are linear between samples. Two samples at
+    /// the same time make a step.
     pub samples: Vec<LightSample>,
 }
 
 impl Lamp {
-    /// Its name, after the number of its drone, from 1, if several fly.
+    /// Returns the name, preceded by the drone's number (from 1) if there are several drones.
     #[must_use]
     pub fn label(&self) -> String {
         let Self { drone, emitter: Emitter { name, .. }, .. } = self;
         drone.map_or_else(|| name.clone(), |drone| format!("{drone}: {name}"))
     }
 
-    /// True if another lamp is a disc around it that shines at the same times, as the body does
-    /// that it lights: a picture shows one trail.
+    /// True if `disc` is a disc around this lamp that shines at the same times, such as the body
+    /// that it lights. A picture shows both as one trail.
     pub(crate) fn is_within(&self, disc: &Self) -> bool {
         self.emitter.diameter_m < disc.emitter.diameter_m
             && (self.drone, self.samples.len()) == (disc.drone, disc.samples.len())
@@ -148,7 +157,7 @@ impl Lamp {
     }
 }
 
-/// One instant of a lamp.
+/// Position and light of a lamp at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
     /// Time since the first setpoint.
@@ -162,15 +171,15 @@ pub struct LightSample {
 }
 
 impl LightSample {
-    /// The sample at a time on the straight path to the next one.
+    /// Interpolates linearly between this sample and the next one, at `time_s`.
     #[must_use]
     pub fn toward(&self, next: &Self, time_s: f64) -> Self {
-        let part = (time_s - self.time_s) / (next.time_s - self.time_s);
+        let fraction = (time_s - self.time_s) / (next.time_s - self.time_s);
         Self {
             time_s,
-            position_m: self.position_m + (next.position_m - self.position_m) * part,
-            axis: self.axis + (next.axis - self.axis) * part,
-            level: self.level + (next.level - self.level) * part,
+            position_m: self.position_m + (next.position_m - self.position_m) * fraction,
+            axis: self.axis + (next.axis - self.axis) * fraction,
+            level: self.level + (next.level - self.level) * fraction,
         }
     }
 }
@@ -178,7 +187,7 @@ impl LightSample {
 /// A source of light of one color.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Emitter {
-    /// Name of its row in the table. A row that changes its color is several lamps of one name.
+    /// Name of the row in the table. A row that changes its color is several lamps of one name.
     pub name: String,
     /// Luminous intensity along the axis at level 1.
     pub intensity_cd: f64,
@@ -197,15 +206,17 @@ pub struct Emitter {
 }
 
 impl Emitter {
-    /// Luminous intensity at level 1 at an angle off the axis, given its cosine.
+    /// Returns the luminous intensity at level 1 in a direction, by the cosine of its angle off the
+    /// axis.
     #[must_use]
     pub fn intensity_cd(&self, cos_off_axis: f64) -> f64 {
-        self.intensity_cd * self.share(cos_off_axis)
+        self.intensity_cd * self.relative_intensity(cos_off_axis)
     }
 
-    /// Intensity at an angle off the axis relative to that on the axis, given the cosine.
+    /// Returns the intensity in a direction relative to the axis, by the cosine of its angle off
+    /// the axis. 0 if the body hides the lamp.
     #[must_use]
-    pub fn share(&self, cos_off_axis: f64) -> f64 {
+    pub fn relative_intensity(&self, cos_off_axis: f64) -> f64 {
         if cos_off_axis < self.visible_cos {
             return 0.0;
         }
@@ -217,13 +228,13 @@ impl Emitter {
         self.spill + (1.0 - self.spill) * beam
     }
 
-    /// True if it shines alike to all sides.
-    pub(crate) fn is_even(&self) -> bool {
+    /// True if the intensity is the same in all directions.
+    pub(crate) fn is_isotropic(&self) -> bool {
         self.spill >= 1.0 && self.visible_cos <= -1.0
     }
 }
 
-/// Lights the lamps of a flight.
+/// Computes the light of a flight's lamps.
 ///
 /// `seed` and `drone` (its index from 0) determine all random numbers: the jitter of the radio and
 /// the flicker of the link LEDs.
@@ -289,61 +300,62 @@ fn check_channels(flight: &Flight, fixtures: &[Fixture]) -> Result<()> {
 /// color.
 const MAX_COLORS: usize = 8;
 
-/// The sources of light of a row with their levels: one for each color that it ever shows, or one
-/// for each primary color.
+/// Returns the emitters of a row and the changes of their levels: one emitter for each color that
+/// the row ever shows, or for each primary color. `dies` are the changes of each die's level.
 fn sources(fixture: &Fixture, dies: &[Vec<Change>]) -> Vec<(Emitter, Vec<Change>)> {
-    let moments = moments(dies);
+    let states = states(dies);
     // Every color that is ever shown, as levels relative to the highest.
     let mut colors: Vec<Vec<f64>> = Vec::new();
-    for (_, levels) in &moments {
-        let color = color_of(levels);
+    for (_, levels) in &states {
+        let color = relative_levels(levels);
         if color.iter().any(|level| *level > 0.0) && !colors.contains(&color) {
             colors.push(color);
             if colors.len() > MAX_COLORS {
-                return by_primary(fixture, &moments);
+                return by_primary(fixture, &states);
             }
         }
     }
     Vec::from_iter(colors.iter().map(|color| {
-        let changes = moments.iter().map(|(time_s, levels)| Change {
+        let changes = states.iter().map(|(time_s, levels)| Change {
             time_s: *time_s,
-            level: if color_of(levels) == *color { most(levels) } else { 0.0 },
+            level: if relative_levels(levels) == *color { largest(levels) } else { 0.0 },
         });
         (emitter(fixture, color), changes.collect())
     }))
 }
 
-/// One source for each primary color of sRGB, with the part of it that every color has. Dies are
-/// outside sRGB, so that each clipped by itself would be paler than the mixture.
-fn by_primary(fixture: &Fixture, moments: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
-    let parts = moments.iter().map(|(time_s, levels)| {
+/// Returns an emitter for each primary color of sRGB, and the changes of its level. Mixtures are
+/// converted to sRGB as a whole, since dies are outside it and would lose more saturation singly.
+fn by_primary(fixture: &Fixture, states: &[(f64, Vec<f64>)]) -> Vec<(Emitter, Vec<Change>)> {
+    // Luminous intensity of each primary color at each change.
+    let intensities = states.iter().map(|(time_s, levels)| {
         let Emitter { intensity_cd, rgb, .. } = emitter(fixture, levels);
         (*time_s, std::array::from_fn(|k| intensity_cd * rgb[k] * LUMINANCE[k]))
     });
-    let parts: Vec<(f64, [f64; 3])> = parts.collect();
+    let intensities: Vec<(f64, [f64; 3])> = intensities.collect();
     let primaries = [0, 1, 2].map(|k: usize| {
-        let most_cd = parts.iter().map(|(_, part_cd)| part_cd[k]).fold(0.0, f64::max);
+        let largest_cd = intensities.iter().map(|(_, rgb_cd)| rgb_cd[k]).fold(0.0, f64::max);
         let mut rgb = [0.0; 3];
         rgb[k] = 1.0 / LUMINANCE[k];
-        let changes = parts.iter().map(|(time_s, part_cd)| Change {
+        let changes = intensities.iter().map(|(time_s, rgb_cd)| Change {
             time_s: *time_s,
-            level: if most_cd > 0.0 { part_cd[k] / most_cd } else { 0.0 },
+            level: if largest_cd > 0.0 { rgb_cd[k] / largest_cd } else { 0.0 },
         });
-        (Emitter { intensity_cd: most_cd, rgb, ..emitter(fixture, &[]) }, changes.collect())
+        (Emitter { intensity_cd: largest_cd, rgb, ..emitter(fixture, &[]) }, changes.collect())
     });
     primaries.into()
 }
 
-/// The levels of all dies at every change of one.
-fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
+/// Returns the time of each change of any die, and the levels of all dies from then on.
+fn states(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
     let mut next = vec![0; dies.len()];
     let mut levels = vec![0.0; dies.len()];
-    let mut moments = Vec::new();
+    let mut states = Vec::new();
     // A merge of the sorted changes of all dies.
     loop {
         let upcoming = dies.iter().zip(&next).filter_map(|(changes, next)| changes.get(*next));
         let Some(time_s) = upcoming.map(|change| change.time_s).min_by(f64::total_cmp) else {
-            return moments;
+            return states;
         };
         for (die, changes) in dies.iter().enumerate() {
             while let Some(change) = changes.get(next[die]).filter(|c| c.time_s <= time_s) {
@@ -351,35 +363,36 @@ fn moments(dies: &[Vec<Change>]) -> Vec<(f64, Vec<f64>)> {
                 next[die] += 1;
             }
         }
-        moments.push((time_s, levels.clone()));
+        states.push((time_s, levels.clone()));
     }
 }
 
-/// Levels relative to the highest.
-fn color_of(levels: &[f64]) -> Vec<f64> {
-    let most = most(levels);
-    levels.iter().map(|level| if most > 0.0 { level / most } else { 0.0 }).collect()
+/// Returns levels relative to the highest. All are 0 in the dark.
+fn relative_levels(levels: &[f64]) -> Vec<f64> {
+    let largest = largest(levels);
+    levels.iter().map(|level| if largest > 0.0 { level / largest } else { 0.0 }).collect()
 }
 
-fn most(levels: &[f64]) -> f64 {
+/// Returns the largest level, at least 0.
+fn largest(levels: &[f64]) -> f64 {
     levels.iter().copied().fold(0.0, f64::max)
 }
 
-/// The source of light that the dies of a lamp make together at these levels.
+/// Returns the emitter that the dies of a lamp form together at these levels.
 pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     // Additive mixing: luminances and XYZ add up.
-    let (mut intensity_cd, mut mixture) = (0.0, [0.0; 3]);
+    let (mut intensity_cd, mut mixture_xyz) = (0.0, [0.0; 3]);
     for (die, level) in fixture.dies.iter().zip(levels) {
-        let part_cd = level * die.intensity_cd;
-        intensity_cd += part_cd;
-        for (sum, part) in mixture.iter_mut().zip(xyz(die.chromaticity)) {
-            *sum += part_cd * part;
+        let die_cd = level * die.intensity_cd;
+        intensity_cd += die_cd;
+        for (sum, component) in mixture_xyz.iter_mut().zip(xyz(die.chromaticity)) {
+            *sum += die_cd * component;
         }
     }
     Emitter {
         name: fixture.name.clone(),
         intensity_cd,
-        rgb: if intensity_cd > 0.0 { rgb(mixture) } else { [1.0; 3] },
+        rgb: if intensity_cd > 0.0 { rgb(mixture_xyz) } else { [1.0; 3] },
         beam_exponent: fixture.beam_exponent,
         spill: fixture.spill,
         visible_cos: fixture.visible_cos,
@@ -388,9 +401,8 @@ pub(crate) fn emitter(fixture: &Fixture, levels: &[f64]) -> Emitter {
     }
 }
 
-/// Linear sRGB with luminance 1 of a mixture given by its XYZ. Narrow-band LEDs lie outside sRGB.
-/// Clipping at its faces keeps their luminance and roughly their hue, and loses saturation: a film
-/// holds no negative light.
+/// Converts XYZ to linear sRGB with luminance 1. Narrow-band LEDs lie outside sRGB, and a film
+/// cannot store negative light. Clipping keeps luminance and roughly the hue, and loses saturation.
 fn rgb(xyz: [f64; 3]) -> [f64; 3] {
     let rgb = rgb_from_xyz(xyz).map(|channel| channel.max(0.0));
     rgb.map(|channel| channel / luminance(rgb))

@@ -16,6 +16,7 @@ use noctograph_core::srgb::{
     RGB_FROM_XYZ, encoded_from_linear, linear_from_encoded, rgb_from_xyz, xyz,
 };
 
+/// A flight and the options that determine the levels of its lamps.
 #[derive(Debug)]
 pub(super) struct Programs<'a> {
     flight: &'a Flight,
@@ -27,6 +28,9 @@ pub(super) struct Programs<'a> {
     ring: OnceCell<Vec<(f64, Frame)>>,
 }
 
+/// Bit of `led.bitmask` with which it controls the LEDs of the board.
+const BITMASK_ENABLED: u8 = 0x80;
+
 /// Time over which flicker is averaged.
 const FLICKER_S: f64 = 0.1;
 
@@ -35,6 +39,7 @@ const FLICKER_S: f64 = 0.1;
 const COLOR_LED_SCALE: [f32; 4] = [0.99, 0.78, 0.51, 1.0];
 
 impl<'a> Programs<'a> {
+    /// Prepares the programs of a flight, from its first to its last sample.
     pub(super) fn new(
         flight: &'a Flight,
         options: &'a LightOptions,
@@ -46,7 +51,7 @@ impl<'a> Programs<'a> {
         Self { flight, options, seed, drone, begin_s, end_s, ring: OnceCell::new() }
     }
 
-    /// Changes of the level of each die, which is dark before the first.
+    /// Returns the changes of each die's level. All are dark before the first change.
     pub(super) fn changes(&self, fixture: &Fixture) -> Vec<Vec<Change>> {
         let changes = match (&fixture.drive, self.bitmask(fixture)) {
             (_, Some(level)) => self.steady(level),
@@ -62,17 +67,19 @@ impl<'a> Programs<'a> {
         vec![changes; fixture.dies.len()]
     }
 
+    /// Returns the change to a constant level at the start of the flight.
     fn steady(&self, level: f64) -> Vec<Change> {
         vec![Change { time_s: self.begin_s, level }]
     }
 
-    /// Level of a lamp by `led.bitmask`, if that determines it.
+    /// Returns the level that `led.bitmask` sets. `None` if it does not control the lamp.
     fn bitmask(&self, fixture: &Fixture) -> Option<f64> {
         let mask = self.options.led_bitmask;
-        let bit = fixture.bitmask_bit.filter(|_| mask & 0x80 != 0)?;
+        let bit = fixture.bitmask_bit.filter(|_| mask & BITMASK_ENABLED != 0)?;
         Some(f64::from(mask >> bit & 1))
     }
 
+    /// Returns the changes of a lamp that follows a channel of the plan over the radio.
     fn commanded(&self, channel: &str) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, channel);
         let levels = self.flight.lights.get(channel).map_or(&[][..], |levels| levels);
@@ -80,21 +87,23 @@ impl<'a> Programs<'a> {
         Timer { period_s: self.options.tick_s, phase_s: 0.0 }.hold(&arrivals)
     }
 
-    /// Changes of a lamp that blinks with a period through the flight.
+    /// Returns the changes of a lamp that is lit for `on_s` in each period during the flight.
     fn blink(&self, on_s: f64, period_s: f64, phase_s: f64) -> Vec<Change> {
         let timer = Timer { period_s, phase_s };
         let mut changes = Vec::new();
+        // The first flash may have begun before the flight.
         let mut number = timer.next(self.begin_s - on_s);
         while timer.tick_s(number) < self.end_s {
-            let time_s = timer.tick_s(number);
-            let from_s = time_s.max(self.begin_s);
-            changes.push(Change { time_s: from_s, level: 1.0 });
-            changes.push(Change { time_s: (time_s + on_s).max(from_s), level: 0.0 });
+            let tick_s = timer.tick_s(number);
+            let start_s = tick_s.max(self.begin_s);
+            changes.push(Change { time_s: start_s, level: 1.0 });
+            changes.push(Change { time_s: (tick_s + on_s).max(start_s), level: 0.0 });
             number += 1.0;
         }
         changes
     }
 
+    /// Returns the changes of a lamp with random flashes, averaged over [`FLICKER_S`].
     fn flicker(&self, name: &str, flashes_hz: f64, flash_s: f64) -> Vec<Change> {
         let chance = Chance::new(self.seed, self.drone, name);
         let timer = Timer { period_s: FLICKER_S, phase_s: self.begin_s };
@@ -107,6 +116,7 @@ impl<'a> Programs<'a> {
         changes.collect()
     }
 
+    /// Returns the changes of a die (0 red, 1 green, 2 blue) of an LED of the ring.
     fn ring(&self, led: usize, die: usize) -> Vec<Change> {
         let frames = self.ring.get_or_init(|| {
             let chance = Chance::new(self.seed, self.drone, RING.name);
@@ -122,14 +132,15 @@ impl<'a> Programs<'a> {
         changes
     }
 
+    /// Returns the changes of the four dies of the color LED deck.
     fn color_led(&self) -> Vec<Vec<Change>> {
         // Commands are packed into one number, so that a change of any die is a change.
-        let sent = self.color_led_sent();
-        let at_first = sent.first().copied().unwrap_or(0.0);
+        let commands = self.color_led_commands();
+        let initial = commands.first().copied().unwrap_or(0.0);
         let chance = Chance::new(self.seed, self.drone, COLOR_LED.name);
-        let arrivals = arrivals(&self.flight.samples, &sent, at_first, self.options, &chance);
+        let arrivals = arrivals(&self.flight.samples, &commands, initial, self.options, &chance);
         let timer = Timer { period_s: COLOR_LED_TICK_S, phase_s: 0.0 };
-        let mut changes = self.steady(at_first);
+        let mut changes = self.steady(initial);
         changes.extend(timer.hold(&arrivals));
         let mut dies = vec![Vec::new(); 4];
         for Change { time_s, level } in changes {
@@ -141,8 +152,8 @@ impl<'a> Programs<'a> {
         dies
     }
 
-    /// The commands to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
-    fn color_led_sent(&self) -> Vec<f64> {
+    /// Returns the command to the color LED deck at each sample, `wrgb8888`: its color, dimmed.
+    fn color_led_commands(&self) -> Vec<f64> {
         let level = self.flight.lights.get(COLOR_LED.name);
         let colors = COLOR_LED_COLORS.map(|name| self.flight.lights.get(name));
         // A letter's color stays until the next letter, if the plan has no color channels.
@@ -161,42 +172,48 @@ impl<'a> Programs<'a> {
     }
 }
 
-/// Luminous intensity of white, mixed of red, green and blue: of the color LED deck, and of an LED
-/// of the ring.
+/// Luminous intensity of white, mixed from red, green and blue dies: of the color LED deck, and of
+/// an LED of the ring.
 ///
-/// Twice as much from the deck overexposes a word of seven letters at f/22, and half as much has 8
-/// steps of green. An LED of the ring can do 1 cd. Screen colors that differ only in brightness
+/// Twice as much from the deck overexposes a word of seven letters at f/22. Half as much leaves 8
+/// steps of green. An LED of the ring can emit 1 cd. Screen colors that differ only in brightness
 /// become one color, whose strongest channel is as bright as that of white: one exposure suits all.
 const WHITE_CD: [f64; 2] = [3.0, 0.5];
 
-/// That intensity in the search for the best bytes: the wanted one first.
-const FITTED: [f64; 17] = [
+/// Factors on the intensity in the search for the best bytes. The first is preferred.
+const FACTORS: [f64; 17] = [
     1.0, 1.025, 0.975, 1.05, 0.95, 1.075, 0.925, 1.1, 0.9, 1.125, 0.875, 1.15, 0.85, 1.175, 0.825,
     1.2, 0.8,
 ];
 
-/// White, red, green and blue, 0 to 255, with which the color LED deck shows a color of the screen
-/// (sRGB).
+/// Returns white, red, green and blue, 0 to 255, with which the color LED deck shows an sRGB color.
 #[must_use]
 pub fn color_led_wrgb(srgb: [u8; 3], levels: ColorLedLevels) -> [u8; 4] {
     let dies = &color_led()[0].dies[1..];
-    let [r, g, b] = shown(dies, srgb, WHITE_CD[0], |die, byte| {
+    let [r, g, b] = closest_bytes(dies, srgb, WHITE_CD[0], |die, byte| {
         dies[die].intensity_cd * color_led_levels([byte; 4], levels)[die + 1]
     });
     [0, r, g, b]
 }
 
-/// Red, green and blue, 0 to 255, with which the LED ring shows a color of the screen (sRGB).
+/// Returns red, green and blue, 0 to 255, with which the LED ring shows an sRGB color.
 #[must_use]
 pub fn ring_rgb(srgb: [u8; 3]) -> [u8; 3] {
     let ring = led_ring().into_iter().find(|row| matches!(row.drive, Drive::Ring(_)));
     let dies = ring.map_or(Vec::new(), |row| row.dies);
-    shown(&dies, srgb, WHITE_CD[1], |die, byte| dies[die].intensity_cd * f64::from(byte) / 255.0)
+    closest_bytes(&dies, srgb, WHITE_CD[1], |die, byte| {
+        dies[die].intensity_cd * f64::from(byte) / 255.0
+    })
 }
 
-/// The bytes for red, green and blue dies that show a color, by the luminous intensity of a die at
-/// a byte: those that a screen tells least from it.
-fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f64) -> [u8; 3] {
+/// Returns the bytes for red, green and blue dies whose light is closest to an sRGB color, by its
+/// largest difference on a screen. `cd` gives the luminous intensity of a die at a byte.
+fn closest_bytes(
+    dies: &[Die],
+    srgb: [u8; 3],
+    white_cd: f64,
+    cd: impl Fn(usize, u8) -> f64,
+) -> [u8; 3] {
     // The color as a mixture of the dies, and as a screen shows it.
     let chromaticities: [_; 3] = std::array::from_fn(|die| dies[die].chromaticity);
     let color = mixture(chromaticities, srgb);
@@ -204,17 +221,18 @@ fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f
         [0, 0, 0] => [1.0; 3],
         _ => srgb.map(|level| linear_from_encoded(f64::from(level) / 255.0)),
     });
-    let of_die = chromaticities.map(|die| Vector3::from(rgb_from_xyz(xyz(die))));
-    // Candidates: at each intensity, the bytes below and above the mixture.
-    let candidates = FITTED.into_iter().flat_map(|factor| {
+    let die_rgb = chromaticities.map(|die| Vector3::from(rgb_from_xyz(xyz(die))));
+    // Candidates: at each intensity, each die's byte below the mixture or the next one above it.
+    let candidates = FACTORS.into_iter().flat_map(|factor| {
         let below = [0, 1, 2].map(|die| {
-            let most_cd = factor * white_cd * color[die];
-            (0..255).rev().find(|byte| cd(die, *byte) <= most_cd).unwrap_or(0)
+            let wanted_cd = factor * white_cd * color[die];
+            (0..255).rev().find(|byte| cd(die, *byte) <= wanted_cd).unwrap_or(0)
         });
+        // The three bits of `up` choose the byte of each die.
         (0..8).map(move |up| std::array::from_fn(|die| below[die] + (up >> die & 1)))
     });
     let with_error = candidates.map(|bytes: [u8; 3]| {
-        let rgb: Vector3<f64> = (0..3).map(|die| of_die[die] * cd(die, bytes[die])).sum();
+        let rgb: Vector3<f64> = (0..3).map(|die| die_rgb[die] * cd(die, bytes[die])).sum();
         let screen = at_full_scale(rgb.into());
         let errors = (0..3).map(|channel| (screen[channel] - wanted[channel]).abs());
         (bytes, errors.fold(0.0, f64::max))
@@ -222,27 +240,29 @@ fn shown(dies: &[Die], srgb: [u8; 3], white_cd: f64, cd: impl Fn(usize, u8) -> f
     with_error.min_by(|a, b| a.1.total_cmp(&b.1)).map_or([0; 3], |(bytes, _)| bytes)
 }
 
-/// Levels of a screen, 0 to 1, of linear light whose strongest channel is full.
+/// Scales linear light so that its strongest channel is 1. Returns it in sRGB encoding, 0 to 1.
 fn at_full_scale(rgb: [f64; 3]) -> [f64; 3] {
-    let most = rgb.into_iter().fold(1e-9, f64::max);
-    rgb.map(|channel| encoded_from_linear((channel / most).max(0.0)))
+    // The lower limit only prevents a division by zero.
+    let largest = rgb.into_iter().fold(1e-9, f64::max);
+    rgb.map(|channel| encoded_from_linear((channel / largest).max(0.0)))
 }
 
-/// Luminance of each die of a row for a screen color (sRGB) at full scale, relative to that of
-/// white. Colors outside the dies' gamut are clipped. Black counts as white.
+/// Returns the luminance of each die for an sRGB color at full scale, relative to white. Colors
+/// outside the dies' gamut are clipped. Black counts as white.
 pub(super) fn mixture(dies: [[f64; 2]; 3], srgb: [u8; 3]) -> Vector3<f64> {
     let rgb_from_xyz = Matrix3::from_fn(|row, column| RGB_FROM_XYZ[row][column]);
     let xyz_from_dies = Matrix3::from_columns(&dies.map(|die| Vector3::from(xyz(die))));
     let dies_from_rgb = (rgb_from_xyz * xyz_from_dies).try_inverse();
     let linear = Vector3::from(srgb.map(|level| linear_from_encoded(f64::from(level) / 255.0)));
     let full = match linear.max() {
-        most if most > 0.0 => linear / most,
+        largest if largest > 0.0 => linear / largest,
         _ => Vector3::repeat(1.0),
     };
     dies_from_rgb.map_or(full, |dies| dies * full).map(|luminance| luminance.max(0.0))
 }
 
-/// Levels of the dies of the color LED deck, 0 to 1, in the integers of `color_led_deck.c`.
+/// Returns the levels of the dies of the color LED deck, 0 to 1, with the integer arithmetic of
+/// `color_led_deck.c`.
 pub(super) fn color_led_levels(wrgb: [u8; 4], levels: ColorLedLevels) -> [f64; 4] {
     std::array::from_fn(|die| {
         let value = match levels {

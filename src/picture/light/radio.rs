@@ -1,64 +1,71 @@
-//! Radio: arrival of the commands of a plan in the firmware, and the firmware's timer. The random
-//! numbers of the lamps: named streams of one seed, each number by its index.
+//! Radio: times at which the commands of a plan reach the firmware, and the firmware's timer. Also
+//! the random numbers of the lamps: named streams of one seed, with each number by its index.
 
 use super::LightOptions;
 use noctograph_core::flight::FlightSample;
 use noctograph_core::random::{GOLDEN, poisson, split_mix};
 
-/// A level from a time on.
+/// A level that a lamp has from `time_s` on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Change {
     pub(super) time_s: f64,
     pub(super) level: f64,
 }
 
-/// A stream. Its numbers depend only on the seed, the drone, the name and their index, so that an
-/// additional lamp or drone does not change the light of the others.
+/// A stream of random numbers. They depend only on the seed, the drone, the name and their index,
+/// so that an additional lamp or drone does not change the light of the others.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chance {
     key: u64,
 }
 
 impl Chance {
+    /// Returns the stream of a name for a drone.
     pub(super) fn new(seed: u64, drone: u64, name: &str) -> Self {
         let name = name.bytes().fold(0, |hash, byte| split_mix(hash ^ u64::from(byte)));
         Self { key: split_mix(split_mix(split_mix(seed) ^ drone) ^ name) }
     }
 
-    /// Uniform in `[0, 1)`.
+    /// Returns a number that is uniformly distributed in `[0, 1)`.
     pub(super) fn uniform(&self, index: u64) -> f64 {
+        // The upper 53 bits, over 2^53.
         let bits = (split_mix(self.key.wrapping_add(index.wrapping_mul(GOLDEN))) >> 11) as f64;
         bits / 9_007_199_254_740_992.0
     }
 
+    /// Returns a Poisson-distributed number with the given mean.
     pub(super) fn poisson(&self, index: u64, mean: f64) -> u32 {
         poisson(mean, self.uniform(index))
     }
 }
 
-/// Arrivals of the commands that are sent with samples and differ from the one before, the first
-/// from `at_first`. Each takes the delay of the radio and a part of its jitter. None overtakes.
+/// Returns the times at which commands arrive, in order. A command is sent at each sample whose
+/// level changes, from `initial_level`. It arrives after the radio's delay and a random jitter.
 pub(super) fn arrivals(
     samples: &[FlightSample],
     levels: &[f64],
-    at_first: f64,
+    initial_level: f64,
     options: &LightOptions,
     chance: &Chance,
 ) -> Vec<Change> {
     let mut arrivals: Vec<Change> = Vec::new();
-    let (mut commanded, mut n) = (at_first, 0);
+    let (mut commanded, mut n) = (initial_level, 0);
     for (sample, &level) in samples.iter().zip(levels) {
         if level == commanded {
             continue;
         }
         commanded = level;
-        let late_s = options.radio_delay_s + options.radio_jitter_s * chance.uniform(n);
+        let delay_s = options.radio_delay_s + options.radio_jitter_s * chance.uniform(n);
         n += 1;
+        // No command overtakes another one.
         let earliest_s = arrivals.last().map_or(f64::NEG_INFINITY, |last| last.time_s);
-        arrivals.push(Change { time_s: (sample.time_s + late_s).max(earliest_s), level });
+        arrivals.push(Change { time_s: (sample.time_s + delay_s).max(earliest_s), level });
     }
     arrivals
 }
+
+/// Tolerance of the time of a tick, in periods.
+const TICK_TOLERANCE: f64 = 1e-9;
 
 /// A timer of the firmware.
 #[derive(Clone, Copy, Debug)]
@@ -69,18 +76,19 @@ pub(super) struct Timer {
 }
 
 impl Timer {
-    /// The number of its first tick at or after `time_s`.
+    /// Returns the number of the first tick at or after `time_s`.
     pub(super) fn next(self, time_s: f64) -> f64 {
-        // The slack keeps a command that arrives on a tick from missing it by rounding.
-        ((time_s - self.phase_s) / self.period_s - 1e-9).ceil()
+        // A command that arrives on a tick must not miss it by rounding.
+        ((time_s - self.phase_s) / self.period_s - TICK_TOLERANCE).ceil()
     }
 
+    /// Returns the time of a tick by its number, s.
     pub(super) fn tick_s(self, number: f64) -> f64 {
         self.phase_s + number * self.period_s
     }
 
-    /// Changes of a lamp that follows `arrivals` on this timer. The last command within a tick
-    /// counts.
+    /// Returns the changes of a lamp that obeys commands at the next tick. Of several within a tick
+    /// the last one counts.
     pub(super) fn hold(self, arrivals: &[Change]) -> Vec<Change> {
         let mut changes: Vec<Change> = Vec::new();
         for arrival in arrivals {

@@ -10,19 +10,24 @@ use super::{
 use noctograph_core::crazyflie::RING_TICK_S;
 use noctograph_core::flight::Flight;
 
-/// Red, green, blue of every LED.
+/// Red, green and blue of each LED.
 pub(super) type Frame = [[u8; 3]; RING_LEDS];
 
 /// Time between two parameter writes. Red, green and blue of the ring are three (Crazyswarm issue
 /// 728).
 const RADIO_WRITE_S: f64 = 0.015;
+/// Time of a call of the effect in its own arithmetic, s.
+const FADE_STEP_S: f32 = 0.05;
+/// Brightness that a solid color gains in each call: 20 calls, a second, from dark to the color.
+const BRIGHTNESS_STEP: f32 = 0.05;
 const DARK: Frame = [[0; 3]; RING_LEDS];
 
 /// Channels of a plan for the ring: on, red, green, blue.
 pub(super) const CHANNELS: [&str; 4] = [RING.name, RING_COLORS[0], RING_COLORS[1], RING_COLORS[2]];
 
-/// Changes of the frame of the ring during a flight. A ring without the channel `ring` is always
-/// on. One that is on at the start of the flight has been on for long.
+/// Returns the frames that the ring shows during a flight, each with its time, if they differ from
+/// the one before. A ring without the channel `ring` is always on. One that is on at the start of
+/// the flight has finished fading in.
 pub(super) fn frames(
     flight: &Flight,
     options: &LightOptions,
@@ -47,7 +52,7 @@ pub(super) fn frames(
             ring.obey(channel, change.level);
         }
         let frame = ring.tick();
-        if frames.last().is_none_or(|(_, before)| *before != frame) {
+        if frames.last().is_none_or(|(_, previous)| *previous != frame) {
             frames.push((time_s, frame));
         }
         number += 1.0;
@@ -55,14 +60,14 @@ pub(super) fn frames(
     frames
 }
 
-/// Commands by arrival, each with the index of its channel.
+/// Returns the commands in order of arrival, each with the index of its channel in [`CHANNELS`].
 fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(usize, Change)> {
     let mut commands = Vec::new();
     let mut write_s = 0.0;
     for (index, channel) in CHANNELS.iter().enumerate() {
         let levels = flight.lights.get(*channel).map_or(&[][..], |levels| levels);
-        let at_first = levels.first().copied().unwrap_or(0.0);
-        let changes = arrivals(&flight.samples, levels, at_first, options, chance).into_iter();
+        let initial_level = levels.first().copied().unwrap_or(0.0);
+        let changes = arrivals(&flight.samples, levels, initial_level, options, chance).into_iter();
         commands.extend(changes.map(|c| (index, Change { time_s: c.time_s + write_s, ..c })));
         // A fade's color is one parameter, a solid color three: they arrive one after another.
         if index > 0 && matches!(options.ring, RingEffect::Solid(_)) {
@@ -73,11 +78,12 @@ fn commands(flight: &Flight, options: &LightOptions, chance: &Chance) -> Vec<(us
     commands
 }
 
+/// State of the ring in the firmware.
 #[derive(Debug)]
 struct Ring {
     effect: RingEffect,
     on: bool,
-    /// Its state at the last tick.
+    /// True if it was on at the last tick.
     was_on: bool,
     color: [u8; 3],
     /// Calls since the effect was switched on.
@@ -87,18 +93,20 @@ struct Ring {
     fade: Fade,
 }
 
+/// A fade from one color to another.
 #[derive(Debug)]
 struct Fade {
     from: [f32; 3],
     to: [u8; 3],
     duration_s: f32,
-    left_s: f32,
+    remaining_s: f32,
 }
 
 impl Ring {
+    /// Returns the state at the start of a flight.
     fn at_start(flight: &Flight, options: &LightOptions) -> Self {
-        let first = |channel: usize| flight.lights.get(CHANNELS[channel])?.first().copied();
-        let on = first(0).is_none_or(|level| level > 0.0);
+        let initial = |channel: usize| flight.lights.get(CHANNELS[channel])?.first().copied();
+        let on = initial(0).is_none_or(|level| level > 0.0);
         let (mut color, fade_s) = match &options.ring {
             RingEffect::Off | RingEffect::DoubleSpin => ([0; 3], 0.0),
             RingEffect::Solid(RingColor { color }) | RingEffect::Memory(RingColor { color }) => {
@@ -108,15 +116,16 @@ impl Ring {
         };
         // Channels of the plan take precedence over the scene's color.
         for (value, channel) in color.iter_mut().zip(1..) {
-            *value = first(channel).map_or(*value, byte);
+            *value = initial(channel).map_or(*value, byte);
         }
         #[expect(clippy::cast_possible_truncation, reason = "the firmware's precision")]
         let duration_s = fade_s as f32;
-        let fade = Fade { from: color.map(f32::from), to: color, duration_s, left_s: 0.0 };
+        let fade = Fade { from: color.map(f32::from), to: color, duration_s, remaining_s: 0.0 };
         let effect = options.ring.clone();
         Self { effect, on, was_on: on, color, calls: 0, brightness: 1.0, fade }
     }
 
+    /// Sets a channel of [`CHANNELS`], by its index, to a level from 0 to 1.
     fn obey(&mut self, channel: usize, level: f64) {
         match channel {
             0 => self.on = level > 0.0,
@@ -124,7 +133,7 @@ impl Ring {
         }
     }
 
-    /// One call of the timer.
+    /// Calls the effect once. Returns the frame that it shows.
     fn tick(&mut self) -> Frame {
         if self.on && !self.was_on {
             (self.calls, self.brightness) = (0, 0.0);
@@ -138,8 +147,11 @@ impl Ring {
             RingEffect::Off => DARK,
             RingEffect::DoubleSpin => double_spin(self.calls),
             RingEffect::Solid(_) => {
-                // 20 steps: a full second from dark to the color.
-                self.brightness = if self.brightness < 1.0 { self.brightness + 0.05 } else { 1.0 };
+                if self.brightness < 1.0 {
+                    self.brightness += BRIGHTNESS_STEP;
+                } else {
+                    self.brightness = 1.0;
+                }
                 [self.color.map(|value| cut(f32::from(value) * self.brightness)); RING_LEDS]
             }
             RingEffect::Memory(_) => [ring_memory_rgb(self.color); RING_LEDS],
@@ -149,33 +161,37 @@ impl Ring {
 }
 
 impl Fade {
-    /// One call: towards `color`, linear in time. The first one after a new color still shows the
-    /// old one.
+    /// Advances one call towards `color`, linearly in time. Returns the color before it, so that
+    /// the first call after a new color still shows the old one.
     fn tick(&mut self, color: [u8; 3]) -> [u8; 3] {
         if color != self.to {
-            self.from = self.now();
-            (self.to, self.left_s) = (color, self.duration_s);
+            self.from = self.present_color();
+            (self.to, self.remaining_s) = (color, self.duration_s);
         }
-        if self.left_s <= 0.0 {
+        if self.remaining_s <= 0.0 {
             return self.to;
         }
-        let now = self.now();
-        self.left_s -= 0.05;
-        now.map(cut)
+        let shown = self.present_color();
+        self.remaining_s -= FADE_STEP_S;
+        shown.map(cut)
     }
 
-    fn now(&self) -> [f32; 3] {
-        let left = if self.left_s > 0.0 { self.left_s / self.duration_s } else { 0.0 };
-        std::array::from_fn(|i| left * self.from[i] + (1.0 - left) * f32::from(self.to[i]))
+    /// Returns the color between both ends at the present time.
+    fn present_color(&self) -> [f32; 3] {
+        let is_fading = self.remaining_s > 0.0;
+        let remaining = if is_fading { self.remaining_s / self.duration_s } else { 0.0 };
+        let [from, to] = [self.from, self.to.map(f32::from)];
+        std::array::from_fn(|i| remaining * from[i] + (1.0 - remaining) * to[i])
     }
 }
 
-/// The two lights of the double spinner: a head and a tail of two. All other LEDs are dark.
+/// The two lights of the double spinner, each a head and a tail of two LEDs. All others are dark.
 const WHITE_LIGHT: [[u8; 3]; 3] = [[32; 3], [8; 3], [2; 3]];
 const BLUE_LIGHT: [[u8; 3]; 3] = [[64, 64, 255], [32, 32, 64], [8, 8, 16]];
 
-/// The double spinner at its nth call, from 1: the white light runs towards lower numbers and the
-/// blue one towards higher, one LED a call, each with its tail behind it. LEDs add half of each.
+/// Returns the frame of the double spinner at a call, counted from 1. The white light moves towards
+/// lower LED numbers and the blue one towards higher, one LED per call, with their tails behind
+/// them. Each LED shows half of both.
 fn double_spin(call: usize) -> Frame {
     let mut frame = DARK;
     for (behind, (white, blue)) in WHITE_LIGHT.iter().zip(BLUE_LIGHT).enumerate() {
@@ -190,12 +206,13 @@ fn double_spin(call: usize) -> Frame {
     frame
 }
 
-/// A level of 0 to 1 as the nearest of 255 steps.
+/// Returns the nearest byte, 0 to 255, for a level from 0 to 1.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
 pub(super) fn byte(level: f64) -> u8 {
     (255.0 * level).round().clamp(0.0, 255.0) as u8
 }
 
+/// Truncates a value to a byte like the firmware.
 #[expect(clippy::cast_possible_truncation, reason = "as the firmware")]
 fn cut(value: f32) -> u8 {
     value as u8

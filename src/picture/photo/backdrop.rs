@@ -13,7 +13,7 @@ use noctograph_core::camera::Camera;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::srgb;
 
-/// The light of room and background, by row, relative to white.
+/// Light of room and background, relative to white.
 #[derive(Debug)]
 pub(super) struct Backdrop {
     /// Light of the room in the middle of the picture.
@@ -26,13 +26,14 @@ pub(super) struct Backdrop {
     picture: Option<Picture>,
     /// Floor and walls, if there are walls.
     surfaces: Option<(Camera, Room)>,
-    /// Where half of the room's light falls in.
-    from_m: Option<Vector3<f64>>,
+    /// Gap through which half of the room's light enters.
+    gap_m: Option<Vector3<f64>>,
 }
 
 /// Distance of the columns between which the light of a surface is linear.
 const STEP_PX: usize = 8;
 
+/// A background picture, scaled to the photo.
 #[derive(Debug)]
 struct Picture {
     photo: Photo,
@@ -45,6 +46,7 @@ struct Picture {
 }
 
 impl Backdrop {
+    /// Prepares the light of a room, and reads the background picture if there is one.
     pub(super) fn new(
         camera: &Camera,
         room: &ExposeOptions,
@@ -62,22 +64,22 @@ impl Backdrop {
         let center_px = [camera.width_px, camera.height_px].map(|side| side as f32 / 2.0);
         let corner_sq_px2 = center_px[0] * center_px[0] + center_px[1] * center_px[1];
         Ok(Self {
-            room: options.ambient_rgb.map(|share| narrow(room * share)),
+            room: options.ambient_rgb.map(|fraction| narrow(room * fraction)),
             focal_sq_px2: focal_px * focal_px,
             center_px,
             vignetting_px2: narrow(camera.vignetting) / corner_sq_px2,
             picture,
             surfaces,
-            from_m: options.ambient_from_m.map(Vector3::from),
+            gap_m: options.ambient_from_m.map(Vector3::from),
         })
     }
 
-    /// Adds the room's light to a row that the sensor will read.
+    /// Adds the room's light to a row before the sensor reads it. A background replaces that light.
     pub(super) fn add_room(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if self.picture.is_some() || self.room == [0.0; 3] {
             return;
         }
-        let mut relative = self.surfaces(y, rows[0].len());
+        let mut relative = self.surface_luminances(y, rows[0].len());
         let dy = y as f32 + 0.5 - self.center_px[1];
         noctograph_core::dispatch!(|| {
             // Natural vignetting, cos⁴ = (f² / (f² + r²))², and that of the lens.
@@ -88,52 +90,60 @@ impl Backdrop {
                 *relative *= cos_sq * cos_sq * (1.0 - self.vignetting_px2 * radius_sq).max(0.0);
             }
             for (row, room) in rows.iter_mut().zip(self.room) {
-                row.iter_mut().zip(&relative).for_each(|(light, part)| *light += room * part);
+                row.iter_mut().zip(&relative).for_each(|(light, factor)| *light += room * factor);
             }
         });
     }
 
-    /// Adds the background picture, which a sensor has read before, to a row that was read.
+    /// Adds the background picture to a row after the sensor read it. Its own sensor has read the
+    /// background.
     pub(super) fn add_picture(&self, y: usize, rows: &mut [Vec<f32>; 3]) {
         if let Some(picture) = &self.picture {
             picture.add(y, self.center_px[1], rows);
         }
     }
 
-    /// Luminance of the surfaces along a row, relative to the middle of a wall. Without walls it is
-    /// 1.
-    fn surfaces(&self, y: usize, width: usize) -> Vec<f32> {
+    /// Returns the luminance of floor and walls along a row, relative to the middle of a wall.
+    /// Without walls it is 1.
+    fn surface_luminances(&self, y: usize, width: usize) -> Vec<f32> {
         let Some((camera, room)) = &self.surfaces else { return vec![1.0; width] };
-        let seen = |x: f64, y: f64| {
-            let met = camera.world_from_image(x, y).and_then(|ray| room.met(ray));
-            let luminance = met.map_or(0.0, |(on, point_m)| {
-                narrow(room.ambient(on, point_m, self.from_m) * room.uneven(on, point_m))
-            });
-            (met.map(|(on, _)| on), luminance)
-        };
+        // Every few columns, with interpolation if both sides are on the same surface.
         let mut row = Vec::with_capacity(width + STEP_PX);
-        let mut left = seen(0.0, y as f64);
+        let (mut left_surface, mut left) = self.luminance(camera, room, 0.0, y as f64);
         for i in 0..width.div_ceil(STEP_PX) {
             // The row's upper and lower edge in turn, to detect an edge of the room along the row.
-            let right = seen(((i + 1) * STEP_PX) as f64, (y + (i + 1) % 2) as f64);
+            let right_px = [((i + 1) * STEP_PX) as f64, (y + (i + 1) % 2) as f64];
+            let (right_surface, right) = self.luminance(camera, room, right_px[0], right_px[1]);
             for j in 0..STEP_PX {
-                row.push(if left.0 == right.0 {
-                    left.1 + (right.1 - left.1) * ((j as f32 + 0.5) / STEP_PX as f32)
+                row.push(if left_surface == right_surface {
+                    left + (right - left) * ((j as f32 + 0.5) / STEP_PX as f32)
                 } else {
                     // A pixel near an edge is the mean of four points.
                     let x = (i * STEP_PX + j) as f64;
-                    let parts = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
-                    parts.iter().map(|[dx, dy]| seen(x + dx, y as f64 + dy).1).sum::<f32>() * 0.25
+                    let points = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+                    let luminances = points
+                        .map(|[dx, dy]| self.luminance(camera, room, x + dx, y as f64 + dy).1);
+                    luminances.iter().sum::<f32>() * 0.25
                 });
             }
-            left = right;
+            (left_surface, left) = (right_surface, right);
         }
         row
     }
+
+    /// Returns the surface at a point of the picture, if any, and its luminance relative to the
+    /// middle of a wall.
+    fn luminance(&self, camera: &Camera, room: &Room, x: f64, y: f64) -> (Option<usize>, f32) {
+        let hit = camera.world_from_image(x, y).and_then(|ray| room.intersection(ray));
+        let luminance = hit.map_or(0.0, |(on, point_m)| {
+            narrow(room.ambient(on, point_m, self.gap_m) * room.relative_albedo(on, point_m))
+        });
+        (hit.map(|(on, _)| on), luminance)
+    }
 }
 
-/// Relative albedo of floor and walls by the background: its light in each channel over the median,
-/// as if it was evenly lit, at most four times. `None` without a background.
+/// Returns the albedo of floor and walls relative to the median, from the background in each
+/// channel as if it was uniformly lit. It is at most 4. `None` without a background.
 ///
 /// # Errors
 ///
@@ -151,23 +161,24 @@ pub fn reflectance(camera: &Camera, options: &PhotoOptions) -> Result<Option<Ref
         planes.iter_mut().zip(rows).for_each(|(plane, row)| plane.extend(row));
     }
     // Darker levels are noise.
-    let least = picture.light[DARKEST];
+    let darkest = picture.light[DARKEST_LEVEL];
     for plane in &mut planes {
         let mut sorted = plane.clone();
         let (_, median, _) = sorted.select_nth_unstable_by(width * height / 2, f32::total_cmp);
-        let median = median.max(least);
-        plane.iter_mut().for_each(|light| *light = (light.max(least) / median).min(BRIGHTEST));
+        let median = median.max(darkest);
+        plane.iter_mut().for_each(|light| *light = (light.max(darkest) / median).min(BRIGHTEST));
     }
     Ok(Some(Arc::new(planes)))
 }
 
 /// Least level of a background that counts.
-const DARKEST: usize = 4;
+const DARKEST_LEVEL: usize = 4;
 
-/// Most light of a surface, relative to the median.
+/// Largest light of a surface, relative to the median.
 const BRIGHTEST: f32 = 4.0;
 
 impl Picture {
+    /// Reads a picture and scales it so that it covers the photo.
     fn read(path: &str, camera: &Camera, options: &PhotoOptions) -> Result<Self> {
         // A page has no files, and its module no decoder of photos.
         if cfg!(target_family = "wasm") {
@@ -178,20 +189,19 @@ impl Picture {
         let size = [photo.width_px, photo.height_px].map(f64::from);
         let wanted = [camera.width_px, camera.height_px].map(f64::from);
         let scale = (size[0] / wanted[0]).min(size[1] / wanted[1]);
-        let brighter = libm::exp2(options.background_stops);
-        let light = std::array::from_fn(|level| {
-            narrow(brighter * options.tone.decode(level as f64 / 255.0))
-        });
+        let factor = libm::exp2(options.background_stops);
+        let light =
+            std::array::from_fn(|level| narrow(factor * options.tone.decode(level as f64 / 255.0)));
         let columns = (0..camera.width_px)
             .map(|x| between(f64::from(x) + 0.5 - wanted[0] / 2.0, scale, photo.width_px))
             .collect();
         Ok(Self { photo, light, scale, columns })
     }
 
-    /// Adds the light of a row, bilinear in linear light.
+    /// Adds the picture to a row, up to 1, by bilinear interpolation of linear light.
     fn add(&self, y: usize, center_y_px: f32, rows: &mut [Vec<f32>; 3]) {
-        let y = y as f64 + 0.5 - f64::from(center_y_px);
-        let ([above, below], down) = between(y, self.scale, self.photo.height_px);
+        let from_center_px = y as f64 + 0.5 - f64::from(center_y_px);
+        let ([above, below], down) = between(from_center_px, self.scale, self.photo.height_px);
         let width = self.photo.width_px as usize;
         for (channel, row) in rows.iter_mut().enumerate() {
             let light = |x: usize, y: usize| {
@@ -206,7 +216,8 @@ impl Picture {
     }
 }
 
-/// The two of `n` pixels around a position relative to the middle, and the weight of the second.
+/// Returns the two of `n` pixels around a position, given relative to the middle, and the weight of
+/// the second one.
 fn between(from_middle: f64, scale: f64, n: u32) -> ([usize; 2], f32) {
     let position = from_middle * scale + f64::from(n) / 2.0 - 0.5;
     let position = position.clamp(0.0, f64::from(n - 1));

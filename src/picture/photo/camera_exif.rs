@@ -1,7 +1,7 @@
 //! A camera from the EXIF of a photograph (EXIF 2.32): sensor, lens and exposure.
 //!
-//! The tags that are understood are those of [`taken_as`]. No other tag changes the camera, and a
-//! directory that holds none of them may be broken.
+//! Only the tags listed at [`taken_as`] change the camera. A directory without any of them may be
+//! broken.
 //!
 //! The width of the sensor is that of a known body. Else it follows from the resolution in pixels
 //! per unit of length, or from the focal length and its equivalent on 35 mm film, which refers to
@@ -34,7 +34,7 @@ const ISO_BEYOND: f64 = 65_535.0;
 const EDITORS: &str = "photoshop,lightroom,gimp,darktable,rawtherapee,paint,capture one,affinity,\
                        snapseed,picasa,imagemagick,photos ,acdsee,luminar,digikam,photo editor";
 
-/// The tags that a camera's keys are from, by a part of the key.
+/// EXIF tags by a part of the camera key that they set.
 const TAGS: [(&str, Tag); 7] = [
     ("f_number", Tag::FNumber),
     ("iso", Tag::PhotographicSensitivity),
@@ -45,10 +45,11 @@ const TAGS: [(&str, Tag); 7] = [
     ("_px", Tag::PixelXDimension),
 ];
 
-/// The camera that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF): sensor, focal
-/// length, aperture number, shutter time, sensitivity, distance in focus, and the picture's
-/// aspect, with as many pixels on the longer side as before. Pose and all else stay. Warnings name
-/// what is a guess, and why.
+/// Sets a camera to the one that took a photograph (JPEG, PNG, TIFF, HEIF or WebP with EXIF).
+///
+/// It sets sensor, focal length, aperture number, shutter time, sensitivity, distance in focus, and
+/// the aspect of the picture. The longer side keeps its number of pixels. Pose and other options
+/// stay. Warnings name guesses, and the reasons for them.
 ///
 /// # Errors
 ///
@@ -60,7 +61,7 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
     refuse_raw(&bytes, &place)?;
     let size_px = size_px(&bytes);
     let mut reader = exif::Reader::new();
-    // The tags may be in intact directories beside a broken one.
+    // The tags may be in an intact directory while another one is broken.
     let reader = reader.continue_on_error(true);
     // The container's reader would copy a TIFF file, and so a raw photograph.
     let is_tiff = bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*");
@@ -74,7 +75,7 @@ pub fn taken_as(mut camera: CameraOptions, path: &Path) -> Result<Warned<CameraO
     })?;
     let mut photograph = Photograph { exif, size_px, warnings: Vec::new() };
     photograph.set(&mut camera, &place)?;
-    // An impossible number is the file's, not that of a key.
+    // An impossible number comes from the file, so the error names the tag instead of the key.
     camera.check().map_err(|error| {
         let Error::Input { place: key, found, wanted, .. } = &error else { return error };
         match TAGS.iter().find(|(part, _)| key.key().contains(part)) {
@@ -98,6 +99,8 @@ struct Photograph {
 }
 
 impl Photograph {
+    /// Sets body, lens, exposure and aspect of a camera. Refuses a photograph without the tags that
+    /// a camera needs.
     fn set(&mut self, camera: &mut CameraOptions, place: &str) -> Result<()> {
         let body = self.text(Tag::Model).and_then(|model| BodyModel::from_exif_model(&model));
         let focal_length_m = self.number(Tag::FocalLength).map(|mm| mm / 1000.0);
@@ -105,7 +108,7 @@ impl Photograph {
             Some(body) => Some(body.figures().sensor_width_m),
             None => self.sensor_width_m(focal_length_m),
         };
-        // APEX values stand in for missing ones: N = 2^(Av/2), t = 2^-Tv.
+        // APEX values replace missing ones: N = 2^(Av/2), t = 2^-Tv.
         let f_number = self
             .number(Tag::FNumber)
             .or_else(|| Some(libm::exp2(0.5 * self.signed(Tag::ApertureValue)?)));
@@ -129,7 +132,7 @@ impl Photograph {
         else {
             return Err(self.incomplete(&needed, place));
         };
-        // The lens keeps the distortion of the scene, which EXIF does not have.
+        // The lens keeps the distortion of the scene, since EXIF has none.
         camera.body = body.unwrap_or(BodyModel::Custom(CustomBody { sensor_width_m }));
         let distortion = match &camera.lens {
             LensModel::Custom(lens) => lens.distortion,
@@ -144,9 +147,9 @@ impl Photograph {
         Ok(())
     }
 
-    /// The error of tags that are missing, or 0.
+    /// Returns the error for needed tags that are missing or 0.
     fn incomplete(&self, needed: &[Needed], place: &str) -> Error {
-        // Cameras write 0 for what they do not know, which gets another hint.
+        // Cameras write 0 for an unknown value, which needs another hint than a missing tag.
         let is_zero =
             |tag| self.value(tag).is_some() && self.signed(tag).is_none_or(|value| value <= 0.0);
         let film_mm = self
@@ -192,14 +195,14 @@ impl Photograph {
             );
             return;
         };
-        // Orientations 5 to 8 exchange x and y, once: a program that turned the pixels may have
-        // left the tag.
+        // Orientations 5 to 8 exchange x and y, unless a program has already turned the pixels and
+        // left the tag unchanged.
         let orientation = self.number(Tag::Orientation);
         let mut turned = orientation.is_some_and(|number| (5.0..=8.0).contains(&number));
         if let Some([real_width, real_height]) = self.size_px
-            && ratio_off(real_width / real_height, width / height) >= SAME_ASPECT
+            && relative_difference(real_width / real_height, width / height) >= SAME_ASPECT
         {
-            if ratio_off(real_width / real_height, height / width) < SAME_ASPECT {
+            if relative_difference(real_width / real_height, height / width) < SAME_ASPECT {
                 turned = false;
             } else {
                 let message = format!(
@@ -226,7 +229,8 @@ impl Photograph {
         }
     }
 
-    /// Width of the sensor of an unknown camera, from tags of one age.
+    /// Returns the sensor width of an unknown camera, from tags that were written together. `None`
+    /// if there are none. Warns of a guess.
     fn sensor_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_width_m = self.equivalent_width_m(focal_length_m);
         let resolution = self.resolution_width_m(film_width_m.is_none());
@@ -235,7 +239,7 @@ impl Photograph {
         let mm = 1e3 * width_m;
         match film_width_m {
             // Programs that shrink a picture leave its resolution tags unchanged.
-            Some(film_m) if ratio_off(width_m, film_m) >= 0.1 => {
+            Some(film_m) if relative_difference(width_m, film_m) >= SAME_WIDTH => {
                 let message = format!(
                     "the sensor is taken to be {:.2} mm wide, by FocalLengthIn35mmFilm: \
                      FocalPlaneXResolution makes it {mm:.2} mm",
@@ -265,8 +269,9 @@ impl Photograph {
         Some(width_m)
     }
 
-    /// Pixels across, the width of the sensor by its resolution, and true if both are certainly of
-    /// one age. A unit that is not EXIF's is worth a warning if the width is needed.
+    /// Returns the pixels across, the sensor width by its resolution, and true if both were
+    /// certainly written together. `None` without the tags. Warns of an unknown unit if the width
+    /// is needed.
     fn resolution_width_m(&mut self, is_needed: bool) -> Option<(f64, f64, bool)> {
         let unit_m = match self.number(Tag::FocalPlaneResolutionUnit) {
             None | Some(2.0) => 0.0254, // inches by default
@@ -285,13 +290,15 @@ impl Photograph {
         Some((pixels, canon.unwrap_or(pixels / per_unit) * unit_m, canon.is_some()))
     }
 
+    /// Returns the width and height in the tags.
     fn tagged_size_px(&self) -> Option<[f64; 2]> {
         let side = |tag, or| self.number(tag).or_else(|| self.number(or));
         let width = side(Tag::PixelXDimension, Tag::ImageWidth)?;
         Some([width, side(Tag::PixelYDimension, Tag::ImageLength)?])
     }
 
-    /// Width of the sensor by the equivalent of the focal length on film, for the picture's aspect.
+    /// Returns the sensor width by the focal length and its equivalent on 35 mm film, for the
+    /// picture's aspect. `None` without these tags. Warns of an impossible equivalent.
     fn equivalent_width_m(&mut self, focal_length_m: Option<f64>) -> Option<f64> {
         let film_mm = self.number(Tag::FocalLengthIn35mmFilm)?;
         if !FILM_MM.contains(&film_mm) {
@@ -305,8 +312,8 @@ impl Photograph {
         Some(film_width_m(aspect, film_by_sensor) / film_by_sensor)
     }
 
-    /// Width of the sensor in the unit of its resolution, as Canon writes that: 1000 times the
-    /// pixels of the sensor over its width in thousandths.
+    /// Returns the sensor width in the unit of the resolution, if Canon wrote it: the rational
+    /// number is 1000 times the pixels of the sensor over its width in thousandths of the unit.
     fn canon_width(&self) -> Option<f64> {
         if !self.text(Tag::Make)?.to_lowercase().contains("canon") {
             return None;
@@ -318,7 +325,7 @@ impl Photograph {
             .then(|| f64::from(denom) / 1000.0)
     }
 
-    /// Why a picture counts as edited after it was taken.
+    /// Returns the reason to regard a picture as edited. `None` if the tags show no editing.
     fn edited(&self) -> Option<String> {
         if let Some(software) = self.text(Tag::Software) {
             let lower = format!("{} ", software.to_lowercase());
@@ -332,6 +339,7 @@ impl Photograph {
             .then(|| format!("it was taken at {taken} and changed at {written}"))
     }
 
+    /// Returns the sensitivity, from the tag that can hold it.
     fn iso(&self) -> Option<f64> {
         let others = [Tag::ISOSpeed, Tag::RecommendedExposureIndex, Tag::StandardOutputSensitivity];
         match self.number(Tag::PhotographicSensitivity) {
@@ -340,7 +348,7 @@ impl Photograph {
         }
     }
 
-    /// Distance in focus. 0 means unknown.
+    /// Returns the distance in focus, m. `None` if it is missing or 0, which means unknown.
     fn subject_m(&self) -> Option<f64> {
         match self.value(Tag::SubjectDistance)? {
             Value::Rational(ratio) if ratio.first()?.num == ENDLESS => Some(INFINITY_M),
@@ -373,14 +381,17 @@ impl Photograph {
         }
     }
 
+    /// Adds a warning.
     fn warn(&mut self, code: &'static str, message: String) {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
+    /// Returns the first value of a tag as a number. `None` if it is missing or not above 0.
     fn number(&self, tag: Tag) -> Option<f64> {
         self.signed(tag).filter(|value| *value > 0.0)
     }
 
+    /// Returns the first value of a tag as a finite number of any sign.
     fn signed(&self, tag: Tag) -> Option<f64> {
         let value = match self.value(tag)? {
             Value::Rational(values) => values.first()?.to_f64(),
@@ -392,6 +403,7 @@ impl Photograph {
         value.is_finite().then_some(value)
     }
 
+    /// Returns the first line of a tag's text.
     fn text(&self, tag: Tag) -> Option<String> {
         match self.value(tag)? {
             Value::Ascii(lines) => Some(String::from_utf8_lossy(lines.first()?).into_owned()),
@@ -399,23 +411,29 @@ impl Photograph {
         }
     }
 
+    /// Returns the value of a tag of the main picture.
     fn value(&self, tag: Tag) -> Option<&Value> {
         Some(&self.exif.get_field(tag, In::PRIMARY)?.value)
     }
 }
 
-/// Two aspects that differ by less are one: sides are whole numbers, thumbnails small.
+/// Relative difference below which two aspects are the same. The sides of thumbnails are small
+/// whole numbers.
 const SAME_ASPECT: f64 = 0.04;
 
-fn ratio_off(a: f64, b: f64) -> f64 {
+/// Relative difference below which two sensor widths are the same.
+const SAME_WIDTH: f64 = 0.1;
+
+/// Returns the relative difference between two positive numbers.
+fn relative_difference(a: f64, b: f64) -> f64 {
     (a / b - 1.0).abs()
 }
 
 const HINT: &str = "take the file from the camera's card: programs and messengers strip its EXIF; \
                     or set the camera's keys in a scene file";
 
-/// Files of cameras that are not read, by their first bytes (`.` stands for any). CR2, DNG, NEF and
-/// ARW are TIFF files.
+/// Camera file formats that cannot be read, by their first bytes (`.` matches any byte). CR2, DNG,
+/// NEF and ARW are TIFF files, which can.
 const RAW_FILES: [(&str, &[u8]); 12] = [
     ("JPEG XL", b"....JXL "),
     ("JPEG XL", b"\xff\x0a"),
@@ -431,11 +449,11 @@ const RAW_FILES: [(&str, &[u8]); 12] = [
     ("Sigma X3F", b"FOVb"),
 ];
 
-/// Refuses a raw file by its name.
+/// Refuses a raw file, with the name of its format.
 pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
-    let raw = RAW_FILES.iter().find(|(_, head)| {
-        bytes.len() >= head.len()
-            && head.iter().zip(bytes).all(|(wanted, byte)| [b'.', *byte].contains(wanted))
+    let raw = RAW_FILES.iter().find(|(_, signature)| {
+        bytes.len() >= signature.len()
+            && signature.iter().zip(bytes).all(|(wanted, byte)| [b'.', *byte].contains(wanted))
     });
     let Some((maker, _)) = raw else { return Ok(()) };
     let hint = "take the JPEG that the camera wrote beside it, or export one with its EXIF";
@@ -445,10 +463,12 @@ pub(super) fn refuse_raw(bytes: &[u8], place: &str) -> Result<()> {
 /// Diagonal of a frame of 35 mm film, 36 by 24 mm.
 const FILM_DIAGONAL_M: f64 = 0.043_267;
 
-/// Width on 35 mm film of the longer side of a picture of some aspect, if film is some times larger
-/// than the sensor. A longer picture than the sensor is cut from its height, a squarer one from its
-/// width: full frame, APS-C and one inch (2.7) are 3:2, larger sensors, Micro Four Thirds (2.0) and
-/// smaller ones 4:3.
+/// Returns the width of a picture's longer side on 35 mm film. `aspect` is that of the picture, and
+/// film is `film_by_sensor` times as large as the sensor.
+///
+/// The aspect of the sensor follows from its size. Full frame, APS-C and one inch (2.7) have 3:2.
+/// Larger sensors, Micro Four Thirds (2.0) and smaller ones have 4:3. A picture that is longer than
+/// the sensor is cut from its height, and a squarer one from its width.
 pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
     let is_3_by_2 = [0.9..1.8, 2.4..3.0].iter().any(|sizes| sizes.contains(&film_by_sensor));
     let sensor_aspect = if is_3_by_2 { 3.0 / 2.0 } else { 4.0 / 3.0 };
@@ -458,10 +478,10 @@ pub(super) fn film_width_m(aspect: f64, film_by_sensor: f64) -> f64 {
 /// Equivalent focal lengths of lenses, mm: from fisheye lenses to bridge cameras.
 const FILM_MM: std::ops::RangeInclusive<f64> = 4.0..=4000.0;
 
-/// Widths of sensors, from the second camera of a telephone to the back of a technical camera.
+/// Widths of sensors, from the second camera of a phone to the back of a technical camera.
 const SENSORS_M: std::ops::RangeInclusive<f64> = 0.003..=0.06;
 
-/// Width and height of the picture itself, of a JPEG or PNG file.
+/// Returns width and height from the header of a JPEG or PNG file. `None` for another file.
 fn size_px(bytes: &[u8]) -> Option<[f64; 2]> {
     let size_px = match bytes.starts_with(b"\x89PNG") {
         true => {

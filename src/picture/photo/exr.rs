@@ -19,10 +19,12 @@ const CHROMATICITIES: Chromaticities = Chromaticities {
 };
 
 impl Readout {
-    /// The readout as an uncompressed EXR file, 32 bits a channel, with the attributes
-    /// chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (of a camera with one),
-    /// software, and comments, a line `keyword: text` for each note, in UTF-8 as the official
-    /// library and its Python module read text. No time.
+    /// Returns the readout as an uncompressed EXR file, with 32 bits per channel and without a
+    /// time.
+    ///
+    /// Attributes: chromaticities, whiteLuminance, expTime, aperture, isoSpeed, focus (if the
+    /// camera has one), software, and comments. The comments have a line `keyword: text` for each
+    /// note, in UTF-8, which the official library and its Python module read.
     pub fn encode_exr(&self, camera: &Camera, notes: &[(&str, String)]) -> Vec<u8> {
         let width = self.width_px as usize;
         let size = (width, self.height_px as usize);
@@ -40,6 +42,7 @@ impl Readout {
         file.into_inner()
     }
 
+    /// Returns the attributes of the file's layer.
     fn attributes(&self, camera: &Camera, notes: &[(&str, String)]) -> LayerAttributes {
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
         let notes = notes.iter().map(|(keyword, text)| format!("{keyword}: {text}\n"));

@@ -1,4 +1,4 @@
-//! ꟻLIP: how different two pictures look to a person who flips between them (Andersson, Nilsson,
+//! ꟻLIP: the difference that a person sees who flips between two pictures (Andersson, Nilsson,
 //! Akenine-Möller, Oskarsson, Åström and Fairchild 2020, "ꟻLIP: A difference evaluator for
 //! alternating images", with the constants of that paper).
 //!
@@ -40,9 +40,10 @@ const FEATURE_EXPONENT: f32 = 0.5;
 /// Compression of large color differences: the first fraction of the largest maps to the second.
 const COMPRESSED: [f32; 2] = [0.4, 0.95];
 
+/// Width of the features that the eye detects, in degrees.
 const FEATURE_DEG: f32 = 0.082;
 
-/// A difference of two pictures.
+/// The difference between two pictures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Difference {
     /// Width.
@@ -54,16 +55,16 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Mean over the pixels of a mask.
+    /// Returns the mean over the pixels for whose index `mask` is true, or 0 without any.
     #[must_use]
     pub fn mean(&self, mask: impl Fn(usize) -> bool) -> f64 {
-        let taken = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
-        let (n, sum) = taken.fold((0.0, 0.0), |(n, sum), (_, v)| (n + 1.0, sum + f64::from(*v)));
+        let masked = self.values.iter().enumerate().filter(|(index, _)| mask(*index));
+        let (n, sum) = masked.fold((0.0, 0.0), |(n, sum), (_, v)| (n + 1.0, sum + f64::from(*v)));
         if n > 0.0 { sum / n } else { 0.0 }
     }
 
-    /// As a picture from black over purple and orange to white: the color map "magma" of matplotlib
-    /// (polynomial fit by Zucker, public domain).
+    /// Returns a picture from black over purple and orange to white, in matplotlib's color map
+    /// "magma" (polynomial fit by Zucker, public domain).
     #[must_use]
     pub fn picture(&self) -> Photo {
         const FIT: [[f32; 3]; 7] = [
@@ -87,7 +88,7 @@ impl Difference {
     }
 }
 
-/// Difference of two pictures of one size.
+/// Returns the difference between two pictures of the same size.
 ///
 /// # Panics
 ///
@@ -127,6 +128,7 @@ struct Perceived {
 }
 
 impl Perceived {
+    /// Filters a picture's colors, and finds its edges and points.
     fn new(photo: &Photo) -> Self {
         let width = photo.width_px as usize;
         let light = srgb::linear_from_level();
@@ -134,7 +136,7 @@ impl Perceived {
             let rgb = Vec3::from(pixel.map(|level| light[usize::from(level)]));
             opponent_from_xyz(XYZ_FROM_RGB * rgb)
         });
-        // Features are of the unfiltered luminance, colors are filtered in linear light.
+        // Features are detected in the unfiltered luminance. Colors are filtered in linear light.
         let opponent = Plane { width, values: opponent.collect() };
         let gray = opponent.values.iter().map(|color| (color.x + 16.0) / 116.0);
         let [edges, points] = Plane { width, values: gray.collect() }.features();
@@ -148,7 +150,7 @@ impl Perceived {
 }
 
 impl Plane<Vec3> {
-    /// Filtered by the contrast sensitivity of the eye: a sum of two Gaussians, each separable.
+    /// Filters colors by the contrast sensitivity of the eye: a sum of two separable Gaussians.
     fn filtered(&self) -> Self {
         // One radius for all channels, as in the program of the paper.
         let widest = SENSITIVITY.iter().map(|[_, b]| b.max_element()).fold(0.0, f32::max);
@@ -168,10 +170,12 @@ impl Plane<Vec3> {
 }
 
 impl Plane<f32> {
-    /// Strength of edges and of points: first and second derivative of a Gaussian.
+    /// Returns the strength of edges and of points, by the first and the second derivative of a
+    /// Gaussian.
     fn features(&self) -> [Self; 2] {
         let sigma = 0.5 * FEATURE_DEG * PIXELS_PER_DEGREE;
         let radius = (3.0 * sigma).ceil();
+        // The functions below are of pixels, and `kernel` passes degrees.
         let in_px = |f: &dyn Fn(f32) -> f32| kernel(radius, |x| f(x * PIXELS_PER_DEGREE));
         let bell = |x: f32| libm::expf(-x * x / (2.0 * sigma * sigma));
         let flat = unit(in_px(&bell));
@@ -187,7 +191,7 @@ impl Plane<f32> {
 }
 
 impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
-    /// Convolved with a kernel along the rows. The border pixel is repeated.
+    /// Convolves rows with a kernel. The border pixel is repeated.
     fn along_x(&self, kernel: &[T]) -> Self {
         let radius = kernel.len() / 2;
         let mut padded = Vec::new();
@@ -205,7 +209,7 @@ impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
         Self { width: self.width, values }
     }
 
-    /// The same along the columns.
+    /// Convolves columns with a kernel. The border pixel is repeated.
     fn along_y(&self, kernel: &[T]) -> Self {
         let radius = (kernel.len() / 2).cast_signed();
         let height = (self.values.len() / self.width).cast_signed();
@@ -222,39 +226,40 @@ impl<T: Copy + Default + Add<Output = T> + Mul<Output = T>> Plane<T> {
     }
 }
 
-/// Values at integer pixels from `-radius` to `radius`, as a function of degrees.
+/// Returns the values of a function of degrees at integer pixels from `-radius` to `radius`.
 fn kernel<T>(radius: f32, value: impl Fn(f32) -> T) -> Vec<T> {
     #[expect(clippy::cast_possible_truncation, reason = "some ten pixels")]
     let radius = radius as i32;
     (-radius..=radius).map(|px| value(px as f32 / PIXELS_PER_DEGREE)).collect()
 }
 
-/// Scaled to a sum of 1.
+/// Scales a kernel to a sum of 1.
 fn unit<T: Copy + Sum + Div<Output = T>>(kernel: Vec<T>) -> Vec<T> {
     let sum: T = kernel.iter().copied().sum();
     kernel.into_iter().map(|value| value / sum).collect()
 }
 
-/// Positive values scaled to a sum of 1, negative ones to -1.
+/// Scales the positive values of a kernel to a sum of 1, and the negative ones to -1.
 fn balanced(mut kernel: Vec<f32>) -> Vec<f32> {
-    let [up, down] =
+    let [positive, negative] =
         [1.0, -1.0].map(|sign| kernel.iter().map(|v| (sign * v).max(0.0)).sum::<f32>());
-    kernel.iter_mut().for_each(|value| *value /= if *value > 0.0 { up } else { down });
+    kernel.iter_mut().for_each(|value| *value /= if *value > 0.0 { positive } else { negative });
     kernel
 }
 
-/// `YCxCz`: `L*a*b*` without its roots.
+/// Converts XYZ to `YCxCz`, which is `L*a*b*` without its cube roots.
 fn opponent_from_xyz(xyz: Vec3) -> Vec3 {
     let Vec3 { x, y, z } = xyz / WHITE;
     Vec3::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
 }
 
+/// Converts `YCxCz` to XYZ.
 fn xyz_from_opponent(color: Vec3) -> Vec3 {
     let y = (color.x + 16.0) / 116.0;
     Vec3::new(y + color.y / 500.0, y, y - color.z / 200.0) * WHITE
 }
 
-/// `L*a*b*` with colorfulness that falls in the dark (Hunt).
+/// Converts XYZ to `L*a*b*` with a colorfulness that decreases with the lightness (Hunt effect).
 fn hunt_lab(xyz: Vec3) -> Vec3 {
     let delta = 6.0_f32 / 29.0;
     let Vec3 { x, y, z } = (xyz / WHITE).map(|value| match value {
@@ -266,12 +271,12 @@ fn hunt_lab(xyz: Vec3) -> Vec3 {
     Vec3::new(lightness, hunt * 500.0 * (x - y), hunt * 200.0 * (y - z))
 }
 
-/// The distance `HyAB` of two colors in `L*a*b*`.
+/// Returns the distance `HyAB` between two colors in `L*a*b*`.
 fn hyab(a: Vec3, b: Vec3) -> f32 {
     (a.x - b.x).abs() + libm::hypotf(a.y - b.y, a.z - b.z)
 }
 
-/// Maps a color difference to 0 to 1, compressing the upper part (FLIP).
+/// Maps a color difference up to `largest` to the range from 0 to 1, and compresses its upper part.
 fn compressed(difference: f32, largest: f32) -> f32 {
     let [from, to] = COMPRESSED;
     let knee = from * largest;

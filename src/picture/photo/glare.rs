@@ -21,10 +21,11 @@ pub(super) const CELL_PX: usize = 4;
 /// Unit of fractions of light.
 pub(super) const WHOLE: u32 = 1 << 16;
 
+/// Scattered light of a film.
 #[derive(Debug)]
 pub(super) struct Glare {
     /// Scattered fraction of each pixel's counts, in units of 1 / [`WHOLE`].
-    share: u32,
+    fraction: u32,
     /// Scattered light of each channel at the finest cells.
     halo: Vec<Plane>,
     /// Cells that give light to each row of pixels.
@@ -36,17 +37,18 @@ impl Glare {
     pub(super) fn new(film: &Film, camera: &Camera, options: &PhotoOptions) -> Option<Self> {
         let size_px = [film.width_px, film.height_px].map(|side| side as usize);
         let octaves = octaves(size_px, options, camera.pixel_pitch_m());
-        let share: u32 = octaves.iter().sum();
-        if share == 0 {
+        let fraction: u32 = octaves.iter().sum();
+        if fraction == 0 {
             return None;
         }
-        let cells = cells(film, share).into_par_iter();
+        let cells = cells(film, fraction).into_par_iter();
         let halo: Vec<Plane> = cells.map(|cells| halo(cells, &octaves)).collect();
         let rows = QUADRUPLE.sources(halo[0].height, size_px[1]);
-        Some(Self { share, halo, rows })
+        Some(Self { fraction, halo, rows })
     }
 
-    /// Counts of a row of the film, `pixels`, after the scatter. `cells` is a buffer.
+    /// Writes the counts of row `y` of a channel after the scatter to `out`. `pixels` are the
+    /// counts before it, and `cells` is a buffer.
     pub(super) fn row(
         &self,
         channel: usize,
@@ -66,11 +68,11 @@ impl Glare {
                 }
             }
             for (out, &count) in out.iter_mut().zip(pixels) {
-                *out = count - scattered(count, self.share);
+                *out = count - scattered(count, self.fraction);
             }
-            // Along the row in 32 bits if the cells are faint, as nearly all are.
-            let most = cells.iter().copied().fold(0, u64::max);
-            if most < QUADRUPLE.most_narrow() {
+            // Along the row in 32 bits if the cells are faint, which nearly all are.
+            let brightest = cells.iter().copied().fold(0, u64::max);
+            if brightest < QUADRUPLE.narrow_limit() {
                 QUADRUPLE.along_narrow(cells, out);
             } else {
                 QUADRUPLE.along(cells, out, |out, light| {
@@ -81,14 +83,15 @@ impl Glare {
     }
 }
 
+/// Returns the scattered part of a count, rounded down. `fraction` is in units of 1 / [`WHOLE`].
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "a part of a u32")]
-fn scattered(count: u32, share: u32) -> u32 {
-    ((u64::from(count) * u64::from(share)) >> 16) as u32
+fn scattered(count: u32, fraction: u32) -> u32 {
+    ((u64::from(count) * u64::from(fraction)) >> 16) as u32
 }
 
-/// Light of cells of 4 × 4 pixels, by channel: a fraction of every count.
-pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
+/// Returns the sums of a fraction of every count over cells of 4 × 4 pixels, for each channel.
+pub(super) fn cells(film: &Film, fraction: u32) -> [Plane; 3] {
     let (width, height) = (film.width_px as usize, film.height_px as usize);
     let columns = width.div_ceil(CELL_PX);
     std::array::from_fn(|channel| {
@@ -99,7 +102,7 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
             noctograph_core::dispatch!(|| {
                 for row in rows.chunks_exact(width) {
                     let (cells, rest) = row.as_chunks::<CELL_PX>();
-                    let light = |count: &u32| u64::from(scattered(*count, share));
+                    let light = |count: &u32| u64::from(scattered(*count, fraction));
                     for (sum, pixels) in sums.iter_mut().zip(cells) {
                         *sum += pixels.iter().map(light).sum::<u64>();
                     }
@@ -114,10 +117,11 @@ pub(super) fn cells(film: &Film, share: u32) -> [Plane; 3] {
     })
 }
 
-/// Fractions of the octaves from σ = 4 px to half the picture, in units of 1 / [`WHOLE`].
+/// Returns the fractions of the light that the octaves scatter, from σ = 4 px to half the picture,
+/// in units of 1 / [`WHOLE`].
 fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) -> Vec<u32> {
     let PhotoOptions { glare_frac, glare_radius_m, glare_exponent, .. } = *options;
-    // Fraction of the scatter within r.
+    // Fraction of the scatter within r: the integral of the scatter over a disc.
     let within = |r_px: f64| {
         let ratio = r_px * pitch_m / glare_radius_m;
         1.0 - libm::pow(1.0 + ratio * ratio, 1.0 - glare_exponent)
@@ -125,40 +129,41 @@ fn octaves([width, height]: [usize; 2], options: &PhotoOptions, pitch_m: f64) ->
     let diagonal = within(((width * width + height * height) as f64).sqrt());
     let sigmas = std::iter::successors(Some(CELL_PX), |sigma| Some(2 * sigma));
     let sigmas: Vec<usize> = sigmas.take_while(|s| 2 * s <= width.min(height)).collect();
-    // A bell of σ has the middle of its light at 1.18 σ. Its ring reaches from 0.83 σ to 1.67 σ.
+    // Half the light of a Gaussian is within 1.18 σ. Its ring reaches from 0.83 σ to 1.67 σ.
     let edge = |sigma: usize| within(sigma as f64 * (1.18 / std::f64::consts::SQRT_2));
     Vec::from_iter((0..sigmas.len()).map(|index: usize| {
         let outer = sigmas.get(index + 1).map_or(diagonal, |next| edge(*next).min(diagonal));
         let inner = edge(sigmas[index]).min(outer);
         #[expect(clippy::cast_possible_truncation, reason = "0 to WHOLE")]
-        let share = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
-        share
+        let fraction = (glare_frac * (outer - inner) / diagonal * f64::from(WHOLE)).round() as u32;
+        fraction
     }))
 }
 
-/// Spreads one channel's scattered light over its octaves.
+/// Spreads one channel's scattered light over its octaves. Returns the light of the finest cells.
 fn halo(cells: Plane, octaves: &[u32]) -> Plane {
     if cells.values.iter().all(|light| *light == 0) {
         return cells;
     }
-    // Down: each octave takes a part of the light that the finer ones leave.
-    let mut left: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
-    let mut rest = cells;
-    let mut taken = Vec::with_capacity(octaves.len());
+    // Down: each octave uses a part of the light that remains after the finer ones.
+    let mut remaining_fraction: u64 = octaves.iter().map(|octave| u64::from(*octave)).sum();
+    let mut remaining = cells;
+    let mut parts = Vec::with_capacity(octaves.len());
     for &octave in &octaves[..octaves.len() - 1] {
-        let mut part = rest.clone();
-        let factor = (u64::from(octave) << 16) / left;
-        for (part, rest) in part.values.iter_mut().zip(&mut rest.values) {
+        let mut part = remaining.clone();
+        let factor = (u64::from(octave) << 16) / remaining_fraction;
+        for (part, remaining) in part.values.iter_mut().zip(&mut remaining.values) {
+            // Times factor / 2^16, in two halves that do not overflow.
             *part = (*part >> 16) * factor + (((*part & 0xffff) * factor) >> 16);
-            *rest -= *part;
+            *remaining -= *part;
         }
-        left = (left - u64::from(octave)).max(1);
-        rest = rest.halved();
-        taken.push(part);
+        remaining_fraction = (remaining_fraction - u64::from(octave)).max(1);
+        remaining = remaining.halved();
+        parts.push(part);
     }
     // Up: blurred, and spread to cells half as wide.
-    let mut halo = rest.blurred();
-    for mut part in taken.into_iter().rev() {
+    let mut halo = remaining.blurred();
+    for mut part in parts.into_iter().rev() {
         halo.spread_into(&DOUBLE, &mut part);
         halo = part.blurred();
     }

@@ -12,16 +12,20 @@ pub(super) struct Plane {
     pub(super) values: Vec<u64>,
 }
 
-/// Kernel that spreads the light of a cell over finer places along an axis. Values are below 2^58.
+/// Kernel that spreads the light of a cell over finer positions along an axis. Values are below
+/// 2^58.
 #[derive(Debug)]
 pub(super) struct Kernel<const PARTS: usize> {
+    /// Positions per cell.
     pub(super) step: usize,
+    /// First part's position relative to the cell's.
     first: isize,
     /// Sums of the fractions up to and with each part, in units of `2^-shift`.
     cumulative: [u64; PARTS],
     shift: u32,
 }
 
+/// Blur of cells, 1-2-1.
 pub(super) const BLUR: Kernel<3> = Kernel { step: 1, first: -1, cumulative: [1, 3, 4], shift: 2 };
 
 /// Cells twice as wide to cells, 1-3-3-1.
@@ -33,38 +37,40 @@ pub(super) const QUADRUPLE: Kernel<8> =
     Kernel { step: 4, first: -2, cumulative: [1, 4, 9, 16, 23, 28, 31, 32], shift: 5 };
 
 impl<const PARTS: usize> Kernel<PARTS> {
+    /// Returns one part of a value.
     #[inline(always)]
     pub(super) fn part(&self, value: u64, part: usize) -> u64 {
-        let until = |part: usize| (value * self.cumulative[part]) >> self.shift;
-        until(part) - if part == 0 { 0 } else { until(part - 1) }
+        let cumulative = |part: usize| (value * self.cumulative[part]) >> self.shift;
+        cumulative(part) - if part == 0 { 0 } else { cumulative(part - 1) }
     }
 
-    /// Place of a part of a cell among `n` places.
-    pub(super) fn place(&self, cell: usize, part: usize, n: usize) -> usize {
-        let (place, n) = ((self.step * cell + part).cast_signed() + self.first, n.cast_signed());
-        let mirrored = if place < 0 { -1 - place } else { place };
+    /// Returns the position among `n` that receives a part of a cell. It is mirrored at the border.
+    pub(super) fn position(&self, cell: usize, part: usize, n: usize) -> usize {
+        let (position, n) = ((self.step * cell + part).cast_signed() + self.first, n.cast_signed());
+        let mirrored = if position < 0 { -1 - position } else { position };
         let mirrored = if mirrored >= n { 2 * n - 1 - mirrored } else { mirrored };
         mirrored.clamp(0, n - 1).cast_unsigned()
     }
 
-    /// Cells and parts that each of `n` places receives.
+    /// Returns the cells and parts that each of `n` positions receives.
     pub(super) fn sources(&self, cells: usize, n: usize) -> Vec<Vec<(usize, usize)>> {
         let mut sources = vec![Vec::new(); n];
         for cell in 0..cells {
             for part in 0..PARTS {
-                sources[self.place(cell, part, n)].push((cell, part));
+                sources[self.position(cell, part, n)].push((cell, part));
             }
         }
         sources
     }
 
+    /// Returns all parts of a value.
     #[inline(always)]
     fn parts(&self, value: u64) -> [u64; PARTS] {
-        let until = self.cumulative.map(|share| (value * share) >> self.shift);
-        std::array::from_fn(|part| until[part] - if part == 0 { 0 } else { until[part - 1] })
+        let sums = self.cumulative.map(|fraction| (value * fraction) >> self.shift);
+        std::array::from_fn(|part| sums[part] - if part == 0 { 0 } else { sums[part - 1] })
     }
 
-    /// Adds the light of a row of cells to a row of places, with `add`.
+    /// Adds the light of a row of cells to a row of positions, with `add`.
     #[inline(always)]
     pub(super) fn along<T>(&self, cells: &[u64], out: &mut [T], add: impl Fn(&mut T, u64)) {
         let n = out.len();
@@ -75,7 +81,7 @@ impl<const PARTS: usize> Kernel<PARTS> {
                 out.iter_mut().zip(parts).for_each(|(out, part)| add(out, part));
             } else {
                 for (part, light) in parts.into_iter().enumerate() {
-                    add(&mut out[self.place(cell, part, n)], light);
+                    add(&mut out[self.position(cell, part, n)], light);
                 }
             }
         }
@@ -83,32 +89,34 @@ impl<const PARTS: usize> Kernel<PARTS> {
 }
 
 impl Kernel<8> {
-    /// Light of cells below which [`Self::along_narrow`] holds.
-    pub(super) fn most_narrow(&self) -> u64 {
+    /// Returns the light below which a cell fits the arithmetic of [`Self::along_narrow`].
+    pub(super) fn narrow_limit(&self) -> u64 {
         1 << (32 - self.shift)
     }
 
-    /// The same as [`Self::along`] for faint cells, four places at once. Sums saturate.
+    /// Adds the light of a row of faint cells to pixels like [`Self::along`], four at a time in 32
+    /// bits. Sums saturate.
     #[inline(always)]
     pub(super) fn along_narrow(&self, cells: &[u64], out: &mut [u32]) {
         let n = out.len();
         #[expect(clippy::cast_possible_truncation, reason = "faint, and up to 32")]
         let parts = |value: u64| {
-            let until = self.cumulative.map(|share| (value as u32 * share as u32) >> self.shift);
-            let part = |part: usize| until[part] - if part == 0 { 0 } else { until[part - 1] };
+            let sums =
+                self.cumulative.map(|fraction| (value as u32 * fraction as u32) >> self.shift);
+            let part = |part: usize| sums[part] - if part == 0 { 0 } else { sums[part - 1] };
             [std::array::from_fn(part), std::array::from_fn::<u32, 4, _>(|k| part(k + 4))]
         };
-        // A block of four places gets the upper half of one cell and the lower half of the next.
+        // A block of four pixels gets the upper half of one cell and the lower half of the next.
         let inside = out.get_mut(2..).map(|out| out.as_chunks_mut::<4>().0).unwrap_or_default();
-        let mut before = cells.first().map_or([0; 4], |first| parts(*first)[1]);
-        for (places, &cell) in inside.iter_mut().zip(cells.get(1..).unwrap_or_default()) {
+        let mut previous = cells.first().map_or([0; 4], |first| parts(*first)[1]);
+        for (pixels, &cell) in inside.iter_mut().zip(cells.get(1..).unwrap_or_default()) {
             let [lower, upper] = parts(cell);
-            for (place, (lower, before)) in places.iter_mut().zip(lower.iter().zip(before)) {
-                *place = place.saturating_add(lower + before);
+            for (pixel, (lower, previous)) in pixels.iter_mut().zip(lower.iter().zip(previous)) {
+                *pixel = pixel.saturating_add(lower + previous);
             }
-            before = upper;
+            previous = upper;
         }
-        // The border is left: parts that leave the picture are mirrored there.
+        // The border remains: parts that leave the picture are mirrored there.
         let n_inside = inside.len();
         let last = cells.len().saturating_sub(2).max(1)..cells.len();
         for cell in (0..cells.len().min(1)).chain(last) {
@@ -118,7 +126,7 @@ impl Kernel<8> {
                     continue;
                 }
                 for (part, light) in parts.into_iter().enumerate() {
-                    let out = &mut out[self.place(cell, 4 * half + part, n)];
+                    let out = &mut out[self.position(cell, 4 * half + part, n)];
                     *out = out.saturating_add(light);
                 }
             }
@@ -127,6 +135,7 @@ impl Kernel<8> {
 }
 
 impl Plane {
+    /// Returns a plane without light.
     pub(super) fn dark(width: usize, height: usize) -> Self {
         Self { width, height, values: vec![0; width * height] }
     }
@@ -143,17 +152,19 @@ impl Plane {
                     *sum += kernel.part(value, part);
                 }
             }
-            let places = &mut out.values[y * out.width..][..out.width];
-            kernel.along(&row, places, |place, light| *place += light);
+            let out_row = &mut out.values[y * out.width..][..out.width];
+            kernel.along(&row, out_row, |sum, light| *sum += light);
         }
     }
 
+    /// Returns the plane blurred by [`BLUR`] along both axes.
     pub(super) fn blurred(&self) -> Self {
         let mut out = Self::dark(self.width, self.height);
         self.spread_into(&BLUR, &mut out);
         out
     }
 
+    /// Returns the sums of cells twice as wide and high.
     pub(super) fn halved(&self) -> Self {
         let mut out = Self::dark(self.width.div_ceil(2), self.height.div_ceil(2));
         for (y, row) in self.values.chunks_exact(self.width).enumerate() {

@@ -29,10 +29,15 @@ pub struct Metadata {
     pub unique_id: String,
 }
 
+/// Length of an inch.
+const INCH_M: f64 = 0.0254;
+/// Width of a frame of 35 mm film.
+const FILM_WIDTH_M: f64 = 0.036;
+
 pub(super) const SOFTWARE: &str = concat!("noctograph ", env!("CARGO_PKG_VERSION"));
 
 impl Metadata {
-    /// Metadata of a picture by a camera, with an identifier from its bytes.
+    /// Returns the metadata of a camera's picture, with an identifier from the picture's bytes.
     #[must_use]
     pub fn new(camera: &Camera, picture: &[u8]) -> Self {
         let [width, height] = [camera.width_px, camera.height_px].map(f64::from);
@@ -43,18 +48,18 @@ impl Metadata {
             f_number: camera.f_number,
             iso: camera.iso,
             focal_length_m: camera.focal_length_m,
-            crop_factor: film_width_m(longer / shorter, 0.036 / longer_m) / longer_m,
+            crop_factor: film_width_m(longer / shorter, FILM_WIDTH_M / longer_m) / longer_m,
             dots_per_inch: None,
             unique_id: unique_id(picture),
         }
     }
 
-    /// Pixels per meter of the print.
+    /// Returns the pixels per meter of the print. `None` if the picture is not for a print.
     pub(super) fn pixels_per_m(&self) -> Option<u32> {
-        self.dots_per_inch.map(|dots| whole(dots / 0.0254))
+        self.dots_per_inch.map(|dots| whole(dots / INCH_M))
     }
 
-    /// As an EXIF block: `TIFF` header and fields.
+    /// Encodes the metadata as an EXIF block: `TIFF` header and fields.
     #[must_use]
     pub fn exif(&self) -> Vec<u8> {
         let ascii = |text: &str| Value::Ascii(vec![text.as_bytes().to_vec()]);
@@ -83,7 +88,7 @@ impl Metadata {
         bytes.into_inner()
     }
 
-    /// As an XMP packet.
+    /// Returns an XMP packet that marks the picture as computed.
     #[must_use]
     pub fn xmp(&self) -> String {
         format!(
@@ -101,25 +106,27 @@ impl Metadata {
 /// Bytes that one checksum of [`unique_id`] covers.
 const BLOCK: usize = 4096;
 
-/// 128 bits of the SHA-256 of the CRC-32 of every block: the SHA-256 of the picture itself took a
-/// quarter of the work from a light trace to its photo.
+/// Returns 128 bits of the SHA-256 of the CRC-32 of every block. The SHA-256 of the picture itself
+/// took a quarter of the time from a light trace to its photo.
 fn unique_id(picture: &[u8]) -> String {
     let sums = picture.chunks(BLOCK).flat_map(|block| crc32fast::hash(block).to_le_bytes());
     sha256(&sums.collect::<Vec<_>>())[..32].to_owned()
 }
 
-/// In millionths, or coarser if that is too long.
+/// Returns a rational number in millionths, or in thousandths or whole numbers if it is too large.
 fn rational(value: f64) -> Value {
     let mut denoms = [1_000_000_u32, 1000, 1].into_iter();
     let denom = denoms.find(|denom| value * f64::from(*denom) < f64::from(u32::MAX)).unwrap_or(1);
     Value::Rational(vec![Rational { num: whole(value * f64::from(denom)), denom }])
 }
 
+/// Returns a rounded number.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 fn whole(value: f64) -> u32 {
     value.round() as u32
 }
 
+/// Returns a rounded number of 16 bits, which saturates.
 fn short(value: f64) -> u16 {
     u16::try_from(whole(value)).unwrap_or(u16::MAX)
 }

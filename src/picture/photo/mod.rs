@@ -12,8 +12,8 @@
 //! with noise that depends on seed, pixel, channel and source: the same bytes on every machine and
 //! with any number of threads.
 //!
-//! Not modeled: ghosts, glare of the background (a photo has its own), the color filter mosaic,
-//! JPEG.
+//! Not modeled: ghosts, glare of the background (a photo already contains it), the color filter
+//! mosaic, JPEG.
 
 use image::ImageEncoder;
 use rayon::prelude::*;
@@ -58,7 +58,7 @@ mod starburst;
 mod tests;
 mod tone;
 
-/// Scene-linear light as the sensor read it, before the tone curve.
+/// Scene-linear light from the sensor, before the tone curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Readout {
     /// Width.
@@ -66,14 +66,14 @@ pub struct Readout {
     /// Height.
     pub height_px: u32,
     /// Red, green, blue by pixel, row by row from the top left: linear sRGB, 1 at saturation. Noise
-    /// and color matrix lead a little below 0.
+    /// and the color matrix make some values slightly negative.
     pub rgb: Vec<f32>,
     /// Luminous exposure at 1.
     pub white_lx_s: f64,
 }
 
-/// Develops a film that was exposed in a room. The same film, camera, options and seed make the
-/// same bytes.
+/// Develops a film that was exposed in a room. Returns the photo, with the same bytes for the same
+/// film, camera, options and seed.
 ///
 /// # Errors
 ///
@@ -95,7 +95,7 @@ pub fn develop(
     Photo::new(PhotoData { width_px, height_px, rgb8, scene_toml: None })
 }
 
-/// The readout of the sensor: [`develop`] before the tone curve.
+/// Returns the readout of the sensor: [`develop`] without the tone curve.
 ///
 /// # Errors
 ///
@@ -116,7 +116,7 @@ pub fn read_out(
 }
 
 impl Readout {
-    /// The picture at 16 bits a channel, as [`develop`] makes it at 8.
+    /// Applies a tone curve. Returns the picture of [`develop`] with 16 bits per channel.
     #[must_use]
     pub fn rgb16(&self, tone: Tone) -> Vec<u16> {
         let levels = Levels16::new(tone);
@@ -125,7 +125,7 @@ impl Readout {
     }
 }
 
-/// The photo as a JPEG file of a quality from 1 to 100, for pages.
+/// Encodes a photo as a JPEG file, with a quality from 1 to 100.
 #[must_use]
 pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -136,11 +136,11 @@ pub fn jpeg(photo: &Photo, quality: u8) -> Vec<u8> {
     bytes
 }
 
-/// Rows that one task processes at least.
+/// Least number of rows in a task.
 const TASK_ROWS: usize = 16;
 
-/// Processes the picture row by row. `finish` makes a row of the product from its channels. Also
-/// returns the luminous exposure at white.
+/// Processes the picture row by row. `finish` converts the channels of a row to the product.
+/// Returns the luminous exposure at white, and the product.
 fn process<T: Copy + Default + Send>(
     film: &Film,
     camera: &Camera,
@@ -155,7 +155,7 @@ fn process<T: Copy + Default + Send>(
         let wanted = format!("the camera's {}x{}", camera.width_px, camera.height_px);
         return Err(Error::input("film", size, wanted, "develop with the camera that exposed"));
     }
-    // Made once for the whole picture.
+    // Parts of the camera, prepared once for the whole picture.
     let sensor = Sensor::new(camera, options, seed);
     let backdrop = Backdrop::new(camera, room, options, sensor.white_lx_s)?;
     let glare = Glare::new(film, camera, options);
@@ -196,7 +196,7 @@ struct Lens<'a> {
 }
 
 impl Lens<'_> {
-    /// Counts of a row after scatter and diffraction.
+    /// Writes the counts of row `y` of a channel after scatter and diffraction to `out`.
     fn row(&self, channel: usize, y: usize, scratch: &mut Vec<u64>, out: &mut [u32]) {
         let width = out.len();
         let first = y * width;

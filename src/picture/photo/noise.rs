@@ -9,8 +9,8 @@ use noctograph_core::random::split_mix;
 /// Cells of the table of normal numbers.
 const CELLS: usize = 2048;
 
-/// Electrons below which the Poisson distribution is exact. Above, a normal distribution stands in
-/// (as in `ISETCam`).
+/// Electrons below which the Poisson distribution is exact. Above, a normal distribution replaces
+/// it (as in `ISETCam`).
 pub(super) const POISSON_BELOW: f32 = 25.0;
 
 /// Use of a random number.
@@ -24,21 +24,23 @@ pub(super) enum Source {
     Hot,
 }
 
+/// Random numbers of a row, by column.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stream {
     keys: [u32; 2],
 }
 
 impl Stream {
+    /// Returns the random numbers of a row of a channel for one use.
     pub(super) fn new(seed: u64, y: usize, channel: usize, source: Source) -> Self {
-        let place = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
-        let key = split_mix(split_mix(seed) ^ place);
-        #[expect(clippy::cast_possible_truncation, reason = "both halves are taken")]
+        let index = (y as u64) << 8 | (channel as u64) << 4 | source as u64;
+        let key = split_mix(split_mix(seed) ^ index);
+        #[expect(clippy::cast_possible_truncation, reason = "both halves are used")]
         let keys = [key as u32, (key >> 32) as u32];
         Self { keys }
     }
 
-    /// 32 random bits of a column (a multiply-xorshift hash, after Wellons' `lowbias32`).
+    /// Returns 32 random bits of a column (a multiply-xorshift hash, after Wellons' `lowbias32`).
     #[inline(always)]
     pub(super) fn bits(self, x: u32) -> u32 {
         let mut h = x.wrapping_mul(0x9e37_79b9) ^ self.keys[0];
@@ -47,6 +49,7 @@ impl Stream {
         h ^ (h >> 16)
     }
 
+    /// Writes the random bits of all columns of a row.
     #[inline(always)]
     pub(super) fn fill(self, out: &mut [u32]) {
         for (x, bits) in (0_u32..).zip(out) {
@@ -55,8 +58,8 @@ impl Stream {
     }
 }
 
-/// Normal numbers, by a piecewise linear inverse of their distribution: of variance 1 to the last
-/// digits of f32, and up to 3.8 σ.
+/// Normally distributed numbers, by a piecewise linear inverse of the distribution. Their variance
+/// is 1 to the last digits of f32, and they reach 3.8 σ.
 #[derive(Debug)]
 pub(super) struct Normal {
     /// Start of each cell, and its slope per unit of the lower bits.
@@ -66,6 +69,7 @@ pub(super) struct Normal {
 pub(super) static NORMAL: LazyLock<Normal> = LazyLock::new(Normal::new);
 
 impl Normal {
+    /// Computes the table: cells of equal probability.
     fn new() -> Self {
         let p = 1.0 / CELLS as f64;
         let mut nodes = [0.0; CELLS + 1];
@@ -88,7 +92,7 @@ impl Normal {
         Self { cells }
     }
 
-    /// The normal number for each of some 32 uniform bits.
+    /// Returns a normally distributed number for each set of 32 uniform bits.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, bits: [u32; N]) -> [f32; N] {
         let cells = bits.map(|bits| self.cells[(bits >> LOWER_BITS) as usize]);
@@ -99,11 +103,11 @@ impl Normal {
     }
 }
 
-/// Bits that select within a cell.
+/// Bits that select the position within a cell.
 const LOWER_BITS: u32 = 32 - CELLS.ilog2();
 
-/// Quantile of the normal distribution for 0 < p < 1, to 1.2e-9 of itself (rational approximation
-/// of Acklam).
+/// Returns the quantile of the normal distribution for 0 < p < 1, with a relative error of 1.2e-9
+/// (rational approximation by Acklam).
 fn quantile(p: f64) -> f64 {
     const A: [f64; 6] = [
         -3.969_683_028_665_376e1,
@@ -150,9 +154,9 @@ fn quantile(p: f64) -> f64 {
     }
 }
 
-/// Fast Poisson numbers of means below [`POISSON_BELOW`], by tables of the means `(k / 32)²`. A
-/// mean between two of them takes either at random, so that the mean is exact, and the variance to
-/// 0.1 %.
+/// Fast Poisson-distributed numbers with means below [`POISSON_BELOW`], from tables for the means
+/// `(k / 32)²`. For a mean between two of them one is chosen at random, so that the mean is exact,
+/// and the variance to 0.1 %.
 #[derive(Debug)]
 pub(super) struct Poisson {
     /// Tables of rising means up to [`POISSON_BELOW`].
@@ -179,6 +183,7 @@ const PER_SQUARE: f32 = 1024.0;
 pub(super) static POISSON: LazyLock<Poisson> = LazyLock::new(Poisson::new);
 
 impl Poisson {
+    /// Computes the tables.
     fn new() -> Self {
         let last = (f64::from(POISSON_BELOW * PER_SQUARE)).sqrt().ceil();
         let mut levels = Box::new([[0; NUMBERS]; LEVELS]);
@@ -189,9 +194,10 @@ impl Poisson {
         Self { levels }
     }
 
-    /// The numbers for means and uniform bits, without branches, which random bits would
-    /// mispredict: what is computed, then what is looked up, then what is computed from it, so that
-    /// all but the table runs in wide registers.
+    /// Returns a Poisson-distributed number for each mean and its uniform bits.
+    ///
+    /// It has no branches, which random bits would mispredict. Lookups are separated from the
+    /// computations before and after them, which run in wide registers.
     #[inline(always)]
     pub(super) fn numbers<const N: usize>(&self, means: [f32; N], bits: [u32; N]) -> [f32; N] {
         let level: [u32; N] = std::array::from_fn(|n| Self::level(means[n], bits[n]));
@@ -208,7 +214,7 @@ impl Poisson {
         })
     }
 
-    /// The level that a mean and the lowest of its bits select.
+    /// Returns the table for a mean: one of the two nearest, chosen by the lowest bits.
     #[inline(always)]
     fn level(mean: f32, bits: u32) -> u32 {
         let square = mean * PER_SQUARE;
@@ -221,31 +227,32 @@ impl Poisson {
     }
 }
 
-/// Alias table of a Poisson distribution (Walker 1977, Vose 1991): the number is the column if the
-/// bits within are below the upper bits of the cell, else the lower bits of the cell, its alias.
+/// Returns the alias table of a Poisson distribution (Walker 1977, Vose 1991). The number is the
+/// column if the bits within are below the upper bits of the cell, else the alias in its lower
+/// bits.
 fn table(mean: f64) -> [u32; NUMBERS] {
     // Probabilities times the number of columns.
-    let mut next = NUMBERS as f64 * libm::exp(-mean);
+    let mut probability = NUMBERS as f64 * libm::exp(-mean);
     let mut scaled: [f64; NUMBERS] = std::array::from_fn(|number| {
-        let this = next;
-        next *= mean / (number + 1) as f64;
-        this
+        let scaled = probability;
+        probability *= mean / (number + 1) as f64;
+        scaled
     });
-    let (mut less, mut more): (Vec<usize>, Vec<usize>) =
+    let (mut rare, mut frequent): (Vec<usize>, Vec<usize>) =
         (0..NUMBERS).partition(|&number| scaled[number] < 1.0);
     let mut cells = [((1 << WITHIN_BITS) - 1) << COLUMN_BITS; NUMBERS];
-    // A number that is too rare for its column leaves the rest of it to one that is too frequent.
-    while let (Some(&from), Some(to)) = (more.last(), less.pop()) {
+    // A number that is too rare to fill its column divides it with a frequent one, its alias.
+    while let (Some(&alias), Some(column)) = (frequent.last(), rare.pop()) {
         #[expect(clippy::cast_possible_truncation, reason = "below 1")]
-        let within = (scaled[to] * f64::from(1 << WITHIN_BITS)) as u32;
-        cells[to] = within << COLUMN_BITS | u32::try_from(from).expect("a column");
-        scaled[from] -= 1.0 - scaled[to];
-        if scaled[from] < 1.0 {
-            less.extend(more.pop());
+        let within = (scaled[column] * f64::from(1 << WITHIN_BITS)) as u32;
+        cells[column] = within << COLUMN_BITS | u32::try_from(alias).expect("a column");
+        scaled[alias] -= 1.0 - scaled[column];
+        if scaled[alias] < 1.0 {
+            rare.extend(frequent.pop());
         }
     }
-    // The rest fill a column each, but for rounding.
-    for number in less.into_iter().chain(more) {
+    // The remaining numbers fill a column each, apart from rounding.
+    for number in rare.into_iter().chain(frequent) {
         cells[number] |= u32::try_from(number).expect("a column");
     }
     cells

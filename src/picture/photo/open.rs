@@ -13,8 +13,9 @@ use noctograph_core::camera::MAX_PIXELS;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::JpegFrame;
 
-/// Most memory while a JPEG file is decoded: that of the largest PNG, of four channels of 16 bits.
-const MOST_BYTES: u64 = 8 * MAX_PIXELS;
+/// Most memory while a JPEG file is decoded, which is that of the largest PNG with four channels of
+/// 16 bits.
+const MAX_BYTES: u64 = 8 * MAX_PIXELS;
 
 /// Reads a photo from a PNG or JPEG file. The header is checked before anything is decoded.
 ///
@@ -26,7 +27,7 @@ pub fn read(path: &Path) -> Result<Photo> {
     Ok(open(path, false)?.0)
 }
 
-/// The same with the scene and the notes of a photo that Noctograph wrote.
+/// Reads a photo like [`read`], and the scene and the notes if Noctograph wrote it.
 ///
 /// # Errors
 ///
@@ -35,6 +36,7 @@ pub fn read_with_notes(path: &Path) -> Result<(Photo, Notes)> {
     open(path, true)
 }
 
+/// Reads a photo, and the texts of a PNG file if `texts` is true.
 fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let bytes = LIMIT.read(path)?;
     let broken = |source: &dyn std::fmt::Display| {
@@ -60,23 +62,24 @@ fn open(path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     Ok((Photo::new(turned(photo, orientation))?, Notes::default()))
 }
 
-/// Refuses a JPEG file that is cut off, or takes more memory to decode than any other photo.
+/// Refuses a JPEG file that is cut off, or needs more memory to decode than any other photo.
 fn check_memory(bytes: &[u8], path: &Path) -> Result<()> {
     // The decoder refuses a file without a frame.
     let Some(frame) = JpegFrame::parse(bytes) else { return Ok(()) };
     // The decoder keeps a copy of the file.
     let needed = 2 * bytes.len() as u64 + frame.decoded_bytes();
-    if needed <= MOST_BYTES {
+    if needed <= MAX_BYTES {
         let hint = "take the whole file from the camera's card";
-        let cut = || Error::input(path.display(), "a JPEG that is cut off", "a whole photo", hint);
-        return frame.has_end.then_some(()).ok_or_else(cut);
+        let error =
+            || Error::input(path.display(), "a JPEG that is cut off", "a whole photo", hint);
+        return frame.has_end.then_some(()).ok_or_else(error);
     }
     let kind = if frame.progressive { "progressive " } else { "" };
     let [width, height] = frame.size_px;
     let photo =
         format!("a {kind}JPEG of {width}x{height} pixels, which takes {} MiB", needed >> 20);
     let hint = "scale the photo down, or save it anew as a baseline JPEG";
-    Err(Error::input(path.display(), photo, format!("at most {} MiB", MOST_BYTES >> 20), hint))
+    Err(Error::input(path.display(), photo, format!("at most {} MiB", MAX_BYTES >> 20), hint))
 }
 
 #[cfg(test)]

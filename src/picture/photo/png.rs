@@ -13,7 +13,7 @@ use noctograph_core::files::Limit;
 
 const SCENE_KEYWORD: &str = "noctograph.scene";
 
-/// Keyword of the gaps of flights' logs, as JSON.
+/// Keyword of the gaps in flight logs, as JSON.
 pub const LOG_GAPS_KEYWORD: &str = "noctograph.log_gaps";
 
 /// Keyword of the digests of flights.
@@ -24,7 +24,7 @@ pub const STROKES_KEYWORD: &str = "noctograph.strokes_sha256";
 /// Largest text that is unpacked: that of the largest scene file.
 const MAX_TEXT_BYTES: usize = 1 << 20;
 
-/// Most memory for everything but the picture.
+/// Largest memory for everything except the picture.
 const MAX_METADATA_BYTES: usize = 16 << 20;
 
 /// Keyword of the text chunk of XMP (PNG, third edition).
@@ -36,10 +36,10 @@ const FITS: &str = "a checked picture fits into memory";
 pub(super) const LIMIT: Limit =
     Limit { bytes: 4 * MAX_PIXELS, what: "a photo", hint: "scale the photo down" };
 
-/// The photo as PNG: 8 bits a channel, sRGB, fast compression, no time.
+/// Encodes a photo as PNG: 8 bits per channel, sRGB, fast compression, no time.
 ///
-/// `notes`, pairs of keyword and text, and the scene become text chunks. With metadata, the
-/// file has EXIF and XMP, and the size of its print.
+/// The scene and `notes`, pairs of keyword and text, become text chunks. With metadata, the file
+/// has EXIF and XMP, and the size of the print.
 pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, String)]) -> Vec<u8> {
     let size_px = [photo.width_px, photo.height_px];
     let scene = photo.scene_toml.as_deref();
@@ -47,15 +47,15 @@ pub fn encode_png(photo: &Photo, metadata: Option<&Metadata>, notes: &[(&str, St
     encode(size_px, levels, metadata, notes, scene).expect(FITS)
 }
 
-/// Reads the bytes of a PNG file, and its texts if they are wanted.
+/// Decodes a PNG file, and its notes if `texts` is true.
 ///
-/// Neither color profile nor texts are unpacked with the picture: a few kilobytes of either may
+/// Color profile and texts are not unpacked with the picture, since a few kilobytes of either may
 /// expand to gigabytes.
 pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo, Notes)> {
     let broken = |source: &dyn std::fmt::Display| {
         Error::input(path.display(), source, "a PNG image", "choose another file")
     };
-    // The header is checked before any memory for pixels is taken.
+    // The header is checked before memory for pixels is allocated.
     let limits = png::Limits { bytes: MAX_METADATA_BYTES };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
     decoder.set_ignore_iccp_chunk(true);
@@ -85,6 +85,7 @@ pub(super) fn from_png(bytes: &[u8], path: &Path, texts: bool) -> Result<(Photo,
     ))
 }
 
+/// Turns a photo upright by the orientation of its EXIF.
 pub(super) fn turned(photo: PhotoData, orientation: Orientation) -> PhotoData {
     if orientation == Orientation::NoTransforms {
         return photo;
@@ -108,7 +109,8 @@ pub struct Notes {
     pub log_gaps_json: Option<String>,
 }
 
-/// The text of a keyword, unpacked up to a limit.
+/// Returns the text of a keyword, or `None` without it. Refuses a broken text, and one above the
+/// limit.
 fn text(
     texts: &[png::text_metadata::ITXtChunk],
     keyword: &str,
@@ -125,24 +127,24 @@ fn text(
     })
 }
 
-/// Turns samples, of 8 or 16 bits and with or without color and transparency, into RGB of 8 bits,
-/// in place.
+/// Converts samples in place to RGB of 8 bits. They have 8 or 16 bits, with or without color and
+/// transparency.
 fn to_rgb8(samples: &mut Vec<u8>, color: png::ColorType, depth: png::BitDepth) {
-    let wide = depth == png::BitDepth::Sixteen;
-    if color == png::ColorType::Rgb && !wide {
+    let is_wide = depth == png::BitDepth::Sixteen;
+    if color == png::ColorType::Rgb && !is_wide {
         return;
     }
-    let bytes = color.samples() * if wide { 2 } else { 1 };
+    let bytes = color.samples() * if is_wide { 2 } else { 1 };
     let has_color = color.samples() > 2;
     let n = samples.len() / bytes;
     samples.resize(samples.len().max(3 * n), 0);
     for index in 0..n {
-        // Forward if pixels shrink, backward if they grow, so that none is overwritten
-        // unread.
+        // Forward if pixels shrink, backward if they grow, so that no sample is overwritten before
+        // it is read.
         let index = if bytes >= 3 { index } else { n - 1 - index };
         let pixel = &samples[index * bytes..][..bytes];
         let levels = [0, 1, 2].map(|channel| match if has_color { channel } else { 0 } {
-            channel if !wide => pixel[channel],
+            channel if !is_wide => pixel[channel],
             // The nearest of 256 levels: 65535 is 255 of 257.
             channel => {
                 let level = u16::from_be_bytes([pixel[2 * channel], pixel[2 * channel + 1]]);
@@ -165,8 +167,8 @@ pub(super) fn checked_size(path: &Path, width_px: u32, height_px: u32) -> Result
 }
 
 impl Readout {
-    /// The readout as PNG of 16 bits a channel, otherwise as [`develop`](super::develop) and
-    /// [`encode_png`] make it.
+    /// Encodes the readout as PNG with 16 bits per channel, otherwise like
+    /// [`develop`](super::develop) and [`encode_png`].
     pub fn encode_png16(
         &self,
         tone: Tone,
@@ -174,7 +176,7 @@ impl Readout {
         notes: &[(&str, String)],
         scene_toml: Option<&str>,
     ) -> Vec<u8> {
-        // The levels are given back before the encoder takes as much memory again.
+        // The levels are dropped before the encoder allocates as much memory again.
         let bytes: Vec<u8> =
             self.rgb16(tone).iter().flat_map(|level| level.to_be_bytes()).collect();
         let metadata = Metadata { dots_per_inch, ..Metadata::new(camera, &bytes) };
@@ -184,8 +186,8 @@ impl Readout {
     }
 }
 
-/// A PNG with EXIF and texts. It is encoded into memory: the encoder's code is that of its writer,
-/// so that one is built, here.
+/// Encodes a PNG with EXIF and texts in memory. The encoder is generic in its writer, so that only
+/// one is compiled, here.
 fn encode(
     [width_px, height_px]: [u32; 2],
     (depth, bytes): (png::BitDepth, &[u8]),

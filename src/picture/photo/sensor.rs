@@ -8,8 +8,8 @@
 //!    to its neighbor's and to white. Then it balances white and clips again: gains before the
 //!    matrix would tint every gray.
 //!
-//! Green photosites receive a fourth of a blue LED's light ([`SEEN`]): hence the cyan center of an
-//! overexposed blue lamp.
+//! Green photosites receive a fourth of a blue LED's light ([`SENSITIVITY`]): hence the cyan center
+//! of an overexposed blue lamp.
 //!
 //! White is [`Camera::saturation_lx_s`].
 //! A single picture does not distinguish noise from pattern: PRNU is part of the variance. Not
@@ -21,11 +21,12 @@ use crate::narrow;
 use noctograph_core::camera::Camera;
 use noctograph_core::random::poisson;
 
+/// Sensor of a camera.
 #[derive(Debug)]
 pub(super) struct Sensor {
     pub(super) white_lx_s: f64,
-    /// Matrix of the leak between the channels, and its inverse.
-    leak: Option<[[[f32; 3]; 3]; 2]>,
+    /// Matrix of the crosstalk between the channels, and its inverse.
+    crosstalk: Option<[[[f32; 3]; 3]; 2]>,
     white_balance: [f32; 3],
     noise: Option<Noisy>,
 }
@@ -38,7 +39,9 @@ struct Noisy {
     poisson: &'static Poisson,
     /// Electrons of each channel at white.
     at_white: [f32; 3],
+    /// Largest number of electrons.
     clip: f32,
+    /// Mean electrons of the dark current.
     dark: f32,
     read_variance: f32,
     prnu_squared: f32,
@@ -49,20 +52,22 @@ struct Noisy {
 
 /// Mean dark current of a hot pixel, which is distributed exponentially.
 pub(super) const HOT_PIXEL_E_S: f64 = 100.0;
-/// Which pixels are hot: the same in all pictures of the camera.
+/// Seed of the hot pixels, which are the same in all pictures of the camera.
 const HOT_PIXEL_SEED: u64 = 0;
 
-/// Pixels whose electrons are drawn at once.
+/// Pixels whose electrons are computed at once.
 const LANES: usize = 16;
 
+/// Buffers for a row: random bits of each use, and hot pixels.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
     bits: Vec<u32>,
-    reading: Vec<u32>,
+    read_bits: Vec<u32>,
     hot: Vec<(usize, f32)>,
 }
 
 impl Sensor {
+    /// Prepares the sensor of a camera.
     pub(super) fn new(camera: &Camera, options: &PhotoOptions, seed: u64) -> Self {
         let noise = match &options.noise {
             Noise::Emva1288(noise) => Some(Noisy::new(camera, noise, seed)),
@@ -70,28 +75,28 @@ impl Sensor {
         };
         Self {
             white_lx_s: camera.saturation_lx_s(),
-            leak: options.crosstalk.then(leak),
+            crosstalk: options.crosstalk.then(crosstalk),
             white_balance: camera.white_balance.map(narrow),
             noise,
         }
     }
 
-    /// Reads row `y`: light relative to white becomes the readout of the camera, 1 at saturation (a
-    /// little below 0 by noise or the matrix). It runs in the widest registers of
-    /// this processor, with the same bits in all, since no product is fused with a sum.
+    /// Reads row `y`: replaces light relative to white by the camera's readout, which is 1 at
+    /// saturation, and may be slightly negative by noise or the matrix. No product is fused with a
+    /// sum, so that registers of any width give the same bits.
     pub(super) fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
         // Crosstalk of the color filters, noise and clipping, the matrix that undoes the crosstalk,
         // white balance.
         noctograph_core::dispatch!(|| {
-            if let Some([leak, _]) = &self.leak {
-                mix(leak, rows);
+            if let Some([crosstalk, _]) = &self.crosstalk {
+                multiply(crosstalk, rows);
             }
             match &self.noise {
                 Some(noise) => noise.read(y, rows, scratch),
                 None => rows.iter_mut().flatten().for_each(|light| *light = light.min(1.0)),
             }
-            if let Some([_, undo]) = &self.leak {
-                mix(undo, rows);
+            if let Some([_, inverse]) = &self.crosstalk {
+                multiply(inverse, rows);
             }
             for (row, &gain) in rows.iter_mut().zip(&self.white_balance) {
                 row.iter_mut().for_each(|light| *light = (*light * gain).min(1.0));
@@ -100,32 +105,36 @@ impl Sensor {
     }
 }
 
-/// Light of a red, a green and a blue LED (622, 525, 466 nm) that red, green and blue photosites
-/// receive, relative to that of the photosites of the LED's own color, with white balanced: medians
-/// of 32 cameras (spectral sensitivities measured by Jiang and others 2013 and by contributors of
-/// github.com/butcherg/ssf-data).
-const SEEN: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
+/// Sensitivity of red, green and blue photosites (rows) to red, green and blue LEDs of 622, 525 and
+/// 466 nm, relative to the photosites of the LED's color, with white balanced.
+///
+/// Medians of 32 cameras. Spectral sensitivities were measured by Jiang and others 2013 and by
+/// contributors of github.com/butcherg/ssf-data.
+const SENSITIVITY: [[f64; 3]; 3] = [[1.0, 0.19, 0.05], [0.05, 1.0, 0.23], [0.0, 0.3, 1.0]];
 
-/// Fractions of red, green and blue light that the red, green and blue photosites receive, and the
-/// inverse. All see white alike.
-fn leak() -> [[[f32; 3]; 3]; 2] {
-    let shares = SEEN.map(|seen| seen.map(|light| light / seen.iter().sum::<f64>()));
-    let leak = nalgebra::Matrix3::from_fn(|i, j| shares[i][j]);
-    let undo = leak.try_inverse().expect("each photosite receives most of its own color");
-    [leak, undo].map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
+/// Returns the matrix of the crosstalk, and its inverse: fractions of red, green and blue light
+/// that the red, green and blue photosites receive. White gives the same in all.
+fn crosstalk() -> [[[f32; 3]; 3]; 2] {
+    let fractions = SENSITIVITY.map(|row| row.map(|light| light / row.iter().sum::<f64>()));
+    let crosstalk = nalgebra::Matrix3::from_fn(|i, j| fractions[i][j]);
+    let inverse = crosstalk.try_inverse().expect("each photosite receives most of its own color");
+    [crosstalk, inverse]
+        .map(|m| std::array::from_fn(|i| std::array::from_fn(|j| narrow(m[(i, j)]))))
 }
 
+/// Multiplies the red, green and blue of each pixel of a row by a matrix.
 #[inline(always)]
-fn mix(by: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
+fn multiply(matrix: &[[f32; 3]; 3], rows: &mut [Vec<f32>; 3]) {
     let [red, green, blue] = rows;
     for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
-        let [mixed_r, mixed_g, mixed_b] =
-            std::array::from_fn(|i| by[i][0] * *r + by[i][1] * *g + by[i][2] * *b);
-        (*r, *g, *b) = (mixed_r, mixed_g, mixed_b);
+        let [new_r, new_g, new_b] =
+            std::array::from_fn(|i| matrix[i][0] * *r + matrix[i][1] * *g + matrix[i][2] * *b);
+        (*r, *g, *b) = (new_r, new_g, new_b);
     }
 }
 
 impl Noisy {
+    /// Computes the constants of a sensor in electrons.
     fn new(camera: &Camera, noise: &SensorNoise, seed: u64) -> Self {
         let gain = (camera.iso / camera.base_iso).max(1.0);
         let exposure_s = camera.shutter_close_s - camera.shutter_open_s;
@@ -147,62 +156,69 @@ impl Noisy {
         }
     }
 
+    /// Replaces the light of row `y` by its noisy readout, 1 at saturation.
     #[inline(always)]
     fn read(&self, y: usize, rows: &mut [Vec<f32>; 3], scratch: &mut Scratch) {
-        let Scratch { bits, reading, hot } = scratch;
+        let Scratch { bits, read_bits, hot } = scratch;
         let width = rows[0].len();
         bits.resize(width, 0);
-        reading.resize(width, 0);
+        read_bits.resize(width, 0);
         self.hot_pixels(y, width, hot);
         for (channel, row) in rows.iter_mut().enumerate() {
             // Mean electrons of each pixel: photons, dark current, hot photosites.
             let (at_white, dark, clip) = (self.at_white[channel], self.dark, self.clip);
-            let mut few = 0;
+            let mut n_dark = 0;
             for light in row.iter_mut() {
                 *light = *light * at_white + dark;
-                few |= u32::from(*light < POISSON_BELOW);
+                n_dark |= u32::from(*light < POISSON_BELOW);
             }
             for &(x, electrons) in &*hot {
                 row[x] += electrons * self.at_white[channel] / self.at_white[1].max(1.0);
             }
             // A row without dark pixels needs no Poisson numbers.
             Stream::new(self.seed, y, channel, Source::Shot).fill(bits);
-            if few > 0 {
-                Stream::new(self.seed, y, channel, Source::Read).fill(reading);
-                let (means, rest) = row.as_chunks_mut();
-                let (each_bits, rest_bits) = bits.as_chunks();
-                let (each_reading, rest_reading) = reading.as_chunks();
-                for (means, (bits, reading)) in
-                    means.iter_mut().zip(each_bits.iter().zip(each_reading))
-                {
-                    self.dark::<LANES>(means, *bits, *reading);
-                }
-                let rest = rest.as_chunks_mut::<1>().0.iter_mut();
-                for (mean, (bits, reading)) in rest.zip(rest_bits.iter().zip(rest_reading)) {
-                    self.dark(mean, [*bits], [*reading]);
-                }
+            if n_dark > 0 {
+                Stream::new(self.seed, y, channel, Source::Read).fill(read_bits);
+                self.add_noise(row, bits, read_bits);
             } else {
                 for (mean, &bits) in row.iter_mut().zip(&*bits) {
                     *mean = self.bright(*mean, bits);
                 }
             }
             // The well clips. The camera subtracts the mean dark current.
-            let undo = 1.0 / at_white;
+            let per_electron = 1.0 / at_white;
             for electrons in row.iter_mut() {
-                *electrons = ((electrons.min(clip) - dark) * undo).min(1.0);
+                *electrons = ((electrons.min(clip) - dark) * per_electron).min(1.0);
             }
         }
     }
 
-    /// Electrons of pixels, some of them dark.
+    /// Replaces the mean electrons of a row, some of it dark, by random ones.
     #[inline(always)]
-    fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], reading: [u32; N]) {
+    fn add_noise(&self, row: &mut [f32], bits: &[u32], read_bits: &[u32]) {
+        // Whole groups of pixels, then the remaining ones.
+        let (groups, rest) = row.as_chunks_mut();
+        let (bits, rest_bits) = bits.as_chunks();
+        let (read_bits, rest_read_bits) = read_bits.as_chunks();
+        for (means, (bits, read_bits)) in groups.iter_mut().zip(bits.iter().zip(read_bits)) {
+            self.dark::<LANES>(means, *bits, *read_bits);
+        }
+        let rest = rest.as_chunks_mut::<1>().0.iter_mut();
+        for (mean, (bits, read_bits)) in rest.zip(rest_bits.iter().zip(rest_read_bits)) {
+            self.dark(mean, [*bits], [*read_bits]);
+        }
+    }
+
+    /// Replaces mean electrons by random ones: Poisson-distributed photons, and normal other noise.
+    /// Pixels above [`POISSON_BELOW`] are computed as bright ones.
+    #[inline(always)]
+    fn dark<const N: usize>(&self, means: &mut [f32; N], bits: [u32; N], read_bits: [u32; N]) {
         let photons = self.poisson.numbers(*means, bits);
-        let others = self.normal.numbers(reading);
+        let normals = self.normal.numbers(read_bits);
         let before = *means;
         for (n, mean) in means.iter_mut().enumerate() {
             let variance = self.read_variance + self.prnu_squared * *mean * *mean;
-            *mean = photons[n] + variance.sqrt() * others[n];
+            *mean = photons[n] + variance.sqrt() * normals[n];
         }
         if before.iter().any(|mean| *mean >= POISSON_BELOW) {
             for n in (0..N).filter(|n| before[*n] >= POISSON_BELOW) {
@@ -211,23 +227,24 @@ impl Noisy {
         }
     }
 
-    /// Electrons of a bright pixel: all sources add up to one normal number.
+    /// Returns random electrons of a bright pixel, whose sources add up to one normal number.
     #[inline(always)]
     fn bright(&self, mean: f32, bits: u32) -> f32 {
         let variance = mean + self.read_variance + self.prnu_squared * mean * mean;
         mean + variance.sqrt() * self.normal.numbers([bits])[0]
     }
 
-    /// The hot pixels of a row, by column and electrons.
+    /// Writes the hot pixels of a row to `out`: column and electrons of each.
     fn hot_pixels(&self, y: usize, width: usize, out: &mut Vec<(usize, f32)>) {
         out.clear();
         let stream = Stream::new(HOT_PIXEL_SEED, y, 0, Source::Hot);
+        // From 0 to 1, without either: (bits + 1/2) / 2^32.
         let uniform = |bits: u32| (f64::from(bits) + 0.5) * (1.0 / 4_294_967_296.0);
         // A Poisson number of pixels, each at a uniform column with exponential electrons.
         let number = poisson(self.hot_in_row, uniform(stream.bits(0)));
         for index in 0..number {
-            let place = u64::from(stream.bits(1 + 2 * index)) * width as u64;
-            let column = usize::try_from(place >> 32).expect("a column of the row");
+            let scaled = u64::from(stream.bits(1 + 2 * index)) * width as u64;
+            let column = usize::try_from(scaled >> 32).expect("a column of the row");
             let electrons = narrow(-self.hot * libm::log(uniform(stream.bits(2 + 2 * index))));
             out.push((column, electrons));
         }

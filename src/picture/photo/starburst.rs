@@ -1,10 +1,10 @@
 //! Starburst: spikes that the iris diffracts from points where a lamp dwells.
 //!
-//! A straight blade diffracts light into a spike at right angles to it. As for a round iris, the
-//! fraction `2 λ N / (π² r)` of the light of a point lands farther than r from it. Straight blades
-//! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. Along a
-//! trail spikes smear to nothing, so only lamps at rest have them. Their light is taken from the
-//! point.
+//! A straight blade diffracts light into a spike at right angles to it. The fraction `2 λ N / (π²
+//! r)` of a point's light lands farther than r from it, like for a round iris. Straight blades
+//! concentrate it in spikes, so that each of n spikes has `2 λ N / (π² n r²)` per length. The
+//! spikes of a moving lamp are too faint to see, so only lamps at rest have them. Their light is
+//! subtracted from the point.
 //!
 //! The light of a spike on a pixel is rounded down to an integer. Not modeled: the fine structure
 //! of spikes by color.
@@ -20,38 +20,41 @@ use noctograph_core::camera::Camera;
 /// Wavelength of red, green and blue LEDs.
 const WAVELENGTH_M: [f64; 3] = [620e-9, 525e-9, 465e-9];
 
-/// Light of a point with visible spikes, in saturated pixels.
+/// Least light of a point with visible spikes, in saturated pixels.
 const BRIGHT_PX: f64 = 1000.0;
 
 /// Most points with spikes, the brightest first.
 const MAX_POINTS: usize = 64;
 
-/// Cells around a point's cell that have its light: 3 × 3 cells of 4 px.
+/// Distance of cells around a point's cell that contain its light: 3 × 3 cells of 4 px.
 const REACH_CELLS: usize = 1;
 
-/// Start of the spikes, outside of those cells.
+/// Distance from the point at which spikes begin, outside of those cells, and at which they end.
 const INNER_PX: f64 = 6.0;
-
 const OUTER_PX: f64 = 240.0;
 
+/// Width of a spike: σ of a Gaussian across it.
 const WIDTH_PX: f64 = 0.9;
+/// √(2π): area of a Gaussian of height and σ 1.
+const ROOT_TAU: f64 = 2.506_628_3;
 
 /// Rotation of the iris, so that no spike runs along rows or columns like an artifact.
 const TURN_RAD: f64 = 0.2;
 
 /// Largest fraction of the light of a point in its spikes.
-const MAX_SHARE: f64 = 0.3;
+const MAX_FRACTION: f64 = 0.3;
 
-/// Gain or loss of a pixel.
+/// Change of the counts of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Change {
     /// `y * width_px + x`.
     pub(super) index: usize,
-    /// Counts by channel. Those of a film add up to 0.
+    /// Counts by channel. All changes of a film add up to 0.
     pub(super) counts: [i64; 3],
 }
 
-/// The spikes of a film, by pixel. An iris without blades makes none.
+/// Returns the changes that spikes make to a film, in order of the pixels. An iris without blades
+/// makes none.
 pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change> {
     if blades == 0 {
         return Vec::new();
@@ -59,34 +62,35 @@ pub(super) fn starburst(film: &Film, camera: &Camera, blades: u32) -> Vec<Change
     let n_spikes = if blades.is_multiple_of(2) { blades } else { 2 * blades };
     let mut changes = Vec::new();
     for point in points(film, camera, &cells(film, WHOLE)) {
-        let shares_px = WAVELENGTH_M.map(|wavelength_m| {
+        let fractions_px = WAVELENGTH_M.map(|wavelength_m| {
             let blur_px = wavelength_m * camera.f_number / camera.pixel_pitch_m();
-            let share_px = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
-            share_px.min(MAX_SHARE * INNER_PX)
+            let fraction_px = 2.0 * blur_px / (std::f64::consts::PI * std::f64::consts::PI);
+            fraction_px.min(MAX_FRACTION * INNER_PX)
         });
-        let light = std::array::from_fn(|c| shares_px[c] * point.light[c] / f64::from(n_spikes));
-        let before = changes.len();
+        let light = std::array::from_fn(|c| fractions_px[c] * point.light[c] / f64::from(n_spikes));
+        let first = changes.len();
         for spike in 0..n_spikes {
-            let turn = f64::from(spike) / f64::from(n_spikes) * std::f64::consts::TAU + TURN_RAD;
-            let (sin, cos) = libm::sincos(turn);
+            let angle = f64::from(spike) / f64::from(n_spikes) * std::f64::consts::TAU + TURN_RAD;
+            let (sin, cos) = libm::sincos(angle);
             draw(film, point.center_px, DVec2::new(cos, sin), light, &mut changes);
         }
-        // Light is conserved: the spikes' counts are those that the point loses.
-        take_from(film, &point, before, &mut changes);
+        // Light is conserved: the point loses the counts of its spikes.
+        subtract_spikes(film, &point, first, &mut changes);
     }
     changes.sort_by_key(|change| change.index);
     changes
 }
 
+/// A point of the picture at which a lamp dwells.
 struct Point {
-    /// First cell of its block of cells.
+    /// First cell of the block of cells around it.
     corner: [usize; 2],
     center_px: DVec2,
     /// Light in counts, without that of a trail through it.
     light: [f64; 3],
 }
 
-/// Points where lamps dwell: cells much brighter than all around.
+/// Returns the brightest points at which lamps dwell: cells much brighter than all around them.
 fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     let (width, height) = (cells[0].width, cells[0].height);
     let saturation = camera.saturation_lx_s() * libm::exp2(-f64::from(film.scale_log2));
@@ -128,7 +132,7 @@ fn points(film: &Film, camera: &Camera, cells: &[Plane; 3]) -> Vec<Point> {
     points.into_iter().map(|(_, point)| point).collect()
 }
 
-/// Pixels of a block of cells, as indices in a plane.
+/// Returns the pixels of a block of cells, as columns and rows.
 fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)> {
     let size = CELL_PX * (2 * REACH_CELLS + 1);
     let ends = [film.width_px as usize, film.height_px as usize];
@@ -139,6 +143,7 @@ fn block(film: &Film, corner: [usize; 2]) -> impl Iterator<Item = (usize, usize)
     y.flat_map(move |y| x.clone().map(move |x| (x, y)))
 }
 
+/// Returns the centroid of the light in a block of cells.
 fn center_px(film: &Film, corner: [usize; 2]) -> DVec2 {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
     let (mut sum, mut weight) = (DVec2::ZERO, 0.0);
@@ -150,7 +155,8 @@ fn center_px(film: &Film, corner: [usize; 2]) -> DVec2 {
     sum / weight
 }
 
-/// Draws a spike from a point along a unit vector. `light` is its light beyond 1 px.
+/// Appends the changes of a spike from a point along a unit vector. `light` is the spike's light
+/// beyond 1 px from the point.
 fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<Change>) {
     let size = [film.width_px, film.height_px].map(|side| side as usize);
     // Steps along the axis that the spike is nearer to, and across it.
@@ -162,6 +168,7 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
             continue;
         }
         let middle = from[side] + r * along[side];
+        // 4 σ to either side.
         let first = (middle - 4.0 * WIDTH_PX).max(0.0);
         for side_px in (0..size[side]).skip(whole(first)).take(8) {
             let u_side = side_px as f64 + 0.5 - from[side];
@@ -171,8 +178,7 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
             if !(INNER_PX..=OUTER_PX).contains(&u) {
                 continue;
             }
-            let across =
-                libm::exp(-0.5 * (v / WIDTH_PX) * (v / WIDTH_PX)) / (WIDTH_PX * 2.506_628_3);
+            let across = libm::exp(-0.5 * (v / WIDTH_PX) * (v / WIDTH_PX)) / (WIDTH_PX * ROOT_TAU);
             #[expect(clippy::cast_possible_truncation, reason = "counts of a film, below 2^53")]
             let counts = light.map(|light| (light / (u * u) * across) as i64);
             let [x, y] = if main == 0 { [main_px, side_px] } else { [side_px, main_px] };
@@ -183,25 +189,25 @@ fn draw(film: &Film, from: DVec2, along: DVec2, light: [f64; 3], out: &mut Vec<C
     }
 }
 
-/// Takes the light of the changes from `first` on from the pixels of the point, in proportion to
-/// their light.
-fn take_from(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
+/// Subtracts the light of the changes from `first` on from the pixels of the point, in proportion
+/// to their light.
+fn subtract_spikes(film: &Film, point: &Point, first: usize, changes: &mut Vec<Change>) {
     let (width, pixels) = (film.width_px as usize, film.counts.len() / 3);
-    let drawn: [i128; 3] = std::array::from_fn(|c| {
+    let spikes: [i128; 3] = std::array::from_fn(|c| {
         changes[first..].iter().map(|change| i128::from(change.counts[c])).sum()
     });
     let block = Vec::from_iter(block(film, point.corner).map(|(x, y)| {
         let index = y * width + x;
         (index, [0, 1, 2].map(|c| i128::from(film.counts[c * pixels + index])))
     }));
-    // Rounded cumulative sums, so that the parts add up to what was drawn.
+    // Differences of rounded cumulative sums, so that the parts add up to the spikes.
     let total = [0, 1, 2].map(|c| block.iter().map(|(_, light)| light[c]).sum::<i128>());
-    let mut until = [0_i128; 3];
+    let mut cumulative = [0_i128; 3];
     for (index, light) in block {
         let counts = [0, 1, 2].map(|c| {
-            let [before, after] =
-                [until[c], until[c] + light[c]].map(|until| until * drawn[c] / total[c].max(1));
-            until[c] += light[c];
+            let [before, after] = [cumulative[c], cumulative[c] + light[c]]
+                .map(|sum| sum * spikes[c] / total[c].max(1));
+            cumulative[c] += light[c];
             i64::try_from(before - after).expect("less than the pixel has")
         });
         changes.push(Change { index, counts });

@@ -196,7 +196,7 @@ fn spikes_are_where_a_lamp_dwells_and_not_along_a_trail() {
             let y = (change.index / 400) as f64 - 150.0;
             if (60.0..90.0).contains(&libm::hypot(x, y)) {
                 let turns = libm::atan2(y, x) / std::f64::consts::TAU + 0.5;
-                #[expect(clippy::cast_possible_truncation, reason = "a share of 120")]
+                #[expect(clippy::cast_possible_truncation, reason = "a fraction of 120")]
                 let direction = (turns * 119.999) as usize;
                 around[direction] += change.counts[1];
             }
@@ -285,19 +285,19 @@ fn few_electrons_are_poisson() {
         let [number] = POISSON.numbers([mean], [stream.bits(x)]).map(|number| number as usize);
         histogram[number.min(39)] += 1;
     }
-    let mut share = libm::exp(-f64::from(mean));
+    let mut fraction = libm::exp(-f64::from(mean));
     let mut chi_sq = 0.0;
     for (number, count) in histogram.iter().enumerate().take(13) {
-        let wanted = share * f64::from(n);
+        let wanted = fraction * f64::from(n);
         chi_sq += (f64::from(*count) - wanted) * (f64::from(*count) - wanted) / wanted;
-        share *= f64::from(mean) / (number + 1) as f64;
+        fraction *= f64::from(mean) / (number + 1) as f64;
     }
     assert!(chi_sq < 34.5, "χ² of 13 bins is {chi_sq}, 99.9 % are below 34.5");
 }
 
 #[test]
 fn a_full_well_clips() {
-    fn share(electrons: f64) -> f64 {
+    fn fraction(electrons: f64) -> f64 {
         let film = film([500, 400], |_, _, _| count(electrons / 50_000.0));
         let options = electrons_only();
         let rgb = read_out(&film, &camera([500, 400], |_| {}), &options, 2).unwrap().rgb;
@@ -305,10 +305,10 @@ fn a_full_well_clips() {
         rgb.iter().filter(|value| **value == 1.0).count() as f64 / rgb.len() as f64
     }
     // σ = √50000 = 223.6 electrons: one σ above, 84.1 % clip.
-    assert!((share(50_223.6) - 0.8413).abs() < 0.003, "{}", share(50_223.6));
-    assert!((share(50_000.0) - 0.5).abs() < 0.003, "{}", share(50_000.0));
-    assert_eq!(share(55_000.0), 1.0);
-    assert_eq!(share(48_000.0), 0.0);
+    assert!((fraction(50_223.6) - 0.8413).abs() < 0.003, "{}", fraction(50_223.6));
+    assert!((fraction(50_000.0) - 0.5).abs() < 0.003, "{}", fraction(50_000.0));
+    assert_eq!(fraction(55_000.0), 1.0);
+    assert_eq!(fraction(48_000.0), 0.0);
 }
 
 #[test]
@@ -420,10 +420,10 @@ fn floor_and_walls_differ_in_the_light_of_the_room() {
     let mut met = [0; 3];
     for (x, y) in (0..160).flat_map(|x| (0..120).map(move |y| (x, y))) {
         let ray = camera.world_from_image(f64::from(x) + 0.5, f64::from(y) + 0.5).unwrap();
-        let (on, point_m) = room.met(ray).unwrap();
+        let (on, point_m) = room.intersection(ray).unwrap();
         let index = 3 * (y as usize * 160 + x as usize);
-        let share = f64::from(walled[index] / even[index]);
-        let error = (share / room.ambient(on, point_m, None) - 1.0).abs();
+        let fraction = f64::from(walled[index] / even[index]);
+        let error = (fraction / room.ambient(on, point_m, None) - 1.0).abs();
         met[0] += usize::from(on == 0);
         met[1] += usize::from(on == 1);
         met[2] += usize::from(error > 0.02);
@@ -522,8 +522,8 @@ fn a_room_reflects_by_its_picture_relative_to_the_median() {
     let options = PhotoOptions { background, ..PhotoOptions::plain() };
     let [red, _, blue] = &*reflectance(&camera([5, 1], |_| {}), &options).unwrap().unwrap();
     let wanted = [light(4.0) / light(100.0), 1.0, 1.0, light(120.0) / light(100.0), 4.0];
-    for (share, wanted) in red.iter().zip(wanted) {
-        assert!((f64::from(*share) - wanted).abs() < 1e-5, "{red:?}");
+    for (fraction, wanted) in red.iter().zip(wanted) {
+        assert!((f64::from(*fraction) - wanted).abs() < 1e-5, "{red:?}");
     }
     assert!(blue[1] > 2.0 && blue[2] < 1.0, "a blue wall: {blue:?}");
     let none = reflectance(&camera([5, 1], |_| {}), &PhotoOptions::plain()).unwrap();

@@ -31,14 +31,18 @@ const GRAY_LEVEL: f64 = 118.0 / 255.0;
 /// Change of the encoded value per stop at middle gray.
 const CONTRAST: f64 = 0.2;
 
+/// Distance of black from middle gray, in stops.
 const BLACK_STOPS: f64 = 8.0;
 
 /// Sharpness of the bends to white and to black. 1 is softest.
 const SHOULDER: f64 = 2.0;
 const TOE: f64 = 1.5;
 
+/// Least light of the camera's curve, which is black, so that its logarithm exists.
+const MIN_LIGHT: f64 = 1e-9;
+
 impl Tone {
-    /// The part of the curve that acts on the three channels of a pixel together.
+    /// Applies the part of the curve that acts on the three channels of a pixel together.
     pub(super) fn mixed(self, rgb: [f32; 3]) -> [f32; 3] {
         match self {
             Self::Neutral => neutral(rgb),
@@ -46,6 +50,7 @@ impl Tone {
         }
     }
 
+    /// Applies [`mixed`](Self::mixed) to the pixels of a row.
     pub(super) fn mix(self, [red, green, blue]: &mut [Vec<f32>; 3]) {
         if self == Self::Neutral {
             for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
@@ -54,7 +59,7 @@ impl Tone {
         }
     }
 
-    /// Encoded value, 0 to 1, of the light of a channel, 0 to 1.
+    /// Returns the encoded value, 0 to 1, of the light of a channel, 0 to 1.
     #[must_use]
     pub fn encode(self, light: f64) -> f64 {
         match self {
@@ -63,7 +68,8 @@ impl Tone {
         }
     }
 
-    /// Light of an encoded value, both 0 to 1: the inverse of [`encode`](Self::encode), and 0 at 0.
+    /// Returns the light of an encoded value, both 0 to 1: the inverse of [`encode`](Self::encode),
+    /// and 0 at 0.
     pub(super) fn decode(self, encoded: f64) -> f64 {
         match self {
             Self::Camera if encoded > 0.0 => {
@@ -81,23 +87,25 @@ impl Tone {
     }
 }
 
-/// `g + s u / (1 + |s u / l|^b)^(1/b)`, u in stops from middle gray, with l such that the curve
-/// reaches white at saturation, and black [`BLACK_STOPS`] below middle gray.
+/// Returns the encoded value of light under the tone [`Tone::Camera`].
 fn camera(light: f64) -> f64 {
-    let stops = libm::log2(light.max(1e-9) / GRAY);
-    let (end, level, bend) = if stops > 0.0 {
+    // g + s u / (1 + |s u / l|^b)^(1/b), with u in stops from middle gray. l is such that the curve
+    // reaches white at saturation, and black BLACK_STOPS below middle gray.
+    let stops = libm::log2(light.max(MIN_LIGHT) / GRAY);
+    let (end_stops, end_level, bend) = if stops > 0.0 {
         (-libm::log2(GRAY), 1.0 - GRAY_LEVEL, SHOULDER)
     } else {
         (BLACK_STOPS, GRAY_LEVEL, TOE)
     };
     let rise = CONTRAST * stops.abs();
-    let straight_end = CONTRAST * end;
-    let limit = straight_end / libm::pow(libm::pow(straight_end / level, bend) - 1.0, 1.0 / bend);
+    let straight_end = CONTRAST * end_stops;
+    let limit =
+        straight_end / libm::pow(libm::pow(straight_end / end_level, bend) - 1.0, 1.0 / bend);
     let bent = rise / libm::pow(1.0 + libm::pow(rise / limit, bend), 1.0 / bend);
     (GRAY_LEVEL + if stops > 0.0 { bent } else { -bent }).clamp(0.0, 1.0)
 }
 
-/// Khronos PBR Neutral tone mapper, as its specification gives it.
+/// Applies the Khronos PBR Neutral tone mapper, with the constants of its specification.
 fn neutral(rgb: [f32; 3]) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
@@ -117,7 +125,7 @@ fn neutral(rgb: [f32; 3]) -> [f32; 3] {
 /// Light at which the tables begin, 2^-14: black in every tone.
 const DARK: f32 = 1.0 / 16384.0;
 
-/// A curve for 8 bits, as tables.
+/// Tables of a curve for 8 bits.
 #[derive(Debug)]
 pub(super) struct Levels8 {
     /// Least light of levels 1 to 255, then infinity.
@@ -130,11 +138,13 @@ pub(super) struct Levels8 {
 const BIN_BITS: u32 = 13;
 
 impl Levels8 {
+    /// Returns the tables of a tone, which are computed at the first call.
     pub(super) fn cached(tone: Tone) -> &'static Self {
         static MADE: [OnceLock<Levels8>; 3] = [const { OnceLock::new() }; 3];
         MADE[tone as usize].get_or_init(|| Self::new(tone))
     }
 
+    /// Computes the tables of a tone.
     fn new(tone: Tone) -> Self {
         // The least light that rounds to each level, by bisection over the bits of a float.
         let mut least = [f32::INFINITY; 256];
@@ -165,7 +175,7 @@ impl Levels8 {
         Self { start: start.collect(), least }
     }
 
-    /// The nearest levels of the pixels of a row, exactly. Its light is clipped.
+    /// Writes the nearest levels of the pixels of a row, and clips the light in `rows`.
     pub(super) fn row(&self, rows: &mut [Vec<f32>; 3], out: &mut [u8]) {
         noctograph_core::dispatch!(|| {
             rows.iter_mut().flatten().for_each(|light| *light = light.clamp(DARK, 1.0));
@@ -177,7 +187,7 @@ impl Levels8 {
         }
     }
 
-    /// The nearest level of light from [`DARK`] to 1.
+    /// Returns the nearest level of light from [`DARK`] to 1.
     #[inline(always)]
     fn level(&self, light: f32) -> u8 {
         let start = self.start[((light.to_bits() - DARK.to_bits()) >> BIN_BITS) as usize];
@@ -185,32 +195,34 @@ impl Levels8 {
     }
 }
 
-/// A curve for 16 bits: linear between 256 points an octave.
+/// Table of a curve for 16 bits: linear between 256 points an octave.
 #[derive(Debug)]
 pub(super) struct Levels16 {
     nodes: Vec<f64>,
 }
 
+/// Low bits of a float between two nodes of [`Levels16`].
 const NODE_BITS: u32 = 15;
 
 impl Levels16 {
+    /// Computes the table of a tone.
     pub(super) fn new(tone: Tone) -> Self {
         let nodes = ((1.0_f32.to_bits() - DARK.to_bits()) >> NODE_BITS) + 2;
         let lights = (0..nodes).map(|node| f32::from_bits(DARK.to_bits() + (node << NODE_BITS)));
         Self { nodes: lights.map(|light| tone.encode(f64::from(light).min(1.0))).collect() }
     }
 
-    /// The nearest level or its neighbor.
+    /// Returns the nearest level of light, or its neighbor.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
     pub(super) fn level(&self, light: f32) -> u16 {
         let encoded = if light < DARK {
-            // Linear from the first node to 0, as sRGB is.
+            // Linear from the first node to 0, like sRGB.
             self.nodes[0] * f64::from(light.max(0.0) / DARK)
         } else {
             let bits = light.min(1.0).to_bits() - DARK.to_bits();
             let node = (bits >> NODE_BITS) as usize;
-            let share = f64::from(bits & ((1 << NODE_BITS) - 1)) / f64::from(1 << NODE_BITS);
-            self.nodes[node] + share * (self.nodes[node + 1] - self.nodes[node])
+            let fraction = f64::from(bits & ((1 << NODE_BITS) - 1)) / f64::from(1 << NODE_BITS);
+            self.nodes[node] + fraction * (self.nodes[node + 1] - self.nodes[node])
         };
         (encoded * 65535.0 + 0.5) as u16
     }

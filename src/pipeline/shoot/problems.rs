@@ -171,7 +171,7 @@ fn facing_away(lamp: &Lamp, camera: &Camera) -> Option<(f64, f64)> {
         let is_lit = is_exposed(sample, camera);
         let toward: Vector3<f64> = camera.position_m - sample.position_m;
         let cos = sample.axis.dot(&toward) / (sample.axis.norm() * toward.norm());
-        let is_away = is_lit && lamp.emitter.share(cos) < TOWARD_FRAC;
+        let is_away = is_lit && lamp.emitter.relative_intensity(cos) < TOWARD_FRAC;
         n_lit += u32::from(is_lit);
         n_away += u32::from(is_away);
         // A sample that faces the camera interrupts the path.

@@ -342,8 +342,8 @@ proptest! {
         lamp.emitter.rgb = rgb;
         let sent: f64 = project::intervals(&lamp, &camera).map(|interval| interval.light()).sum();
         let exposed = film(&[lamp], &camera, merge_tolerance_px, None);
-        for (channel, share) in rgb.iter().enumerate() {
-            let error = exposed.light_lx_s_px2(channel) / (sent * share) - 1.0;
+        for (channel, fraction) in rgb.iter().enumerate() {
+            let error = exposed.light_lx_s_px2(channel) / (sent * fraction) - 1.0;
             prop_assert!(error.abs() < 1e-6, "channel {} is off by {:e}", channel, error);
         }
     }
