@@ -312,7 +312,18 @@ pub fn stem(word: &str) -> String {
         }
     }
     stem.truncate(MAX_STEM);
-    if stem.is_empty() { "drawing".to_owned() } else { stem }
+    match &*stem.to_uppercase() {
+        "" => "drawing".to_owned(),
+        // Windows has no file of a device's name, whatever its ending.
+        "AUX" | "CON" | "NUL" | "PRN" => stem + "_",
+        port if port.len() == 4
+            && (port.starts_with("COM") || port.starts_with("LPT"))
+            && port.ends_with(|c: char| c.is_ascii_digit()) =>
+        {
+            stem + "_"
+        }
+        _ => stem,
+    }
 }
 
 /// Returns one file for each drone: `encode` makes its bytes from the drone's index and plan. The

@@ -116,6 +116,10 @@ fn a_name_keeps_its_letters_in_the_name_of_a_file() {
         ("Ægir", "AEgir"),
         ("ΑΘΗΝΑ", "drawing"),
         ("", "drawing"),
+        ("aux", "aux_"),
+        ("COM1", "COM1_"),
+        ("COMA", "COMA"),
+        ("Auxerre", "Auxerre"),
     ] {
         assert_eq!(crate::stem(word), name);
     }

@@ -161,6 +161,10 @@ impl Place {
     ///
     /// [`Error::Io`] for a folder, and without write permission.
     pub(super) fn for_path(path: &Path) -> Result<Self> {
+        // Windows has no metadata of its null device.
+        if cfg!(windows) && path.as_os_str().eq_ignore_ascii_case("NUL") {
+            return Ok(Self::Through(OpenOptions::new().write(true).open(path)?));
+        }
         let metadata = match std::fs::metadata(path) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::Regular(None)),
             metadata => metadata?,
