@@ -7,11 +7,11 @@
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
 //! y_2  = d_13² + d_23² − q² − 2 |a_3|²   = 2 p_1ᵀ p_2 − 2 a_3ᵀ (p_1 + p_2)
 //! dp̂_i/dt = v_i + γ_i C_i (y_1i − 2 C_iᵀ p̂_i)
-//!           + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
+//!     + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
 //! ```
 //!
-//! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative semidefinite, plus
-//! cubic terms. The observer is gradient descent on three squared residuals. At an instant these
+//! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative semidefinite,
+//! plus cubic terms. The observer is gradient descent on three squared residuals. At an instant these
 //! fix three of the six coordinates, although there are five ranges.
 
 use std::collections::BTreeSet;

@@ -136,7 +136,7 @@ impl Reader {
     ///
     /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo of another size.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
-        Ok(self.sight(photo, view)?.0)
+        Ok(self.score_with_light(photo, view)?.0)
     }
 
     /// The strip of each line for the training of the net: its columns, and the bytes of 40 rows of
@@ -147,15 +147,19 @@ impl Reader {
     /// As [`Self::score`].
     pub fn strips(&self, photo: &Photo, view: &View) -> Result<Vec<(usize, Vec<u8>)>> {
         check_size(photo, view)?;
-        let seen = self.see(photo, view);
+        let seen = self.find_light(photo, view);
         let strips = seen.iter().flat_map(|seen| &seen.strips);
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width))).collect())
     }
 
     /// The verdict without causes, and its light, if any shines in the place of the word.
-    pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<(Verdict, Option<Seen>)> {
+    pub(super) fn score_with_light(
+        &self,
+        photo: &Photo,
+        view: &View,
+    ) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
-        let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
+        let (reading, seen) = rayon::join(|| read(photo), || self.find_light(photo, view));
         // `None` if the photo cannot show a capital.
         let pixel_px = self.finder.grid.pixel_px(view, &self.home);
         let cap_height_px = pixel_px.map(|px| f64::from(PX_PER_H) * px);
@@ -170,7 +174,7 @@ impl Reader {
         // The word is judged in its place and in the lines that blind recognition finds: two views
         // of the same light. The one that shows the word better counts, unless it contradicts the
         // other.
-        let in_place = (!self.has_more(&reading, &seen, view))
+        let in_place = (!self.has_letters_elsewhere(&reading, &seen, view))
             .then(|| Columns::joined(seen.columns.iter().cloned()));
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
         let views = [in_place, blind].into_iter().flatten();
@@ -189,7 +193,7 @@ impl Reader {
     }
 
     /// True if blind recognition clearly reads letters outside the strips of the word.
-    fn has_more(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
+    fn has_letters_elsewhere(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
         let frames: Vec<Frame> =
             self.lines.iter().filter_map(|grid| around(grid).frame(view, &seen.placed)).collect();
         is_clear(&reading.letters)
@@ -204,7 +208,7 @@ impl Reader {
     }
 
     /// Finds the word's light in a photo of the size that the view gives, or why there is none.
-    fn see(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
+    fn find_light(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
         // Light of the part of the photo that may show the word, and its exposure.
         let grid = &self.finder.grid;
         let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
@@ -291,19 +295,19 @@ impl Reader {
     /// True if letters touch, as by a bar through them: they are one glyph, that of the first.
     fn is_joined(&self) -> bool {
         let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
-        judged(glyphs).len() != judged(self.strokes.word.chars()).len()
+        judged_characters(glyphs).len() != judged_characters(self.strokes.word.chars()).len()
     }
 
     /// The likeliest spelling of each word, with the word's spaces, line ends and punctuation.
     fn spelled(&self, choices: &[Choice]) -> String {
         if self.is_joined() {
             let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
-            return likeliest(choices, &judged(glyphs)).into_iter().collect();
+            return likeliest(choices, &judged_characters(glyphs)).into_iter().collect();
         }
         let mut rest = choices;
         let mut read = String::new();
         for word in self.strokes.word.split_inclusive(char::is_whitespace) {
-            let expected = judged(word.chars());
+            let expected = judged_characters(word.chars());
             let choices;
             (choices, rest) = rest.split_at(expected.len());
             // Letters that the light already shows as expected are not spelled otherwise.
@@ -320,7 +324,7 @@ impl Reader {
 }
 
 /// The characters that are letters or digits.
-fn judged(characters: impl Iterator<Item = char>) -> Vec<char> {
+fn judged_characters(characters: impl Iterator<Item = char>) -> Vec<char> {
     characters.filter(|character| classes_of(*character).is_some()).collect()
 }
 
@@ -386,5 +390,5 @@ pub(super) fn draw(grid: &Grid, home: &Placed, glyphs: &[Glyph], cap_px: f32) ->
     for glyph in glyphs {
         page.stroke(&glyph.moves, narrow(PEN_H) * cap_px, grid.transform(home));
     }
-    page.dry().blur(BLUR_H * cap_px)
+    page.into_raster().blur(BLUR_H * cap_px)
 }

@@ -37,7 +37,7 @@ impl Reader {
         let ink = pure_ink(page, self.ink_px[index], seen, view);
         let drawn = draw(&page.grid, &self.home, &glyphs[index..=index], f32::from(PX_PER_H));
         let target = Target::new(ink.blur(BLUR_H * f32::from(PX_PER_H)));
-        let (_, shift) = target.seek(&drawn, [0, 0], REACH_PX.cast_signed());
+        let (_, shift) = target.best_shift(&drawn, [0, 0], REACH_PX.cast_signed());
         let [right, down] = shift.map(|px| px as f64);
         let lit = glyphs[index].moves.iter().filter(|step| step.lit && step.from_m != step.to_m);
         let strokes: Vec<&Move> = lit.collect();
