@@ -10,8 +10,8 @@
 //!     + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
 //! ```
 //!
-//! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative semidefinite,
-//! plus cubic terms. The observer is gradient descent on three squared residuals. At an instant these
+//! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative
+//! semidefinite, plus cubic terms. The observer is gradient descent on three squared residuals. At an instant these
 //! fix three of the six coordinates, although there are five ranges.
 
 use std::collections::BTreeSet;

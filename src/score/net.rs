@@ -321,7 +321,7 @@ impl Sums<'_> {
                         }
                     }
                     // Scaled by the multipliers, in units of 2⁻²⁴.
-                    let group_sums = sums[first..].chunks_mut(LANES).add_groups(N);
+                    let group_sums = sums[first..].chunks_mut(LANES).take(N);
                     for (n, (sums, total)) in group_sums.zip(totals).enumerate() {
                         let totals: [i32; LANES] = cast(total);
                         let factors = multipliers[first + n * LANES..].first_chunk::<LANES>();
