@@ -11,8 +11,8 @@
 //! ```
 //!
 //! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative
-//! semidefinite, plus cubic terms. The observer is gradient descent on three squared residuals. At an instant these
-//! fix three of the six coordinates, although there are five ranges.
+//! semidefinite, plus cubic terms. The observer is gradient descent on three squared residuals. At
+//! an instant these fix three of the six coordinates, although there are five ranges.
 
 use std::collections::BTreeSet;
 

@@ -56,7 +56,7 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
     Err(Error::input(file, disorder, "rows in the order of their times", "sort them by time"))
 }
 
-/// Repairs the times of a block: undoes wraps, drops spikes, and keeps one stretch between restarts.
+/// Undoes wraps of a block, drops spikes, and keeps only the longest stretch between restarts.
 fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagnostic>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
@@ -164,8 +164,8 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     }
 }
 
-/// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that its
-/// times show, else that of its firmware, else that of `assumed`. Warns of corrections and guesses.
+/// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that
+/// its times show, else that of its firmware, else of `assumed`. Warns of corrections and guesses.
 fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     if !log.is_on_card {
         return 1.0;

@@ -21,7 +21,7 @@ pub struct GatheredLog {
     /// A file, or a folder that is one log.
     pub path: PathBuf,
     /// Name of the drone: the serial number or else the address that an exported script keeps in
-    /// its log. Otherwise the log's folder, or its file name up to the first `-`, `_`, `.` or space.
+    /// its log. Else the log's folder, or its file name up to the first `-`, `_`, `.` or space.
     pub drone: String,
     /// Path relative to the folder of the evening.
     pub name: String,

@@ -417,7 +417,7 @@ impl<'a> Reader<'a> {
         if let (1, Some(value), Some((names, _))) =
             (columns.len(), columns.keys().next(), different.peek())
         {
-            return Err(rows::in_long_form([&time, names, value]).in_file(&self.log.file, None));
+            return Err(rows::long_form_error([&time, names, value]).in_file(&self.log.file, None));
         }
         for (title, texts) in different {
             rows::check_owners(title, texts, &self.log.file)?;
@@ -474,7 +474,7 @@ impl<'a> Reader<'a> {
         // Whole seconds may have their fraction in another column.
         let part = titled.iter().enumerate().find_map(|(place, (title, values))| {
             let (_, size_s) =
-                rows::whole_of(title).filter(|(whole, _)| *whole == simplified(time))?;
+                rows::whole_seconds_title(title).filter(|(whole, _)| *whole == simplified(time))?;
             rows::is_fraction(&time_s, values, size_s).then_some((place, size_s))
         });
         if let Some((place, size_s)) = part {
@@ -484,7 +484,7 @@ impl<'a> Reader<'a> {
         }
         let mut columns = Vec::new();
         for (title, values) in titled {
-            rows::check_owners(title, &rows::whole(&values), &self.log.file)?;
+            rows::check_owners(title, &rows::repeated_ids(&values), &self.log.file)?;
             columns.push(match folder {
                 "" => titles::column_of(title, values),
                 folder => Column::new(self.joined(folder, title)?, values),
@@ -668,7 +668,9 @@ fn is_time(title: &str) -> bool {
 
 /// The title of times among others. Whole seconds go before their fraction.
 fn time_of<'t>(titles: impl Iterator<Item = &'t String>) -> Option<&'t String> {
-    titles.filter(|title| is_time(title)).min_by_key(|title| rows::whole_of(title).is_some())
+    titles
+        .filter(|title| is_time(title))
+        .min_by_key(|title| rows::whole_seconds_title(title).is_some())
 }
 
 /// True for metadata that changes nothing: that of the course's client, and of an exported script.
