@@ -2,7 +2,7 @@
 //!
 //! Header: `0xBC`, u16 version, u16 number of event types. For each type: u16 id, name, u16 number
 //! of variables, and each of these as `name(type)`. Texts end in a zero byte. Records: u16 id, time
-//! (version 1: u32 ms, version 2: u64 µs) and the variables, packed. End: CRC32 of all bytes before.
+//! (version 1: u32 ms, version 2: u64 µs) and the variables, packed. End: CRC32 of the rest.
 //! All numbers are little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of
 //! crazyflie-firmware.
 //!
