@@ -291,7 +291,7 @@ impl<'a> Search<'a> {
     }
 
     /// True if a quantity counts as logged. It must change while the drone moves, and each motor
-    /// must. A setpoint may be constant if it is not zero, and a heading if pitch and roll are zero.
+    /// must. A setpoint may be constant if not zero, and a heading if pitch and roll are zero.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
         let active = channels.iter().map(active_s);
         let active_s = match quantity {
