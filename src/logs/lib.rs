@@ -234,7 +234,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     flight(recording, job)
 }
 
-/// Reads the bytes of a log, up to [`LIMIT`].
+/// Reads the bytes of a log's file. A file of more than 128 MiB is an error.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     LIMIT.read(path)
 }
