@@ -1,18 +1,18 @@
-//! Positions of N drones from ranges without a local region: the state is augmented by squares.
+//! Positions of N drones from ranges, from any start: the state is augmented by squares.
 //!
 //! With `n_i` = |`p_i|²` and `z_ij` = `p_iᵀ` `p_j` as further states and known displacements `δ_i`,
 //! motion and squared ranges are linear:
 //!
 //! ```text
-//! p_i ← p_i + δ_i     n_i ← n_i + 2 δ_iᵀ p_i + |δ_i|²     z_ij ← z_ij + δ_jᵀ p_i + δ_iᵀ p_j + δ_iᵀ δ_j
-//! d_ik² = n_i − 2 a_kᵀ p_i + |a_k|²                       q_ij² = n_i + n_j − 2 z_ij
+//! p_i ← p_i + δ_i     n_i ← n_i + 2 δ_iᵀ p_i + |δ_i|²
+//! z_ij ← z_ij + δ_jᵀ p_i + δ_iᵀ p_j + δ_iᵀ δ_j
+//! d_ik² = n_i − 2 a_kᵀ p_i + |a_k|²     q_ij² = n_i + n_j − 2 z_ij
 //! ```
 //!
-//! so that a Kalman filter converges from any start. It is blind if motion and anchors lie in one
-//! plane. [`Augmented::positions`] puts it onto `n_i` = |`p_i|²`, `z_ij` = `p_iᵀ` `p_j` by
-//! Gauss–Newton, weighted by its covariance, which hands over to [`Positions`].
-//! [`locate_augmented`] begins anywhere among the anchors, and hands over after five seconds. No
-//! later range improves an earlier position, as in flight.
+//! so that a Kalman filter converges from any start, unless motion and anchors lie in one plane.
+//! [`Augmented::positions`] fits positions to this state by Gauss–Newton, weighted by its
+//! covariance, and hands over to [`Positions`]. [`locate_augmented`] starts at the middle of the
+//! anchors and hands over after five seconds. Later ranges do not improve earlier positions.
 //!
 //! Sources: P. Batista, C. Silvestre, P. Oliveira, Systems & Control Letters 60 (2011) 665. G.
 //! Indiveri, G. Parlangeli, arXiv 1308.0517. Squared noise: variance 4d²σ² + 2σ⁴, mean σ².
@@ -20,7 +20,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::fit::descend;
-use super::pass::{Innovations, together};
+use super::pass::{Innovations, time_steps};
 use super::positions::{GATE_SIGMAS, Positions, extent_m};
 use super::smoother::{checked, heard_s};
 use super::track::moved_m;
@@ -28,14 +28,15 @@ use super::{Link, LocateOptions, Located, RangeSample, Room, Track};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Entry, Measurement, Normal, Part};
 
-/// Distances, in standard deviations along the weakest direction, from which Gauss–Newton starts.
+/// Offsets along the least certain direction, in standard deviations, where Gauss–Newton starts.
 const STARTS: [f64; 5] = [0.0, -1.0, 1.0, -2.0, 2.0];
 const HAND_OVER_S: f64 = 5.0;
-/// Walk of the error of the known motion, m/√s: velocities of an on-board estimate.
+/// Random walk of the error in the known motion, m/√s, for velocities estimated on board.
 const MOTION_SIGMA_M_SQRT_S: f64 = 0.05;
-
-/// Cost of positions outside the room, more than any fit within is worth.
-const OUTSIDE: f64 = 1e6;
+/// Added cost of positions outside the room: more than that of any fit inside.
+const OUTSIDE_COST: f64 = 1e6;
+/// Least eigenvalue of the scaled covariance, which may be singular.
+const LEAST_EIGENVALUE: f64 = 1e-13;
 
 /// The linear filter on positions and their products.
 #[derive(Clone, Debug)]
@@ -48,34 +49,35 @@ pub struct Augmented {
 }
 
 impl Augmented {
-    /// Drones near these places, each axis with a standard deviation.
+    /// Starts the filter at `starts_m`, with the standard deviation `sigma_m` on each axis.
     pub fn new(anchors_m: &[Vector3<f64>], starts_m: &[Vector3<f64>], sigma_m: f64) -> Self {
         let n = starts_m.len();
         let origin_m = starts_m.iter().sum::<Vector3<f64>>() / n.max(1) as f64;
-        let places_m: Vec<Vector3<f64>> = starts_m.iter().map(|start| start - origin_m).collect();
-        let places_m = stacked(&places_m);
+        let positions_m: Vec<Vector3<f64>> =
+            starts_m.iter().map(|start| start - origin_m).collect();
+        let positions_m = flattened(&positions_m);
         let variance = sigma_m * sigma_m;
-        // Moments of a normal: of its squares and products, those of second order count as well.
-        let (mut state, jacobian) = (augmented(&places_m), augmented_jacobian(&places_m));
+        // Moments of a normal distribution, with the second-order terms of squares and products.
+        let (mut state, jacobian) = (augmented(&positions_m), augmented_jacobian(&positions_m));
         state.rows_mut(3 * n, n).add_scalar_mut(3.0 * variance);
         let mut covariance = &jacobian * jacobian.transpose() * variance;
         for row in 3 * n..state.len() {
-            let of_second_order = if row < 4 * n { 6.0 } else { 3.0 };
-            covariance[(row, row)] += of_second_order * variance * variance;
+            let second_order = if row < 4 * n { 6.0 } else { 3.0 };
+            covariance[(row, row)] += second_order * variance * variance;
         }
         let anchors_m = anchors_m.iter().map(|anchor| anchor - origin_m).collect();
         Self { anchors_m, n, normal: Normal::new(state, covariance), origin_m }
     }
 
-    /// Moves the drones by known displacements, each axis with a variance.
+    /// Moves the drones by `moved_m`, which has the variance `variance_m2` on each axis.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
-        let (n, moved_m) = (self.n, stacked(moved_m));
-        // x ← F(δ) x + m(δ): squares and products change with the positions by the Jacobian of m at
-        // the displacement.
+        let (n, moved_m) = (self.n, flattened(moved_m));
+        // x ← F(δ) x + m(δ): squares and products change with the positions by the Jacobian of m
+        // at the displacement.
         let motion = augmented_jacobian(&moved_m);
         let entries = (3 * n..motion.nrows()).flat_map(|i| (0..3 * n).map(move |j| (i, j)));
         let transition: Vec<Entry> = entries.map(|(i, j)| (i, j, motion[(i, j)])).collect();
-        // Noise of the displacement enters at the positions after it. Its square adds to the mean.
+        // The displacement's noise acts at the new positions, and its square adds to the mean.
         let noise = augmented_jacobian(&(self.normal.mean.rows(0, 3 * n) + &moved_m));
         self.normal.predict(&transition, &[]);
         self.normal.mean += augmented(&moved_m);
@@ -83,7 +85,7 @@ impl Augmented {
         self.normal.covariance += &noise * noise.transpose() * variance_m2;
     }
 
-    /// Takes a range in.
+    /// Corrects the state by a range.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) {
         let n = self.n;
         let variance = sigma_m * sigma_m;
@@ -105,94 +107,99 @@ impl Augmented {
         self.normal.correct(&Measurement { jacobian: &jacobian, value, variance }, |_| true);
     }
 
-    /// Place of a drone, and its covariance.
+    /// Returns a drone's position and its covariance.
     pub fn estimate(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
-        let place_m = self.normal.three(3 * drone) + self.origin_m;
-        (place_m, self.normal.block(3 * drone, 3 * drone))
+        let position_m = self.normal.three(3 * drone) + self.origin_m;
+        (position_m, self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// The positions that fit the state best, by Gauss–Newton, in a room. If motion and anchors lie
-    /// in planes of one direction, the ranges are the same for the drones' mirror image behind the
-    /// anchors: only the room tells them apart.
+    /// Returns the filter of the positions that fit the state best, by Gauss–Newton. If motion and
+    /// anchors lie in parallel planes, the mirror image behind the anchors has the same ranges, and
+    /// only `room` tells them apart.
     pub fn positions(&self, room: Option<&Room>, gate_sigmas: f64) -> Positions {
         let Normal { mean, covariance, .. } = &self.normal;
         let m = 3 * self.n;
-        // Whitening by the eigenvectors of the scaled covariance, of which some are near zero.
-        let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
-        let scaled = DMatrix::from_fn(scale.len(), scale.len(), |i, j| {
-            covariance[(i, j)] * scale[i] * scale[j]
-        });
-        let eigen = scaled.symmetric_eigen();
-        let roots = eigen.eigenvalues.map(|e| 1.0 / e.max(1e-13).sqrt());
-        // Residuals in standard deviations: W (x − m(p)).
-        let whiten = DMatrix::from_diagonal(&roots)
-            * eigen.eigenvectors.transpose()
-            * DMatrix::from_diagonal(&scale);
-        // Starts along the weakest direction of the positions, and at their mirror image.
-        let places = covariance.view((0, 0), (m, m)).into_owned();
-        let weakest = places.clone().symmetric_eigen();
+        // Residuals in standard deviations are W (x − m(p)).
+        let whiten = whitening(covariance);
+        // Starts along the least certain direction of the positions, and at their mirror image.
+        let position_covariance = covariance.view((0, 0), (m, m)).into_owned();
+        let weakest = position_covariance.clone().symmetric_eigen();
         let k = weakest.eigenvalues.imax();
         let along = weakest.eigenvectors.column(k) * weakest.eigenvalues[k].max(0.0).sqrt();
         let starts = STARTS.map(|sigmas| mean.rows(0, m) + &along * sigmas).into_iter();
         let fits = starts.chain([self.mirrored(&along)]).map(|start| {
-            let (mut cost, mut places_m, jacobian) = descend(
+            let (mut cost, mut positions_m, jacobian) = descend(
                 |p| (&whiten * augmented_jacobian(p), &whiten * (mean - augmented(p))),
                 |diagonal| diagonal,
                 start,
             );
             for i in 0..self.n {
-                let mut place_m = places_m.fixed_rows_mut::<3>(3 * i);
-                place_m += self.origin_m;
+                let mut position_m = positions_m.fixed_rows_mut::<3>(3 * i);
+                position_m += self.origin_m;
             }
-            if room.is_some_and(|room| !room.holds_all(&places_m)) {
-                cost += OUTSIDE;
+            if room.is_some_and(|room| !room.holds_all(&positions_m)) {
+                cost += OUTSIDE_COST;
             }
-            (cost, places_m, jacobian)
+            (cost, positions_m, jacobian)
         });
         let best = fits.reduce(|best, other| if other.0 < best.0 - 1e-6 { other } else { best });
-        let (_, places_m, jacobian) = best.expect("there are starts");
-        let covariance_m2 = (jacobian.transpose() * jacobian).try_inverse().unwrap_or(places);
+        let (_, positions_m, jacobian) = best.expect("there are starts");
+        let covariance_m2 =
+            (jacobian.transpose() * jacobian).try_inverse().unwrap_or(position_covariance);
         let anchors_m = self.anchors_m.iter().map(|anchor| anchor + self.origin_m).collect();
-        Positions::with(anchors_m, Normal::new(places_m, covariance_m2), gate_sigmas)
+        Positions::with(anchors_m, Normal::new(positions_m, covariance_m2), gate_sigmas)
     }
 
-    /// The positions behind the middle of the anchors, along the weakest direction.
+    /// Returns the positions mirrored at the anchors' middle, `along` the least certain direction.
     fn mirrored(&self, along: &DVector<f64>) -> DVector<f64> {
         let n_anchors = self.anchors_m.len().max(1) as f64;
         let middle_m = self.anchors_m.iter().sum::<Vector3<f64>>() / n_anchors;
-        let mut places_m = self.normal.mean.rows(0, 3 * self.n).into_owned();
+        let mut positions_m = self.normal.mean.rows(0, 3 * self.n).into_owned();
         for drone in 0..self.n {
-            // The weakest direction of a drone is the normal of the anchors' plane.
+            // The least certain direction of a drone is the normal of the anchors' plane.
             let normal = along.fixed_rows::<3>(3 * drone).into_owned();
             if let Some(normal) = normal.try_normalize(1e-12) {
-                let mut place_m = places_m.fixed_rows_mut::<3>(3 * drone);
-                let beyond_m = (place_m.clone_owned() - middle_m).dot(&normal);
-                place_m -= normal * (2.0 * beyond_m);
+                let mut position_m = positions_m.fixed_rows_mut::<3>(3 * drone);
+                let distance_m = (position_m.clone_owned() - middle_m).dot(&normal);
+                position_m -= normal * (2.0 * distance_m);
             }
         }
-        places_m
+        positions_m
     }
 }
 
-fn stacked(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
+/// Returns W with WᵀW the inverse of a covariance, by the eigenvectors of its correlations.
+fn whitening(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    let scale = covariance.diagonal().map(|v| 1.0 / v.max(f64::MIN_POSITIVE).sqrt());
+    let scaled =
+        DMatrix::from_fn(scale.len(), scale.len(), |i, j| covariance[(i, j)] * scale[i] * scale[j]);
+    let eigen = scaled.symmetric_eigen();
+    let inverse_sigmas = eigen.eigenvalues.map(|e| 1.0 / e.max(LEAST_EIGENVALUE).sqrt());
+    DMatrix::from_diagonal(&inverse_sigmas)
+        * eigen.eigenvectors.transpose()
+        * DMatrix::from_diagonal(&scale)
+}
+
+/// Returns the coordinates of all vectors in one column.
+fn flattened(vectors_m: &[Vector3<f64>]) -> DVector<f64> {
     DVector::from_iterator(3 * vectors_m.len(), vectors_m.iter().flatten().copied())
 }
 
-/// The augmented state m(p) of positions: these, their squares and their products.
+/// Returns the augmented state m(p): the positions, their squares and their products.
 fn augmented(p: &DVector<f64>) -> DVector<f64> {
     let n = p.len() / 3;
     let mut x = p.clone().resize_vertically(n_states(n), 0.0);
     for i in 0..n {
-        let place_m = p.fixed_rows::<3>(3 * i);
-        x[3 * n + i] = place_m.norm_squared();
+        let position_m = p.fixed_rows::<3>(3 * i);
+        x[3 * n + i] = position_m.norm_squared();
         for j in i + 1..n {
-            x[product(n, i, j)] = place_m.dot(&p.fixed_rows::<3>(3 * j));
+            x[product(n, i, j)] = position_m.dot(&p.fixed_rows::<3>(3 * j));
         }
     }
     x
 }
 
-/// Jacobian of [`augmented`].
+/// Returns the Jacobian of [`augmented`] at `p`.
 fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     let n = p.len() / 3;
     let mut jacobian = DMatrix::identity(n_states(n), 3 * n);
@@ -209,21 +216,22 @@ fn augmented_jacobian(p: &DVector<f64>) -> DMatrix<f64> {
     jacobian
 }
 
+/// Returns the number of positions, squares and products for `n` drones.
 fn n_states(n: usize) -> usize {
     4 * n + n * (n - 1) / 2
 }
 
-/// Index of a product in the augmented state of `n` drones.
+/// Returns the index of `p_iᵀ p_j` in the augmented state of `n` drones.
 fn product(n: usize, i: usize, j: usize) -> usize {
     let (i, j) = (i.min(j), i.max(j));
     4 * n + i * (2 * n - i - 1) / 2 + j - i - 1
 }
 
-/// Positions by the linear filter of the augmented state, handed over to an extended Kalman filter.
+/// Locates drones by the linear filter of the augmented state, then by an extended Kalman filter.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is not a distance, and for a link without its end.
+/// [`Error::Input`] for a range that is not a distance, and for an unlisted drone or anchor.
 pub fn locate_augmented(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track],
@@ -235,7 +243,7 @@ pub fn locate_augmented(
     let Some(mut before_s) = samples.first().map(|first| first.time_s) else {
         return Err(Error::input("ranges", "none", "a range", "log the ranges of the flight"));
     };
-    // Anywhere among the anchors, with their extent as the standard deviation.
+    // All drones start at the middle of the anchors, whose extent is the standard deviation.
     let hand_over_s = before_s + HAND_OVER_S;
     let starts_m = vec![(low_m + high_m) * 0.5; tracks.len()];
     let reach_m = (high_m - low_m).norm().max(1.0);
@@ -243,7 +251,7 @@ pub fn locate_augmented(
     let mut handed_over: Option<Positions> = None;
     let mut located = Located::empty(tracks.len());
     let mut innovations = Innovations::default();
-    for step in together(&samples) {
+    for step in time_steps(&samples) {
         let time_s = step[0].time_s;
         let moved_m = moved_m(tracks, before_s, time_s);
         let variance_m2 = MOTION_SIGMA_M_SQRT_S * MOTION_SIGMA_M_SQRT_S * (time_s - before_s);
@@ -252,7 +260,7 @@ pub fn locate_augmented(
             None => linear.advance(&moved_m, variance_m2),
             Some(positions) => positions.advance(&moved_m, variance_m2),
         }
-        // The linear filter has converged by now: the extended one takes its positions over.
+        // The linear filter has converged by now, and the extended one continues from it.
         if handed_over.is_none() && time_s >= hand_over_s {
             handed_over = Some(linear.positions(None, GATE_SIGMAS));
         }
@@ -261,7 +269,7 @@ pub fn locate_augmented(
                 None => linear.correct(*link, *distance_m, options.range_sigma_m),
                 Some(positions) => {
                     let nis = positions.correct(*link, *distance_m, options.range_sigma_m);
-                    innovations.note(*link, nis);
+                    innovations.record(*link, nis);
                 }
             }
         }
@@ -271,7 +279,7 @@ pub fn locate_augmented(
         });
     }
     located.heard_s = heard_s(tracks.len(), &samples);
-    Ok(located.judged(anchors_m, &samples, &innovations, options.range_sigma_m))
+    Ok(located.with_residuals(anchors_m, &samples, &innovations, options.range_sigma_m))
 }
 
 #[cfg(test)]

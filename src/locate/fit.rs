@@ -1,4 +1,4 @@
-//! Places of all drones that fit a few ranges, by the method of Levenberg and Marquardt.
+//! Positions of all drones that fit a few ranges, by the method of Levenberg and Marquardt.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -7,69 +7,74 @@ use super::positions::range_jacobian;
 use noctograph_sim::kalman::Part;
 
 const FIT_STEPS: usize = 40;
+/// Damping at the start, and its factors after a better state and after a worse one.
+const DAMPING: f64 = 1e-2;
+const DAMPING_FACTORS: [f64; 2] = [0.2, 5.0];
+const LEAST_DAMPING: f64 = 1e-12;
 
+/// The range of a link.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Observation {
     pub(super) link: Link,
     pub(super) distance_m: f64,
 }
 
-/// Jacobian of the ranges over the places, and the residuals of the ranges.
+/// Returns the Jacobian of the ranges by the positions, and measured minus expected ranges.
 pub(super) fn residuals(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
-    places_m: &DVector<f64>,
+    positions_m: &DVector<f64>,
 ) -> (DMatrix<f64>, DVector<f64>) {
-    let mut jacobian = DMatrix::zeros(ranges.len(), places_m.len());
-    let mut left = DVector::zeros(ranges.len());
+    let mut jacobian = DMatrix::zeros(ranges.len(), positions_m.len());
+    let mut residuals_m = DVector::zeros(ranges.len());
     for (row, range) in ranges.iter().enumerate() {
-        let (parts, expected_m) = range_jacobian(range.link, anchors_m, places_m.as_slice(), 3);
-        // ∂d/∂p is the unit vector from the other end.
+        let (parts, expected_m) = range_jacobian(range.link, anchors_m, positions_m.as_slice(), 3);
+        // ∂d/∂p is the unit vector from the other end of the link.
         for part in parts {
             let Part::Three(column, direction) = part else { continue };
             jacobian.fixed_view_mut::<1, 3>(row, column).tr_copy_from(&direction);
         }
-        left[row] = range.distance_m - expected_m;
+        residuals_m[row] = range.distance_m - expected_m;
     }
-    (jacobian, left)
+    (jacobian, residuals_m)
 }
 
-/// The sum of squared residuals, and the places with the best fit.
+/// Returns the sum of squared residuals and the best fit, starting from `positions_m`.
 pub(super) fn fit(
     anchors_m: &[Vector3<f64>],
     ranges: &[Observation],
-    places_m: DVector<f64>,
+    positions_m: DVector<f64>,
 ) -> (f64, DVector<f64>) {
-    let (cost, places_m, _) =
-        descend(|places_m| residuals(anchors_m, ranges, places_m), |_| 1.0, places_m);
-    (cost, places_m)
+    let (cost, positions_m, _) =
+        descend(|positions_m| residuals(anchors_m, ranges, positions_m), |_| 1.0, positions_m);
+    (cost, positions_m)
 }
 
-/// Least squares from a start by the method of Levenberg (1944) and Marquardt (1963). `problem`
-/// gives Jacobian and residuals at a state, `unit` scales the damping of a diagonal element of the
-/// normal matrix. Returns the sum of squares, the solution, and the Jacobian there.
+/// Minimizes a sum of squares from `solution` (Levenberg 1944, Marquardt 1963). `problem` returns
+/// Jacobian and residuals at a state. `unit` scales the damping of a diagonal element of the normal
+/// matrix. Returns the sum of squares, the solution, and the Jacobian there.
 pub(super) fn descend(
     problem: impl Fn(&DVector<f64>) -> (DMatrix<f64>, DVector<f64>),
     unit: impl Fn(f64) -> f64,
     mut solution: DVector<f64>,
 ) -> (f64, DVector<f64>, DMatrix<f64>) {
-    let (mut jacobian, mut left) = problem(&solution);
-    let mut damping = 1e-2;
+    let (mut jacobian, mut residuals_m) = problem(&solution);
+    let mut damping = DAMPING;
     for _ in 0..FIT_STEPS {
-        // (JᵀJ + damping) step = Jᵀ residuals. A better state is taken with less damping, a worse
-        // one is refused with more.
+        // (JᵀJ + damping) step = Jᵀ residuals. A better state is accepted and lowers the damping,
+        // a worse one is rejected and raises it.
         let mut normal = jacobian.transpose() * &jacobian;
         (0..solution.len()).for_each(|i| normal[(i, i)] += damping * unit(normal[(i, i)]));
-        let right = jacobian.transpose() * &left;
+        let right = jacobian.transpose() * &residuals_m;
         let Some(step) = normal.cholesky().map(|normal| normal.solve(&right)) else { break };
         let next = &solution + step;
-        let (next_jacobian, next_left) = problem(&next);
-        if next_left.norm_squared() < left.norm_squared() {
-            (solution, jacobian, left) = (next, next_jacobian, next_left);
-            damping = (damping * 0.2).max(1e-12);
+        let (next_jacobian, next_residuals_m) = problem(&next);
+        if next_residuals_m.norm_squared() < residuals_m.norm_squared() {
+            (solution, jacobian, residuals_m) = (next, next_jacobian, next_residuals_m);
+            damping = (damping * DAMPING_FACTORS[0]).max(LEAST_DAMPING);
         } else {
-            damping *= 5.0;
+            damping *= DAMPING_FACTORS[1];
         }
     }
-    (left.norm_squared(), solution, jacobian)
+    (residuals_m.norm_squared(), solution, jacobian)
 }

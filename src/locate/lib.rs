@@ -1,8 +1,9 @@
-//! Localization of drones from ranges, apart from any controller: the observer of two drones with a
-//! common anchor as its authors left it ([`SharedAnchorObserver`]) with its local region
-//! ([`fraction_left`], [`observability`]), and the filter without a local region that they wished
-//! for ([`Augmented`], handed over to [`Positions`]). Both need the motion ([`locate_shared`],
-//! [`locate_augmented`]). [`locate`] turns the ranges of a log into positions without it.
+//! Localization of drones from ranges, independent of any controller.
+//!
+//! [`SharedAnchorObserver`] is the published observer of two drones with a common anchor. It only
+//! converges from near the true positions ([`fraction_left`], [`observability`]). [`Augmented`]
+//! converges from any start, and hands over to [`Positions`]. Both need the motion
+//! ([`locate_shared`], [`locate_augmented`]). [`locate`] needs only the ranges of a log.
 //!
 //! The filter that flies is the estimator `cooperative`.
 
@@ -34,7 +35,7 @@ pub use shared_anchor::{FiveRanges, SharedAnchorObserver, locate_shared, shared_
 pub use smoother::{LocateOptions, Located, check_count, locate};
 pub use track::Track;
 
-/// What a range is measured between.
+/// The two ends of a range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Link {
     /// A drone and an anchor.
@@ -49,24 +50,25 @@ pub enum Link {
 }
 
 impl Link {
-    /// The link between two drones.
+    /// Returns the link between two drones, given in any order.
     pub fn between(one: usize, other: usize) -> Self {
         Self::Drones(one.min(other), one.max(other))
     }
 
-    /// The vector along it to its first drone, with the drones at these places.
+    /// Returns the vector from the other end of the link to its first drone. `position_m` returns
+    /// the position of a drone.
     pub fn away_m(
         self,
         anchors_m: &[Vector3<f64>],
-        place_m: impl Fn(usize) -> Vector3<f64>,
+        position_m: impl Fn(usize) -> Vector3<f64>,
     ) -> Vector3<f64> {
         match self {
-            Self::Anchor { drone, anchor } => place_m(drone) - anchors_m[anchor],
-            Self::Drones(i, j) => place_m(i) - place_m(j),
+            Self::Anchor { drone, anchor } => position_m(drone) - anchors_m[anchor],
+            Self::Drones(i, j) => position_m(i) - position_m(j),
         }
     }
 
-    /// The drones at the ends of this link.
+    /// Returns the drones at the ends of this link.
     pub fn drones(self) -> impl Iterator<Item = usize> {
         let (first, second) = match self {
             Self::Anchor { drone, .. } => (drone, None),
@@ -79,7 +81,7 @@ impl Link {
 impl std::fmt::Display for Link {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // The firmware and the file of cfclient count anchors from 0.
+            // The firmware and files from cfclient count anchors from 0.
             Self::Anchor { drone, anchor } => {
                 write!(f, "drone {} to anchor {} (distance{anchor})", drone + 1, anchor + 1)
             }
@@ -88,12 +90,15 @@ impl std::fmt::Display for Link {
     }
 }
 
+/// Longest range that can be a measurement: 10 km.
+const MOST_DISTANCE_M: f64 = 1e4;
+
 /// One range of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeSample {
-    /// When.
+    /// Time of the measurement.
     pub time_s: f64,
-    /// Between what.
+    /// Ends of the range.
     pub link: Link,
     /// Measured distance.
     pub distance_m: f64,
@@ -102,7 +107,7 @@ pub struct RangeSample {
 impl RangeSample {
     /// True if its numbers can be a measurement.
     fn is_measurement(&self) -> bool {
-        self.distance_m > 0.0 && self.distance_m < 1e4 && self.time_s.is_finite()
+        self.distance_m > 0.0 && self.distance_m < MOST_DISTANCE_M && self.time_s.is_finite()
     }
 }
 
@@ -116,14 +121,17 @@ pub struct Room {
 }
 
 impl Room {
-    /// True if a place is inside.
-    pub fn holds(&self, place_m: &Vector3<f64>) -> bool {
-        (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&place_m[k]))
+    /// True if a position is inside.
+    pub fn holds(&self, position_m: &Vector3<f64>) -> bool {
+        (0..3).all(|k| (self.low_m[k]..=self.high_m[k]).contains(&position_m[k]))
     }
 
-    /// True if every place, three coordinates each, is inside.
-    fn holds_all(&self, places_m: &DVector<f64>) -> bool {
-        places_m.as_slice().chunks(3).all(|place_m| self.holds(&Vector3::from_row_slice(place_m)))
+    /// True if all positions, three coordinates each, are inside.
+    fn holds_all(&self, positions_m: &DVector<f64>) -> bool {
+        positions_m
+            .as_slice()
+            .chunks(3)
+            .all(|position_m| self.holds(&Vector3::from_row_slice(position_m)))
     }
 }
 

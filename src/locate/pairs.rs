@@ -1,20 +1,20 @@
-//! Ranges between drones, which two logs may hold.
+//! Ranges between drones, which both drones may log.
 
 use std::collections::BTreeMap;
 
 use super::{Link, RangeSample};
 
-/// Differences of one range in two logs, s and m: logs round to millimeters.
+/// Largest differences between two logs of one range, s and m: logs round to millimeters.
 const SAME_S: f64 = 0.1;
 const SAME_M: f64 = 5.1e-4;
 
-/// The samples with every range between two drones once. `Link::Drones(i, j)` is a range in the log
-/// of drone i. If the log of drone j has it too, that one is left out. Two ranges that differ are
-/// two measurements.
-pub(super) fn counted_once(samples: &[RangeSample]) -> Vec<RangeSample> {
+/// Returns the samples with each range between two drones only once. `Link::Drones(i, j)` is a
+/// range in the log of drone i. Its copy in the log of drone j is dropped if time and distance
+/// agree.
+pub(super) fn without_duplicates(samples: &[RangeSample]) -> Vec<RangeSample> {
     let mut first_logs: BTreeMap<(usize, usize), Vec<(f64, f64)>> = BTreeMap::new();
     for sample in samples {
-        // Ranges in the log of the drone with the lower index count.
+        // Ranges in the log of the drone with the lower index are kept.
         if let Link::Drones(i, j) = sample.link
             && i < j
         {
@@ -39,9 +39,9 @@ pub(super) fn counted_once(samples: &[RangeSample]) -> Vec<RangeSample> {
     kept
 }
 
-/// Leaves out the ranges of a pair before the log of either drone begins with a range to an anchor:
-/// the other drone's log may be longer.
-pub(super) fn since_both_are_logged(samples: &mut Vec<RangeSample>) {
+/// Removes the ranges of a pair before the first range to an anchor in either drone's log: one
+/// log may be longer than the other.
+pub(super) fn remove_before_both_logs(samples: &mut Vec<RangeSample>) {
     let mut begins_s: BTreeMap<usize, f64> = BTreeMap::new();
     for sample in &*samples {
         if let Link::Anchor { drone, .. } = sample.link {
@@ -49,7 +49,7 @@ pub(super) fn since_both_are_logged(samples: &mut Vec<RangeSample>) {
             *begin_s = begin_s.min(sample.time_s);
         }
     }
-    // A pair counts from the later of its two logs on.
+    // A pair is kept from the start of the later log on.
     samples.retain(|sample| {
         let mut begins_s = sample.link.drones().filter_map(|drone| begins_s.get(&drone));
         begins_s.all(|begin_s| sample.time_s >= *begin_s)
@@ -67,7 +67,7 @@ mod tests {
         let back = |time_s, distance_m| sample(time_s, Link::Drones(1, 0), distance_m);
         let anchor = sample(1.0, Link::Anchor { drone: 1, anchor: 0 }, 2.3456);
         let all = [back(1.02, 2.346), there, anchor, back(1.0, 2.36), back(1.5, 2.3456)];
-        let kept = counted_once(&all);
+        let kept = without_duplicates(&all);
         let left: Vec<(f64, f64)> = kept.iter().map(|s| (s.time_s, s.distance_m)).collect();
         assert_eq!(left, [(1.0, 2.3456), (1.0, 2.3456), (1.0, 2.36), (1.5, 2.3456)]);
         let drones = kept.iter().filter(|s| s.link == Link::Drones(0, 1)).count();

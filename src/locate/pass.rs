@@ -1,7 +1,6 @@
 //! The filter's pass over a log of ranges.
 //!
-//! State: position and velocity of each drone, which moves with a constant velocity but for white
-//! acceleration noise.
+//! State: position and velocity of each drone. The acceleration is white noise.
 
 use std::collections::BTreeMap;
 
@@ -11,74 +10,76 @@ use super::positions::{GATE_SIGMAS, range_jacobian};
 use super::{Link, LocateOptions, RangeSample};
 use noctograph_sim::kalman::{Entry, Gate, Measurement, Normal, Step, product, variance_rate};
 
+/// Position and velocity of one drone.
 pub(super) const STATES: usize = 6;
 
-/// Ranges closer in time have one state.
+/// Ranges closer in time than this have one state.
 pub(super) const STEP_S: f64 = 0.01;
 
-/// A drone whose first range comes this much later than the first of all stands until then.
+/// A drone whose first range comes this much after the log's first is on the ground until then.
 pub(super) const LATE_S: f64 = 0.25;
 
 /// Inputs of every pass over a log.
 pub(super) struct Model<'a> {
     pub(super) anchors_m: &'a [Vector3<f64>],
     pub(super) options: &'a LocateOptions,
-    /// Until when each drone stands: its first range, if that comes late.
+    /// Time until which each drone is on the ground: its first range, if that comes late.
     stands_until_s: Vec<f64>,
 }
 
+/// Normalized innovations squared of the accepted ranges, and the number of rejected ones.
 #[derive(Debug, Default)]
 pub(super) struct Innovations {
-    /// Sum of the normalized innovations squared of the ranges that were taken, and their number.
     pub(super) sum: f64,
-    pub(super) taken: usize,
-    /// Ranges that the gate refused, by link.
+    pub(super) accepted: usize,
     pub(super) refused: BTreeMap<Link, usize>,
 }
 
 impl Innovations {
-    /// Counts a range: its normalized innovation squared, or none if it was refused.
-    pub(super) fn note(&mut self, link: Link, nis: Option<f64>) {
+    /// Adds a range's normalized innovation squared, or counts it as refused if that is `None`.
+    pub(super) fn record(&mut self, link: Link, nis: Option<f64>) {
         match nis {
-            Some(nis) => (self.sum, self.taken) = (self.sum + nis, self.taken + 1),
+            Some(nis) => (self.sum, self.accepted) = (self.sum + nis, self.accepted + 1),
             None => *self.refused.entry(link).or_default() += 1,
         }
     }
 
-    /// Mean normalized innovation squared, `None` without a range.
+    /// Returns the mean normalized innovation squared, or `None` without an accepted range.
     pub(super) fn nis(&self) -> Option<f64> {
-        (self.taken > 0).then(|| self.sum / self.taken as f64)
+        (self.accepted > 0).then(|| self.sum / self.accepted as f64)
     }
 }
 
+/// The Kalman filter between two steps.
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
     pub(super) normal: Normal,
     gate: Gate<Link>,
     last_s: Option<f64>,
-    /// Ranges of all steps behind it.
+    /// Number of ranges in all earlier steps.
     pub(super) ranges: usize,
 }
 
-/// Ranges of one state after another.
-pub(super) fn together(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
-    let mut left = samples;
+/// Splits samples, sorted by time, into steps of [`STEP_S`], each with one state.
+pub(super) fn time_steps(samples: &[RangeSample]) -> impl Iterator<Item = &[RangeSample]> {
+    let mut remaining = samples;
     std::iter::from_fn(move || {
-        let first = left.first()?;
-        let n = left.partition_point(|s| s.time_s < first.time_s + STEP_S);
-        let (step, rest) = left.split_at(n.max(1));
-        left = rest;
+        let first = remaining.first()?;
+        let n = remaining.partition_point(|s| s.time_s < first.time_s + STEP_S);
+        let (step, rest) = remaining.split_at(n.max(1));
+        remaining = rest;
         Some(step)
     })
 }
 
-/// Multiplications of a pass forward and of one backward.
+/// Returns the number of multiplications in a forward and a backward pass.
 pub(super) fn work(n_drones: usize, samples: &[RangeSample]) -> f64 {
-    let (states, steps) = ((STATES * n_drones) as f64, together(samples).count() as f64);
+    let (states, steps) = ((STATES * n_drones) as f64, time_steps(samples).count() as f64);
     samples.len() as f64 * states * states + steps * 6.0 * states * states * states
 }
 
 impl<'a> Model<'a> {
+    /// Finds how long each drone is on the ground from its first range in `heard_s`.
     pub(super) fn new(
         anchors_m: &'a [Vector3<f64>],
         heard_s: &[[f64; 2]],
@@ -99,12 +100,13 @@ impl<'a> Model<'a> {
         Filter { normal: start.clone(), gate, last_s: None, ranges: 0 }
     }
 
-    /// Takes a filter one step on, linearized about its own estimate or about the states `here`.
+    /// Advances a filter by one step and returns the step. Jacobians are those at the states
+    /// `linearized_about`, or at the filter's own estimate if that is `None`.
     pub(super) fn advance(
         &self,
         filter: &mut Filter,
         step: &[RangeSample],
-        here: Option<&[f64]>,
+        linearized_about: Option<&[f64]>,
         innovations: &mut Innovations,
     ) -> Step {
         let Filter { normal, gate, .. } = filter;
@@ -117,20 +119,21 @@ impl<'a> Model<'a> {
         }
         let predicted = normal.clone();
         for sample in step {
-            // z = h(x₀) + H (x − x₀): linearized about x₀, the path of the pass before if given.
-            let states = here.unwrap_or(normal.mean.as_slice());
+            // z = h(x₀) + H (x − x₀), linearized about x₀.
+            let states = linearized_about.unwrap_or(normal.mean.as_slice());
             let (jacobian, expected_m) =
                 range_jacobian(sample.link, self.anchors_m, states, STATES);
             let value = sample.distance_m - expected_m + product(&jacobian, states);
             let measurement = Measurement { jacobian: &jacobian, value, variance };
-            let taken = gate.correct(normal, sample.link, &measurement);
-            innovations.note(sample.link, taken.map(|innovation| innovation.nis()));
+            let innovation = gate.correct(normal, sample.link, &measurement);
+            innovations.record(sample.link, innovation.map(|innovation| innovation.nis()));
         }
         (filter.last_s, filter.ranges) = (Some(time_s), filter.ranges + step.len());
         Step { time_s, transition, predicted, updated: normal.clone() }
     }
 
-    /// Transition of the state between two times, and the covariance of its noise.
+    /// Returns the state's transition between two times, and the covariance of its noise. A drone
+    /// on the ground does not move.
     fn motion(&self, from_s: f64, to_s: f64) -> (Vec<Entry>, Vec<Entry>) {
         let (mut transition, mut noise) = (Vec::new(), Vec::new());
         let q = variance_rate(self.options.acceleration_m_s2_sqrt_hz);

@@ -1,4 +1,4 @@
-//! Positions of N drones from ranges, the motion being known: an extended Kalman filter.
+//! Positions of N drones from ranges and known motion: an extended Kalman filter.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -23,12 +23,12 @@ impl Positions {
         Self { anchors_m, normal, gate: Gate::new(gate_sigmas) }
     }
 
-    /// Place of a drone, and its covariance.
+    /// Returns a drone's position and its covariance.
     pub fn estimate(&self, drone: usize) -> (Vector3<f64>, Matrix3<f64>) {
         (self.normal.three(3 * drone), self.normal.block(3 * drone, 3 * drone))
     }
 
-    /// Moves the drones by known displacements, each axis with a variance.
+    /// Moves the drones by `moved_m`, which has the variance `variance_m2` on each axis.
     pub fn advance(&mut self, moved_m: &[Vector3<f64>], variance_m2: f64) {
         let Normal { mean, covariance, .. } = &mut self.normal;
         for (i, moved_m) in moved_m.iter().flatten().enumerate() {
@@ -37,8 +37,8 @@ impl Positions {
         }
     }
 
-    /// Takes a range in unless the gate refuses it: its normalized innovation squared. A link that
-    /// is refused five times in a row is believed again.
+    /// Corrects the positions by a range and returns its normalized innovation squared, or `None`
+    /// if the gate rejects it. After five rejections in a row a link is accepted again.
     pub fn correct(&mut self, link: Link, distance_m: f64, sigma_m: f64) -> Option<f64> {
         let states = self.normal.mean.as_slice();
         let (jacobian, expected_m) = range_jacobian(link, &self.anchors_m, states, 3);
@@ -49,8 +49,8 @@ impl Positions {
     }
 }
 
-/// Slope of a range over the states, and the range itself. A drone's place is the first three of
-/// every `stride` states.
+/// Returns the Jacobian of a range by the states, and the range itself. A drone's position is the
+/// first three of every `stride` states.
 pub(super) fn range_jacobian(
     link: Link,
     anchors_m: &[Vector3<f64>],
@@ -64,6 +64,7 @@ pub(super) fn range_jacobian(
     (ends.map(|(drone, along)| Part::Three(stride * drone, along)).collect(), length_m)
 }
 
+/// Returns the least and the greatest coordinates of the anchors.
 pub(super) fn extent_m(anchors_m: &[Vector3<f64>]) -> [Vector3<f64>; 2] {
     let [low_m, high_m] = [f64::INFINITY, f64::NEG_INFINITY].map(Vector3::repeat);
     [anchors_m.iter().fold(low_m, |a, b| a.inf(b)), anchors_m.iter().fold(high_m, |a, b| a.sup(b))]

@@ -21,14 +21,14 @@ pub struct Reference<'a> {
 }
 
 impl Reference<'_> {
-    /// The position between the two nearest samples. `None` beyond the ends and in gaps.
+    /// Interpolates between the two nearest samples. Returns `None` outside the flight and in gaps.
     pub fn position_m(&self, time_s: f64) -> Option<Vector3<f64>> {
         let (samples, clock_s) = (&self.flight.samples, time_s - self.offset_s);
         let after = samples.partition_point(|s| s.time_s < clock_s);
         let (a, b) = (samples.get(after.checked_sub(1)?)?, samples.get(after)?);
-        let part = (clock_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
+        let fraction = (clock_s - a.time_s) / (b.time_s - a.time_s).max(1e-9);
         (b.time_s - a.time_s <= LONGEST_GAP_S)
-            .then(|| a.position_m + (b.position_m - a.position_m) * part)
+            .then(|| a.position_m + (b.position_m - a.position_m) * fraction)
     }
 }
 
@@ -41,7 +41,7 @@ pub struct PositionError {
     pub rmse_3d_m: f64,
     /// Mean normalized squared error over its three axes, `None` without a covariance.
     pub nees: Option<f64>,
-    /// Positions that were compared.
+    /// Number of positions compared.
     pub samples: usize,
 }
 
@@ -55,32 +55,32 @@ pub fn position_error(
     drone: usize,
     reference: Reference<'_>,
 ) -> Result<PositionError> {
-    let (mut square, mut nees, mut n) = (Vector3::zeros(), 0.0, 0_u32);
+    let (mut sum_of_squares, mut nees_sum, mut n_compared) = (Vector3::zeros(), 0.0, 0_u32);
     for k in located.heard(drone) {
         let Some(true_m) = reference.position_m(located.time_s[k]) else { continue };
-        // Squares of the error by axis, and εᵀP⁻¹ε / 3 if there is a covariance.
+        // Squared error on each axis, and εᵀP⁻¹ε / 3 if there is a covariance.
         let error_m = located.position_m[drone][k] - true_m;
-        square += error_m.component_mul(&error_m);
+        sum_of_squares += error_m.component_mul(&error_m);
         if let Some(covariances) = located.covariance_m2.get(drone) {
             let inverse: Matrix3<f64> = covariances[k].try_inverse().unwrap_or_default();
-            nees += error_m.dot(&(inverse * error_m)) / 3.0;
+            nees_sum += error_m.dot(&(inverse * error_m)) / 3.0;
         }
-        n += 1;
+        n_compared += 1;
     }
-    if n == 0 {
+    if n_compared == 0 {
         let hint = "add the seconds between the two clocks";
         return Err(Error::input("offset", reference.offset_s, "clocks that overlap", hint));
     }
-    let mean = square / f64::from(n);
+    let mean_square = sum_of_squares / f64::from(n_compared);
     Ok(PositionError {
-        rmse_m: mean.map(f64::sqrt).into(),
-        rmse_3d_m: mean.sum().sqrt(),
-        nees: (!located.covariance_m2.is_empty()).then_some(nees / f64::from(n)),
-        samples: n as usize,
+        rmse_m: mean_square.map(f64::sqrt).into(),
+        rmse_3d_m: mean_square.sum().sqrt(),
+        nees: (!located.covariance_m2.is_empty()).then_some(nees_sum / f64::from(n_compared)),
+        samples: n_compared as usize,
     })
 }
 
-/// Error of the ranges of a link: measured minus true distance.
+/// Statistics of a link's range errors, measured minus true distance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkError {
     /// Its name.
@@ -89,7 +89,7 @@ pub struct LinkError {
     pub median_m: f64,
     /// Standard deviation about the median, from the median absolute deviation.
     pub scatter_m: f64,
-    /// Ranges that were compared.
+    /// Number of ranges compared.
     pub ranges: usize,
 }
 
@@ -100,13 +100,13 @@ pub fn link_errors(
     references: &[Reference<'_>],
 ) -> Vec<LinkError> {
     let errors = samples.iter().filter_map(|sample| {
-        let mut ends_m =
+        let mut drones_m =
             sample.link.drones().map(|drone| references.get(drone)?.position_m(sample.time_s));
-        // The first end is a drone, the other one an anchor or a drone.
-        let first_m = ends_m.next()??;
+        // A link goes from a drone to an anchor or to another drone.
+        let first_m = drones_m.next()??;
         let second_m = match sample.link {
             Link::Anchor { anchor, .. } => *anchors_m.get(anchor)?,
-            Link::Drones(..) => ends_m.next()??,
+            Link::Drones(..) => drones_m.next()??,
         };
         Some((*sample, sample.distance_m - (first_m - second_m).norm()))
     });

@@ -1,8 +1,8 @@
-//! The local region of the authors' observer, and what its measurements see of a flight.
+//! Region of convergence of the authors' observer, and observability of a flight.
 //!
 //! Two questions before a flight: which fraction of a start error remains with the observer, and
-//! how well do the ranges fix the places at the start if the motion is known exactly? The first
-//! answer is without noise, the second without motion noise.
+//! how well do the ranges fix the start positions if the motion is known exactly? The first answer
+//! assumes no noise, the second no motion noise.
 
 use nalgebra::{DVector, Matrix3, Matrix6, SMatrix, Vector3};
 
@@ -12,8 +12,8 @@ use super::shared_anchor::SharedAnchorObserver;
 use noctograph_core::random::split_mix;
 use noctograph_core::statistics::median;
 
-/// The links of two drones to an anchor each, the first and the second, to their common one, the
-/// third, and to each other.
+/// The links of two drones: drone 0 to anchors 0 and 2, drone 1 to anchors 1 and 2, and between the
+/// drones.
 pub(super) const FIVE_LINKS: [Link; 5] = [
     Link::Anchor { drone: 0, anchor: 0 },
     Link::Anchor { drone: 0, anchor: 2 },
@@ -24,36 +24,38 @@ pub(super) const FIVE_LINKS: [Link; 5] = [
 
 /// Steps per second of the observer, as on board.
 const RATE_HZ: f64 = 100.0;
-/// Error at the end by that at the start, from which an observer has diverged.
+/// Ratio of the error at the end to the error at the start from which an observer has diverged.
 const DIVERGED: f64 = 3.0;
-/// Eigenvalue of the information, relative to the largest, below which a direction is unseen.
-const UNSEEN: f64 = 1e-9;
+/// Eigenvalue of the information, relative to the largest, below which a direction is unobservable.
+const UNOBSERVABLE: f64 = 1e-9;
+/// Seed of the random start errors.
+const SEED: u64 = 0x5eed;
 
-/// How much of start errors of one size remains with an observer.
+/// Fraction of a start error of `error_m` that remains with an observer.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct FractionLeft {
-    /// Length of the error over both drones at the start.
+    /// Norm of the position error at the start, both drones together.
     pub error_m: f64,
-    /// Fraction of it that is left at the end: median over the starts.
+    /// Median over the starts of the error at the end, as a fraction of `error_m`.
     pub median: f64,
-    /// The same, the best of the starts and the worst.
+    /// Least and greatest fraction over the starts.
     pub range: [f64; 2],
-    /// Fraction of the starts that ended more than three times as far.
+    /// Fraction of the starts whose error grew more than threefold.
     pub diverged_frac: f64,
 }
 
-/// How well measurements fix the six coordinates at the start of a flight.
+/// Observability of the six coordinates at the start of a flight.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Observability {
-    /// Directions of the six that are seen.
+    /// Number of the six directions that are observable.
     pub rank: usize,
-    /// Standard deviations along the principal directions, smallest first. Infinite if unseen.
+    /// Standard deviations along the principal directions, smallest first, or infinity.
     pub sigmas_m: [f64; 6],
-    /// The direction that is seen worst: of the first drone, then of the second.
+    /// The least certain direction: coordinates of the first drone, then of the second.
     pub worst: [f64; 6],
 }
 
-/// What is measured at each instant.
+/// The measurements at each instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// All five ranges.
@@ -62,7 +64,8 @@ pub enum Outputs {
     Three,
 }
 
-/// Runs the observer from `n` starts with an error of one length, along a path and without noise.
+/// Runs the observer along `path` without noise, from `n` random starts that are `error_m` off.
+/// Returns the fraction of the error that is left after `duration_s`.
 pub fn fraction_left(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
@@ -70,59 +73,66 @@ pub fn fraction_left(
     error_m: f64,
     n: u32,
 ) -> FractionLeft {
-    let mut state = 0x5eed;
+    let mut random = SEED;
     let mut fractions = Vec::new();
     for _ in 0..n {
-        // A direction from inside the unit ball of six coordinates is uniform.
-        let direction = loop {
-            let drawn = SMatrix::<f64, 6, 1>::from_fn(|_, _| {
-                state = split_mix(state);
-                2.0 * ((state >> 11) as f64 / 9_007_199_254_740_992.0) - 1.0
-            });
-            if (1e-3..=1.0).contains(&drawn.norm()) {
-                break drawn.normalize();
-            }
-        };
+        let direction = random_direction(&mut random);
         let errors_m = [0, 3].map(|k| direction.fixed_rows::<3>(k) * error_m);
-        fractions.push(run(observer, &path, duration_s, errors_m) / error_m);
+        fractions.push(final_error_m(observer, &path, duration_s, errors_m) / error_m);
     }
     fractions.sort_by(f64::total_cmp);
-    let diverged = fractions.iter().filter(|left| **left > DIVERGED || left.is_nan()).count();
+    let diverged = fractions.iter().filter(|frac| **frac > DIVERGED || frac.is_nan()).count();
     let diverged_frac = diverged as f64 / f64::from(n.max(1));
     FractionLeft {
         error_m,
         median: median(fractions.iter().copied()).unwrap_or(0.0),
-        range: [fractions.first(), fractions.last()].map(|left| left.copied().unwrap_or(0.0)),
+        range: [fractions.first(), fractions.last()].map(|frac| frac.copied().unwrap_or(0.0)),
         diverged_frac,
     }
 }
 
-/// Error at the end of a path with these errors at its start, m.
-fn run(
+/// Draws a unit vector of six coordinates, uniform over all directions.
+fn random_direction(random: &mut u64) -> SMatrix<f64, 6, 1> {
+    loop {
+        // Points of a cube, of which only those inside its ball have uniform directions.
+        let drawn = SMatrix::<f64, 6, 1>::from_fn(|_, _| {
+            *random = split_mix(*random);
+            // The upper 53 bits over 2⁵³ are uniform from 0 to 1.
+            2.0 * ((*random >> 11) as f64 / 9_007_199_254_740_992.0) - 1.0
+        });
+        if (1e-3..=1.0).contains(&drawn.norm()) {
+            return drawn.normalize();
+        }
+    }
+}
+
+/// Returns the observer's error at the end of a path, both drones together, if its estimates start
+/// with the errors `start_errors_m`.
+fn final_error_m(
     observer: &SharedAnchorObserver,
     path: impl Fn(f64) -> [Vector3<f64>; 2],
     duration_s: f64,
     start_errors_m: [Vector3<f64>; 2],
 ) -> f64 {
-    let mut truth = path(0.0);
-    let mut believed = [0, 1].map(|i| truth[i] + start_errors_m[i]);
+    let mut true_m = path(0.0);
+    let mut estimates_m = [0, 1].map(|i| true_m[i] + start_errors_m[i]);
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let ticks = (duration_s * RATE_HZ) as u32;
-    // Exact motion plus the correction of the observer, by Euler steps.
+    // Estimates follow the exact motion and the observer's corrections, by Euler steps.
     for tick in 1..=ticks {
-        let outputs = observer.outputs(&observer.ranges(&truth));
-        let rates = observer.corrections(&believed, &outputs);
-        let next = path(f64::from(tick) / RATE_HZ);
+        let outputs = observer.outputs(&observer.ranges(&true_m));
+        let rates = observer.corrections(&estimates_m, &outputs);
+        let next_m = path(f64::from(tick) / RATE_HZ);
         for i in 0..2 {
-            believed[i] += next[i] - truth[i] + rates[i] / RATE_HZ;
+            estimates_m[i] += next_m[i] - true_m[i] + rates[i] / RATE_HZ;
         }
-        truth = next;
+        true_m = next_m;
     }
-    (0..2).map(|i| (believed[i] - truth[i]).norm_squared()).sum::<f64>().sqrt()
+    (0..2).map(|i| (estimates_m[i] - true_m[i]).norm_squared()).sum::<f64>().sqrt()
 }
 
-/// How well measurements up to a time fix the places at the start, with `rate_hz` ranges a second,
-/// taken in turn, with the noise `sigma_m`.
+/// Returns how well the measurements of the first `span_s` fix the start positions. The five links
+/// take turns at `rate_hz` ranges a second, each with the standard deviation `sigma_m`.
 pub fn observability(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
@@ -133,18 +143,19 @@ pub fn observability(
 ) -> Observability {
     // Sum of the information JᵀR⁻¹J of every round, since the motion between rounds is known.
     let mut information = Matrix6::zeros();
-    let rounds_hz = rate_hz / 5.0;
+    let rounds_hz = rate_hz / FIVE_LINKS.len() as f64;
     #[expect(clippy::cast_possible_truncation, reason = "minutes")]
     let rounds = (span_s * rounds_hz) as u32;
     for round in 0..=rounds {
-        information += seen(observer, outputs, &path(f64::from(round) / rounds_hz), sigma_m);
+        information +=
+            information_of_round(observer, outputs, &path(f64::from(round) / rounds_hz), sigma_m);
     }
-    // Its eigenvalues are inverse variances along the principal directions.
+    // The eigenvalues are inverse variances along the principal directions.
     let eigen = information.symmetric_eigen();
     let largest = eigen.eigenvalues.max();
     let mut order = [0, 1, 2, 3, 4, 5];
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let sigmas_m = order.map(|k| match eigen.eigenvalues[k] > UNSEEN * largest {
+    let sigmas_m = order.map(|k| match eigen.eigenvalues[k] > UNOBSERVABLE * largest {
         true => 1.0 / eigen.eigenvalues[k].sqrt(),
         false => f64::INFINITY,
     });
@@ -155,22 +166,23 @@ pub fn observability(
     }
 }
 
-fn seen(
+/// Returns the information JᵀR⁻¹J that one round of measurements has of the six coordinates.
+fn information_of_round(
     observer: &SharedAnchorObserver,
     outputs: Outputs,
-    places_m: &[Vector3<f64>; 2],
+    positions_m: &[Vector3<f64>; 2],
     sigma_m: f64,
 ) -> Matrix6<f64> {
     let anchors_m = [observer.own_m[0], observer.own_m[1], observer.shared_m];
     let ranges = FIVE_LINKS.map(|link| Observation { link, distance_m: 0.0 });
-    let places = DVector::from_iterator(6, places_m.iter().flatten().copied());
+    let places = DVector::from_iterator(6, positions_m.iter().flatten().copied());
     let jacobian = residuals(&anchors_m, &ranges, &places).0;
     let jacobian = jacobian.fixed_view::<5, 6>(0, 0);
     if outputs == Outputs::Ranges {
         return jacobian.transpose() * jacobian / (sigma_m * sigma_m);
     }
-    // The three outputs are sums of squared ranges: their derivatives over the five ranges.
-    let ranges = observer.ranges(places_m);
+    // The three outputs are sums of squared ranges. Rows are their derivatives by the five ranges.
+    let ranges = observer.ranges(positions_m);
     let [d11, d22] = ranges.own_m.map(|d| 2.0 * d);
     let [d13, d23] = ranges.shared_m.map(|d| 2.0 * d);
     let q = 2.0 * ranges.between_m;

@@ -1,11 +1,11 @@
-//! Residuals of the ranges after positioning, by link, and the links that they make suspect.
+//! Residuals of the ranges by link, and suspect links.
 
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 use serde::Serialize;
 
-use super::pass::{Innovations, together};
+use super::pass::{Innovations, time_steps};
 use super::{Link, Located, RangeSample};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::statistics::median;
@@ -14,17 +14,19 @@ use noctograph_core::statistics::median;
 const SIGMA_PER_MAD: f64 = 1.4826;
 /// Standard error of a median over that of a mean, for a normal distribution: √(π/2).
 const MEDIAN_ERROR: f64 = 1.2533;
-/// Standard errors from which a median counts as other than zero: once in two million.
+/// Standard errors from which a median is not zero. Chance reaches them once in two million.
 const SURE_SIGMAS: f64 = 5.0;
 /// Least median that matters, in standard deviations of a range.
 const LEAST_BIAS_SIGMAS: f64 = 0.25;
-/// Fraction of a link's ranges that may be outliers: with ultra-wideband some 2 %.
+/// Fraction and number of a link's ranges that may be outliers: with ultra-wideband some 2 %.
 const MOST_REFUSED_FRAC: f64 = 0.05;
-/// Bounds of the mean normalized innovation squared if noise and motion are as assumed to some 15
-/// %. With few ranges, chance adds to it.
+const MOST_REFUSED: usize = 5;
+/// Bounds of the mean normalized innovation squared if the assumed noise and motion are right to
+/// some 15 %, and the standard deviations of chance that widen them if ranges are few.
 const NIS_BOUNDS: [f64; 2] = [0.7, 1.4];
+const NIS_SIGMAS: f64 = 3.0;
 
-/// Residuals of a link: measured minus located distances.
+/// Residuals of a link: measured distances minus those between the located positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LinkResidual {
     /// Its name.
@@ -41,12 +43,13 @@ pub struct LinkResidual {
     pub suspect: bool,
 }
 
-/// The interval of the mean normalized innovation squared of `n` ranges.
+/// Returns the least and greatest plausible mean normalized innovation squared of `n` ranges.
 pub fn nis_interval(n: usize) -> [f64; 2] {
-    let chance = 3.0 * (2.0 / n.max(1) as f64).sqrt();
+    let chance = NIS_SIGMAS * (2.0 / n.max(1) as f64).sqrt();
     [NIS_BOUNDS[0] - chance, NIS_BOUNDS[1] + chance]
 }
 
+/// Returns the median and the scatter of each link's residuals, and their number.
 pub(super) fn spread_by_link(
     samples: &[RangeSample],
     residuals_m: &[f64],
@@ -58,17 +61,17 @@ pub(super) fn spread_by_link(
     let spreads = by_link.into_iter().filter_map(|(link, residuals_m)| {
         // The median absolute deviation is robust to outliers (Rousseeuw, Croux 1993).
         let median_m = median(residuals_m.iter().copied())?;
-        let away = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
-        Some((link, (median_m, SIGMA_PER_MAD * median(away)?, residuals_m.len())))
+        let deviations_m = residuals_m.iter().map(|residual_m| (residual_m - median_m).abs());
+        Some((link, (median_m, SIGMA_PER_MAD * median(deviations_m)?, residuals_m.len())))
     });
     spreads.collect()
 }
 
 impl Located {
-    /// The same with the residuals of all links, and warnings of what they contradict. `sigma_m` is
-    /// the standard deviation of a range, or zero if the observer knows no noise: then each link's
-    /// scatter is the scale, and there is no warning.
-    pub(super) fn judged(
+    /// Adds the residuals of all links, and warnings of suspect ones. `sigma_m` is the standard
+    /// deviation of a range. For an observer without a noise model it is zero: then each link's
+    /// own scatter is the scale, and there is no warning.
+    pub(super) fn with_residuals(
         mut self,
         anchors_m: &[Vector3<f64>],
         samples: &[RangeSample],
@@ -77,7 +80,7 @@ impl Located {
     ) -> Self {
         // Measured minus located distance of every range.
         let mut residuals_m = Vec::new();
-        for (k, step) in together(samples).enumerate() {
+        for (k, step) in time_steps(samples).enumerate() {
             residuals_m.extend(step.iter().map(|sample| {
                 let away_m = sample.link.away_m(anchors_m, |drone| self.position_m[drone][k]);
                 sample.distance_m - away_m.norm()
@@ -91,7 +94,7 @@ impl Located {
             let error_m = MEDIAN_ERROR * sigma_m.max(scatter_m) / n.sqrt();
             let is_biased =
                 median_m.abs() > (SURE_SIGMAS * error_m).max(LEAST_BIAS_SIGMAS * sigma_m);
-            let suspect = is_biased || refused > 5 && n_refused > MOST_REFUSED_FRAC * n;
+            let suspect = is_biased || refused > MOST_REFUSED && n_refused > MOST_REFUSED_FRAC * n;
             LinkResidual { link: link.to_string(), ranges, refused, median_m, scatter_m, suspect }
         }));
         self.ranges = samples.len();
@@ -99,12 +102,13 @@ impl Located {
         self.refused_frac = n_refused as f64 / samples.len().max(1) as f64;
         self.nis = innovations.nis();
         if sigma_m > 0.0 {
-            self.warnings = self.contradictions(sigma_m);
+            self.warnings = self.range_warnings(sigma_m);
         }
         self
     }
 
-    fn contradictions(&self, sigma_m: f64) -> Vec<Diagnostic> {
+    /// Returns a warning for each suspect link, and one for an implausible NIS.
+    fn range_warnings(&self, sigma_m: f64) -> Vec<Diagnostic> {
         let suspects = self.links.iter().filter(|link| link.suspect);
         let suspects = suspects.map(|link| {
             let refused = 100.0 * link.refused as f64 / link.ranges as f64;
@@ -120,7 +124,7 @@ impl Located {
     }
 }
 
-/// The warning of a mean normalized innovation squared outside its interval.
+/// Returns a warning if the mean normalized innovation squared is outside its interval.
 fn nis_warning(nis: Option<f64>, n: usize, sigma_m: f64) -> Option<String> {
     let (nis, [least, most]) = (nis?, nis_interval(n));
     let cm = 100.0 * sigma_m;

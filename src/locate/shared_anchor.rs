@@ -1,23 +1,24 @@
-//! The observer of two drones with a common anchor, as its authors left it.
+//! The observer of two drones with a common anchor, as its authors published it.
 //!
-//! Drone i hears an anchor `a_i` and the common anchor `a_3`, and both the range q between them.
-//! From squared ranges, with `C_i` = `a_3` − `a_i`:
+//! Drone i measures the ranges to an anchor `a_i` and to the common anchor `a_3`. The range
+//! between the drones is q. From squared ranges, with `C_i` = `a_3` − `a_i`:
 //!
 //! ```text
 //! y_1i = d_ii² − d_i3² + |a_3|² − |a_i|² = 2 C_iᵀ p_i
 //! y_2  = d_13² + d_23² − q² − 2 |a_3|²   = 2 p_1ᵀ p_2 − 2 a_3ᵀ (p_1 + p_2)
-//! dp̂_i/dt = v_i + γ_i C_i (y_1i − 2 C_iᵀ p̂_i) + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
+//! dp̂_i/dt = v_i + γ_i C_i (y_1i − 2 C_iᵀ p̂_i)
+//!     + γ_i (p̂_j − a_3) (y_2 + 2 a_3ᵀ(p̂_1 + p̂_2) − 2 p̂_1ᵀ p̂_2)
 //! ```
 //!
-//! With V = `½|p̃_1|²` + `½μ|p̃_2|²` its rate is a quadratic form that is at best negative
-//! semidefinite, and cubic extra terms. It is gradient descent on three squared residuals, which
-//! fix three of six coordinates at an instant, of five ranges.
+//! The rate of V = `½|p̃_1|²` + `½μ|p̃_2|²` is a quadratic form, at best negative
+//! semidefinite, plus cubic terms. The observer is gradient descent on three squared residuals. At
+//! an instant these fix three of the six coordinates, although there are five ranges.
 
 use std::collections::BTreeSet;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::pass::{Innovations, together};
+use super::pass::{Innovations, time_steps};
 use super::smoother::{checked, heard_s};
 use super::track::moved_m;
 use super::{Link, Located, RangeSample, Track};
@@ -26,30 +27,30 @@ use noctograph_core::error::{Error, Result};
 /// Gain of the authors' observer, 1/(m² s).
 const GAIN: f64 = 0.03;
 
-/// The observer.
+/// Observer of two drones with a common anchor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SharedAnchorObserver {
-    /// The anchor that only one drone hears, of each drone.
+    /// For each drone, the anchor that only this drone hears.
     pub own_m: [Vector3<f64>; 2],
-    /// The anchor that both hear.
+    /// The anchor that both drones hear.
     pub shared_m: Vector3<f64>,
     /// Gains `γ_i`, 1/(m² s).
     pub gains: [f64; 2],
 }
 
-/// The five ranges.
+/// The five ranges of two drones with a shared anchor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FiveRanges {
-    /// Of each drone to its own anchor.
+    /// Distance from each drone to its own anchor.
     pub own_m: [f64; 2],
-    /// Of each drone to the shared anchor.
+    /// Distance from each drone to the shared anchor.
     pub shared_m: [f64; 2],
-    /// Between the drones.
+    /// Distance between the drones.
     pub between_m: f64,
 }
 
-/// The anchors that only the first and only the second drone hears, and the one that both hear, if
-/// two drones hear two anchors each.
+/// Returns the first drone's own anchor, the second drone's own anchor, and the shared one. `None`
+/// unless two drones hear two anchors each, one of them the same.
 pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
     let [one, two] = heard else { return None };
     if one.len() != 2 || two.len() != 2 {
@@ -62,16 +63,16 @@ pub fn shared_anchor(heard: &[Vec<usize>]) -> Option<[usize; 3]> {
 }
 
 impl SharedAnchorObserver {
-    /// The true ranges of drones at two places.
-    pub fn ranges(&self, places_m: &[Vector3<f64>; 2]) -> FiveRanges {
+    /// Returns the true ranges of drones at `positions_m`.
+    pub fn ranges(&self, positions_m: &[Vector3<f64>; 2]) -> FiveRanges {
         FiveRanges {
-            own_m: [0, 1].map(|i| (places_m[i] - self.own_m[i]).norm()),
-            shared_m: places_m.map(|p| (p - self.shared_m).norm()),
-            between_m: (places_m[0] - places_m[1]).norm(),
+            own_m: [0, 1].map(|i| (positions_m[i] - self.own_m[i]).norm()),
+            shared_m: positions_m.map(|p| (p - self.shared_m).norm()),
+            between_m: (positions_m[0] - positions_m[1]).norm(),
         }
     }
 
-    /// The outputs `y_11`, `y_12` and `y_2`.
+    /// Returns the outputs `y_11`, `y_12` and `y_2`.
     pub fn outputs(&self, ranges: &FiveRanges) -> [f64; 3] {
         let [own_m2, common_m2] = [ranges.own_m, ranges.shared_m].map(|pair| pair.map(|d| d * d));
         let between_m2 = ranges.between_m * ranges.between_m;
@@ -81,7 +82,7 @@ impl SharedAnchorObserver {
         [one, two, common_m2[0] + common_m2[1] - between_m2 - 2.0 * shared_sq]
     }
 
-    /// Rates of the estimates, less the velocities of the drones.
+    /// Returns the correction of each estimate's rate, m/s, which adds to the drone's velocity.
     pub fn corrections(
         &self,
         estimates_m: &[Vector3<f64>; 2],
@@ -89,22 +90,23 @@ impl SharedAnchorObserver {
     ) -> [Vector3<f64>; 2] {
         // Gradient descent on the three squared residuals, as in the formula above.
         let [p1, p2] = estimates_m;
-        let shared = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
+        let shared_residual = outputs[2] + 2.0 * self.shared_m.dot(&(p1 + p2)) - 2.0 * p1.dot(p2);
         [0, 1].map(|i| {
             let c = self.shared_m - self.own_m[i];
             let residual = outputs[i] - 2.0 * c.dot(&estimates_m[i]);
-            (c * residual + (estimates_m[1 - i] - self.shared_m) * shared) * self.gains[i]
+            let other = estimates_m[1 - i] - self.shared_m;
+            (c * residual + other * shared_residual) * self.gains[i]
         })
     }
 }
 
-/// Positions of two drones by the observer of the shared anchor, from starts near the truth. Ranges
-/// are held until the next one of their link.
+/// Locates two drones by [`SharedAnchorObserver`], from starts near the true positions. Each range
+/// is held until the next one of its link.
 ///
 /// # Errors
 ///
-/// As [`super::locate_augmented`], and [`Error::Input`] for other links than two anchors a drone,
-/// one of them the same, and the range between the drones.
+/// As [`super::locate_augmented`]. Also [`Error::Input`] unless each drone hears two anchors, one
+/// of them the same, and there are ranges between the drones.
 pub fn locate_shared(
     anchors_m: &[Vector3<f64>],
     tracks: &[Track; 2],
@@ -112,29 +114,16 @@ pub fn locate_shared(
     samples: &[RangeSample],
 ) -> Result<Located> {
     let samples = checked(anchors_m, 2, samples)?;
-    let mut heard = [BTreeSet::new(), BTreeSet::new()];
-    let mut between = false;
-    for sample in &samples {
-        match sample.link {
-            Link::Anchor { drone, anchor } => _ = heard[drone].insert(anchor),
-            Link::Drones(..) => between = true,
-        }
-    }
-    let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
-    let Some([own1, own2, shared]) = shared_anchor(&heard).filter(|_| between) else {
-        let wanted = "two anchors a drone, one of them the same, and the range between the drones";
-        let anchors = format!("anchors {:?} and {:?}", heard[0], heard[1]);
-        return Err(Error::input("ranges", anchors, wanted, "take --observer smooth or enlarged"));
-    };
+    let [own1, own2, shared] = anchors_of_links(&samples)?;
     let own_m = [anchors_m[own1], anchors_m[own2]];
     let observer = SharedAnchorObserver { own_m, shared_m: anchors_m[shared], gains: [GAIN; 2] };
     // Ranges by link: own anchors, common anchor, and between the drones. Each is held until the
-    // next one, and nothing is corrected before all five have come.
+    // next one, and nothing is corrected before all five links have one.
     let mut held = [None; 5];
-    let mut places_m = starts_m;
+    let mut positions_m = starts_m;
     let mut before_s = samples.first().map_or(0.0, |first| first.time_s);
     let mut located = Located::empty(2);
-    for step in together(&samples) {
+    for step in time_steps(&samples) {
         let time_s = step[0].time_s;
         let moved_m = moved_m(tracks, before_s, time_s);
         for sample in step {
@@ -148,19 +137,38 @@ pub fn locate_shared(
         let corrections = match held {
             [Some(a), Some(b), Some(c), Some(d), Some(between_m)] => {
                 let ranges = FiveRanges { own_m: [a, b], shared_m: [c, d], between_m };
-                observer.corrections(&places_m, &observer.outputs(&ranges))
+                observer.corrections(&positions_m, &observer.outputs(&ranges))
             }
             _ => [Vector3::zeros(); 2],
         };
         for drone in 0..2 {
-            places_m[drone] += moved_m[drone] + corrections[drone] * (time_s - before_s);
+            positions_m[drone] += moved_m[drone] + corrections[drone] * (time_s - before_s);
         }
         before_s = time_s;
-        located.push(time_s, |drone| (places_m[drone], Matrix3::zeros()));
+        located.push(time_s, |drone| (positions_m[drone], Matrix3::zeros()));
     }
     located.covariance_m2.clear();
     located.heard_s = heard_s(2, &samples);
-    Ok(located.judged(anchors_m, &samples, &Innovations::default(), 0.0))
+    Ok(located.with_residuals(anchors_m, &samples, &Innovations::default(), 0.0))
+}
+
+/// Returns the anchors as [`shared_anchor`], or an error that names the links that are missing.
+fn anchors_of_links(samples: &[RangeSample]) -> Result<[usize; 3]> {
+    let mut heard = [BTreeSet::new(), BTreeSet::new()];
+    let mut between = false;
+    for sample in samples {
+        match sample.link {
+            Link::Anchor { drone, anchor } => _ = heard[drone].insert(anchor),
+            Link::Drones(..) => between = true,
+        }
+    }
+    let heard = heard.map(|anchors| anchors.into_iter().collect::<Vec<_>>());
+    // Without the range between the drones, the shared anchor is no use to the observer.
+    shared_anchor(&heard).filter(|_| between).ok_or_else(|| {
+        let wanted = "two anchors a drone, one of them the same, and the range between the drones";
+        let anchors = format!("anchors {:?} and {:?}", heard[0], heard[1]);
+        Error::input("ranges", anchors, wanted, "take --observer smooth or enlarged")
+    })
 }
 
 #[cfg(test)]
@@ -193,12 +201,12 @@ mod tests {
     /// Rate of V = `½|p̃_1|²` + `½μ|p̃_2|²`: the quadratic form and the extra terms.
     fn lyapunov_rate(
         observer: &SharedAnchorObserver,
-        places_m: &[Vector3<f64>; 2],
+        positions_m: &[Vector3<f64>; 2],
         estimates_m: &[Vector3<f64>; 2],
         weight: f64,
     ) -> f64 {
-        let error = [0, 1].map(|i| places_m[i] - estimates_m[i]);
-        let true_r = places_m.map(|p| p - observer.shared_m);
+        let error = [0, 1].map(|i| positions_m[i] - estimates_m[i]);
+        let true_r = positions_m.map(|p| p - observer.shared_m);
         let believed_r = estimates_m.map(|p| p - observer.shared_m);
         let rate = |i: usize| {
             let j = 1 - i;

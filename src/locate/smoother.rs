@@ -1,17 +1,16 @@
-//! Whole flights from range logs: a filter forward, a smoother backward, relinearized until it
-//! converges.
+//! Locates whole flights from range logs, without motion sensors.
 //!
-//! In: anchors, ranges. Out: [`Located`]. No motion sensor is needed. A filter forward and a
-//! smoother backward, repeated with Jacobians at the smoothed places, are Gauss–Newton on the whole
-//! flight (Bell, SIAM J. Optimization 4(3), 1994), what factor-graph solvers compute. It
-//! starts from the position that best fits the ranges of each drone's first second.
+//! In: anchors, ranges. Out: [`Located`]. A filter runs forward and a smoother backward, repeated
+//! with Jacobians at the smoothed positions until they converge. This is Gauss–Newton on the whole
+//! flight (Bell, SIAM J. Optimization 4(3), 1994), as in factor-graph solvers. It starts from the
+//! position that best fits the ranges of each drone's first second.
 //!
-//! A link that the gate refuses five times in a row is believed again, as in flight. Biases are
+//! After five rejections in a row by the gate, a link is accepted again, as in flight. Biases are
 //! not estimated: the residuals of each link show them.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::pairs::{counted_once, since_both_are_logged};
+use super::pairs::{remove_before_both_logs, without_duplicates};
 use super::pass::{Model, STEP_S, work};
 use super::residuals::LinkResidual;
 use super::solve::solve;
@@ -20,27 +19,27 @@ use super::{Link, RangeSample, Room};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Least standard deviation of a range for the place at the start.
+/// Least standard deviation of a range for the position at the start.
 const START_SIGMA_M: f64 = 0.05;
 
-/// Most ranges of all logs: half an hour of eight anchors at 100 Hz.
+/// Largest number of ranges in all logs: half an hour of eight anchors at 100 Hz.
 const MOST_RANGES: usize = 1_500_000;
-/// Most multiplications of a pass, [`work`]: some seconds. Ten minutes of three drones with eight
-/// anchors take 2.4·10⁹ at 50 Hz.
+/// Largest number of multiplications in a pass, [`work`]: some seconds. Ten minutes of three drones
+/// with eight anchors at 50 Hz need 2.4·10⁹.
 const MOST_WORK: f64 = 4e9;
 const FEWER: &str = "cut the logs to one flight, log more slowly, or locate fewer drones at a time: \
                      drones without ranges between them are located as well alone";
 
-/// How a log is turned into positions.
+/// Options of [`locate`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocateOptions {
     /// Standard deviation of a range.
     pub range_sigma_m: f64,
-    /// Density of the drones' acceleration, (m/s²)/√Hz: less is smoother and lags in curves.
+    /// Density of the drones' acceleration, (m/s²)/√Hz. Less is smoother and lags in curves.
     pub acceleration_m_s2_sqrt_hz: f64,
     /// True if later ranges improve earlier positions, false for positions as in flight.
     pub smooth: bool,
-    /// Where the drones are, if that is known: it decides between mirror images.
+    /// Box that holds all drones, if known: it decides between mirror images.
     pub room: Option<Room>,
 }
 
@@ -51,30 +50,30 @@ pub struct Located {
     pub time_s: Vec<f64>,
     /// Positions: for each drone one at each time.
     pub position_m: Vec<Vec<Vector3<f64>>>,
-    /// Their covariances, empty for an observer without.
+    /// Covariances of the positions, empty for an observer without a noise model.
     pub covariance_m2: Vec<Vec<Matrix3<f64>>>,
-    /// First and last range of each drone: before and after, its positions are held, not measured.
+    /// Times of each drone's first and last range. Outside them its positions are held.
     pub heard_s: Vec<[f64; 2]>,
-    /// Mean normalized innovation squared of the filter: 1 if noise and motion are right. `None`
+    /// Mean normalized innovation squared of the filter, 1 if noise and motion are right. `None`
     /// for an observer without a covariance.
     pub nis: Option<f64>,
-    /// Ranges, each once.
+    /// Number of ranges without duplicates.
     pub ranges: usize,
-    /// Fraction of them that the gate refused.
+    /// Fraction of the ranges that the gate rejected.
     pub refused_frac: f64,
     /// Residuals of every link.
     pub links: Vec<LinkResidual>,
-    /// Warnings of what the ranges contradict.
+    /// Warnings of suspect ranges.
     pub warnings: Vec<Diagnostic>,
 }
 
-/// Turns the ranges of `n_drones` into positions.
+/// Computes the positions of `n_drones` from their ranges.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for a range that is not a distance, for a link without its end, and for more
-/// ranges than a core works through in minutes. [`Error::Infeasible`] for fewer links than
-/// coordinates, and for links that leave a direction open.
+/// [`Error::Input`] for a range that is not a distance, for an unlisted drone or anchor, and for
+/// more ranges than a core can process in minutes. [`Error::Infeasible`] for fewer links than
+/// coordinates, and for links that leave a direction unobservable.
 pub fn locate(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -83,9 +82,9 @@ pub fn locate(
 ) -> Result<Located> {
     check_count(samples.len())?;
     let mut samples = checked(anchors_m, n_drones, samples)?;
-    since_both_are_logged(&mut samples);
+    remove_before_both_logs(&mut samples);
     check_work(n_drones, &samples)?;
-    // A start by each drone's first second, then the passes.
+    // The start state is that of each drone's first second.
     let heard_s = heard_s(n_drones, &samples);
     let model = Model::new(anchors_m, &heard_s, options);
     let sigma_m = options.range_sigma_m.max(START_SIGMA_M);
@@ -98,10 +97,10 @@ pub fn locate(
         time_s: solved.time_s,
         ..Located::default()
     };
-    Ok(located.judged(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
+    Ok(located.with_residuals(anchors_m, &samples, &solved.innovations, options.range_sigma_m))
 }
 
-/// Refuses more ranges than [`locate`] takes: a caller that gathers them asks as it goes.
+/// Refuses more ranges than [`locate`] accepts. Callers check while they still gather ranges.
 ///
 /// # Errors
 ///
@@ -114,6 +113,7 @@ pub fn check_count(n: usize) -> Result<()> {
     Err(Error::input("ranges", "more ranges", wanted, FEWER))
 }
 
+/// Refuses ranges whose passes need more than [`MOST_WORK`].
 fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     let work = work(n_drones, samples);
     if work <= MOST_WORK {
@@ -124,6 +124,7 @@ fn check_work(n_drones: usize, samples: &[RangeSample]) -> Result<()> {
     Err(Error::input("ranges", work, format!("at most {most:.0} million"), FEWER))
 }
 
+/// Returns the times of each drone's first and last range, `[∞, −∞]` for a drone without ranges.
 pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]> {
     let mut heard_s = vec![[f64::INFINITY, f64::NEG_INFINITY]; n_drones];
     for sample in samples {
@@ -136,6 +137,7 @@ pub(super) fn heard_s(n_drones: usize, samples: &[RangeSample]) -> Vec<[f64; 2]>
 }
 
 impl Located {
+    /// Returns no positions yet, with room for those of `n_drones`.
     pub(super) fn empty(n_drones: usize) -> Self {
         Self {
             position_m: vec![Vec::new(); n_drones],
@@ -144,6 +146,7 @@ impl Located {
         }
     }
 
+    /// Adds a time, with the position and covariance that `estimate` returns for each drone.
     pub(super) fn push(
         &mut self,
         time_s: f64,
@@ -157,16 +160,17 @@ impl Located {
         }
     }
 
-    /// The indices at which a drone was heard.
+    /// Returns the indices of the times from a drone's first range to its last.
     pub fn heard(&self, drone: usize) -> std::ops::Range<usize> {
         let [from_s, to_s] = self.heard_s[drone];
-        // The last ranges of a step come after its time.
+        // A step has the time of its first range: others may come up to `STEP_S` later.
         self.time_s.partition_point(|t| *t + STEP_S <= from_s)
             ..self.time_s.partition_point(|t| *t <= to_s)
     }
 }
 
-/// The samples in the order of time, without second copies of the ranges that two logs have.
+/// Returns the samples sorted by time, without duplicates of ranges that two logs have. Refuses
+/// distances out of range, and links of unlisted drones or anchors.
 pub(super) fn checked(
     anchors_m: &[Vector3<f64>],
     n_drones: usize,
@@ -181,18 +185,17 @@ pub(super) fn checked(
             let hint = format!("leave out what is no measurement, {n_broken} of {}", samples.len());
             return Err(Error::input(place, distance_m, wanted, hint));
         }
-        // Its ends have to be listed.
-        let known = match *link {
+        let is_listed = match *link {
             Link::Anchor { drone, anchor } => drone < n_drones && anchor < anchors_m.len(),
             Link::Drones(i, j) => i < n_drones && j < n_drones && i != j,
         };
-        if !known {
+        if !is_listed {
             let wanted = format!("{} anchors, from 0, and {n_drones} drones", anchors_m.len());
             let hint = "list every anchor, and give a log of every drone";
             return Err(Error::input(place, link, wanted, hint));
         }
     }
-    let mut samples = counted_once(samples);
+    let mut samples = without_duplicates(samples);
     samples.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     Ok(samples)
 }

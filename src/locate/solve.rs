@@ -1,6 +1,6 @@
-//! Passes over a log of ranges, forward and backward, until the positions rest.
+//! Passes over a log of ranges, forward and backward, until the positions converge.
 //!
-//! A pass forward and backward needs the covariances of every step, and their size grows with the
+//! A forward and a backward pass need the covariances of every step, whose size grows with the
 //! square of the states. Only the steps of one window are kept. For earlier windows a pass keeps
 //! the filter at their start and recomputes their steps on the way back. The means of all steps and
 //! the covariances of the positions are kept.
@@ -8,17 +8,18 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::RangeSample;
-use super::pass::{Filter, Innovations, Model, STATES, together};
+use super::pass::{Filter, Innovations, Model, STATES, time_steps};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::{Normal, Step};
 
 const MAX_PASSES: usize = 8;
-/// Change of a position between two passes at which they end.
-const CONVERGED_M: f64 = 1e-4;
-/// Most memory of the steps of a window: less costs little time, since windows are made again once
-/// each pass, and a minute of three drones is one window.
+/// Change of a state between two passes below which they end.
+const CONVERGED: f64 = 1e-4;
+/// Most memory for the steps of a window. A smaller limit costs little time, since each window is
+/// recomputed only once per pass. A minute of three drones is one window.
 const WINDOW_BYTES: usize = 16 << 20;
 
+/// The states of all steps: means, and covariances of the positions by step and drone.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     states: usize,
@@ -27,34 +28,37 @@ pub(super) struct Path {
 }
 
 impl Path {
+    /// Returns the means of a step.
     pub(super) fn states(&self, step: usize) -> &[f64] {
         &self.means[step * self.states..][..self.states]
     }
 
-    /// Puts the states of a step in their place. Returns by how much they moved.
-    fn put(&mut self, step: usize, n_drones: usize, normal: &Normal) -> f64 {
-        let places = self.means[step * self.states..].iter_mut();
-        let mut moved_m = 0.0_f64;
-        for (place, mean) in places.zip(&normal.mean) {
-            moved_m = moved_m.max((*place - mean).abs());
-            *place = *mean;
+    /// Replaces the states of a step. Returns the largest change of a mean.
+    fn store(&mut self, step: usize, n_drones: usize, normal: &Normal) -> f64 {
+        let stored = self.means[step * self.states..].iter_mut();
+        let mut largest_change = 0.0_f64;
+        for (stored, mean) in stored.zip(&normal.mean) {
+            largest_change = largest_change.max((*stored - mean).abs());
+            *stored = *mean;
         }
-        // Of the covariance only that of the positions is kept.
+        // Velocities are the last three states of a drone. Their covariance is dropped.
         for drone in 0..n_drones {
             let first = STATES * drone;
             self.covariances_m2[step * n_drones + drone] = normal.block(first, first);
         }
-        moved_m
+        largest_change
     }
 }
 
-pub(super) struct Solved {
+/// The states after the last pass, and the innovations of the first one.
+pub(super) struct Solution {
     pub(super) time_s: Vec<f64>,
     pub(super) path: Path,
     pub(super) innovations: Innovations,
 }
 
-impl Solved {
+impl Solution {
+    /// Returns the positions of each drone at all steps.
     pub(super) fn positions_m(&self, n_drones: usize) -> Vec<Vec<Vector3<f64>>> {
         Vec::from_iter((0..n_drones).map(|drone| {
             let steps = 0..self.time_s.len();
@@ -63,27 +67,32 @@ impl Solved {
         }))
     }
 
+    /// Returns the position covariances of each drone at all steps.
     pub(super) fn covariances_m2(&self, n_drones: usize) -> Vec<Vec<Matrix3<f64>>> {
-        let every = self.path.covariances_m2.iter().copied();
-        (0..n_drones).map(|drone| every.clone().skip(drone).step_by(n_drones).collect()).collect()
+        let all = self.path.covariances_m2.iter().copied();
+        (0..n_drones).map(|drone| all.clone().skip(drone).step_by(n_drones).collect()).collect()
     }
 }
 
-/// Passes over a log from a start until the positions rest.
+/// Runs passes over a log from `start` until the states converge, or a single forward pass if not
+/// `smooth`.
 pub(super) fn solve(
     model: &Model<'_>,
     samples: &[RangeSample],
     start: &Normal,
     smooth: bool,
-) -> Result<Solved> {
+) -> Result<Solution> {
     Passes { model, samples, start, window: window(start.mean.len()) }.solve(smooth)
 }
 
+/// Returns the number of steps that fit into [`WINDOW_BYTES`].
 fn window(n_states: usize) -> usize {
+    // A step has two means and two covariances, and the entries of its transition.
     let numbers = 2 * n_states * (n_states + 2) + 3 * n_states;
     (WINDOW_BYTES / size_of::<f64>() / numbers).max(1)
 }
 
+/// Inputs of all passes. `window` is a number of steps.
 struct Passes<'m, 'a> {
     model: &'m Model<'a>,
     samples: &'m [RangeSample],
@@ -91,99 +100,104 @@ struct Passes<'m, 'a> {
     window: usize,
 }
 
+/// Results of a forward pass. `steps` are those of the last window.
 struct Forward {
-    /// The filter at the begin of each window.
-    begins: Vec<Filter>,
+    /// The filter at the start of each window.
+    window_starts: Vec<Filter>,
     steps: Vec<Step>,
     innovations: Innovations,
 }
 
 impl Passes<'_, '_> {
-    fn solve(&self, smooth: bool) -> Result<Solved> {
-        let time_s: Vec<f64> = together(self.samples).map(|step| step[0].time_s).collect();
+    /// Runs passes until they converge, or the first forward pass if not `smooth`.
+    fn solve(&self, smooth: bool) -> Result<Solution> {
+        let time_s: Vec<f64> = time_steps(self.samples).map(|step| step[0].time_s).collect();
         let (n, states) = (time_s.len(), self.start.mean.len());
         let covariances_m2 = vec![Matrix3::zeros(); n * self.model.n_drones()];
         let mut path = Path { states, means: vec![0.0; n * states], covariances_m2 };
         if !smooth {
             let forward = self.forward(None, Some(&mut path));
-            return Ok(Solved { time_s, path, innovations: forward.innovations });
+            return Ok(Solution { time_s, path, innovations: forward.innovations });
         }
-        // The innovations are those of the filter, which knows no later range.
+        // Innovations are those of the first pass, before later ranges improve the path.
         let first = self.forward(None, None);
-        let (mut begins, mut steps) = (first.begins, first.steps);
+        let (mut window_starts, mut steps) = (first.window_starts, first.steps);
         // Gauss–Newton: each pass is linearized about the smoothed path of the one before.
         for pass in 0..MAX_PASSES {
-            let moved_m = self.backward(&begins, steps, pass > 0, &mut path)?;
-            if pass > 0 && moved_m < CONVERGED_M || pass + 1 == MAX_PASSES {
+            let largest_change = self.backward(&window_starts, steps, pass > 0, &mut path)?;
+            if pass > 0 && largest_change < CONVERGED || pass + 1 == MAX_PASSES {
                 break;
             }
-            Forward { begins, steps, .. } = self.forward(Some(&path), None);
+            Forward { window_starts, steps, .. } = self.forward(Some(&path), None);
         }
-        Ok(Solved { time_s, path, innovations: first.innovations })
+        Ok(Solution { time_s, path, innovations: first.innovations })
     }
 
-    /// A pass forward, linearized about its estimates or about a path. `into` takes its states.
+    /// Runs a forward pass, linearized about a path or, if that is `None`, about its own estimates.
+    /// The states are stored in `into`.
     fn forward(&self, about: Option<&Path>, mut into: Option<&mut Path>) -> Forward {
-        let (mut begins, mut steps) = (Vec::new(), Vec::new());
+        let (mut window_starts, mut steps) = (Vec::new(), Vec::new());
         let (mut filter, mut innovations) = (self.model.filter(self.start), Innovations::default());
-        for (k, ranges) in together(self.samples).enumerate() {
+        for (k, ranges) in time_steps(self.samples).enumerate() {
             if k.is_multiple_of(self.window) {
-                begins.push(filter.clone());
+                window_starts.push(filter.clone());
                 steps.clear();
             }
-            // The filter at the beginning of a window is enough to make its steps again.
-            let here = about.map(|about| about.states(k));
-            let step = self.model.advance(&mut filter, ranges, here, &mut innovations);
+            // The filter at the start of a window is enough to recompute its steps.
+            let linearized_about = about.map(|about| about.states(k));
+            let step = self.model.advance(&mut filter, ranges, linearized_about, &mut innovations);
             if let Some(path) = &mut into {
-                path.put(k, self.model.n_drones(), &step.updated);
+                path.store(k, self.model.n_drones(), &step.updated);
             }
             steps.push(step);
         }
-        Forward { begins, steps, innovations }
+        Forward { window_starts, steps, innovations }
     }
 
-    /// The steps of a window, made again from the filter at its begin.
-    fn again(&self, index: usize, begin: &Filter, about: Option<&Path>) -> Vec<Step> {
-        let (mut filter, mut unused) = (begin.clone(), Innovations::default());
-        let ranges = together(&self.samples[begin.ranges..]).take(self.window).enumerate();
+    /// Recomputes the steps of a window from the filter at its start.
+    fn recomputed(&self, index: usize, window_start: &Filter, about: Option<&Path>) -> Vec<Step> {
+        let (mut filter, mut unused) = (window_start.clone(), Innovations::default());
+        let ranges = time_steps(&self.samples[window_start.ranges..]).take(self.window).enumerate();
         Vec::from_iter(ranges.map(|(k, ranges)| {
-            let here = about.map(|about| about.states(index * self.window + k));
-            self.model.advance(&mut filter, ranges, here, &mut unused)
+            let linearized_about = about.map(|about| about.states(index * self.window + k));
+            self.model.advance(&mut filter, ranges, linearized_about, &mut unused)
         }))
     }
 
-    /// A pass backward over the steps of a pass forward, which was linearized about the path or
-    /// not. The smoothed states replace those of the path. Returns by how much the states moved.
+    /// Runs a backward pass and stores the smoothed states in the path. `linearized` is true if the
+    /// forward pass was linearized about that path. Returns the largest change of a state.
     fn backward(
         &self,
-        begins: &[Filter],
+        window_starts: &[Filter],
         last: Vec<Step>,
         linearized: bool,
         path: &mut Path,
     ) -> Result<f64> {
-        let (mut last, mut moved_m) = (Some(last), 0.0_f64);
-        let mut after: Option<(Step, Normal)> = None;
-        for (index, begin) in begins.iter().enumerate().rev() {
-            // The steps of the last window are still there. Those of earlier ones are made again.
+        let (mut last, mut largest_change) = (Some(last), 0.0_f64);
+        let mut next: Option<(Step, Normal)> = None;
+        for (index, window_start) in window_starts.iter().enumerate().rev() {
+            // The steps of the last window still exist. Earlier windows are recomputed.
             let about = linearized.then_some(&*path);
-            let steps = last.take().unwrap_or_else(|| self.again(index, begin, about));
+            let steps = last.take().unwrap_or_else(|| self.recomputed(index, window_start, about));
             for (k, step) in steps.into_iter().enumerate().rev() {
-                let smooth = match &after {
+                let smooth = match &next {
                     None => step.updated.clone(),
-                    Some((after, smooth)) => {
-                        step.smoothed(after, smooth).ok_or_else(|| lost(after.time_s))?
+                    Some((next, smooth)) => {
+                        step.smoothed(next, smooth).ok_or_else(|| covariance_lost(next.time_s))?
                     }
                 };
-                let place = index * self.window + k;
-                moved_m = moved_m.max(path.put(place, self.model.n_drones(), &smooth));
-                after = Some((step, smooth));
+                let step_index = index * self.window + k;
+                largest_change =
+                    largest_change.max(path.store(step_index, self.model.n_drones(), &smooth));
+                next = Some((step, smooth));
             }
         }
-        Ok(moved_m)
+        Ok(largest_change)
     }
 }
 
-fn lost(time_s: f64) -> Error {
+/// Returns the error of a covariance that cannot be inverted.
+fn covariance_lost(time_s: f64) -> Error {
     Error::infeasible(
         format!("the filter has lost its covariance at {time_s:.2} s"),
         "raise the noise of the ranges or the acceleration",

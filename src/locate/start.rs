@@ -1,4 +1,4 @@
-//! The places at the start of a log, from only the first second of each drone.
+//! The positions at the start of a log, from only the first second of each drone.
 //!
 //! In: anchors, ranges. Out: a state of positions and velocities with its covariance. The mean
 //! range of each link is fitted by Levenberg's and Marquardt's method from 27 places around the
@@ -15,16 +15,23 @@ use super::{Link, RangeSample, Room};
 use noctograph_core::error::{Error, Result};
 use noctograph_sim::kalman::Normal;
 
-/// Ranges of this time after the first give the place at the start.
+/// Ranges within this time after the first give the position at the start.
 const START_S: f64 = 1.0;
+/// Standard deviation of each velocity at the start.
 const START_SPEED_M_S: f64 = 0.5;
-/// Starts of the fit, around the middle of the anchors, in fractions of their extent.
+/// Starts of the fit on each axis, from the anchors' middle, and distance between the drones
+/// there, in fractions of the anchors' extent.
 const AROUND: [f64; 3] = [-0.6, 0.1, 0.7];
-/// Sum of squares, m², of places outside the room: more than any fit within.
+const APART: f64 = 0.05;
+/// Added cost, m², of positions outside the room: more than that of any fit inside.
 const OUTSIDE_M2: f64 = 1e9;
+/// Least decrease of the cost, m², by which another start is better.
+const LEAST_DECREASE_M2: f64 = 1e-9;
+/// Eigenvalue of the information, relative to the largest, below which a direction is unobservable.
+const UNOBSERVABLE: f64 = 1e-4;
 
-/// The state that best fits the ranges of each drone's first second, drones at rest, and its
-/// covariance for ranges with a standard deviation of `sigma_m`.
+/// Returns the state that best fits the ranges of each drone's first second, with velocities of
+/// zero, and its covariance for ranges with the standard deviation `sigma_m`.
 pub(super) fn start(
     anchors_m: &[Vector3<f64>],
     heard_s: &[[f64; 2]],
@@ -33,14 +40,14 @@ pub(super) fn start(
     room: Option<&Room>,
 ) -> Result<Normal> {
     let (n_drones, n) = (heard_s.len(), 3 * heard_s.len());
-    // A range between drones that begin at different times fits no one pair of starts.
+    // A range between drones whose logs start at different times does not fit their starts.
     let mut means = means(heard_s, samples);
-    let at_once = Vec::from_iter(means.iter().copied().filter(|mean| {
+    let simultaneous = Vec::from_iter(means.iter().copied().filter(|mean| {
         let begins_s: Vec<f64> = mean.link.drones().map(|drone| heard_s[drone][0]).collect();
         begins_s.iter().all(|begin_s| (begin_s - begins_s[0]).abs() <= LATE_S)
     }));
-    if at_once.len() >= n {
-        means = at_once;
+    if simultaneous.len() >= n {
+        means = simultaneous;
     }
     if means.len() < n {
         return Err(Error::infeasible(
@@ -53,39 +60,44 @@ pub(super) fn start(
                    drone that flies with its motion sensors does with fewer",
         ));
     }
-    // The fit, and its information JᵀJ: a small eigenvalue is a direction that the ranges leave
-    // open.
-    let p = best_fit(anchors_m, n, &means, room);
-    let jacobian = residuals(anchors_m, &means, &p).0;
+    // A small eigenvalue of the information JᵀJ is a direction that the ranges do not fix.
+    let positions_m = best_fit(anchors_m, n, &means, room);
+    let jacobian = residuals(anchors_m, &means, &positions_m).0;
     let information = jacobian.transpose() * jacobian;
     let eigen = information.clone().symmetric_eigen();
-    if eigen.eigenvalues.min() < 1e-4 * eigen.eigenvalues.max() {
+    if eigen.eigenvalues.min() < UNOBSERVABLE * eigen.eigenvalues.max() {
         return Err(Error::infeasible(
             "the links leave a direction open at the start: the anchors lie in a line, or in a \
                    plane with the drone",
             "place an anchor off that line or plane",
         ));
     }
-    // Positions with the covariance of the fit, velocities at rest.
     let variance = sigma_m * sigma_m;
-    let places = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n)) * variance;
+    let inverse = information.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
+    Ok(at_rest(&positions_m, &(inverse * variance)))
+}
+
+/// Returns the state of drones at rest from their positions and the covariance of these.
+fn at_rest(positions_m: &DVector<f64>, covariance_m2: &DMatrix<f64>) -> Normal {
+    let n = positions_m.len();
+    // Each drone has three positions, then three velocities.
     let (mut state, mut covariance) = (DVector::zeros(2 * n), DMatrix::zeros(2 * n, 2 * n));
     let rows: Vec<usize> = (0..n).map(|i| STATES * (i / 3) + i % 3).collect();
     for (i, row) in rows.iter().enumerate() {
-        state[*row] = p[i];
+        state[*row] = positions_m[i];
         covariance[(row + 3, row + 3)] = START_SPEED_M_S * START_SPEED_M_S;
         for (j, column) in rows.iter().enumerate() {
-            covariance[(*row, *column)] = places[(i, j)];
+            covariance[(*row, *column)] = covariance_m2[(i, j)];
         }
     }
-    Ok(Normal::new(state, covariance))
+    Normal::new(state, covariance)
 }
 
-/// Mean range of each link in the first second in which its drones are heard.
+/// Returns the mean range of each link in the first second in which both its drones have ranges.
 fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     let mut sums: BTreeMap<Link, (f64, f64)> = BTreeMap::new();
     for sample in samples {
-        // A range between drones counts from the later beginning on.
+        // A range between drones counts from the later of the two first ranges on.
         let begins_s = sample.link.drones().map(|drone| heard_s[drone][0]);
         let since_s = begins_s.fold(f64::NEG_INFINITY, f64::max);
         if (since_s..=since_s + START_S).contains(&sample.time_s) {
@@ -97,6 +109,7 @@ fn means(heard_s: &[[f64; 2]], samples: &[RangeSample]) -> Vec<Observation> {
     sums.map(|(link, (sum_m, count))| Observation { link, distance_m: sum_m / count }).collect()
 }
 
+/// Returns the positions with the least cost after fits from 27 starts around the anchors.
 fn best_fit(
     anchors_m: &[Vector3<f64>],
     n: usize,
@@ -106,19 +119,20 @@ fn best_fit(
     let [low_m, high_m] = extent_m(anchors_m);
     let (middle_m, reach_m) = ((low_m + high_m) * 0.5, (high_m - low_m).max().max(1.0));
     let mut best = (f64::INFINITY, DVector::zeros(n));
+    // Each k is another combination of the three offsets on the three axes.
     for k in 0..27_usize {
         let around = [AROUND[k % 3], AROUND[k / 3 % 3], AROUND[k / 9]];
-        let from = DVector::from_fn(n, |i, _| {
-            // Drones apart from each other, or their range has no direction.
-            let apart = 0.05 * (i / 3) as f64;
+        let start_m = DVector::from_fn(n, |i, _| {
+            // Drones start apart from each other, or their range would have no direction.
+            let apart = APART * (i / 3) as f64;
             middle_m[i % 3] + reach_m * (around[i % 3] + apart)
         });
-        let (mut cost, places_m) = fit(anchors_m, means, from);
-        if room.is_some_and(|room| !room.holds_all(&places_m)) {
+        let (mut cost, positions_m) = fit(anchors_m, means, start_m);
+        if room.is_some_and(|room| !room.holds_all(&positions_m)) {
             cost += OUTSIDE_M2;
         }
-        if cost < best.0 - 1e-9 {
-            best = (cost, places_m);
+        if cost < best.0 - LEAST_DECREASE_M2 {
+            best = (cost, positions_m);
         }
     }
     best.1

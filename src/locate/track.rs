@@ -10,11 +10,10 @@ pub struct Track {
 }
 
 impl Track {
-    /// The motion with velocities in the world at rising times.
+    /// Integrates velocities in the world at rising times by the trapezoidal rule.
     pub fn new(velocities_m_s: impl IntoIterator<Item = (f64, Vector3<f64>)>) -> Self {
         let (mut track, mut before) = (Self::default(), None);
         for (time_s, velocity_m_s) in velocities_m_s {
-            // Trapezoidal rule.
             let step_m = before.map_or(Vector3::zeros(), |(then_s, then_m_s)| {
                 (velocity_m_s + then_m_s) * (0.5 * (time_s - then_s))
             });
@@ -26,7 +25,8 @@ impl Track {
         track
     }
 
-    /// Between two velocities on a line, before the first and after the last at rest.
+    /// Returns the displacement from the start of the track to `time_s`. It is interpolated
+    /// linearly between samples, zero before the first and constant after the last.
     pub(super) fn moved_m(&self, time_s: f64) -> Vector3<f64> {
         let after = self.time_s.partition_point(|t| *t <= time_s);
         let Some(before) = after.checked_sub(1) else { return Vector3::zeros() };
@@ -38,6 +38,7 @@ impl Track {
     }
 }
 
+/// Returns the displacement of each drone between two times.
 pub(super) fn moved_m(tracks: &[Track], from_s: f64, to_s: f64) -> Vec<Vector3<f64>> {
     tracks.iter().map(|track| track.moved_m(to_s) - track.moved_m(from_s)).collect()
 }

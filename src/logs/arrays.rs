@@ -1,4 +1,4 @@
-//! Flights of somebody's arrays, which come without titles: they are asked what a table is asked.
+//! Plausibility of flights from a caller's arrays, which have no titles: the checks of tables.
 
 use super::recording::{Block, Channel, Column, Recording};
 use super::{ImportOptions, frames, mapper, plain_csv, speed};
@@ -6,8 +6,8 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::Error;
 use noctograph_core::flight::{Flight, FlightSample, Quantity, rests_on_floor};
 
-/// What speaks against meters, radians, seconds and z up in a flight that should have them, and
-/// against a flight at all. Nothing is converted.
+/// Returns warnings if a flight is probably not in meters, radians and seconds with z up, or is not
+/// a flight. Nothing is converted.
 pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     let samples = &flight.samples;
     if samples.len() < 2 {
@@ -18,8 +18,8 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         "its clock begins at {first_s} s: a photograph's exposure begins there, not at 0 s"
     );
     let begins = (first_s < 0.0).then(|| Diagnostic::warning("time-negative", begins));
-    // Each question is that of a table, asked of the columns that the flight would be in.
-    let block = block(samples);
+    // The checks of a table, on the flight's columns in a table.
+    let block = pose_columns(samples);
     let rising = samples.windows(2).all(|pair| pair[0].time_s < pair[1].time_s);
     let channels = block.columns.iter().take(3).filter(|_| rising);
     let channels: Vec<Channel> =
@@ -41,8 +41,8 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
         let text = "are they degrees, or of a quaternion whose parts are in another order?";
         Diagnostic::warning("unit-guessed", format!("{why}: {text}"))
     });
-    // A flight along another axis does not rest.
-    let axes = frames::doubt(&Recording { blocks: vec![block], ..Recording::default() });
+    // A flight along another axis may stay at height zero without resting.
+    let axes = frames::axes_doubt(&Recording { blocks: vec![block], ..Recording::default() });
     let rests = (axes.is_none() && rests_on_floor(samples, 0.0)).then(|| {
         let highest_m = samples.iter().map(|sample| sample.position_m.z).fold(0.0, f64::max);
         let text = format!("the drone never left the floor: its height reaches {highest_m:.2} m");
@@ -52,12 +52,12 @@ pub fn doubts(flight: &Flight) -> Vec<Diagnostic> {
     [begins, speed, size, axes, angles, rests].into_iter().flatten().collect()
 }
 
-/// The columns of a table that has the position and the attitude of a flight.
-fn block(samples: &[FlightSample]) -> Block {
+/// Returns position and attitude of a flight as the columns of a table.
+fn pose_columns(samples: &[FlightSample]) -> Block {
     let columns = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
         let names = Quantity::TABLE[quantity as usize].2;
         names.iter().zip(quantity.places()).map(move |(name, number)| Column {
-            // The unit of angles is what is in doubt.
+            // The unit of angles is to be checked.
             is_open_angle: quantity == Quantity::Attitude,
             ..Column::new(
                 (*name).to_owned(),

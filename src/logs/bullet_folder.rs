@@ -1,10 +1,10 @@
-//! Folders of gym-pybullet-drones: one file a variable, two columns without a head, time in s and
-//! the value.
+//! Folders of gym-pybullet-drones: one file for each variable, with two columns without a header,
+//! the time in s and the value.
 //!
 //! Source: `Logger.save_as_csv` in `gym_pybullet_drones/utils/Logger.py` (2.1.0), which writes
-//! `x0.csv`, `y0.csv` … for drone 0. Velocities and angular velocities are `PyBullet`'s, in the
-//! world: the latter, the derivatives of the angles and the rotors are kept as further columns.
-//! What was to be flown and the lights are not in it.
+//! `x0.csv`, `y0.csv` … for drone 0. Velocities and angular velocities are in `PyBullet`'s world.
+//! Angular velocities, derivatives of the angles and rotor speeds are kept as further columns.
+//! There are no setpoints or lights.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use super::{Job, cells};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, entries_in, file_name};
 
-/// Variables with our names. `x` to `z` make such a folder what it is.
+/// Variables with our names. The first three identify such a folder.
 const NAMES: [(&str, &str); 12] = [
     ("x", "x_m"),
     ("y", "y_m"),
@@ -29,10 +29,10 @@ const NAMES: [(&str, &str); 12] = [
     ("wz", "wz_world_rad_s"),
 ];
 
-/// A variable's file: its path, the variable and the number of its drone.
+/// A variable's file: its path, the variable, and the number of the drone.
 type Variable = (PathBuf, String, usize);
 
-/// The variables of a folder, if it is such a folder.
+/// Returns the variables of a folder, or `None` if it is not such a folder.
 ///
 /// # Errors
 ///
@@ -47,7 +47,7 @@ pub(super) fn variables(folder: &Path) -> Result<Option<Vec<Variable>>> {
     Ok(NAMES[..3].iter().all(|(name, _)| has(name)).then_some(variables))
 }
 
-/// The variable and the drone of a name such as `vx0` or `rpm3-0`.
+/// Splits a name such as `vx0` or `rpm3-0` into the variable and the drone's number.
 fn variable(stem: &str) -> Option<(String, usize)> {
     let name = stem.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = stem[name.len()..].parse().ok()?;
@@ -59,7 +59,7 @@ fn variable(stem: &str) -> Option<(String, usize)> {
 ///
 /// # Errors
 ///
-/// [`Error::Input`] for the files of several drones, and for a file that is no such variable.
+/// [`Error::Input`] for the files of several drones, and for a file that is not such a variable.
 pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     let drone = variables[0].2;
     if let Some((path, ..)) = variables.iter().find(|(.., number)| *number != drone) {
@@ -67,7 +67,7 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
         let hint = "copy the files of each drone to a folder of their own, and import each";
         return Err(Error::input(job.file, actual, "one drone", hint));
     }
-    // All files have the times of the first one.
+    // All files must have the times of the first one.
     let mut block = Block { name: "bullet".into(), ..Block::default() };
     for (path, variable, _) in variables {
         let [time_s, values] = columns(path, job)?;
@@ -78,8 +78,8 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
             let actual = "other times than in the files before it";
             return Err(Error::input(path.display(), actual, "the same times", hint));
         }
-        let known = NAMES.iter().find(|(name, _)| name == variable);
-        let name = known.map_or(variable.as_str(), |(_, name)| *name);
+        let listed = NAMES.iter().find(|(name, _)| name == variable);
+        let name = listed.map_or(variable.as_str(), |(_, name)| *name);
         block.columns.push(Column::new(name.to_owned(), values));
     }
     let mut log = Recording { blocks: vec![block], ..Recording::new(job.file) };
@@ -94,6 +94,7 @@ pub(super) fn read(variables: &[Variable], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
+/// Reads the times and the values of a variable's file.
 fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     let file = path.display().to_string();
     let bytes = super::read(path)?;
@@ -101,7 +102,7 @@ fn columns(path: &Path, job: Job<'_>) -> Result<[Vec<f64>; 2]> {
     job.budget.steps(bytes.len())?;
     let text = Text::decode(&bytes);
     let mut head = Head::find(&text.bytes);
-    // Two columns and no title, or it is another file.
+    // Another file would have titles or more columns.
     if head.n_columns != 2 || !head.titles.is_empty() {
         let actual = format!("{} columns, titles {:?}", head.n_columns, head.titles);
         let hint = "leave files that are no variables of the simulator out of the folder";

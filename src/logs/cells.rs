@@ -1,4 +1,4 @@
-//! Cells of loggers' tables: numbers, missing values, dates and times of day.
+//! Cells of tables in logs: numbers, missing values, dates and times of day.
 
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, RowRules, Sheet, SheetColumn, Text};
@@ -9,9 +9,11 @@ use super::titles::meaning;
 const HINT: &str = "correct or cut the file; each line needs one number a column";
 
 pub(super) const DAY_S: f64 = 86_400.0;
+/// Longest text that is parsed as a date, in bytes.
+const LONGEST_DATE: usize = 48;
 
-/// Reads the rows below a head, and which of its columns have dates or times of day, in seconds. A
-/// column that is not `needed` may hold texts: they are named.
+/// Reads the rows below a header. Also returns which columns have dates or times of day, whose
+/// values are seconds. Texts are an error in a column of which `is_needed` is true, else a note.
 pub(super) fn read_rows(
     text: &Text<'_>,
     head: Head,
@@ -31,10 +33,11 @@ pub(super) fn read_rows(
         let error = Error::input(place, format_args!("{cell:?}"), "a number in every column", HINT);
         return Err(error.in_file(file, line as u64));
     }
-    // Texts are named. A table of texts beside times is refused.
-    let texts: Vec<String> = sheet.columns.iter().filter_map(named_texts).collect();
-    let is_no_quantity = |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
-    if !texts.is_empty() && sheet.columns.iter().all(is_no_quantity) {
+    // A table that has only texts and times is refused.
+    let texts: Vec<String> = sheet.columns.iter().filter_map(list_of_texts).collect();
+    let is_text_or_time =
+        |column: &SheetColumn| column.is_text() || meaning(&column.title).0 == "t";
+    if !texts.is_empty() && sheet.columns.iter().all(is_text_or_time) {
         let actual = format_args!("texts in {}", texts.join(", "));
         let hint = "write each variable to a column of its own, below a head t,x,y,z";
         return Err(Error::input(file, actual, "a number in each cell", hint));
@@ -45,19 +48,20 @@ pub(super) fn read_rows(
     Ok((sheet, are_dated))
 }
 
-fn named_texts(column: &SheetColumn) -> Option<String> {
+/// Names a column with texts and the first of these, for a message. `None` without texts.
+fn list_of_texts(column: &SheetColumn) -> Option<String> {
     let first = column.texts.first()?;
     let n = column.n_texts;
-    let some = if column.is_text() { String::new() } else { format!("{n} cells such as ") };
-    Some(format!("{} (column {}, {some}{first:?})", column.title, column.number))
+    let count = if column.is_text() { String::new() } else { format!("{n} cells such as ") };
+    Some(format!("{} (column {}, {count}{first:?})", column.title, column.number))
 }
 
-/// The number in a cell, and true if it is the seconds of a date or a time of day.
+/// Parses a cell. Returns its number, and true if that is seconds of a date or a time of day.
 fn value(cell: &str) -> Option<(f64, bool)> {
     number(cell).map(|value| (value, false)).or_else(|| Some((seconds_from_date(cell)?, true)))
 }
 
-/// The number in a cell. A missing value is not a number.
+/// Parses a number. A missing value is NaN, and other text `None`.
 fn number(cell: &str) -> Option<f64> {
     match cell {
         "" | "None" | "none" | "null" | "NA" | "N/A" => Some(f64::NAN),
@@ -67,13 +71,14 @@ fn number(cell: &str) -> Option<f64> {
     }
 }
 
-/// Seconds since 1970 of `2023-05-04 12:34:56.789`, with `T` in place of the space. Day, month and
-/// year also with `/` or `.`, or the month by its name. A time of day counts from midnight, and a
-/// date is that midnight. Understood: half days (`PM`), zones (`Z`, `UTC`, `+02:00`, `-0500`),
-/// decimal commas, milliseconds after a third colon, minutes and seconds (`34:56.7`, as
-/// spreadsheets show times), and days before a time (`0 days 00:00:01`, of pandas).
+/// Returns the seconds since 1970 of a date such as `2023-05-04 12:34:56.789`, or those since
+/// midnight of a time of day. A date alone is its midnight.
+///
+/// Also read: `T` between date and time, `/` and `.` in dates, names of months, `AM` and `PM`,
+/// zones (`Z`, `UTC`, `+02:00`, `-0500`), decimal commas, milliseconds after a third colon, minutes
+/// and seconds (`34:56.7`, as in spreadsheets), and days (`0 days 00:00:01`, as in pandas).
 pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
-    if cell.len() > 48 || !cell.starts_with(|sign: char| sign.is_ascii_digit()) {
+    if cell.len() > LONGEST_DATE || !cell.starts_with(|sign: char| sign.is_ascii_digit()) {
         return None;
     }
     let lower = cell.trim().to_lowercase();
@@ -81,16 +86,16 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
         return Some(days_from_date(&lower)? as f64 * DAY_S);
     }
     let (text, half) = half_day(&lower);
-    // The date ends at a blank, or at a T among digits.
-    let of_day = text.find(':').unwrap_or_default();
+    // The date ends at a blank, an underscore, or a T among digits.
+    let first_colon = text.find(':').unwrap_or_default();
     let (date, time) = match text.char_indices().rfind(|(place, sign)| {
-        *place < of_day
+        *place < first_colon
             && (matches!(sign, ' ' | '_') || *sign == 't' && !text[place + 1..].starts_with(' '))
     }) {
         Some((place, _)) => (Some(text[..place].trim_end()), &text[place + 1..]),
         None => (None, text),
     };
-    // The time of day without its zone, in two to four parts.
+    // The time of day without its zone has two to four parts.
     let (time, east_s) = zone(time.trim())?;
     let time = time.replace(',', ".");
     let parts: Option<Vec<f64>> = time.split(':').map(|part| part.parse().ok()).collect();
@@ -105,8 +110,8 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     let hours = match half {
         None => (0.0..=24.0).contains(&hour).then_some(hour)?,
         Some(after_noon) => {
-            let of_half = (1.0..=12.0).contains(&hour).then_some(hour % 12.0)?;
-            of_half + if after_noon { 12.0 } else { 0.0 }
+            let hour = (1.0..=12.0).contains(&hour).then_some(hour % 12.0)?;
+            hour + if after_noon { 12.0 } else { 0.0 }
         }
     };
     let fits = (0.0..60.0).contains(&minute) && (0.0..1000.0).contains(&millis);
@@ -117,14 +122,15 @@ pub(super) fn seconds_from_date(cell: &str) -> Option<f64> {
     Some(days * DAY_S + hours * 3600.0 + minute * 60.0 + second + millis / 1e3 - east_s)
 }
 
-/// A text without its half of the day, and true for one after noon.
+/// Removes `am` or `pm` from a text. Returns the rest, and true for `pm`, or `None` without either.
 fn half_day(text: &str) -> (&str, Option<bool>) {
     let halves = [("am", false), ("a.m.", false), ("pm", true), ("p.m.", true)];
     let half = halves.iter().find_map(|(end, pm)| Some((text.strip_suffix(end)?, *pm)));
     half.map_or((text, None), |(before, pm)| (before.trim_end(), Some(pm)))
 }
 
-/// A time of day without its zone, and the seconds by which the zone is ahead.
+/// Removes the zone from a time of day. Returns the rest, and the seconds that the zone is ahead of
+/// UTC, or `None` for an unknown zone.
 fn zone(time: &str) -> Option<(&str, f64)> {
     if let Some(before) = ["z", "utc", "gmt"].iter().find_map(|end| time.strip_suffix(end)) {
         return Some((before.trim_end(), 0.0));
@@ -148,14 +154,16 @@ const MONTHS: [&str; 12] = [
     "dec dez",
 ];
 
+/// Returns the number of a month from its name.
 fn month(name: &str) -> Option<i64> {
     let first: String = name.chars().take(3).collect();
     let mut months = (1..).zip(MONTHS);
-    Some(months.find(|(_, names)| names.split(' ').any(|known| known == first))?.0)
+    Some(months.find(|(_, names)| names.split(' ').any(|listed| listed == first))?.0)
 }
 
-/// Days since 1970-01-01 of a date: the year first, or the month, the day and the year. The day
-/// comes first with points, as in German, and if it is beyond 12.
+/// Returns the days since 1970-01-01 of a date. The order is year, month and day if the first
+/// number is more than 31, else month, day and year. The day is first in dates with points, as in
+/// German, and if the first number is more than 12.
 fn days_from_date(date: &str) -> Option<i64> {
     if let Some(days) = date.strip_suffix(" days") {
         return days.parse().ok().filter(|days| (0..100_000).contains(days));

@@ -1,4 +1,4 @@
-//! CSV files of cfclient: one file a log block, `Timestamp` in ms, then the block's variables.
+//! CSV files from cfclient: one file for each log block, `Timestamp` in ms, then the variables.
 //!
 //! Source: `src/cfclient/utils/logdatawriter.py` of crazyflie-clients-python, which writes
 //! `logdata/<connected>/<block>-<started>.csv`.
@@ -10,20 +10,21 @@ use super::{Job, cells, firmware, unknown};
 use noctograph_core::error::Result;
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
-/// Radio logs have times of 24 bits of milliseconds (three bytes in the log packet).
+/// Radio logs have 24-bit times in milliseconds (three bytes in the log packet).
 pub(super) const WRAP_S: f64 = 16_777.216;
 
-/// True for a head of cfclient: its times, and variables as `group.name`.
+/// True for a header from cfclient: `Timestamp`, and variables as `group.name`.
 pub(super) fn is_cfclient(head: &Head) -> bool {
     head.titles.first().is_some_and(|title| title == "Timestamp")
         && head.titles[1..].iter().any(|title| title.contains('.'))
 }
 
+/// True if a file name is that of a CSV file.
 pub(super) fn may_be_cfclient(path: &Path) -> bool {
     ending(path) == "csv"
 }
 
-/// Reads a file, which is a block of a recording.
+/// Reads a file as a recording of one block.
 pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recording> {
     let (sheet, _) = cells::read_rows(text, head, job, |_| true)?;
     let mut columns =
@@ -46,7 +47,7 @@ pub(super) fn read(text: &Text<'_>, head: Head, job: Job<'_>) -> Result<Recordin
     Ok(log)
 }
 
-/// The files of a folder that are cfclient's, in the order of their names, as one recording.
+/// Reads the files of a folder that are from cfclient, sorted by name, as one recording.
 pub(super) fn read_folder(path: &Path, job: Job<'_>) -> Result<Recording> {
     let Job { budget, .. } = job;
     let mut log = Recording::new(job.file);

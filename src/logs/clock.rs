@@ -1,4 +1,4 @@
-//! Times: wraps are undone, falling times dropped, slow clocks detected.
+//! Repair of times: undoes wraps, drops times that do not rise, and corrects slow clocks.
 
 use super::ImportOptions;
 use super::recording::{Block, Clock, Recording};
@@ -7,20 +7,21 @@ use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 use noctograph_core::statistics::median;
 
-/// A clock that falls by more than this without a wrap was restarted.
+/// Least fall of a clock that is a restart, unless it is a wrap.
 const RESTART_S: f64 = 1.0;
 
-/// Fewer falls are spikes.
-const FALLS: usize = 10;
+/// Least number of falls that are disorder. Fewer are spikes.
+const MIN_FALLS: usize = 10;
 
-/// Later times, beyond 30,000 years, are broken.
+/// Latest valid time: 30,000 years.
 const LATEST_S: f64 = 1e12;
 
-/// The same with every block in rising order of time, and all blocks on one axis of true seconds.
+/// Repairs the times of a log so that they rise in every block, and all blocks have one time axis
+/// in true seconds.
 ///
 /// # Errors
 ///
-/// [`Error::Input`] if the rows are in no order of time.
+/// [`Error::Input`] if the rows are not in order of time.
 pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
     for block in &mut log.blocks {
         check_order(block, &log.file)?;
@@ -31,15 +32,15 @@ pub(super) fn repaired(mut log: Recording, options: &ImportOptions) -> Result<Re
     if let Some(wrap_s) = log.wrap_s {
         join_wraps(&mut log.blocks, wrap_s);
     }
-    // The rate is that of whole blocks: their steps have to be mended before.
-    let clock_ratio = options.clock_ratio.unwrap_or_else(|| rate(&mut log, options.firmware));
+    // The rate is measured from the steps of repaired blocks.
+    let clock_ratio = options.clock_ratio.unwrap_or_else(|| clock_rate(&mut log, options.firmware));
     for block in log.blocks.iter_mut().filter(|block| block.clock == Clock::Drone) {
         block.time_s.iter_mut().for_each(|time_s| *time_s /= clock_ratio);
     }
     Ok(log)
 }
 
-/// Refuses rows that are not in order of time. A log's clock may fall only at a wrap or a restart.
+/// Refuses rows that are not in order of time, apart from a few wraps, restarts or spikes.
 fn check_order(block: &Block, file: &str) -> Result<()> {
     let n = block.time_s.len();
     if n > 2 && block.time_s.iter().all(|time_s| *time_s == block.time_s[0]) {
@@ -47,22 +48,21 @@ fn check_order(block: &Block, file: &str) -> Result<()> {
             (format!("{n} times that are one"), "write stamps with all their digits");
         return Err(Error::input(file, same, "times that rise", hint));
     }
-    // A few falls are wraps, restarts or spikes, which are repaired.
     let falls = block.time_s.windows(2).filter(|pair| pair[1] < pair[0]).count();
-    if falls < FALLS || falls <= n / 4 {
+    if falls < MIN_FALLS || falls <= n / 4 {
         return Ok(());
     }
     let disorder = format_args!("{falls} of {n} times before the one above");
     Err(Error::input(file, disorder, "rows in the order of their times", "sort them by time"))
 }
 
-/// Repairs the times of a block: undoes wraps, drops spikes and stretches after a restart.
+/// Undoes wraps of a block, drops spikes, and keeps only the longest stretch between restarts.
 fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagnostic>) {
     let Block { name, time_s, columns, .. } = block;
     let n = time_s.len();
     let mut repairs = Vec::new();
 
-    // A spike just before a wrap would hide it, so spikes go first.
+    // A spike just before a wrap would hide it, so spikes are dropped first.
     let finite = (0..n).filter(|&i| time_s[i].abs() < LATEST_S).collect();
     let mut kept = without_spikes(time_s, finite);
     let wraps = wrap_s.map_or(0, |wrap_s| undo_wraps(time_s, &kept, wrap_s));
@@ -71,7 +71,7 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
         repairs.push(("clock-wrapped", text));
     }
 
-    // What still falls is a restart: one stretch is the flight.
+    // Remaining falls are restarts. The longest stretch between them is the flight.
     let (n_stretches, longest) = longest_stretch(time_s, &kept);
     let outside = kept.len() - longest.len();
     if n_stretches > 1 {
@@ -114,8 +114,8 @@ fn repair_block(block: &mut Block, wrap_s: Option<f64>, warnings: &mut Vec<Diagn
     );
 }
 
-/// How many stretches there are from restart to restart, and the samples of the longest. Repeated
-/// zeros after the end of a log do not count: a stretch ends at its latest time.
+/// Returns the number of stretches between restarts, and the indices of the longest. A stretch ends
+/// at its latest time, so that repeated zeros after the end of a log do not count.
 fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     let stretches = kept.chunk_by(|a, b| time_s[*b] >= time_s[*a] - RESTART_S);
     let timed = stretches.clone().map(|stretch| {
@@ -126,20 +126,20 @@ fn longest_stretch(time_s: &[f64], kept: &[usize]) -> (usize, Vec<usize>) {
     (stretches.count(), longest.map(|(_, stretch)| stretch.to_vec()).unwrap_or_default())
 }
 
-/// Leaves out single times that are later than the next one.
+/// Removes the indices of single times that are later than the next one.
 fn without_spikes(time_s: &[f64], indices: Vec<usize>) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::with_capacity(indices.len());
     for (place, &i) in indices.iter().enumerate() {
         let next_s = indices.get(place + 1).map(|&next| time_s[next]);
-        let beside = kept.last().map(|&before| time_s[before]).zip(next_s);
-        if !beside.is_some_and(|(before_s, next_s)| before_s < next_s && next_s < time_s[i]) {
+        let neighbors_s = kept.last().map(|&before| time_s[before]).zip(next_s);
+        if !neighbors_s.is_some_and(|(before_s, next_s)| before_s < next_s && next_s < time_s[i]) {
             kept.push(i);
         }
     }
     kept
 }
 
-/// Adds `wrap_s` after each fall of time by more than half of it. Returns how often.
+/// Adds `wrap_s` after each fall of time by more than half of it. Returns the number of wraps.
 fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     let (mut wraps, mut last_s) = (0, f64::NEG_INFINITY);
     for &i in kept {
@@ -153,7 +153,7 @@ fn undo_wraps(time_s: &mut [f64], kept: &[usize], wrap_s: f64) -> u32 {
     wraps
 }
 
-/// Shifts the blocks that began just after a wrap by one wrap, onto the clock of those before it.
+/// Adds a wrap to the blocks that began just after one, so that all blocks have the same clock.
 fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     let mut drone = Vec::from_iter(blocks.iter_mut().filter(|block| block.clock == Clock::Drone));
     let latest_s = drone.iter().map(|block| block.time_s[0]).fold(f64::NEG_INFINITY, f64::max);
@@ -164,10 +164,9 @@ fn join_wraps(blocks: &mut [Block], wrap_s: f64) {
     }
 }
 
-/// Seconds of the drone's clock per true second. For a log on the card: the rate that its times
-/// show, else that of the firmware that it names, else of the scene's. Corrections and guesses are
-/// warnings.
-fn rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
+/// Returns the seconds of the drone's clock per true second. For a µSD log this is the rate that
+/// its times show, else that of its firmware, else of `assumed`. Warns of corrections and guesses.
+fn clock_rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     if !log.is_on_card {
         return 1.0;
     }
@@ -184,7 +183,7 @@ fn rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
             let why = format!("as the period of block {block} shows{odd}{firmware}, which flew");
             (rate, is_odd, why)
         }
-        // Version 1 has the milliseconds of the operating system, unless its times show otherwise.
+        // Version 1 counts milliseconds of the operating system, unless its times show otherwise.
         (None, _) if log.wrap_s.is_some() => return 1.0,
         (None, Some((release, firmware))) => {
             (release.clock(), false, format!("as that of firmware {firmware}, which flew"))
@@ -210,18 +209,23 @@ fn rate(log: &mut Recording, assumed: Option<Release>) -> f64 {
     rate
 }
 
-/// The rate that the times of a block show if its nominal period is in whole milliseconds: the card
-/// is written at true ticks of the operating system, with times of the drone's clock.
+/// Returns the clock rate that the times of a block show, or `None` if it has no usual period. The
+/// card is written at true ticks of the operating system, with times of the drone's clock.
 fn shown_rate(block: &Block) -> Option<f64> {
+    /// Usual periods, and the largest relative error of the mean step from them. Steps within the
+    /// spread of the median count.
     const PERIODS_S: [f64; 9] = [0.001, 0.002, 0.004, 0.005, 0.01, 0.02, 0.025, 0.05, 0.1];
+    const TOLERANCE: f64 = 0.004;
+    const SPREAD: f64 = 0.3;
+    const MIN_STEPS: usize = 50;
     let steps: Vec<f64> = block.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let middle_s = median(steps.iter().copied())?;
-    let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < 0.3);
+    let usual = steps.iter().filter(|step| (*step / middle_s - 1.0).abs() < SPREAD);
     let mean_s = usual.clone().sum::<f64>() / usual.count().max(1) as f64;
     let rate = [SLOW_CLOCK, 1.0]
         .into_iter()
-        .find(|rate| PERIODS_S.iter().any(|nominal_s| (mean_s / nominal_s - rate).abs() < 0.004));
-    rate.filter(|_| steps.len() >= 50)
+        .find(|rate| PERIODS_S.iter().any(|period_s| (mean_s / period_s - rate).abs() < TOLERANCE));
+    rate.filter(|_| steps.len() >= MIN_STEPS)
 }
 
 #[cfg(test)]

@@ -1,24 +1,25 @@
 //! The release of the drone's firmware, if a log names one.
 //!
 //! Exported scripts write it into their logs (`noctograph.firmware`). Other JSON may have it as
-//! `firmware` or `firmware_version`, tables in a comment before their head (`# firmware: 2026.08`).
-//! A log on the card and one of cfclient do not name it.
+//! `firmware` or `firmware_version`, and tables in a comment before their header
+//! (`# firmware: 2026.08`). Logs on the card and from cfclient do not name it.
 
 use super::recording::Recording;
 use noctograph_core::crazyflie::Release;
 use noctograph_core::diagnostic::Diagnostic;
 
+/// Number of lines that are searched, and of bytes in each.
 const LINES: usize = 100;
 const BYTES: usize = 200;
 
-/// The firmware that a comment before a table's head names.
+/// Returns the firmware that a comment at the start of a table names.
 pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
     let lines = text.split(|byte| matches!(byte, b'\n' | b'\r')).take(LINES);
     let comments = lines.filter(|line| matches!(line.first(), Some(b'#' | b'%' | b'/')));
     comments.into_iter().find_map(|line| {
         let line = String::from_utf8_lossy(&line[..line.len().min(BYTES)]).into_owned();
-        // A release after the word firmware, else what looks like a commit.
+        // The first release after the word firmware, else a word that looks like a commit.
         let end = line.to_ascii_lowercase().find("firmware")? + "firmware".len();
         let after = line.get(end..)?.split(|c: char| c.is_whitespace() || "=:,;\"'()".contains(c));
         let words: Vec<&str> = after.filter(|word| !word.is_empty()).collect();
@@ -29,7 +30,7 @@ pub(super) fn in_comments(text: &[u8]) -> Option<String> {
     })
 }
 
-/// A warning if the firmware that flew is not the scene's.
+/// Returns a warning if the recording's firmware does not fly like the scene's, `assumed`.
 pub(super) fn doubt(recording: &Recording, assumed: Option<Release>) -> Option<Diagnostic> {
     let (named, release) = (recording.firmware.as_ref()?, assumed?);
     let assumed = release.name();

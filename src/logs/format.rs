@@ -1,4 +1,4 @@
-//! Format of a log, recognized from its content.
+//! Recognition of a log's format from its content.
 
 use super::cfclient_csv::is_cfclient;
 use super::mocap_csv::{Capture, capture};
@@ -6,27 +6,28 @@ use super::{unknown, usd};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text};
 
-/// First columns of our flight files.
+/// First columns of a flight file.
 const FLIGHT: [&str; 5] = ["time_s", "x_m", "y_m", "z_m", "yaw_rad"];
 
-/// A log by its format, with what was read to recognize it.
+/// Format of a log, with the text and header that were read to recognize it.
 pub(super) enum Format<'a> {
     Card,
     Json(Text<'a>),
     Flight(Text<'a>, Head),
     Cfclient(Text<'a>, Head),
-    /// Any other table, or one of a motion capture.
+    /// Any other table, or one from a motion capture.
     Table(Text<'a>, Head, Option<Capture>),
 }
 
 impl<'a> Format<'a> {
-    /// Recognizes a log. Known files of other programs are refused first: some look like a table.
+    /// Recognizes the format of a log. Known files of other programs, some of which look like
+    /// tables, are refused first.
     pub(super) fn recognized(bytes: &'a [u8], file: &str) -> Result<Self> {
         refuse_foreign(bytes, file)?;
         if bytes.first() == Some(&usd::MAGIC) {
             return Ok(Self::Card);
         }
-        // A text: JSON by its bracket, a table by its head.
+        // JSON starts with a bracket, and a table with a header.
         let text = Text::decode(bytes);
         let content = text.bytes.trim_ascii_start();
         if content.starts_with(b"{") || content.starts_with(b"[") {
@@ -53,18 +54,20 @@ impl<'a> Format<'a> {
     }
 }
 
-/// True for a flight file: it begins with a pose, or with the time and has the column of letters.
+/// True for a flight file: its first columns are a pose, or the first is the time and there is a
+/// column of letters. A table with ranges is an imported log instead.
 fn is_flight(head: &Head) -> bool {
     let begins = head.titles.first().is_some_and(|title| title == FLIGHT[0]);
     head.titles.starts_with(&FLIGHT.map(str::to_owned))
         || begins && head.has("letter") && !has_ranges(head)
 }
 
+/// True if a table has columns of ranges.
 fn has_ranges(head: &Head) -> bool {
     head.titles.iter().any(|title| title.starts_with("ranging."))
 }
 
-/// True for a flight file with ranges: an imported log, whose clock is lost.
+/// True for a flight file with ranges: an imported log, which does not keep the log's clock.
 pub(super) fn is_imported(head: &Head) -> bool {
     head.has(FLIGHT[0]) && head.has("letter") && has_ranges(head)
 }
@@ -80,7 +83,7 @@ const BY_NAME: &str =
 const BY_POLYNOMIAL: &str = "it is a plan, not a flight: evaluate its pieces at 100 Hz, and write \
                              t,x,y,z,yaw";
 
-/// What a file begins with, what it is, and what to do.
+/// First bytes of foreign files, what these are, and what to do.
 const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"ULog\x01\x12\x35", "a PX4 ULog", "import vehicle_local_position, of `ulog2csv FILE`"),
     (b"\xa3\x95", "a DataFlash log of ArduPilot", BY_MAVLOGDUMP),
@@ -115,10 +118,10 @@ const FORMATS: [(&[u8], &str, &str); 31] = [
     (b"{\\rtf", "a text with layout", "save it as plain text, with a header t,x,y,z"),
 ];
 
-/// Refuses a file of another program, with what turns it into a table.
+/// Refuses a file in one of [`FORMATS`], with a hint how to convert it to a table.
 fn refuse_foreign(bytes: &[u8], file: &str) -> Result<()> {
-    let known = FORMATS.iter().find(|(begins, ..)| bytes.starts_with(begins));
-    known.map_or(Ok(()), |(_, what, hint)| {
+    let foreign = FORMATS.iter().find(|(first_bytes, ..)| bytes.starts_with(first_bytes));
+    foreign.map_or(Ok(()), |(_, what, hint)| {
         Err(Error::input(file, *what, "a log that is read: text, JSON or a µSD log", *hint))
     })
 }

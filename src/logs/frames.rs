@@ -1,16 +1,17 @@
-//! Axes of a table's world: z down and y up are turned into z up.
+//! Axes of a table's world: z down and y up are converted to z up.
 //!
-//! The axes come from the format, from an option, or from the flight: a drone takes off from the
-//! floor along the vertical axis and never goes below it. If z does so, it is up. If it does not,
-//! and the drone would be on the floor or below it, another axis that does so is up. If none does,
-//! z is assumed to be up, with a warning. If two do, the log is refused.
+//! The axes come from the format, from an option, or from the flight, since a drone takes off from
+//! the floor along the vertical axis and never goes below it. If that is true of z, z is up. If it
+//! is not, and the drone would be on the floor or below it, the other axis of which it is true is
+//! up. If there is none, z is assumed to be up, with a warning. If there are two, the log is
+//! refused.
 
 use super::recording::{Block, Column, Recording, names};
 use super::{Axes, ImportOptions};
 use noctograph_core::diagnostic::Diagnostic;
 use noctograph_core::error::{Error, Result};
 
-/// Patterns of the columns of a vector. The last is a part of a quaternion.
+/// Patterns of vectors' columns. The last is the vector part of a quaternion.
 const VECTORS: [&str; 7] = [
     "{x y z}_m",
     "{x y z}_estimate_m",
@@ -21,19 +22,20 @@ const VECTORS: [&str; 7] = [
     "q{x y z}",
 ];
 
-/// Yaw, pitch and roll about axes that point down change their signs but the last.
+/// Angles that change sign if z points down. Roll does not.
 const ANGLES: [&str; 2] = ["yaw_rad", "pitch_rad"];
 
+/// Height of a climb that shows a take-off.
 const CLIMB_M: f64 = 0.2;
-/// Part of it in which the drone goes straight up, and how far it may drift aside.
+/// First part of the climb in which the drone must go straight up, and its largest drift there.
 const STRAIGHT_M: f64 = 0.12;
 const DRIFT_M: f64 = 0.08;
-/// A drone on the floor is as near to its lowest place as this.
+/// Height above the lowest position up to which a drone is on the floor.
 const FLOOR_M: f64 = 0.05;
 
-/// The same with the world of the plain columns turned so that z points up.
+/// Converts the plain columns of a log to a world with z up.
 pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<Recording> {
-    // An option is better than the format, and that is better than the flight.
+    // An option overrides the format, which overrides the axes inferred from the flight.
     let (axes, why) = match (options.axes, log.axes) {
         (Axes::Auto, Axes::Auto) => inferred(&log)?,
         (Axes::Auto, axes) => (axes, log.in_format.map(|format| format!("as {format} writes it"))),
@@ -42,14 +44,14 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     let to = match axes {
         Axes::ZDown => "x, -y, -z",
         Axes::YUp => "x, -z, y",
-        // A format whose z points up needs no word.
+        // Only a guess needs a warning.
         Axes::Auto | Axes::ZUp => {
-            let guess = why.filter(|_| axes == Axes::Auto);
-            log.warnings.extend(guess.map(|why| Diagnostic::warning("axes-guessed", why)));
+            let z_up_guess = why.filter(|_| axes == Axes::Auto);
+            log.warnings.extend(z_up_guess.map(|why| Diagnostic::warning("axes-guessed", why)));
             return Ok(log);
         }
     };
-    log.blocks.iter_mut().for_each(|block| turn(block, axes));
+    log.blocks.iter_mut().for_each(|block| rotate_to_z_up(block, axes));
     if let Some(why) = why {
         let axes = axes.name();
         log.warn("axes-turned", format!("its world is taken as {axes}, {why}: turned to {to}"));
@@ -57,7 +59,8 @@ pub(super) fn with_z_up(mut log: Recording, options: &ImportOptions) -> Result<R
     Ok(log)
 }
 
-fn turn(block: &mut Block, axes: Axes) {
+/// Rotates the vectors and angles of a block from `axes` to z up.
+fn rotate_to_z_up(block: &mut Block, axes: Axes) {
     if axes == Axes::ZDown {
         // x stays, and y and z change their signs: a half turn about x.
         let vectors = VECTORS.into_iter().flat_map(|pattern| names(pattern).skip(1));
@@ -66,10 +69,10 @@ fn turn(block: &mut Block, axes: Axes) {
     }
     for pattern in VECTORS {
         // y becomes z, and z becomes −y: a quarter turn about x.
-        let places =
+        let indices =
             names(pattern).map(|name| block.columns.iter().position(|column| column.name == name));
-        let places: Option<Vec<usize>> = places.collect();
-        if let Some([_, y, z]) = places.as_deref()
+        let indices: Option<Vec<usize>> = indices.collect();
+        if let Some([_, y, z]) = indices.as_deref()
             && let Ok([y, z]) = block.columns.get_disjoint_mut([*y, *z])
         {
             std::mem::swap(&mut y.values, &mut z.values);
@@ -78,13 +81,14 @@ fn turn(block: &mut Block, axes: Axes) {
     }
 }
 
+/// Changes the signs of a column's values, if there is a column.
 fn negate(column: Option<&mut Column>) {
     let values = column.into_iter().flat_map(|column| &mut column.values);
     values.for_each(|value| *value = -*value);
 }
 
-/// A doubt about the axes of positions that should be in meters with z up.
-pub(super) fn doubt(recording: &Recording) -> Option<String> {
+/// Returns why positions probably do not have z up, if they do not.
+pub(super) fn axes_doubt(recording: &Recording) -> Option<String> {
     let (axes, why) = match inferred(recording) {
         Ok((axes, why)) => (axes, why?),
         Err(error) => return Some(error.to_string()),
@@ -103,7 +107,7 @@ pub(super) fn doubt(recording: &Recording) -> Option<String> {
     }
 }
 
-/// The complete positions of a block, if there are more than two.
+/// Returns the positions of a block in rows with all three coordinates, if there are more than two.
 fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     let [x, y, z] = ["x_m", "y_m", "z_m"].map(|name| block.column(name));
     let rows = x?.values.iter().zip(&y?.values).zip(&z?.values).map(|((x, y), z)| [*x, *y, *z]);
@@ -111,15 +115,16 @@ fn positions_m(block: &Block) -> Option<Vec<[f64; 3]>> {
     (rows.len() > 2).then_some(rows)
 }
 
-fn guess(seen: &str) -> (Axes, Option<String>) {
+/// Returns no axes, and the warning that z is assumed to point up because of `seen`.
+fn z_up_guess(seen: &str) -> (Axes, Option<String>) {
     (Axes::Auto, Some(format!("{seen}: z is taken to point up, which is a guess")))
 }
 
-/// The axes that the flight shows, and why. Or `Auto`, and a doubt.
+/// Returns the axes that the flight shows and the reason, or `Auto` and a warning, if there is one.
 fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let none = Ok((Axes::Auto, None));
     let Some(rows) = recording.blocks.iter().find_map(positions_m) else { return none };
-    // The usual case first: then no other axis is asked.
+    // In the usual case z is up, and the other axes are not checked.
     if takes_off(&rows, 2, 1.0) {
         return none;
     }
@@ -129,8 +134,8 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
     let highest_m = heights[heights.len() - 1];
     let is_below = middle_m < -FLOOR_M;
     let is_flat = highest_m - lowest_m < FLOOR_M && middle_m.abs() < FLOOR_M;
-    // If the drone leaves and returns along y, y is up at any depth, unless it hovers along y at
-    // one height: that is above zero at both ends.
+    // If the drone leaves and returns along y, y is up, unless z is constant and above zero: then
+    // it may hover at one height while it moves along y.
     let is_low = [rows[0], rows[rows.len() - 1]].iter().any(|row| row[2].abs() < CLIMB_M);
     let climbs_along_y =
         climbs(rows.iter(), &rows, 1, 1.0) && climbs(rows.iter().rev(), &rows, 1, 1.0);
@@ -143,9 +148,9 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
         "no axis shows a take-off or a landing straight along it"
     };
     if !(is_below || is_flat || rises_along_y) {
-        return Ok(guess(unseen));
+        return Ok(z_up_guess(unseen));
     }
-    // z up would be below the floor, on it, or level: ask the other two axes.
+    // With z up the drone would be below the floor, on it, or level: check the other two axes.
     let (axes, why) = match (takes_off(&rows, 2, -1.0), takes_off(&rows, 1, 1.0)) {
         (true, true) => {
             let flight = "a flight that rises along -z and along y";
@@ -159,20 +164,21 @@ fn inferred(recording: &Recording) -> Result<(Axes, Option<String>)> {
         }
         (false, true) => (Axes::YUp, "since it takes off and lands along y alone".to_owned()),
         (false, false) if is_below => {
-            return Ok(guess(&format!("most of the flight is below zero (z = {middle_m:.2} m)")));
+            return Ok(z_up_guess(&format!(
+                "most of the flight is below zero (z = {middle_m:.2} m)"
+            )));
         }
-        (false, false) => return Ok(guess(unseen)),
+        (false, false) => return Ok(z_up_guess(unseen)),
     };
     Ok((axes, Some(why)))
 }
 
-/// True if rows begin or end on the floor, straight below a climb along an axis, and never come
-/// below.
+/// True if the flight starts or ends with a straight climb along an axis from its lowest position.
 fn takes_off(rows: &[[f64; 3]], axis: usize, sign: f64) -> bool {
     climbs(rows.iter(), rows, axis, sign) || climbs(rows.iter().rev(), rows, axis, sign)
 }
 
-/// True if the rows, from one end, begin at the lowest of all, and climb straight.
+/// True if the rows in the order `from_end` start at the lowest position of all and climb straight.
 fn climbs<'a>(
     mut from_end: impl Iterator<Item = &'a [f64; 3]>,
     rows: &[[f64; 3]],
@@ -185,13 +191,13 @@ fn climbs<'a>(
         return false;
     };
     for row in from_end {
-        // Straight up at first, then anywhere until the climb is high enough.
+        // The drone must not drift in the first part of the climb.
         let climb_m = sign * row[axis] - sign * first[axis];
         if climb_m >= CLIMB_M {
             return true;
         }
-        let aside = (0..3).filter(|other| *other != axis);
-        let drift_m = aside.map(|other| (row[other] - first[other]).abs()).fold(0.0, f64::max);
+        let other_axes = (0..3).filter(|other| *other != axis);
+        let drift_m = other_axes.map(|other| (row[other] - first[other]).abs()).fold(0.0, f64::max);
         if drift_m > DRIFT_M && climb_m < STRAIGHT_M {
             return false;
         }

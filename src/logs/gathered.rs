@@ -1,4 +1,4 @@
-//! The logs of an evening: the files and folders that are logs, and the drone of each.
+//! The logs of an evening: finds files and folders that are logs, and the drone of each.
 
 use std::path::{Path, PathBuf};
 
@@ -7,26 +7,27 @@ use noctograph_core::error::{Error, Result};
 use noctograph_core::files::{Head, Text, ending, entries_in, file_name};
 
 const MAX_LOGS: usize = 2000;
-/// Folders within folders that are looked into: a drone's, an evening's, cfclient's.
+/// Depth of folders that are searched: a drone's, an evening's, cfclient's.
 const DEPTH: usize = 4;
+/// Endings of files that are not logs.
 const OTHERS: [&str; 13] =
     ["html", "toml", "md", "yaml", "yml", "png", "jpg", "jpeg", "svg", "pdf", "mp4", "mov", "zip"];
-/// Beginning of a file, in which its first line ends.
+/// Bytes at the start of a file that contain its first line.
 const HEAD_BYTES: usize = 1 << 16;
 
-/// A log among others.
+/// A log in the folder of an evening.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GatheredLog {
-    /// A file, or a folder of cfclient's.
+    /// A file, or a folder that is one log.
     pub path: PathBuf,
-    /// The serial number, or else the address, that an exported script keeps in its log. Else its
-    /// folder within that of the evening, or its name up to the first `-`, `_`, `.` or space.
+    /// Name of the drone: the serial number or else the address that an exported script keeps in
+    /// its log. Else the log's folder, or its file name up to the first `-`, `_`, `.` or space.
     pub drone: String,
-    /// Its path within the folder of the evening.
+    /// Path relative to the folder of the evening.
     pub name: String,
 }
 
-/// True if a folder is one log: it holds cfclient's files of one connection, or those of
+/// True if a folder is one log: it contains files of one cfclient connection, or of
 /// gym-pybullet-drones.
 ///
 /// # Errors
@@ -35,7 +36,7 @@ pub struct GatheredLog {
 pub fn is_one_log(folder: &Path) -> Result<bool> {
     Ok(bullet_folder::variables(folder)?.is_some()
         || entries_in(folder)?.iter().any(|path| {
-            // A file that cannot be read is not cfclient's. Its import says why.
+            // A file that cannot be read does not count here. Its import reports the error.
             cfclient_csv::may_be_cfclient(path)
                 && path.is_file()
                 && LIMIT.beginning(path, HEAD_BYTES).is_ok_and(|head| {
@@ -44,8 +45,8 @@ pub fn is_one_log(folder: &Path) -> Result<bool> {
         }))
 }
 
-/// The logs in a folder and in its folders, in the order of their names, which is taken for that of
-/// their flights. And the names of what else is there: hidden files, pictures, pages and settings.
+/// Returns the logs in a folder and its folders, sorted by name, which is assumed to be the order
+/// of the flights. Also returns the names of other files, such as hidden files and pictures.
 ///
 /// # Errors
 ///
@@ -55,7 +56,7 @@ pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
     let (mut folders, mut too_deep) = (vec![(folder.to_owned(), 0)], Vec::new());
     while let Some((inside, depth)) = folders.pop() {
         for path in entries_in(&inside)? {
-            // A folder that is one log is not looked into.
+            // A folder that is one log is not searched.
             let is_hidden = file_name(&path).starts_with('.');
             if is_hidden || (path.is_file() && OTHERS.contains(&&*ending(&path))) {
                 others.push(path);
@@ -83,7 +84,7 @@ pub fn logs_in(folder: &Path) -> Result<(Vec<GatheredLog>, Vec<String>)> {
 }
 
 impl GatheredLog {
-    /// A log of an evening, whose file or folder names its drone.
+    /// Finds the drone's name and the relative path of a log.
     fn new(path: PathBuf, folder: &Path) -> Self {
         let within = path.strip_prefix(folder).unwrap_or(&path).to_owned();
         let mut parts = within.iter().map(|part| part.to_string_lossy().into_owned());
@@ -97,24 +98,25 @@ impl GatheredLog {
     }
 }
 
+/// Returns the serial number or address of the drone that a script keeps in its log.
 fn named_drone(path: &Path) -> Option<String> {
-    let about = about(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
+    let about = script_entry(&LIMIT.beginning(path, HEAD_BYTES).ok()?)?;
     let [serial, uri] =
         ["serial", "uri"].map(|key| about.get(key).and_then(serde_json::Value::as_str));
     serial.map(str::to_owned).or_else(|| uri.map(address))
 }
 
-/// The scene (TOML) that an exported script keeps in its log.
+/// Returns the scene (TOML) that an exported script keeps in its log.
 pub fn scene_in(log: &Path) -> Option<String> {
     let head = LIMIT.beginning(log, HEAD_BYTES).ok()?;
     let is_json = Text::of_unicode(&head).trim_ascii_start().starts_with(b"{");
-    let about = is_json.then(|| about(&LIMIT.read(log).ok()?)).flatten()?;
+    let about = is_json.then(|| script_entry(&LIMIT.read(log).ok()?)).flatten()?;
     Some(about.get("scene")?.as_str()?.to_owned())
 }
 
-/// The entry of an exported script in its log: at the beginning, unless another program rewrote the
-/// log.
-fn about(log: &[u8]) -> Option<serde_json::Value> {
+/// Returns the entry `noctograph` of an exported script in its log. It is usually at the start, but
+/// another program may have rewritten the log.
+fn script_entry(log: &[u8]) -> Option<serde_json::Value> {
     const KEY: &[u8] = b"\"noctograph\"";
     let log = Text::of_unicode(log);
     let log = log.trim_ascii_start().strip_prefix(b"{")?;
@@ -124,16 +126,16 @@ fn about(log: &[u8]) -> Option<serde_json::Value> {
     values.next()?.ok()
 }
 
-/// Address of a drone as delivered.
-const ANY_ADDRESS: &str = "E7E7E7E7E7";
+/// Default address of a drone.
+const DEFAULT_ADDRESS: &str = "E7E7E7E7E7";
 
-/// The address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address goes after the
-/// radio's channel.
+/// Returns the address in a link's URI (`radio://0/80/2M/E7E7E7E7E7`). The default address follows
+/// the radio channel, which tells drones apart.
 fn address(uri: &str) -> String {
     let mut parts = uri.split('?').next().unwrap_or_default().rsplit('/');
     let (address, channel) = (parts.next().unwrap_or_default(), parts.nth(1));
     match channel {
-        Some(channel) if address == ANY_ADDRESS => format!("{channel}/{address}"),
+        Some(channel) if address == DEFAULT_ADDRESS => format!("{channel}/{address}"),
         _ => address.to_owned(),
     }
 }

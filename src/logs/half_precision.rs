@@ -1,4 +1,4 @@
-//! Log values of half precision that lost the carry of their rounding.
+//! Repair of half-precision log values that lost the carry of their rounding.
 //!
 //! Firmware without [`Feature::HALF_PRECISION`] rounds the mantissa up without a carry into an
 //! exponent that is odd: a value that rounds to 0.5, 2, 8 or another 2·4ⁿ is logged as exactly half
@@ -13,15 +13,15 @@ use noctograph_core::crazyflie::{Feature, Release};
 /// Largest distance of each neighbor from twice the sample, and of their mean, relative to it.
 const NEIGHBOR: f64 = 0.4;
 const MEAN: f64 = 0.1;
-/// Most samples in a row: the values that lose their carry are 0.12 mm at half a meter.
+/// Largest number of such samples in a row: values that lose their carry are a narrow range.
 const LONGEST: usize = 4;
-/// Steps to a unit of the decimals of a text. More are those of a binary number.
+/// Decimal steps per unit in a text. Finer values are binary numbers.
 const DECIMALS: [f64; 8] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7];
-/// Least steps of a column below a value: numbers that are counted in whole ones are no halves.
+/// Least number of decimal steps in a value: small counts are not measurements.
 const STEPS: f64 = 64.0;
 
-/// The same with doubled samples, with a warning, if they lost their carry and the log names no
-/// firmware that keeps it.
+/// Doubles the samples that lost their carry, with a warning, unless the log names a firmware that
+/// keeps it.
 pub(super) fn restored(mut log: Recording) -> Recording {
     let release = log.firmware.as_deref().and_then(Release::parse);
     if release.is_some_and(|release| release.has(&Feature::HALF_PRECISION)) {
@@ -31,7 +31,7 @@ pub(super) fn restored(mut log: Recording) -> Recording {
     for block in &mut log.blocks {
         for Column { name, values, .. } in &mut block.columns {
             // Suspects first, which are cheap: most columns have none.
-            let rows = lost(values);
+            let rows = rows_without_carry(values);
             let Some(first) = rows.first().filter(|first| may_be_half(values, values[**first]))
             else {
                 continue;
@@ -52,7 +52,8 @@ pub(super) fn restored(mut log: Recording) -> Recording {
     log
 }
 
-fn lost(values: &[f64]) -> Vec<usize> {
+/// Returns the rows of samples that are half of both their neighbors.
+fn rows_without_carry(values: &[f64]) -> Vec<usize> {
     let (mut rows, mut start) = (Vec::new(), 0);
     for run in values.chunk_by(|a, b| a == b) {
         let (value, end) = (run[0], start + run.len());
@@ -71,14 +72,14 @@ fn lost(values: &[f64]) -> Vec<usize> {
     rows
 }
 
-/// True for what is left of a value that lost its carry: a power of 4.
+/// True for a possible value without its carry: a power of 4, times 1 or −1.
 fn may_have_lost(value: f64) -> bool {
     let bits = f16::from_f64(value).to_bits();
     bits & 0x03ff == 0 && bits >> 10 & 1 == 1
 }
 
-/// True if no value has digits that half precision lacks, as far as they are printed, and these
-/// tell the given one from its neighbors.
+/// True if all values are of half precision, up to the rounding of their printed digits, and these
+/// digits resolve `value`.
 fn may_be_half(values: &[f64], value: f64) -> bool {
     let finite = || values.iter().filter(|value| value.is_finite());
     let are_whole = |scale: &f64| {

@@ -1,16 +1,16 @@
-//! JSON logs: those of the AE483 course in its three dialects, and tables of scripts and of pandas.
+//! JSON logs: the three dialects of the AE483 course, and tables from scripts and pandas.
 //!
 //! - 2021: `{"var": {"time": [ms], "data": []}, "start_time": …}`
 //! - 2022: `{"var": {"time": [ms], "data": []}}`
 //! - 2024–25: `{"drone": {"var": {"time": [s], "data": []}}, "mocap": {"time": [s], "x": [], …}}`
 //!
-//! An object with `time` and `data` is a variable. Other objects are folders, whose name goes
-//! before the names in them (`drone` excepted). Lists beside one of times are columns, and a list
-//! of objects with a time is a block by rows, as scripts of cflib and pandas' `to_json` write it.
-//! Both may have the usual names of plain CSV. Other members are named as not read.
+//! An object with `time` and `data` is a variable. Other objects are folders, whose name is a
+//! prefix of the names in them (except `drone`). Lists beside a list of times are columns. A list
+//! of objects with a time is a block by rows, as written by cflib scripts and pandas' `to_json`.
+//! Both may have the usual names of plain CSV. A warning names members that are not read.
 //!
-//! The text is checked once. It is then taken apart from the outside to the inside, in pieces of
-//! itself ([`RawValue`]): only the numbers of columns stay in memory.
+//! The text is checked once, then split from the outside to the inside into slices ([`RawValue`]).
+//! Only the numbers of columns stay in memory.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -27,26 +27,27 @@ use noctograph_core::files::{Budget, Text, simplified};
 use noctograph_core::flight::timestamps::{SLOWEST_PERIOD_S, unit_of};
 use noctograph_core::statistics::median;
 
-/// Steps of checking a byte of text, of a value, of a name besides its bytes, and of a title.
+/// Steps of work for a byte of text, a value, a name in addition to its bytes, and a title.
 const BYTE_STEPS: usize = 3;
 const VALUE_STEPS: usize = 60;
 const NAME_STEPS: usize = 200;
 const TITLE_STEPS: usize = 10_000;
 
-/// Memory of a name besides its bytes, and of an item of a list that grows by doubling.
+/// Memory of a name in addition to its bytes, and of an item in a list that grows by doubling.
 const NAME_BYTES: usize = 160;
 const ITEM_BYTES: usize = 24;
 
-/// Most lists and objects within each other.
+/// Largest depth of nested lists and objects.
 const MAX_DEPTH: usize = 128;
 
-/// Different texts that are kept of a column, and characters of each.
+/// Number of different texts that are kept of a column, and of characters in each.
 const TEXTS: usize = 4;
 const TEXT_CHARS: usize = 40;
 
 const HINT: &str = "give a log as the AE483 client writes it: {\"stateEstimate.x\": {\"time\": \
                     [...], \"data\": [...]}, ...}";
 
+/// Reads a JSON log.
 pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     budget.steps(BYTE_STEPS * text.bytes.len())?;
@@ -54,7 +55,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     let mut log = Recording { wrap_s: Some(WRAP_S), ..Recording::new(file) };
     log.warn_of_notes(&text.notes);
 
-    // What is nearly JSON becomes JSON: rows in lines, NaN, and a log that ends too early.
+    // Rows in lines, NaN, and a log that ends too early are converted to JSON.
     let mut text = listed(&text.bytes).unwrap_or_else(|| text.bytes.to_vec());
     let depth = replace_nan(&mut text);
     if depth > MAX_DEPTH {
@@ -74,7 +75,7 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
         Error::input(place, &source, "JSON", HINT).in_file(file, source.line() as u64)
     })?;
 
-    // Units need all blocks: the fastest one shows that of its clock.
+    // The unit of a clock is known only after all its blocks: the fastest one shows it.
     let text = std::str::from_utf8(&text).expect("JSON was read from it");
     let mut reader = Reader { text, budget, log, skipped: Vec::new(), in_seconds: false };
     reader.top(top)?;
@@ -87,15 +88,15 @@ pub(super) fn read(text: &Text<'_>, job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
-/// True for the error of a text that ends too early, within a number too.
+/// True for the error of a text that ends too early, even within a number.
 fn is_cut(source: &serde_json::Error, text: &[u8]) -> bool {
     let last = text.rsplit(|byte| *byte == b'\n').next().unwrap_or_default();
     let is_number = last.last().is_some_and(|byte| b"-+.eE".contains(byte));
     source.is_eof() || is_number && source.column() == last.len()
 }
 
-/// Refuses the cut log of an exported script, whose variables stand one after another: its part is
-/// no shorter flight, but one without some of them.
+/// Refuses the cut log of an exported script. It has one variable after another, so that the part
+/// is not a shorter flight but lacks variables.
 fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     let head = text.trim_ascii_start().strip_prefix(b"{").unwrap_or_default();
     if !head.trim_ascii_start().starts_with(b"\"noctograph\"") {
@@ -106,6 +107,7 @@ fn refuse_cut_script(text: &[u8], file: &str, place: &str) -> Result<()> {
     Err(Error::input(file, cut, "the whole log", hint))
 }
 
+/// Refuses two forms of pandas' `to_json`.
 fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     let is_split = top.contains_key("columns") && top.contains_key("index");
     if !top.contains_key("data") || !(is_split || top.contains_key("schema")) {
@@ -116,8 +118,8 @@ fn refuse_pandas(top: &Members<'_>, file: &str) -> Result<()> {
     Err(Error::input(file, form, "records or columns", hint))
 }
 
-/// Puts all times in seconds. One clock has one unit, which its fastest block shows: blocks of
-/// events have steps of any length.
+/// Converts all times to seconds. A clock has one unit, which its fastest block shows, since blocks
+/// of events have steps of any length.
 fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     for clock in [Clock::Drone, Clock::Mocap] {
         let mut blocks = Vec::from_iter(log.blocks.iter_mut().filter(|block| block.clock == clock));
@@ -140,8 +142,8 @@ fn resolve_units(log: &mut Recording, in_seconds: bool, wanted: TimeUnit) {
     }
 }
 
-/// Seconds of a unit of time by the steps. Log periods are 10 ms to 2.55 s, so that longer steps
-/// are ms, and those below 0.5 are s. In between, the dialect decides.
+/// Returns the unit of time, in seconds, that fits a step. Log periods are 10 ms to 2.55 s, so that
+/// larger numbers are ms and numbers below 0.5 are s. In between, the dialect decides.
 fn unit_s(step: f64, in_seconds: bool) -> f64 {
     match step {
         step if step.is_infinite() && in_seconds => 1.0,
@@ -155,8 +157,8 @@ fn unit_s(step: f64, in_seconds: bool) -> f64 {
     }
 }
 
-/// Lines of rows as one list: JSON lines, and what cflib's examples print,
-/// `[stamp][block]: {'variable': value}`. `None` of other text.
+/// Converts lines to one JSON list: JSON lines, and output of cflib's examples,
+/// `[time][block]: {'variable': value}`. Returns `None` for other text.
 fn listed(text: &[u8]) -> Option<Vec<u8>> {
     let text = std::str::from_utf8(text).ok()?;
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty()).peekable();
@@ -176,7 +178,7 @@ fn listed(text: &[u8]) -> Option<Vec<u8>> {
 }
 
 /// Replaces Python's NaN and infinities, which are not JSON, by `""` and spaces of the same length.
-/// Returns how deep lists and objects are within each other.
+/// Returns the depth of nested lists and objects.
 fn replace_nan(text: &mut [u8]) -> usize {
     const ODD: [&[u8]; 4] = [b"NaN", b"Infinity", b"-Infinity", b"-NaN"];
     let (mut i, mut in_string, mut depth, mut deepest) = (0, false, 0_usize, 0);
@@ -202,7 +204,7 @@ fn replace_nan(text: &mut [u8]) -> usize {
     deepest
 }
 
-/// Cuts a text that ends too early after its last whole member, and closes the open brackets.
+/// Cuts a text that ends too early after its last complete member, and closes the open brackets.
 fn close(text: &mut Vec<u8>) {
     let (mut open, mut cut) = (Vec::new(), (0, Vec::new()));
     let (mut in_string, mut escaped) = (false, false);
@@ -230,13 +232,13 @@ fn close(text: &mut Vec<u8>) {
     text.extend(closing.iter().rev());
 }
 
-/// Members of an object as pieces of the text, by their names.
+/// Members of an object as slices of the text, by name.
 type Members<'a> = BTreeMap<String, &'a RawValue>;
 
 /// Items of a list, or of an object whose names are indices, as pandas writes a column or a table.
 struct List<'a> {
     items: Vec<&'a RawValue>,
-    /// Those indices in rising order, none if they count from zero.
+    /// Indices in rising order, or none if they count from zero.
     indices: Vec<f64>,
 }
 
@@ -247,7 +249,7 @@ struct Rows {
     texts: BTreeMap<String, Vec<String>>,
 }
 
-/// A value: a missing one is not a number, and the beginning of a text is kept.
+/// A value. A missing one is NaN, and only the start of a text is kept.
 enum Cell {
     Number(f64),
     Text(String),
@@ -267,12 +269,13 @@ impl fmt::Display for Cell {
     }
 }
 
+/// A recording while it is read.
 struct Reader<'a> {
     text: &'a str,
     budget: &'a Budget,
     log: Recording,
     skipped: Vec<String>,
-    /// True if times are in seconds when their steps leave the unit open.
+    /// True if times are in seconds when their steps do not show the unit.
     in_seconds: bool,
 }
 
@@ -287,7 +290,7 @@ impl<'a> Reader<'a> {
         } else if is_object(value) {
             return self.object("", value);
         }
-        // It is neither: the message says what is nearest.
+        // The value is neither, and the error names the nearest form.
         if value.get()[1..].trim_start().starts_with('[') {
             let hint = "write it as CSV, with a header such as t,x,y,z";
             return Err(Error::input(file, "lists without names", "objects with names", hint));
@@ -306,8 +309,7 @@ impl<'a> Reader<'a> {
         } else if let (Some(time), Some(data)) = (members.get("time"), members.get("data")) {
             return self.variable(name, time, data);
         }
-        // Metadata has a known name and no times. All else may hold columns, and what is no
-        // column is another member.
+        // Metadata has a known name and no times. Other objects may contain columns.
         let is_about = is_metadata(name) && !members.contains_key("time");
         let folder = if name == "drone" { "" } else { name };
         if !is_about {
@@ -350,7 +352,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Takes the lists of a folder, one of them of times, as columns. Leaves the rest.
+    /// Moves the lists of a folder to columns if one of them is of times. Other members remain.
     fn columns(&mut self, folder: &str, members: &mut Members<'a>) -> Result<()> {
         let (mut titles, mut stamps) = (Vec::new(), Vec::new());
         for (title, value) in &*members {
@@ -362,7 +364,7 @@ impl<'a> Reader<'a> {
             self.budget.free(left - self.budget.bytes_left());
         }
         self.budget.steps(TITLE_STEPS * titles.len())?;
-        // Without a list of times, indices of pandas that do not count from zero are the times.
+        // Without a list of times, pandas' indices are the times unless they count from zero.
         let (time, mut time_s) = match time_of(titles.iter()) {
             Some(time) => (time.clone(), self.numbers(&self.joined(folder, time)?, members[time])?),
             None if stamps.is_empty() || members.keys().any(|key| is_time(key)) => return Ok(()),
@@ -381,7 +383,7 @@ impl<'a> Reader<'a> {
         self.table(folder, (&time, time_s), columns)
     }
 
-    /// Refuses a list of the names of several drones.
+    /// Refuses a list with the names of several drones.
     fn check_owners(&self, title: &str, value: &'a RawValue) -> Result<()> {
         let items = self.list(value)?.map_or(Vec::new(), |list| list.items);
         let mut texts = Vec::new();
@@ -391,8 +393,8 @@ impl<'a> Reader<'a> {
         rows::check_owners(title, &texts, &self.log.file)
     }
 
-    /// Adds the columns of a list of objects, each with a time. Returns false if it is none. Rows
-    /// without a time are left out, and cells that a row lacks are missing values.
+    /// Adds the columns of a list of objects, each with a time. Returns false for other lists. Rows
+    /// without a time are dropped, and missing cells are NaN.
     fn rows(&mut self, name: &str, List { items, indices }: List<'a>) -> Result<bool> {
         let (n, others) = (items.len(), items.iter().filter(|item| !is_object(item)).count());
         let mut rows = Rows::default();
@@ -417,7 +419,7 @@ impl<'a> Reader<'a> {
         if let (1, Some(value), Some((names, _))) =
             (columns.len(), columns.keys().next(), different.peek())
         {
-            return Err(rows::in_long_form([&time, names, value]).in_file(&self.log.file, None));
+            return Err(rows::long_form_error([&time, names, value]).in_file(&self.log.file, None));
         }
         for (title, texts) in different {
             rows::check_owners(title, texts, &self.log.file)?;
@@ -432,8 +434,8 @@ impl<'a> Reader<'a> {
         Ok(true)
     }
 
-    /// Keeps the numbers of an object and of those in it, by their names with dots. An object
-    /// `data` adds no name.
+    /// Adds the numbers of an object and of nested ones to row `row`, under names with dots. The
+    /// name of an object `data` is omitted.
     fn row(&self, value: &'a RawValue, prefix: &str, row: usize, rows: &mut Rows) -> Result<()> {
         let left = self.budget.bytes_left();
         let members = self.members(value)?;
@@ -461,8 +463,8 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Adds columns of equal length under their names in a folder. Those in no folder have the
-    /// usual names of plain CSV.
+    /// Adds columns of equal length as a block. Without a folder they may have the usual names of
+    /// plain CSV.
     fn table(
         &mut self,
         folder: &str,
@@ -474,7 +476,7 @@ impl<'a> Reader<'a> {
         // Whole seconds may have their fraction in another column.
         let part = titled.iter().enumerate().find_map(|(place, (title, values))| {
             let (_, size_s) =
-                rows::whole_of(title).filter(|(whole, _)| *whole == simplified(time))?;
+                rows::whole_seconds_title(title).filter(|(whole, _)| *whole == simplified(time))?;
             rows::is_fraction(&time_s, values, size_s).then_some((place, size_s))
         });
         if let Some((place, size_s)) = part {
@@ -484,7 +486,7 @@ impl<'a> Reader<'a> {
         }
         let mut columns = Vec::new();
         for (title, values) in titled {
-            rows::check_owners(title, &rows::whole(&values), &self.log.file)?;
+            rows::check_owners(title, &rows::repeated_ids(&values), &self.log.file)?;
             columns.push(match folder {
                 "" => titles::column_of(title, values),
                 folder => Column::new(self.joined(folder, title)?, values),
@@ -495,6 +497,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
+    /// Adds a block, with columns no longer than its times.
     fn add(&mut self, mut block: Block) {
         for column in &mut block.columns {
             column.values.truncate(block.time_s.len());
@@ -514,10 +517,10 @@ impl<'a> Reader<'a> {
         values.truncate(n_time);
     }
 
-    /// The numbers of a list. Anything else is an error, with its place.
+    /// Returns the numbers of a list. Anything else is an error.
     fn numbers(&self, name: &str, value: &'a RawValue) -> Result<Vec<f64>> {
         const WANTED: &str = "a list of numbers";
-        // The pieces of the text go, their numbers stay.
+        // Only the numbers stay in memory, so that the budget of the slices is freed.
         let left = self.budget.bytes_left();
         let Some(List { items, .. }) = self.list(value)? else {
             let error = Error::input(name, self.cell(value)?, WANTED, HINT);
@@ -539,13 +542,13 @@ impl<'a> Reader<'a> {
         Ok(numbers)
     }
 
-    /// A name within an object. It costs its bytes.
+    /// Joins a prefix and a name by a dot.
     fn joined(&self, prefix: &str, key: &str) -> Result<String> {
         self.budget.steps(NAME_STEPS + prefix.len() + key.len())?;
         Ok(if prefix.is_empty() { key.to_owned() } else { format!("{prefix}.{key}") })
     }
 
-    /// The list that a value is, by its brackets or by its indices.
+    /// Returns a list, by its brackets or by its indices, or `None` for other values.
     fn list(&self, value: &'a RawValue) -> Result<Option<List<'a>>> {
         if value.get().starts_with('[') {
             return Ok(Some(List { items: self.items(value)?, indices: Vec::new() }));
@@ -569,24 +572,26 @@ impl<'a> Reader<'a> {
         }))
     }
 
+    /// Returns the members of an object.
     fn members(&self, value: &'a RawValue) -> Result<Members<'a>> {
         self.split(value, NAME_BYTES)
     }
 
+    /// Returns the items of a list in brackets.
     fn items(&self, value: &'a RawValue) -> Result<Vec<&'a RawValue>> {
         self.split(value, ITEM_BYTES)
     }
 
-    /// Takes an object or a list apart. Each part costs bytes.
+    /// Splits an object or a list. Each part takes `bytes` from the budget.
     fn split<T: serde::Deserialize<'a>>(&self, value: &'a RawValue, bytes: usize) -> Result<T> {
-        // Taken off before the parts are made: a text of commas would fill the memory.
+        // The budget is checked first, since a text of commas would fill the memory.
         let text = value.get();
         self.budget.steps(2 * text.len())?;
         self.budget.bytes(bytes * n_parts(text))?;
         serde_json::from_str(text).ok().ok_or_else(|| self.broken(value))
     }
 
-    /// The number or the text that a value is, or its kind.
+    /// Parses a number or a text. For lists and objects, returns only their kind.
     fn cell(&self, value: &RawValue) -> Result<Cell> {
         self.budget.steps(VALUE_STEPS)?;
         let text = value.get();
@@ -610,7 +615,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The error for what is JSON by its signs, but is out of range or has a broken escape.
+    /// Returns the error for a number out of range or a text with a broken escape.
     fn broken(&self, value: &RawValue) -> Error {
         let start = value.get().as_ptr() as usize - self.text.as_ptr() as usize;
         let line = self.text[..start].matches('\n').count() + 1;
@@ -619,7 +624,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Keeps a text if it is one of the first different ones. Numbers are none.
+/// Keeps a text if it is one of the first [`TEXTS`] different ones. Numbers are ignored.
 fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     let text = match cell {
         Cell::Text(text) => text,
@@ -631,7 +636,7 @@ fn note_text(texts: &mut Vec<String>, cell: &Cell) {
     }
 }
 
-/// Upper bound of the parts of an object or a list: commas within its brackets.
+/// Returns an upper bound for the parts of an object or a list: commas directly in its brackets.
 fn n_parts(text: &str) -> usize {
     let (mut depth, mut n, mut bytes) = (0, 1, text.bytes());
     while let Some(byte) = bytes.next() {
@@ -653,25 +658,29 @@ fn n_parts(text: &str) -> usize {
     n
 }
 
+/// True for an object.
 fn is_object(value: &RawValue) -> bool {
     value.get().starts_with('{')
 }
 
-/// The number or the date that a name is.
+/// Parses a name as an index: a number or a date.
 fn index(name: &str) -> Option<f64> {
     name.parse().ok().filter(|index: &f64| index.is_finite()).or_else(|| seconds_from_date(name))
 }
 
+/// True for a title of times.
 fn is_time(title: &str) -> bool {
     titles::meaning(title).0 == "t"
 }
 
-/// The title of times among others. Whole seconds go before their fraction.
+/// Returns the title of times, if there is one. Whole seconds are preferred to their fraction.
 fn time_of<'t>(titles: impl Iterator<Item = &'t String>) -> Option<&'t String> {
-    titles.filter(|title| is_time(title)).min_by_key(|title| rows::whole_of(title).is_some())
+    titles
+        .filter(|title| is_time(title))
+        .min_by_key(|title| rows::whole_seconds_title(title).is_some())
 }
 
-/// True for metadata that changes nothing: that of the course's client, and of an exported script.
+/// True for metadata of the course's client or of an exported script, which is not read.
 fn is_metadata(name: &str) -> bool {
     const NAMES: &str = "noctograph firmware start_time end_time uri address drone_id word scene \
                          plan date program version metadata";
@@ -680,6 +689,7 @@ fn is_metadata(name: &str) -> bool {
         || name.starts_with("metadata.")
 }
 
+/// Returns the clock of a folder's blocks.
 fn clock_of(name: &str) -> Clock {
     if name == "mocap" || name.starts_with("mocap.") { Clock::Mocap } else { Clock::Drone }
 }

@@ -75,7 +75,7 @@ const LIMIT: Limit = Limit { bytes: 128 << 20, what: "a log", hint: HINT };
 /// Advice for a log that is too large.
 const HINT: &str = "cut the log to one flight, or log fewer variables";
 
-/// Most variables of a log. The firmware logs 128 at a time.
+/// Largest number of variables in a log. The firmware logs 128 at a time.
 const MAX_VARIABLES: usize = 1024;
 
 settings! {
@@ -200,20 +200,20 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Flight> {
     Ok(import_on_clock(path, options)?.flight)
 }
 
-/// A flight, and the clock of its log.
+/// A flight, with the zero of its log's clock.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OnClock {
     /// The flight. Its times begin at zero, or are those of a flight file.
     pub flight: Flight,
-    /// The time in the log that became zero, s, on a clock that other logs may have, too: a date, a
-    /// time of day, or the numbers of a plain CSV file. `None` for the firmware's counter since the
-    /// drone was switched on, and for an imported log, whose zero is lost.
+    /// Log time that became zero, s, if other logs may have the same clock: a date, a time of day,
+    /// or times of a plain CSV file. `None` for the firmware's counter since the drone was switched
+    /// on, and for an imported log.
     pub zero_stamp_s: Option<f64>,
     /// The drone's firmware, if the log names it.
     pub firmware: Option<String>,
 }
 
-/// Imports a log as [`import`] does, and keeps the zero of its clock.
+/// Imports a log like [`import`], and keeps the zero of its clock.
 ///
 /// # Errors
 ///
@@ -226,7 +226,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     }
     let budget = Budget::new(&file, HINT);
     let job = Job { file: &file, options, budget: &budget };
-    // The names of its files show what a folder is.
+    // The names of its files identify a folder.
     let recording = match bullet_folder::variables(path)? {
         Some(variables) => bullet_folder::read(&variables, job)?,
         None => cfclient_csv::read_folder(path, job)?,
@@ -234,7 +234,7 @@ pub fn import_on_clock(path: &Path, options: &ImportOptions) -> Result<OnClock> 
     flight(recording, job)
 }
 
-/// Reads a log's file.
+/// Reads the bytes of a log's file. A file of more than 128 MiB is an error.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     LIMIT.read(path)
 }
@@ -290,26 +290,26 @@ struct Job<'a> {
     budget: &'a Budget,
 }
 
-/// Turns a recording into a flight. Each step needs those before it.
+/// Converts a recording to a flight. Each step needs the steps before it.
 fn flight(recording: Recording, Job { options, budget, .. }: Job<'_>) -> Result<OnClock> {
     recording.check(budget)?;
     // Columns are looked up by name from here on.
     let mut recording = recording.with_different_names();
     recording.warnings.extend(firmware::doubt(&recording, options.firmware));
-    // All that compares neighbors in time needs rising times in true seconds.
+    // The next steps compare neighbors, and need rising times in true seconds.
     let recording = clock::repaired(recording, options)?;
     // Values that lost a carry look like jumps to the steps that follow.
     let recording = half_precision::restored(recording);
     // The motion capture is compared with the drone's path in one world with z up.
     let recording = frames::with_z_up(recording, options)?;
     let mut recording = mocap::aligned(recording);
-    // Only cells of blocks that are still there are named.
+    // Removed blocks need no warning.
     recording.warn_of_empty_cells();
     // Variables become quantities, and all of them samples on one time axis.
     mapper::flight(recording, options, budget)
 }
 
-/// The error for a file of no known log format.
+/// Returns the error for a file of unknown format.
 fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
     Error::input(
         file,
@@ -321,7 +321,7 @@ fn unknown(file: &str, content: impl std::fmt::Display) -> Error {
 }
 
 impl TimeUnit {
-    /// Its seconds, if they are not to be inferred.
+    /// Returns the unit in seconds, or `None` if it is to be inferred.
     fn seconds(self) -> Option<f64> {
         match self {
             Self::Auto => None,

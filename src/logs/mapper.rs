@@ -1,4 +1,4 @@
-//! Recording → Flight: one time axis, gaps where the pose is unknown, all other columns kept.
+//! Converts a recording to a flight: one time axis, gaps without a pose, other columns kept.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,16 +16,16 @@ use noctograph_core::input_error;
 use noctograph_core::lamps::HEADLIGHTS;
 use noctograph_core::product::MAX_QUANTITY;
 
-/// Steps of finding a channel's value at a time.
+/// Steps of work to find a channel's value at a time.
 const STEPS: usize = 50;
 
-/// Makes a flight of a recording with repaired times.
+/// Converts a recording with repaired times to a flight.
 pub(super) fn flight(
     mut recording: Recording,
     options: &ImportOptions,
     budget: &Budget,
 ) -> Result<OnClock> {
-    // The quantities of the log. All other columns are kept.
+    // Columns that no quantity uses are kept as extra ones.
     let quantities = quantities(&recording, options.position);
     let unlogged = Quantity::TABLE.iter().map(|(quantity, ..)| *quantity);
     let unlogged: BTreeSet<_> =
@@ -35,7 +35,7 @@ pub(super) fn flight(
     let too_fast = speed::check(position, options, &recording.file)?;
     recording.warnings.extend(warn_of_unknown(&recording, &quantities));
 
-    // The time axis, and on it the samples and the other columns.
+    // Samples and extra columns are resampled on one time axis.
     let mapper = Mapper { recording: &recording, quantities: &quantities, options };
     let axis = mapper.axis(budget)?;
     let n_channels = quantities.channels.values().map(Vec::len).sum::<usize>();
@@ -56,7 +56,7 @@ pub(super) fn flight(
     warnings.extend(warn_of_gaps(&axis.gaps));
     warnings.extend(held);
     warnings.extend(warn_of_size(&samples));
-    warnings.extend(warn_of_halves(&extra));
+    warnings.extend(warn_of_incomplete(&extra));
     warnings.extend(warning::unlogged(&unlogged));
     let (lights, gaps) = (lights(&mut extra), axis.gaps);
     let flight = Flight::new(FlightData { samples, lights, extra, gaps, unlogged, warnings })?;
@@ -86,7 +86,7 @@ fn check_quantities(
     ))
 }
 
-/// Names the columns with unknown titles that no quantity uses.
+/// Returns a warning that names the columns with unknown titles that no quantity uses.
 fn warn_of_unknown(recording: &Recording, quantities: &Quantities) -> Option<Diagnostic> {
     let columns = recording.blocks.iter().flat_map(|block| &block.columns);
     let unused = columns.filter(|column| !quantities.used.contains(&column.name));
@@ -95,7 +95,7 @@ fn warn_of_unknown(recording: &Recording, quantities: &Quantities) -> Option<Dia
     (!names.is_empty()).then(|| Diagnostic::warning("columns-unknown", text))
 }
 
-/// The error for a log without any usable quantity. It names the columns.
+/// Returns the error for a log without a usable quantity, with the names of its columns.
 fn nothing_known(recording: &Recording) -> Error {
     let names: Vec<&str> = recording.names().collect();
     let columns = if names.is_empty() {
@@ -114,20 +114,23 @@ fn nothing_known(recording: &Recording) -> Error {
     )
 }
 
+/// Time axis of a flight.
 struct Axis {
+    /// Times of the samples on the recording's clock.
     stamps_s: Vec<f64>,
-    /// The time of the recording that becomes zero.
+    /// Time of the recording that becomes zero.
     zero_s: f64,
     gaps: Vec<[f64; 2]>,
 }
 
 impl Axis {
+    /// Converts a time of the recording to one of the flight.
     fn time_s(&self, stamp_s: f64) -> f64 {
         on_grid(stamp_s - self.zero_s)
     }
 }
 
-/// A recording and its quantities, on their way to a flight.
+/// Inputs of the conversion to a flight.
 struct Mapper<'a> {
     recording: &'a Recording,
     quantities: &'a Quantities,
@@ -135,8 +138,8 @@ struct Mapper<'a> {
 }
 
 impl Mapper<'_> {
-    /// A grid of the sample rate over the time in which position and attitude are both known,
-    /// without the gaps. Without a pose, the times of the longest block.
+    /// Returns a grid of the sample rate over the time that position and attitude both cover,
+    /// without gaps. Without a pose, returns the times of the longest block.
     fn axis(&self, budget: &Budget) -> Result<Axis> {
         let Self { recording, quantities, options } = self;
         let pose = [Quantity::Position, Quantity::Attitude].into_iter().flat_map(|quantity| {
@@ -151,8 +154,7 @@ impl Mapper<'_> {
             check_span(recording, stamps_s.last().copied().unwrap_or(0.0) - zero_s)?;
             return Ok(Axis { stamps_s, zero_s, gaps: Vec::new() });
         }
-        // The grid spans the time that the log and all channels of the pose cover: the motion
-        // capture may begin before the drone's log and outlast it.
+        // The motion capture may start before the drone's log and end after it.
         let drone = recording.blocks.iter().filter(|block| block.clock == Clock::Drone);
         let first_s = drone.clone().map(|block| block.time_s[0]).fold(f64::INFINITY, f64::min);
         let last_s = drone.map(|block| block.time_s[block.time_s.len() - 1]);
@@ -170,10 +172,12 @@ impl Mapper<'_> {
         #[expect(clippy::cast_possible_truncation, reason = "an hour at a kilohertz is below 4e6")]
         let steps = steps as u32;
         budget.steps(STEPS * steps as usize * pose.len())?;
-        // Steps in gaps are left out. The last step may be beyond the end by rounding.
+        // Steps in gaps are dropped. The last step may exceed the end by rounding.
         let steps = (0..=steps)
             .map(|step| (step, (start_s + f64::from(step) / options.sample_rate_hz).min(end_s)))
-            .filter(|(_, stamp_s)| pose.iter().all(|pose| self.between(*pose, *stamp_s).is_some()));
+            .filter(|(_, stamp_s)| {
+                pose.iter().all(|pose| self.interpolated(*pose, *stamp_s).is_some())
+            });
         let steps: Vec<(u32, f64)> = steps.collect();
         let stamps_s = steps.iter().map(|(_, stamp_s)| *stamp_s).collect();
         let mut axis = Axis { stamps_s, zero_s: start_s, gaps: Vec::new() };
@@ -182,29 +186,30 @@ impl Mapper<'_> {
         Ok(axis)
     }
 
-    /// A measured value between samples. `None` if they are too far apart: by more than the
-    /// setting, or two and a half periods of a slower log.
-    fn between(&self, (quantity, channel): (Quantity, &Channel), stamp_s: f64) -> Option<f64> {
-        let longer = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
+    /// Interpolates a measured value. Returns `None` in gaps longer than the setting, or than two
+    /// and a half periods of a slower log.
+    fn interpolated(&self, (quantity, channel): (Quantity, &Channel), stamp_s: f64) -> Option<f64> {
+        let factor = if quantity == Quantity::Attitude { ATTITUDE_GAPS } else { 1.0 };
         let gap_s = self.options.max_gap_s.max(2.5 * channel.period_s.min(SLOWEST_PERIOD_S));
-        channel.linear(stamp_s, longer * gap_s)
+        channel.linear(stamp_s, factor * gap_s)
     }
 
-    /// The sample at a time of the recording, which is a time of the flight.
+    /// Returns the sample at a time, given on the recording's clock and on the flight's.
     fn sample(&self, stamp_s: f64, time_s: f64) -> FlightSample {
         let mut numbers = FlightSample::default().numbers();
         for (&quantity, channels) in &self.quantities.channels {
-            // Setpoints and commands are in force until the next one.
+            // Setpoints and commands hold until the next one.
             let is_held = matches!(quantity, Quantity::Design | Quantity::Motors);
             for (cell, channel) in numbers[quantity.places()].iter_mut().zip(channels) {
-                let between = (!is_held).then(|| self.between((quantity, channel), stamp_s));
-                *cell = between.flatten().unwrap_or_else(|| channel.held(stamp_s));
+                let interpolated =
+                    (!is_held).then(|| self.interpolated((quantity, channel), stamp_s));
+                *cell = interpolated.flatten().unwrap_or_else(|| channel.held(stamp_s));
             }
         }
-        // Interpolated angles may be beyond half a turn.
+        // Interpolated angles may be outside ±π.
         let mut sample = FlightSample::from_numbers(numbers);
-        sample.attitude.yaw_rad = half_turn(sample.attitude.yaw_rad);
-        sample.attitude.roll_rad = half_turn(sample.attitude.roll_rad);
+        sample.attitude.yaw_rad = wrapped_angle(sample.attitude.yaw_rad);
+        sample.attitude.roll_rad = wrapped_angle(sample.attitude.roll_rad);
         if self.quantities.has_world_velocity {
             let body_from_world = sample.attitude.world_from_body().transpose();
             sample.velocity_body_m_s = body_from_world * sample.velocity_body_m_s;
@@ -212,14 +217,14 @@ impl Mapper<'_> {
         FlightSample { time_s, ..FlightSample::from_numbers(sample.numbers().map(on_grid)) }
     }
 
-    /// Warnings of measured quantities, other than the pose, that are held over their gaps.
+    /// Returns warnings of measured quantities, other than the pose, that are held over gaps.
     fn warn_of_held_values(&self, stamps_s: &[f64]) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
         for quantity in [Quantity::Velocity, Quantity::Rate, Quantity::Estimate] {
             let channels = self.quantities.channels.get(&quantity).into_iter().flatten();
             let held = stamps_s.iter().filter(|stamp_s| {
                 let mut channels = channels.clone();
-                channels.any(|channel| self.between((quantity, channel), **stamp_s).is_none())
+                channels.any(|channel| self.interpolated((quantity, channel), **stamp_s).is_none())
             });
             let (n, n_all, name) = (held.count(), stamps_s.len(), quantity.name());
             if n > 0 {
@@ -231,7 +236,7 @@ impl Mapper<'_> {
         warnings
     }
 
-    /// All columns that belong to no quantity, held.
+    /// Returns all columns that belong to no quantity, with values held until the next.
     fn extra(&self, stamps_s: &[f64]) -> BTreeMap<String, Vec<f64>> {
         let mut extra = BTreeMap::new();
         let used = &self.quantities.used;
@@ -249,6 +254,7 @@ impl Mapper<'_> {
     }
 }
 
+/// Refuses a log of more than [`MAX_DURATION_S`].
 fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     if span_s <= MAX_DURATION_S {
         return Ok(());
@@ -258,6 +264,7 @@ fn check_span(recording: &Recording, span_s: f64) -> Result<()> {
     Err(input_error!(place, "{span_s:.0} s of log", "{wanted}", "{MILLISECONDS_HINT}"))
 }
 
+/// Refuses samples with a number beyond [`MAX_QUANTITY`].
 fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     for sample in samples {
         let numbers = sample.numbers();
@@ -279,20 +286,22 @@ fn check_numbers(file: &str, samples: &[FlightSample]) -> Result<()> {
     Ok(())
 }
 
-/// Names further columns that are a part of a quantity whose other parts are missing.
-fn warn_of_halves(extra: &BTreeMap<String, Vec<f64>>) -> Option<Diagnostic> {
+/// Returns a warning that names columns of a quantity whose other columns are missing.
+fn warn_of_incomplete(extra: &BTreeMap<String, Vec<f64>>) -> Option<Diagnostic> {
     let kept = extra.keys().filter_map(|name| name.strip_prefix("log."));
-    let halves = kept.filter(|name| Quantity::TABLE.iter().any(|(.., names)| names.contains(name)));
-    let halves: Vec<&str> = halves.collect();
-    let (first, names) = (halves.first()?, halves.join(", "));
+    let incomplete =
+        kept.filter(|name| Quantity::TABLE.iter().any(|(.., names)| names.contains(name)));
+    let incomplete: Vec<&str> = incomplete.collect();
+    let (first, names) = (incomplete.first()?, incomplete.join(", "));
     let text = format!("{names} without the other columns of the quantity: kept as log.{first}");
     Some(Diagnostic::warning("quantity-in-part", text))
 }
 
-/// Longest gap of the attitude that is interpolated, relative to that of the position: 1 s by
-/// default. A tilt of 0.1 rad moves a lamp 5 cm from the body's middle by 5 mm only.
+/// Ratio of the longest interpolated gap of the attitude to that of the position: 1 s by default. A
+/// tilt of 0.1 rad moves a lamp 5 cm from the body's middle by only 5 mm.
 const ATTITUDE_GAPS: f64 = 4.0;
 
+/// Returns a warning that lists the gaps, if there are any.
 fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<Diagnostic> {
     let lengths_s = gaps.iter().map(|[from_s, to_s]| to_s - from_s);
     let longest_s = lengths_s.clone().max_by(f64::total_cmp)?;
@@ -305,9 +314,10 @@ fn warn_of_gaps(gaps: &[[f64; 2]]) -> Option<Diagnostic> {
     Some(Diagnostic::warning("gaps", text))
 }
 
-/// Larger than any room: positions beyond are probably in another unit.
+/// Largest plausible coordinate: beyond it the unit is probably wrong.
 const FARTHEST_M: f64 = 100.0;
 
+/// Returns a warning if a position is beyond [`FARTHEST_M`].
 pub(super) fn warn_of_size(samples: &[FlightSample]) -> Option<Diagnostic> {
     let farthest_m = samples.iter().map(|sample| sample.position_m.amax()).fold(0.0, f64::max);
     let text = format!(
@@ -317,14 +327,14 @@ pub(super) fn warn_of_size(samples: &[FlightSample]) -> Option<Diagnostic> {
     (farthest_m > FARTHEST_M).then(|| Diagnostic::warning("position-far", text))
 }
 
-/// The same angle within (−π, π].
-fn half_turn(angle_rad: f64) -> f64 {
+/// Returns the same angle in (−π, π].
+fn wrapped_angle(angle_rad: f64) -> f64 {
     let turns = (angle_rad / std::f64::consts::TAU - 0.5).ceil();
     angle_rad - turns * std::f64::consts::TAU
 }
 
-/// Takes the columns `light.<channel>` with levels from 0 to 1 out of the further ones. `light` by
-/// itself is that of the headlights.
+/// Removes the columns `light.<channel>` with levels from 0 to 1 from the extra ones and returns
+/// them by channel. A column `light` is that of the headlights.
 fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> {
     let mut lights = BTreeMap::new();
     let are_named = extra.contains_key("log.light.headlights");
@@ -341,8 +351,8 @@ fn lights(extra: &mut BTreeMap<String, Vec<f64>>) -> BTreeMap<String, Vec<f64>> 
     lights
 }
 
-/// The name of a further column in a flight file: as logged, without characters that a CSV header
-/// cannot hold, and different from the file's own columns.
+/// Returns the name of an extra column in a flight file: as logged, without characters that a CSV
+/// header cannot contain, and different from standard columns.
 fn extra_name(name: &str) -> String {
     let plain = name.trim().replace(
         |c: char| matches!(c, ',' | '"' | '#') || c.is_control() || c.is_whitespace(),

@@ -1,9 +1,11 @@
-//! Heads of motion captures' tables.
+//! Reads the headers of motion captures' tables, in two formats.
 //!
-//! Understood: Motive (a first line `Format Version,…`, then lines of types, names and properties
-//! above `Frame,Time (Seconds)`, y up) and Vicon (`Objects`, `Segments` or `Trajectories`, the
-//! frames per second, names, `Frame,Sub Frame,…` and units, z up, rotations left out). The one
-//! rigid body is taken, or without a body the one marker. More of them are refused.
+//! - Motive: a first line `Format Version,…`, then lines of types, names and properties above
+//!   `Frame,Time (Seconds)`. y is up.
+//! - Vicon: `Objects`, `Segments` or `Trajectories`, the frame rate, names, `Frame,Sub Frame,…` and
+//!   units. z is up, and rotations are ignored.
+//!
+//! The file must contain exactly one rigid body or, without bodies, exactly one marker.
 
 use std::collections::BTreeSet;
 
@@ -14,12 +16,12 @@ use noctograph_core::files::{Head, Separator};
 
 const HEAD_LINES: usize = 12;
 
-/// Format of a motion capture's table, from its head.
+/// Format of a motion capture's table, from its header.
 #[derive(Debug)]
 pub(super) struct Capture {
     pub(super) axes: Axes,
     pub(super) format: &'static str,
-    /// Time of a frame, if rows have no other.
+    /// Time between frames, if there is no column of times.
     pub(super) period_s: Option<f64>,
     pub(super) warnings: Vec<Diagnostic>,
 }
@@ -27,14 +29,14 @@ pub(super) struct Capture {
 /// Header lines, split into cells.
 type Lines<'a> = [Vec<&'a str>];
 
-/// Reads the head of a motion capture's table, `None` for any other. A recognized table is read or
-/// refused with the reason.
+/// Reads the header of a motion capture's table. Returns `None` for other tables, and an error for
+/// one that is recognized but cannot be read.
 pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>> {
     let start = String::from_utf8_lossy(&text[..text.len().min(1 << 16)]);
     let cells = start.lines().take(HEAD_LINES).map(|line| line.split([',', ';', '\t']));
     let lines: Vec<Vec<&str>> =
         cells.map(|cells| cells.map(|cell| cell.trim().trim_matches('"')).collect()).collect();
-    // The titles are below lines of types and names.
+    // The titles are in the line that starts with Frame.
     let head = lines.iter().position(|line| line[0] == "Frame");
     let read = match lines.first().map(|line| line[0]) {
         Some("Format Version") => motive,
@@ -50,6 +52,7 @@ pub(super) fn capture(text: &[u8], file: &str) -> Result<Option<(Head, Capture)>
     read(file, &lines, head, Separator::most_in(line.as_bytes())).map(Some)
 }
 
+/// Reads a header from Motive. `head` is the index of the line of titles.
 fn motive(
     file: &str,
     lines: &Lines<'_>,
@@ -65,12 +68,12 @@ fn motive(
         None | Some("Meters") => "m",
         Some("Millimeters") => "mm",
         Some("Centimeters") => "cm",
-        Some(other) => return Err(refused(file, &format!("Length Units {other}"), "Meters")),
+        Some(other) => return Err(setting_error(file, &format!("Length Units {other}"), "Meters")),
     };
     if let Some(space) = space.filter(|space| *space != "Global") {
-        return Err(refused(file, &format!("Coordinate Space {space}"), "Global"));
+        return Err(setting_error(file, &format!("Coordinate Space {space}"), "Global"));
     }
-    // The lines above: types, names, numbers, properties. The body's columns are those of its type.
+    // The lines above are types, names, numbers and properties.
     let above: Vec<&Vec<&str>> = lines[1..head].iter().filter(|line| line.len() > 2).collect();
     let [types, properties] = [&["Rigid Body", "Marker"][..], &["Position"]].map(|wanted| {
         above.iter().position(|line| line[2..].iter().any(|cell| wanted.contains(cell)))
@@ -80,7 +83,7 @@ fn motive(
         .map(|line| line.and_then(|line| above.get(line)).map_or(&[][..], |line| line));
     let kind = if types.contains(&"Rigid Body") { "Rigid Body" } else { "Marker" };
     let bodies = (2..lines[head].len()).filter(|index| types.get(*index) == Some(&kind));
-    one_of(file, kind, bodies.map(|index| names.get(index).copied().unwrap_or_default()))?;
+    check_one(file, kind, bodies.map(|index| names.get(index).copied().unwrap_or_default()))?;
     let quaternion = rotation.is_none_or(|kind| kind == "Quaternion");
     let (mut titles, mut others) = (vec!["index".to_owned(), "t_s".to_owned()], 0);
     for (index, axis) in lines[head].iter().enumerate().skip(2) {
@@ -102,6 +105,7 @@ fn motive(
     Ok((head, Capture { axes: Axes::YUp, format: "Motive", period_s: None, warnings }))
 }
 
+/// Reads a header from Vicon. `head` is the index of the line of titles.
 fn vicon(
     file: &str,
     lines: &Lines<'_>,
@@ -110,11 +114,11 @@ fn vicon(
 ) -> Result<(Head, Capture)> {
     let rate_hz = lines.get(1).and_then(|line| line[0].parse::<f64>().ok());
     let Some(rate_hz) = rate_hz.filter(|hz| (0.1..=1e5).contains(hz)) else {
-        return Err(refused(file, "no frames per second in line 2", "a number of them"));
+        return Err(setting_error(file, "no frames per second in line 2", "a number of them"));
     };
     let above = head.checked_sub(1).and_then(|line| lines.get(line)).into_iter().flatten();
     let names = above.copied().filter(|name| !name.is_empty());
-    one_of(file, lines[0][0], names)?;
+    check_one(file, lines[0][0], names)?;
     // Titles with the units of the line below them.
     let (mut titles, mut others) = (Vec::new(), 0);
     for (index, title) in lines[head].iter().enumerate() {
@@ -139,7 +143,8 @@ fn vicon(
     Ok((head, Capture { axes: Axes::ZUp, format: "Vicon", period_s, warnings }))
 }
 
-fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
+/// Refuses any number of different bodies but one.
+fn check_one<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> Result<()> {
     let bodies: BTreeSet<&str> = bodies.collect();
     if bodies.len() == 1 {
         return Ok(());
@@ -152,6 +157,7 @@ fn one_of<'a>(file: &str, kind: &str, bodies: impl Iterator<Item = &'a str>) -> 
     Err(Error::input(kind, count, "one", "export the drone's rigid body alone").in_file(file, None))
 }
 
-fn refused(file: &str, setting: &str, wanted: &str) -> Error {
+/// Returns the error for an export setting that is not supported.
+fn setting_error(file: &str, setting: &str, wanted: &str) -> Error {
     Error::input(file, setting, wanted, "export the take again with that setting")
 }

@@ -1,17 +1,17 @@
-//! Plain tables: t, x, y, z and others, under their usual names. Range logs of a drone with a Loco
-//! deck.
+//! Plain tables: t, x, y, z and others, under their usual names. Range logs from a drone with a
+//! Loco deck.
 //!
-//! Understood: the usual titles ([`super::titles`]), also as the ends of paths
-//! (`/cf1/pose/position/x` of `PlotJuggler`, `field.pose.position.x` of rosbag), with their units
-//! at their end or in brackets (`x_mm`, `yaw [deg]`). The tables of Motive and Vicon
-//! ([`super::mocap_csv`]). Files without a head: t, x, y, z, or between blanks t, x, y, z and the
-//! quaternion x, y, z, w (TUM). Times in two columns. Other columns are kept and named. Another
-//! unit, poses of two bodies, rows of several drones and tables in long form are refused.
+//! Titles may be the ends of paths (`/cf1/pose/position/x` from `PlotJuggler`,
+//! `field.pose.position.x` from rosbag), with units at their end or in brackets (`x_mm`,
+//! `yaw [deg]`). Times may be in two columns. Tables from Motive and Vicon ([`super::mocap_csv`])
+//! are read too. Without a header, columns are t, x, y, z or, between blanks, t, x, y, z and the
+//! quaternion x, y, z, w (TUM). Unknown columns are kept, with a warning. Unknown units, poses of
+//! two bodies, rows of several drones and tables in long form are refused.
 //!
 //! Without a unit, numbers are meters, seconds and radians, unless they are impossible in these
 //! units. Each guess is a warning that an option can override. The flight of a range log
-//! (`index,timestamp,ranging.distance0 …`, meters, one new range a row) keeps the times of the
-//! rows, and has no position.
+//! (`index,timestamp,ranging.distance0 …`, meters, one new range in each row) keeps the times of
+//! the rows and has no position.
 
 use std::collections::BTreeMap;
 
@@ -33,10 +33,10 @@ const TUM: [&str; 8] = ["t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"];
 
 const RANGE: &str = "ranging.distance";
 
-/// Longest time over which rows of one time are spread: times may be whole seconds.
+/// Longest time over which rows of one timestamp are spread: times may be whole seconds.
 const ROW_S: f64 = 1.0;
 
-/// Reads a plain table, or one of a motion capture, whose format has other units and axes.
+/// Reads a plain table, or one from a motion capture with its own units and axes.
 pub(super) fn read(
     text: &Text<'_>,
     mut head: Head,
@@ -47,13 +47,13 @@ pub(super) fn read(
     let mut log =
         Recording { firmware: firmware::in_comments(&text.bytes), ..Recording::new(file) };
 
-    // The cells below the titles, of which those of a drone have to be numbers.
+    // Known columns and ranges must contain numbers.
     let unnamed = named_by_order(text, &mut head);
     let is_imported = format::is_imported(&head);
     let (mut sheet, mut are_dated) = cells::read_rows(text, head, job, |title| {
         Title::parse(title).is_known || title.starts_with("ranging.")
     })
-    .map_err(|error| because(error, unnamed.as_deref()))?;
+    .map_err(|error| with_assumption(error, unnamed.as_deref()))?;
     log.warn_of_notes(&sheet.notes);
     log.warn_of_notes(unnamed.as_slice());
     rows::check(&sheet, file)?;
@@ -61,7 +61,7 @@ pub(super) fn read(
     let titles: Vec<String> = sheet.columns.iter().map(|column| column.title.clone()).collect();
     rows::join_times(&mut sheet.columns, &mut are_dated, &mut log)?;
 
-    // The format, if the head shows it.
+    // Axes and period of the format, if the header shows it.
     let is_captured = captured.is_some();
     let mut period_s = options.period_s;
     if let Some(captured) = captured {
@@ -72,7 +72,7 @@ pub(super) fn read(
         (log.axes, log.in_format) = (Axes::ZDown, Some("the local position of PX4"));
     }
 
-    // The columns by our names, then their times.
+    // The columns by their standard names, then the times.
     let mut columns = Columns { log, time_unit: options.time_unit, ..Columns::default() };
     for column in sheet.columns {
         let is_dated = are_dated[column.number - 1];
@@ -101,27 +101,27 @@ pub(super) fn read(
     Ok(log)
 }
 
-/// Names the columns of a table without a head by their order. Returns what was assumed.
+/// Names the columns of a table without a header by their order. Returns the note of this.
 fn named_by_order(text: &Text<'_>, head: &mut Head) -> Option<String> {
     if !head.titles.is_empty() {
         return None;
     }
     let is_tum = head.separator == Separator::Blanks && head.n_columns == TUM.len();
-    let message = message_of_ros(text, head);
-    let names = message.unwrap_or(if is_tum { &TUM } else { &UNNAMED });
+    let message_names = ros_message_names(text, head);
+    let names = message_names.unwrap_or(if is_tum { &TUM } else { &UNNAMED });
     let others = (names.len() + 1..=head.n_columns).map(|number| format!("column{number}"));
     head.titles = names.iter().map(|name| (*name).to_owned()).chain(others).collect();
     head.titles.truncate(head.n_columns);
-    let as_printed = message.map_or("", |_| ", as `ros2 topic echo --csv` prints a pose");
+    let as_printed = message_names.map_or("", |_| ", as `ros2 topic echo --csv` prints a pose");
     Some(format!("no head: the columns are taken as {}{as_printed}", names.join(", ")))
 }
 
-/// The error for a table without times, or for lines that are no table.
+/// Returns the error for a table without times, or for lines that are not a table.
 fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     let are_titles = titles.iter().filter(|title| {
         !title.is_empty() && title.parse::<f64>().is_err() && !title.contains([':', '=', '[', '{'])
     });
-    // Numbers and signs in most titles: these are not titles.
+    // With numbers or signs in most of them, these are not titles.
     if 2 * are_titles.count() <= titles.len() {
         let first = text.bytes.trim_ascii_start().split(|byte| *byte == b'\n').next();
         let first = String::from_utf8_lossy(first.unwrap_or_default());
@@ -138,9 +138,10 @@ fn without_times(text: &Text<'_>, titles: &[String], file: &str) -> Error {
     Error::input("times", titles, wanted, hint).coded("times-missing").in_file(file, 1)
 }
 
-/// The names of the first columns of a message with a pose, as `ros2 topic echo --csv` prints it
-/// without a head: time and frame, a second frame of an odometry or a transform, and the pose.
-fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str]> {
+/// Returns the names of the first columns of a ROS message with a pose, as `ros2 topic echo --csv`
+/// prints it, without a header: time and frame, the child frame (odometry and transforms only), and
+/// the pose. `None` for other tables.
+fn ros_message_names(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str]> {
     const POSE: [&str; 10] = ["sec", "nanosec", "frame", "x", "y", "z", "qx", "qy", "qz", "qw"];
     const ODOMETRY: [&str; 11] =
         ["sec", "nanosec", "frame", "body", "x", "y", "z", "qx", "qy", "qz", "qw"];
@@ -148,7 +149,7 @@ fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str
     let row = String::from_utf8_lossy(row);
     let cells: Vec<&str> = row.trim_end().split(',').collect();
     let are_numbers: Vec<bool> = cells.iter().map(|cell| cell.parse::<f64>().is_ok()).collect();
-    // Time in two whole numbers, then the names of one frame or two, then numbers.
+    // Time in two whole numbers, one frame name or two, then numbers.
     let names: &[&str] = match (&are_numbers[..], cells.len()) {
         ([true, true, false, false, ..], 11..) => &ODOMETRY,
         ([true, true, false, true, ..], 10..) => &POSE,
@@ -159,7 +160,8 @@ fn message_of_ros(text: &Text<'_>, head: &Head) -> Option<&'static [&'static str
     is_time.then_some(names)
 }
 
-fn because(mut error: Error, assumed: Option<&str>) -> Error {
+/// Adds what was assumed about the columns to the hint of an error.
+fn with_assumption(mut error: Error, assumed: Option<&str>) -> Error {
     if let (Error::Input { hint, .. }, Some(assumed)) = (&mut error, assumed) {
         *hint = format!("{assumed}; write a head above the rows if that is wrong");
     }
@@ -174,7 +176,7 @@ fn is_px4(header: &[String]) -> bool {
         && ["ref_timestamp", "z_valid", "dist_bottom"].iter().any(|name| titles.contains(name))
 }
 
-/// Times of rows by their numbers, or by those of the frames of a capture.
+/// Returns the times of rows by their numbers or, if `by_frame`, by the column of frame numbers.
 fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     let n = named.first().map_or(0, |column| column.values.len());
     match named.iter().find(|column| by_frame && column.name == "index") {
@@ -183,19 +185,19 @@ fn numbered_times(named: &[Column], by_frame: bool, period_s: f64) -> Vec<f64> {
     }
 }
 
-/// The columns of a table as they become known.
+/// The columns of a table that were identified so far.
 #[derive(Default)]
 struct Columns {
     log: Recording,
     time_unit: TimeUnit,
     time: Option<(String, Vec<f64>)>,
     named: Vec<Column>,
-    /// The title and the body that each name is from.
+    /// The original title and the body of each name.
     from: BTreeMap<String, (String, String)>,
 }
 
 impl Columns {
-    /// Adds a column under our name and in SI units, or as the times.
+    /// Adds a column under its standard name and in SI units, or as the times.
     fn add(&mut self, column: SheetColumn, is_dated: bool) -> Result<()> {
         let SheetColumn { title, number, values, .. } = column;
         let Title { mut name, is_known, unit, body, other_unit } = Title::parse(&title);
@@ -210,7 +212,7 @@ impl Columns {
             )
             .in_file(&self.log.file, None));
         }
-        // An index of dates, as pandas writes it.
+        // Pandas writes times as an index of dates.
         if is_dated && name == "index" {
             "t".clone_into(&mut name);
         }
@@ -236,7 +238,7 @@ impl Columns {
         } else if !is_known && !is_expected(&title) {
             unknown = Some(format!("{title} (column {number})"));
         }
-        // Of two columns of one quantity the first is taken, if they are of one body.
+        // The first of two columns with one quantity is used, if they belong to one body.
         if is_known && let Some((first, first_body)) = self.from.get(&name) {
             if *first_body != body {
                 let place = format!("columns {first} and {title}");
@@ -255,11 +257,11 @@ impl Columns {
     }
 }
 
-/// True for a title outside the pose that is one of ours, or a variable of the firmware.
+/// True for a title from the simulator, or a variable of the firmware: it needs no warning.
 fn is_expected(title: &str) -> bool {
     // Columns of the simulator, and the numbers of rows.
     const OURS: &str = "saturated_s battery_v energy_j estimate_sigma_m estimate_nees frame seq";
-    OURS.split(' ').any(|known| known == title)
+    OURS.split(' ').any(|listed| listed == title)
         || is_standard_column(title)
         || title.split_once('.').is_some_and(|(group, name)| {
             let are_plain = [group, name].iter().all(|text| {
@@ -269,7 +271,7 @@ fn is_expected(title: &str) -> bool {
         })
 }
 
-/// Times in s of a column, and a warning of what was guessed.
+/// Returns the values of a column as times in s, and a warning if their unit is a guess.
 fn times(
     title: &str,
     mut values: Vec<f64>,
@@ -282,7 +284,7 @@ fn times(
         let text = format!("column {title}: its clock begins again {wraps} time(s); undone");
         return (values, (wraps > 0).then(|| Diagnostic::warning("clock-wrapped", text)));
     }
-    // An option is better than the title, and that is better than the steps.
+    // An option overrides the title, which overrides the unit inferred from the steps.
     let (named_s, inferred) = (wanted.seconds().or(unit), unit_of(&values));
     let (unit_s, step) = (named_s.unwrap_or(inferred.unit_s), inferred.step);
     values.iter_mut().for_each(|value| *value *= unit_s);
@@ -300,13 +302,14 @@ fn times(
     (values, Some(Diagnostic::warning("unit-guessed", format!("column {title}: {guess}"))))
 }
 
-/// Adds a day, half a day or an hour after each fall of a clock by about as much. Returns how
-/// often.
+/// Adds a day, half a day or an hour after each fall of a clock by about as much. Returns the
+/// number of falls.
 fn undo_midnights(times_s: &mut [f64]) -> u32 {
     const NEAR_S: f64 = 60.0;
+    /// Times of day are below 25 hours. Later numbers are dates, which do not start again.
+    const LATEST_S: f64 = 90_000.0;
     let (mut added_s, mut last_s, mut wraps) = (0.0, f64::NEG_INFINITY, 0);
-    for time_s in times_s.iter_mut().filter(|t| t.is_finite() && **t < 90_000.0) {
-        // Dates do not begin again: only times of a day are looked at.
+    for time_s in times_s.iter_mut().filter(|t| t.is_finite() && **t < LATEST_S) {
         let fall_s = last_s - *time_s;
         last_s = *time_s;
         for day_s in [86_400.0, 43_200.0, 3600.0] {
@@ -319,39 +322,44 @@ fn undo_midnights(times_s: &mut [f64]) -> u32 {
     wraps
 }
 
-fn most(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most, value| value.abs().max(most))
+/// Returns the largest absolute value.
+fn max_abs(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |max, value| value.abs().max(max))
 }
 
+/// Returns the root mean square.
 fn rms(values: &[f64]) -> f64 {
     let n = values.len().max(1) as f64;
     (values.iter().map(|value| value * value).sum::<f64>() / n).sqrt()
 }
 
-/// True if the angles whose unit is not known are degrees, and what makes it a guess. No reason is
-/// given for plain radians.
+/// Returns true if angles of unknown unit are degrees, and the reason, or `None` for plausible
+/// radians.
 pub(super) fn are_degrees(block: &Block) -> (bool, Option<String>) {
-    let (lean, angles) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
-    let (leans, reaches, mean) = (most(&lean), most(&angles), rms(&lean));
+    /// Root mean square (20°) and largest pitch and roll (40°) of a usual flight in radians.
+    const USUAL_RMS: f64 = 0.35;
+    const USUAL_MAX: f64 = 0.7;
+    let (tilt, angles) = (open_angles(block, &ANGLES[1..]), open_angles(block, &ANGLES));
+    let (max_tilt, max_angle, rms_tilt) = (max_abs(&tilt), max_abs(&angles), rms(&tilt));
     // From the surest sign to the weakest.
-    if reaches > std::f64::consts::TAU {
+    if max_angle > std::f64::consts::TAU {
         (true, Some("yaw, pitch and roll go beyond a full turn of 2π".to_owned()))
-    } else if leans > std::f64::consts::FRAC_PI_2 {
+    } else if max_tilt > std::f64::consts::FRAC_PI_2 {
         let odd = "which would be upside down in radians";
-        (true, Some(format!("pitch and roll reach {leans:.2}, {odd}")))
-    } else if mean > 0.35 {
+        (true, Some(format!("pitch and roll reach {max_tilt:.2}, {odd}")))
+    } else if rms_tilt > USUAL_RMS {
         let odd = "which no flight holds in radians";
-        (true, Some(format!("pitch and roll are {mean:.2} on average, {odd}")))
-    } else if leans > 0.7 {
-        (false, Some(format!("pitch and roll reach {leans:.2}")))
-    } else if lean.is_empty() && reaches > std::f64::consts::PI {
-        (false, Some(format!("the yaw reaches {reaches:.2}")))
+        (true, Some(format!("pitch and roll are {rms_tilt:.2} on average, {odd}")))
+    } else if max_tilt > USUAL_MAX {
+        (false, Some(format!("pitch and roll reach {max_tilt:.2}")))
+    } else if tilt.is_empty() && max_angle > std::f64::consts::PI {
+        (false, Some(format!("the yaw reaches {max_angle:.2}")))
     } else {
         (false, None)
     }
 }
 
-/// Sets the unit of angles and angular velocities whose titles name none.
+/// Converts angles and angular velocities whose titles name no unit to radians.
 pub(super) fn resolve_angles(
     Recording { blocks, warnings, .. }: &mut Recording,
     wanted: AngleUnit,
@@ -367,15 +375,17 @@ pub(super) fn resolve_angles(
         if wanted == AngleUnit::Degrees || is_auto && are_degrees {
             from_degrees(block, false);
         }
-        // The rates have to match the changes of roll and pitch, which are in radians by now.
+        // Rates must match the changes of roll and pitch, which are in radians now. In degrees they
+        // are 57 times as large, and 7.6 is the geometric mean of that and 1. Without changes, no
+        // drone reaches 35 rad/s.
         let rates = open_angles(block, &["wx_body_rad_s", "wy_body_rad_s"]);
         let angles = ANGLES[1..].iter().filter_map(|name| block.column(name));
         let pairs = angles.flat_map(|angle| angle.values.windows(2).zip(block.time_s.windows(2)));
         let changes = pairs.map(|(angle, time)| (angle[1] - angle[0]) / (time[1] - time[0]));
-        let turns = rms(&changes.filter(|change| change.is_finite()).collect::<Vec<_>>());
-        let too_fast = match turns > 0.01 && !rates.is_empty() {
-            true => rms(&rates) / turns > 7.6,
-            false => most(&rates) > 35.0,
+        let rms_change = rms(&changes.filter(|change| change.is_finite()).collect::<Vec<_>>());
+        let too_fast = match rms_change > 0.01 && !rates.is_empty() {
+            true => rms(&rates) / rms_change > 7.6,
+            false => max_abs(&rates) > 35.0,
         };
         if is_auto && too_fast {
             let text = "angular velocities without a unit are too fast for rad/s: taken as degrees";
@@ -387,36 +397,37 @@ pub(super) fn resolve_angles(
     }
 }
 
-/// The finite numbers of the columns with these names whose unit is not known yet.
+/// Returns the finite numbers of the columns with these names and an unknown unit.
 fn open_angles(block: &Block, names: &[&str]) -> Vec<f64> {
     let open = block.columns.iter().filter(|column| column.is_open_angle);
     let values = open.filter(|column| names.contains(&&*column.name)).flat_map(|c| &c.values);
     values.copied().filter(|value| value.is_finite()).collect()
 }
 
-/// Turns degrees into radians: the rates, or the angles, whose unit is not known yet.
+/// Converts rates, or else angles, of unknown unit from degrees to radians.
 fn from_degrees(block: &mut Block, are_rates: bool) {
     let open = block.columns.iter_mut().filter(|column| column.is_open_angle);
     let open = open.filter(|column| column.name.starts_with('w') == are_rates);
     open.flat_map(|column| &mut column.values).for_each(|value| *value *= DEGREE);
 }
 
-/// Spreads rows of one time evenly up to the next, or over a second. Returns true if there are any.
+/// Spreads rows of one time evenly up to the next time, or over [`ROW_S`] if that is shorter.
+/// Returns true if there are such rows.
 fn spread_rows(time_s: &mut [f64]) -> bool {
-    let mut any = false;
+    let mut has_equal_times = false;
     let mut first = 0;
     while first < time_s.len() {
         let stamp_s = time_s[first];
         let n = time_s[first..].iter().take_while(|t| **t == stamp_s).count().max(1);
         // The rows of one time last until the next time.
         let next_s = time_s.get(first + n).map_or(ROW_S, |next| next - stamp_s);
-        any |= n > 1;
+        has_equal_times |= n > 1;
         for (k, t) in time_s[first..first + n].iter_mut().enumerate() {
             *t += next_s.clamp(0.0, ROW_S) * k as f64 / n as f64;
         }
         first += n;
     }
-    any
+    has_equal_times
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Recording: the columns of a log file, before they are given a meaning.
+//! Recording: the columns of a log file, before their quantities are identified.
 
 use std::collections::BTreeSet;
 
@@ -8,11 +8,17 @@ use noctograph_core::error::{Error, Place, Result};
 use noctograph_core::files::Budget;
 use noctograph_core::statistics::median;
 
-/// Most variables that become quantities of a flight, each as a channel.
+/// Largest number of variables that become channels of a flight.
 const MAX_CHANNELS: usize = 32;
 
-/// Steps of the work on a number until it is part of a channel.
+/// Steps of work for each number of a channel.
 const STEPS: usize = 10;
+
+/// Least size of a number that is not a measurement.
+const TOO_LARGE: f64 = 1e18;
+
+/// Number of names in a list for a message.
+const MAX_LISTED: usize = 12;
 
 /// The contents of a log file: blocks of columns, each block with its own time axis, values in the
 /// units of the log.
@@ -20,18 +26,18 @@ const STEPS: usize = 10;
 pub(super) struct Recording {
     pub(super) file: String,
     pub(super) blocks: Vec<Block>,
-    /// Period after which the drone's times start again at zero, if they do.
+    /// Period after which the drone's times restart at zero, if they do.
     pub(super) wrap_s: Option<f64>,
     /// True for times of `usecTimestamp` (µSD logs), which counts 84 µs in 85 in firmware up to and
     /// with release 2026.08. Others are true ticks of the operating system.
     pub(super) is_on_card: bool,
     /// The drone's firmware, by its name in the log.
     pub(super) firmware: Option<String>,
-    /// True if its times are on a clock that other logs may have, too.
+    /// True if the times are on a clock that other logs may have too.
     pub(super) is_stamped: bool,
-    /// Axes of the world of its plain columns, as far as the format says.
+    /// Axes of the plain columns' world, if the format defines them.
     pub(super) axes: Axes,
-    /// The format that says so.
+    /// The format that defines the axes.
     pub(super) in_format: Option<&'static str>,
     pub(super) warnings: Vec<Diagnostic>,
 }
@@ -46,22 +52,23 @@ pub(super) struct Block {
     pub(super) columns: Vec<Column>,
 }
 
+/// Clock of a block's times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Clock {
     #[default]
     Drone,
-    /// The computer of the motion capture, with another zero.
+    /// The motion capture's computer, with another zero.
     Mocap,
 }
 
-/// One logged variable. Cells without a number are not finite. A [`Channel`] leaves them out.
+/// One logged variable. Cells without a number are not finite, and not in a [`Channel`].
 #[derive(Debug, Default)]
 pub(super) struct Column {
     pub(super) name: String,
     pub(super) values: Vec<f64>,
     /// True for an angle, or an angular velocity, whose title names no unit.
     pub(super) is_open_angle: bool,
-    /// Its title and number in a table, if the title is not known.
+    /// Title and number of the column in a table, if the title is unknown.
     pub(super) unknown: Option<String>,
 }
 
@@ -75,12 +82,14 @@ pub(super) struct Channel {
 }
 
 impl Column {
+    /// Returns a column that is not an angle of unknown unit.
     pub(super) fn new(name: String, values: Vec<f64>) -> Self {
         Self { name, values, ..Self::default() }
     }
 }
 
 impl Block {
+    /// Returns the first column of this name.
     pub(super) fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
@@ -91,19 +100,22 @@ impl Block {
 }
 
 impl Recording {
+    /// Returns an empty recording of a file.
     pub(super) fn new(file: &str) -> Self {
         Self { file: file.to_owned(), ..Self::default() }
     }
 
+    /// Adds a warning.
     pub(super) fn warn(&mut self, code: &'static str, message: impl Into<String>) {
         self.warnings.push(Diagnostic::warning(code, message));
     }
 
+    /// Adds notes of a reader as warnings.
     pub(super) fn warn_of_notes(&mut self, notes: &[String]) {
         self.warnings.extend(Diagnostic::warnings("read-as", notes));
     }
 
-    /// The first variable of this name over time, if it was logged and ever had a value.
+    /// Returns the first variable of this name, or `None` if it has no value.
     pub(super) fn channel(&self, name: &str) -> Option<Channel> {
         let mut blocks = self.blocks.iter();
         let (block, column) = blocks.find_map(|block| Some((block, block.column(name)?)))?;
@@ -113,13 +125,12 @@ impl Recording {
         (!values.is_empty()).then(|| Channel::new(time_s, values))
     }
 
-    /// Variables whose names differ in the parts in braces, such as `mocap.{x y z}`. `None` if one
-    /// is missing.
+    /// Returns the variables of a pattern such as `mocap.{x y z}`, or `None` if one is missing.
     pub(super) fn channels(&self, pattern: &str) -> Option<Vec<Channel>> {
         names(pattern).map(|name| self.channel(&name)).collect()
     }
 
-    /// Checks that there are no more variables than a log may have.
+    /// Refuses more than [`MAX_VARIABLES`].
     pub(super) fn check_variables(&self) -> Result<()> {
         let n = self.names().count().max(self.blocks.len());
         if n <= MAX_VARIABLES {
@@ -129,7 +140,7 @@ impl Recording {
         Err(Error::input(Place::file(&self.file), actual, wanted, HINT))
     }
 
-    /// Checks that the work on it is within a budget. Its channels are copies.
+    /// Refuses a recording whose channels, which are copies, need more than the budget.
     pub(super) fn check(&self, budget: &Budget) -> Result<()> {
         self.check_variables()?;
         for Block { time_s, columns, .. } in &self.blocks {
@@ -140,15 +151,15 @@ impl Recording {
         Ok(())
     }
 
-    /// The names of all columns, in the order of the file.
+    /// Returns the names of all columns, in the order of the file.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.blocks.iter().flat_map(|block| block.columns.iter().map(|c| c.name.as_str()))
     }
 
-    /// The same without empty blocks, and with different names of all columns: a second `x` becomes
+    /// Removes empty blocks and makes all names of columns different: a second `x` becomes
     /// `block:x`, a third `block:x:2`.
     pub(super) fn with_different_names(mut self) -> Self {
-        // An event that never came would shadow logged variables of the same names.
+        // An event that never occurred would hide logged variables of the same names.
         self.blocks.retain(|block| !block.time_s.is_empty());
         let mut taken = BTreeSet::new();
         for block in &mut self.blocks {
@@ -166,6 +177,7 @@ impl Recording {
         self
     }
 
+    /// Warns of columns that have cells without a number.
     pub(super) fn warn_of_empty_cells(&mut self) {
         for block in &self.blocks {
             let empty = block.columns.iter().filter_map(|Column { name, values, .. }| {
@@ -181,28 +193,28 @@ impl Recording {
     }
 }
 
-/// The names of a pattern with their differing parts in braces.
+/// Returns the names of a pattern: one for each part in its braces.
 pub(super) fn names(pattern: &str) -> impl Iterator<Item = String> {
     let (before, rest) = pattern.split_once('{').expect("a pattern has braces");
     let (parts, after) = rest.split_once('}').expect("braces are closed");
     parts.split(' ').map(move |part| format!("{before}{part}{after}"))
 }
 
-/// True for a finite number of a size that a drone may log.
+/// True for a finite number that is not [`TOO_LARGE`].
 fn is_number(value: f64) -> bool {
-    value.abs() < 1e18
+    value.abs() < TOO_LARGE
 }
 
-/// A list for a message: the first twelve names, then a count.
+/// Lists names for a message: the first twelve, then the number of the others.
 pub(super) fn shortened(names: &[impl AsRef<str>]) -> String {
-    let first: Vec<&str> = names.iter().take(12).map(AsRef::as_ref).collect();
-    let more = names.len().saturating_sub(12);
+    let first: Vec<&str> = names.iter().take(MAX_LISTED).map(AsRef::as_ref).collect();
+    let more = names.len().saturating_sub(MAX_LISTED);
     let rest = if more > 0 { format!(" and {more} more") } else { String::new() };
     format!("{}{rest}", first.join(", "))
 }
 
 impl Channel {
-    /// A channel of at least one sample at strictly rising times.
+    /// Returns a channel of samples, at least one, at strictly rising times.
     pub(super) fn new(time_s: Vec<f64>, values: Vec<f64>) -> Self {
         let steps_s = time_s.windows(2).map(|pair| pair[1] - pair[0]);
         Self { period_s: median(steps_s).unwrap_or(0.0), time_s, values }
@@ -216,15 +228,15 @@ impl Channel {
         self.time_s[self.time_s.len() - 1]
     }
 
-    /// Index of the last sample at or before a time, if there is one.
-    fn last_at(&self, time_s: f64) -> Option<usize> {
+    /// Returns the index of the last sample at or before a time, if there is one.
+    fn last_before(&self, time_s: f64) -> Option<usize> {
         self.time_s.partition_point(|t| *t <= time_s).checked_sub(1)
     }
 
-    /// Linear interpolation at a time. `None` outside the channel, and between samples further
-    /// apart than `max_gap_s`.
+    /// Interpolates linearly at a time. Returns `None` outside the channel, and in gaps longer than
+    /// `max_gap_s`.
     pub(super) fn linear(&self, time_s: f64, max_gap_s: f64) -> Option<f64> {
-        let last = self.last_at(time_s)?;
+        let last = self.last_before(time_s)?;
         let (t0, v0) = (self.time_s[last], self.values[last]);
         if t0 == time_s {
             return Some(v0);
@@ -233,9 +245,9 @@ impl Channel {
         (t1 - t0 <= max_gap_s).then(|| v0 + (v1 - v0) * ((time_s - t0) / (t1 - t0)))
     }
 
-    /// The value last logged at a time, before the first sample the first.
+    /// Returns the last value logged by a time, or the first value before the first sample.
     pub(super) fn held(&self, time_s: f64) -> f64 {
-        self.values[self.last_at(time_s).unwrap_or(0)]
+        self.values[self.last_before(time_s).unwrap_or(0)]
     }
 }
 

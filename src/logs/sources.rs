@@ -1,17 +1,19 @@
-//! From logged variables to quantities in SI units, our frames and our signs.
+//! Sources of quantities: converts logged variables to SI units and to standard frames and signs.
 //!
-//! Degrees, millimeters and the firmware's inverted pitch are converted in the tables below, and
-//! only they decide what is known. Each is in order of preference: the first source that is logged,
-//! sound and alive is taken. A source is sound if its numbers are plausible for a drone, and alive
-//! if it changes while others do. A quantity that is frozen while the drone moves counts as not
-//! logged. All that is left out is named in a warning.
+//! The tables below define all known variables and convert degrees, millimeters and the firmware's
+//! inverted pitch. They are sorted by preference: the first source that is logged, sound and alive
+//! is used. A source is sound if its numbers are plausible for a drone, and alive if it changes
+//! while others do. A quantity that is frozen while the drone moves counts as not logged. Warnings
+//! name what is ignored.
 //!
-//! Signs and units: `stabilizer_types.h` and `stabilizer.c` of crazyflie-firmware (attitude in
-//! degrees with pitch inverted, compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity
-//! states in the body frame, quaternion `w x y z`), `quatcompress.h`, `controller_lee.c` (radians,
-//! no sign inverted), `controller_mellinger.c` and `controller_pid.c` (the rate of pitch inverted).
-//! The AE483 course's `controller_ae483.c` (metres, radians, body frame). INAV's `navigation.h`
-//! (cm, north, east, up) and `flight/imu.c` (0.1°, heading clockwise).
+//! Signs and units are from these files:
+//!
+//! - crazyflie-firmware: `stabilizer_types.h` and `stabilizer.c` (degrees with inverted pitch,
+//!   compressed state in mm, mm/s and mrad/s), `kalman_core.c` (velocity in the body frame,
+//!   quaternion `w x y z`), `quatcompress.h`, `controller_lee.c` (radians, no inverted sign),
+//!   `controller_mellinger.c` and `controller_pid.c` (inverted pitch rate)
+//! - AE483 course: `controller_ae483.c` (meters, radians, body frame)
+//! - INAV: `navigation.h` (cm, north, east, up), `flight/imu.c` (0.1°, heading clockwise)
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -26,28 +28,28 @@ use noctograph_core::flight::table::on_grid;
 use noctograph_core::geometry::Attitude;
 use noctograph_core::product::MAX_QUANTITY;
 
-/// Variables that hold one quantity: the pattern of their names, and the factors that turn their
-/// values into SI units and our signs (none: 1).
+/// Variables of one quantity: kind, pattern of names, and factors to SI units and standard signs,
+/// or none for 1.
 struct Source(PositionSource, &'static str, &'static [f64]);
 
-/// Least time for which a live source changes, relative to the source that changes longest.
+/// Least time for which a live source changes, relative to the one that changes longest.
 const ALIVE_FRACTION: f64 = 0.1;
 
-/// Least range of positions of a moving drone: more than the position noise at rest.
+/// Least range of a moving drone's positions: more than the position noise at rest.
 const MOVES_M: f64 = 0.1;
 
 /// Codes of the warnings of a log with a heading and no attitude, and of a source that diverged.
 const YAW_ONLY: &str = "yaw-only";
 const DIVERGED: &str = "source-diverged";
 
-/// Speed and distance of a jump to (0, 0, 0) that mark the zeros as a lost body, not a position.
+/// Least speed and distance of a jump to (0, 0, 0) from which zeros are a lost body.
 const LOST_M_S: f64 = 5.0;
 const LOST_M: f64 = 0.2;
 
 use PositionSource::{Best, Custom, Estimate, Firmware, Lighthouse, Mocap};
 
-/// World position, m. Lighthouse comes last: its raw fixes do not move between sweeps and drop out,
-/// and the estimators filter them (reference flight: 5 mm r.m.s. apart).
+/// World position, m. Lighthouse comes last, since its raw fixes are held between sweeps and drop
+/// out. The estimators filter them (reference flight: 5 mm r.m.s. difference).
 const POSITION: &[Source] = &[
     Source(Mocap, "mocap.{x y z}", &[]),
     Source(Mocap, "ae483log.p_{x y z}_mocap", &[]),
@@ -134,12 +136,13 @@ const MOTORS: &[Source] = &[
     Source(Best, "m{1 2 3 4}", &[]),
 ];
 
+/// The quantities of a log.
 #[derive(Debug)]
 pub(super) struct Quantities {
-    /// Channels of each quantity in the order of its columns in a flight file. Yaw and roll have no
+    /// Channels of each quantity, ordered like its columns in a flight file. Yaw and roll have no
     /// jumps at ±π.
     pub(super) channels: BTreeMap<Quantity, Vec<Channel>>,
-    /// True for a velocity in the world, not in the body frame.
+    /// True if the velocity is in the world frame, false for the body frame.
     pub(super) has_world_velocity: bool,
     pub(super) used: BTreeSet<String>,
     pub(super) warnings: Vec<Diagnostic>,
@@ -153,6 +156,7 @@ struct Search<'a> {
 }
 
 impl PositionSource {
+    /// Returns the kinds of sources that are allowed.
     fn kinds(self) -> &'static [Self] {
         match self {
             Best => ANY,
@@ -167,19 +171,21 @@ impl PositionSource {
 
 const ANY: &[PositionSource] = &[Best, Mocap, Custom, Firmware, Lighthouse];
 
-/// True for the first variable of a source of the position.
+/// True for the first variable of a position source.
 pub(super) fn is_position(name: &str) -> bool {
     POSITION.iter().any(|source| names(source.1).next().is_some_and(|first| first == name))
 }
 
+/// Returns the position from a wanted source, if it is logged.
 pub(super) fn position(recording: &Recording, wanted: PositionSource) -> Option<Vec<Channel>> {
     Search::new(recording).position(wanted.kinds())
 }
 
+/// Returns each quantity from its best source. `wanted` is the source of position and attitude.
 pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quantities {
     let mut search = Search::new(recording);
     let (any, truth) = (ANY, wanted.kinds());
-    // Each quantity from its best source, in the order of the warnings.
+    // The order is that of the warnings.
     let mut channels = BTreeMap::new();
     for (quantity, taken) in [
         (Quantity::Position, search.position(truth)),
@@ -190,21 +196,21 @@ pub(super) fn quantities(recording: &Recording, wanted: PositionSource) -> Quant
     ] {
         channels.extend(taken.map(|taken| (quantity, taken)));
     }
-    // A velocity of the firmware in the world comes before its state in the body frame.
+    // The firmware's velocity in the world is preferred to that in the body frame.
     let (first, last): (Vec<_>, Vec<_>) = VELOCITY_BODY.iter().partition(|s| s.0 != Firmware);
     let velocity = search.first(first.into_iter().chain(VELOCITY_WORLD).chain(last));
     let has_world_velocity =
         velocity.as_ref().is_some_and(|(source, _)| VELOCITY_WORLD.iter().any(|w| w.1 == source.1));
     channels.extend(velocity.map(|(_, taken)| (Quantity::Velocity, taken)));
     channels.extend(search.attitude(truth).map(|taken| (Quantity::Attitude, taken)));
-    // What is frozen while the drone moves was not logged.
+    // A quantity that is frozen while the drone moves was not logged.
     let moving_s = moving_s(channels.get(&Quantity::Position));
     channels.retain(|quantity, channels| search.is_logged(*quantity, channels, moving_s));
     let Search { used, warnings, .. } = search;
     Quantities { channels, has_world_velocity, used, warnings }
 }
 
-/// For how long a drone moves, zero for one that rests.
+/// Returns the time for which a drone moves, zero for a drone at rest.
 fn moving_s(position: Option<&Vec<Channel>>) -> f64 {
     let moving = position.into_iter().flatten().filter(|channel| {
         let values = channel.values.iter().copied();
@@ -219,21 +225,20 @@ impl<'a> Search<'a> {
         Self { recording, used: BTreeSet::new(), warnings: Vec::new() }
     }
 
-    /// The position, without the zeros of a lost body.
+    /// Returns the position, without the zeros of a lost body.
     fn position(&mut self, kinds: &[PositionSource]) -> Option<Vec<Channel>> {
         let channels = self.of_kinds(POSITION, kinds)?;
         Some(self.without_zeros(channels))
     }
 
-    /// The channels of the first source of a table, of some kinds.
+    /// Returns the channels of a table's best source among those of some kinds.
     fn of_kinds(&mut self, table: &[Source], kinds: &[PositionSource]) -> Option<Vec<Channel>> {
         let sources = table.iter().filter(|source| kinds.contains(&source.0));
         Some(self.first(sources)?.1)
     }
 
-    /// The first of these sources that is sound and alive: one that changes while others do. An
-    /// observer that was compiled in and did not run logs a constant. If no source changes, the
-    /// first that is not zero, else the first that is logged.
+    /// Returns the first source that is sound and alive, in SI units. An observer that did not run
+    /// logs a constant. If no source changes, returns the first that is not zero, else the first.
     fn first<'s>(
         &mut self,
         sources: impl Iterator<Item = &'s Source>,
@@ -245,7 +250,7 @@ impl<'a> Search<'a> {
             }
             Some((source, channels))
         });
-        // Sound: numbers of a drone's world.
+        // A source is sound if its numbers are in range.
         let (mut logged, diverged): (Vec<_>, Vec<_>) = logged
             .partition(|(_, channels)| numbers(channels).all(|value| value.abs() <= MAX_QUANTITY));
         if let Some((source, _)) = diverged.first() {
@@ -256,7 +261,7 @@ impl<'a> Search<'a> {
             logged = diverged;
             logged.retain(|(source, _)| POSITION.iter().any(|p| p.1 == source.1));
         }
-        // Alive: it changes for as long as others do.
+        // A source is alive if it changes for about as long as others do.
         let active_s =
             logged.iter().map(|(_, channels)| channels.iter().map(active_s).fold(0.0, f64::max));
         let most_s = active_s.clone().fold(0.0, f64::max);
@@ -285,9 +290,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// True if a quantity counts as logged: unless it is frozen, or all zero, while the drone
-    /// moves. A setpoint may stay, but not at the origin. Each motor must change. A heading may be
-    /// held.
+    /// True if a quantity counts as logged. It must change while the drone moves, and each motor
+    /// must. A setpoint may be constant if not zero, and a heading if pitch and roll are zero.
     fn is_logged(&mut self, quantity: Quantity, channels: &[Channel], moving_s: f64) -> bool {
         let active = channels.iter().map(active_s);
         let active_s = match quantity {
@@ -299,7 +303,7 @@ impl<'a> Search<'a> {
         if may_stay || active_s >= ALIVE_FRACTION * moving_s {
             return true;
         }
-        // It is frozen: a heading beside zeros is kept, anything else goes.
+        // The quantity is frozen. Only a heading beside zeros is kept.
         let last = channels.iter().map(|channel| channel.values[channel.values.len() - 1]);
         let last: Vec<f64> = last.collect();
         if let (Quantity::Attitude, [yaw, pitch, roll]) = (quantity, &last[..])
@@ -328,34 +332,35 @@ impl<'a> Search<'a> {
         false
     }
 
-    /// The attitude: from the position's source, from others, from quaternions, or the yaw only.
+    /// Returns the attitude from the position's source, from others, from quaternions, or from yaw
+    /// only.
     fn attitude(&mut self, truth: &[PositionSource]) -> Option<Vec<Channel>> {
         let (preferred, others): (Vec<_>, Vec<_>) =
             ATTITUDE.iter().partition(|source| truth.contains(&source.0));
         let sources: Vec<&Source> = preferred.into_iter().chain(others).collect();
         let angles = self.first(sources.iter().copied()).map(|(_, channels)| channels);
-        // Frozen angles beside quaternions that live are those of an observer that did not run.
-        let quaternions = match angles.as_deref().is_some_and(lives) {
+        // Frozen angles beside live quaternions are those of an observer that did not run.
+        let quaternions = match angles.as_deref().is_some_and(is_alive) {
             true => None,
             false => self.angles_from_quaternions(),
         };
         let mut angles = quaternions
-            .filter(|turned| angles.is_none() || lives(turned))
+            .filter(|turned| angles.is_none() || is_alive(turned))
             .or(angles)
             .or_else(|| self.level(&sources))?;
-        without_jumps(&mut angles[0]);
-        without_jumps(&mut angles[2]);
+        unwrap_angle(&mut angles[0]);
+        unwrap_angle(&mut angles[2]);
         Some(angles)
     }
 
-    /// A level attitude with the logged yaw, if there is one.
+    /// Returns a level attitude with the logged yaw, if there is one.
     fn level(&mut self, sources: &[&Source]) -> Option<Vec<Channel>> {
         let (name, factor, mut yaw) = sources.iter().find_map(|source| {
             let name = names(source.1).next()?;
             let yaw = self.recording.channel(&name)?;
             Some((name, source.2.first().copied().unwrap_or(1.0), yaw))
         })?;
-        // Pitch and roll are zero: the lamp is off by millimeters.
+        // Pitch and roll of zero misplace the lamp by only millimeters.
         yaw.values.iter_mut().for_each(|value| *value *= factor);
         let text = "of the attitude, the yaw alone is logged";
         self.warn(YAW_ONLY, format!("{text} ({name}): the drone counts as level"));
@@ -364,8 +369,9 @@ impl<'a> Search<'a> {
         Some(vec![yaw, level.clone(), level])
     }
 
+    /// Returns the angles of logged quaternions, if there are any.
     fn angles_from_quaternions(&mut self) -> Option<Vec<Channel>> {
-        // The 32 bits of the radio are the last choice: their error is up to 0.1°.
+        // Compressed quaternions are the last choice, since their error is up to 0.1°.
         let quaternions: Vec<(f64, [f64; 4])> =
             if let Some((_, parts)) = self.first(QUATERNIONS.iter()) {
                 let times_s = parts[0].time_s.iter().copied();
@@ -373,7 +379,7 @@ impl<'a> Search<'a> {
             } else {
                 let packed = self.recording.channel(COMPRESSED_QUATERNION)?;
                 self.used.insert(COMPRESSED_QUATERNION.to_owned());
-                packed.time_s.into_iter().zip(packed.values.into_iter().map(unpacked)).collect()
+                packed.time_s.into_iter().zip(packed.values.into_iter().map(decompressed)).collect()
             };
         let valid = quaternions
             .into_iter()
@@ -388,8 +394,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// A position without the (0, 0, 0) that a motion capture writes for a body that it has lost.
-    /// They are recognized by the jump.
+    /// Removes the positions (0, 0, 0) that a motion capture writes for a lost body. They are
+    /// recognized by the jump.
     fn without_zeros(&mut self, mut channels: Vec<Channel>) -> Vec<Channel> {
         let [x, y, z] = &channels[..] else { return channels };
         if x.time_s != y.time_s || x.time_s != z.time_s {
@@ -398,7 +404,7 @@ impl<'a> Search<'a> {
         let positions_m: Vec<Vector3<f64>> = (0..x.values.len())
             .map(|i| Vector3::new(x.values[i], y.values[i], z.values[i]))
             .collect();
-        // Zeros are of a lost body if the drone would have jumped to them, or back.
+        // Zeros belong to a lost body if the drone would have jumped to them or back.
         let jumps = positions_m.windows(2).zip(x.time_s.windows(2)).map(|(pair_m, time_s)| {
             let apart_m = (pair_m[1] - pair_m[0]).norm();
             apart_m > LOST_M && apart_m > LOST_M_S * (time_s[1] - time_s[0])
@@ -410,8 +416,8 @@ impl<'a> Search<'a> {
         for run in positions_m.chunk_by(|a, b| (*a == zero_m) == (*b == zero_m)) {
             let start = end;
             end += run.len();
-            let beside = start > 0 && jumps[start - 1] || end < n && jumps[end - 1];
-            lost[start..end].fill(run[0] == zero_m && beside);
+            let has_jump = start > 0 && jumps[start - 1] || end < n && jumps[end - 1];
+            lost[start..end].fill(run[0] == zero_m && has_jump);
         }
         let count = lost.iter().filter(|lost| **lost).count();
         if count == 0 || count == n {
@@ -434,24 +440,26 @@ impl<'a> Search<'a> {
     }
 }
 
-fn lives(angles: &[Channel]) -> bool {
+/// True if any angle changes.
+fn is_alive(angles: &[Channel]) -> bool {
     angles.iter().any(|angle| active_s(angle) > 0.0)
 }
 
+/// Returns the values of all channels.
 fn numbers(channels: &[Channel]) -> impl Iterator<Item = &f64> {
     channels.iter().flat_map(|channel| &channel.values)
 }
 
-/// Time from the first change of a channel to its last.
+/// Returns the time from the first change of a channel to its last.
 fn active_s(channel: &Channel) -> f64 {
     let first = channel.values.windows(2).position(|pair| pair[0] != pair[1]);
     let last = channel.values.windows(2).rposition(|pair| pair[0] != pair[1]);
     first.zip(last).map_or(0.0, |(first, last)| channel.time_s[last + 1] - channel.time_s[first])
 }
 
-/// The quaternion w x y z of `quatcompress.h`: two bits say which of x y z w is largest and left
-/// out. The others follow with a sign and nine bits of 1/√2 each. Error below 0.1°.
-fn unpacked(code: f64) -> [f64; 4] {
+/// Decompresses a quaternion of `quatcompress.h` to w x y z. Two bits are the index in x y z w of
+/// the largest part, which is omitted. The others have a sign and nine bits each, of 1/√2.
+fn decompressed(code: f64) -> [f64; 4] {
     const MASK: u32 = (1 << 9) - 1;
     #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     let mut code = code as u32;
@@ -468,7 +476,7 @@ fn unpacked(code: f64) -> [f64; 4] {
     [q[3], q[0], q[1], q[2]]
 }
 
-/// Yaw, pitch and roll of a quaternion w x y z that need not have unit length.
+/// Returns yaw, pitch and roll of a quaternion w x y z of any length.
 fn attitude_from_quaternion(q: [f64; 4]) -> Attitude {
     let norm = q.iter().map(|part| part * part).sum::<f64>().sqrt();
     let [w, x, y, z] = q.map(|part| part / norm);
@@ -479,8 +487,8 @@ fn attitude_from_quaternion(q: [f64; 4]) -> Attitude {
     }
 }
 
-/// Takes the jumps of 2π out of an angle, so that it is interpolated the short way.
-fn without_jumps(channel: &mut Channel) {
+/// Removes the jumps of 2π from an angle, so that it is interpolated the short way.
+fn unwrap_angle(channel: &mut Channel) {
     let turn = std::f64::consts::TAU;
     let (mut turns, mut last) = (0.0, channel.values[0]);
     for value in &mut channel.values {
@@ -589,7 +597,7 @@ mod tests {
             u32::from(part < 0.0) << 9 | size
         };
         let code = 3 << 30 | pack(0.1) << 20 | pack(-0.2) << 10 | pack(0.3);
-        let q = unpacked(f64::from(code));
+        let q = decompressed(f64::from(code));
         let wanted = [0.86_f64.sqrt(), 0.1, -0.2, 0.3];
         for (part, wanted) in q.into_iter().zip(wanted) {
             assert!((part - wanted).abs() < 1e-3, "{q:?}");
@@ -599,7 +607,7 @@ mod tests {
     #[test]
     fn yaw_goes_the_short_way_over_the_edge() {
         let mut yaw = Channel::new(vec![0.0, 1.0, 2.0], vec![3.0, -3.0, 3.0]);
-        without_jumps(&mut yaw);
+        unwrap_angle(&mut yaw);
         assert!((yaw.linear(0.5, 9.0).unwrap() - std::f64::consts::PI).abs() < 0.01, "{yaw:?}");
         assert!((yaw.values[2] - 3.0).abs() < 1e-12, "and back: {yaw:?}");
     }

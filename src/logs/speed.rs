@@ -1,5 +1,5 @@
-//! Speed of a logged position. A position that is too fast for a drone is in another unit, of two
-//! drones, or at wrong times. A few such steps are sensor glitches.
+//! Speed of a logged position. A position that is too fast for a drone has the wrong unit or times,
+//! or belongs to two drones. A few such steps are sensor glitches.
 
 use super::ImportOptions;
 use super::recording::Channel;
@@ -8,25 +8,27 @@ use noctograph_core::error::{Error, Result};
 
 const GLITCHES: &str = "position-glitches";
 
-/// Smaller steps do not count as movement, m.
+/// Least step that counts as movement, m.
 const STEP_M: f64 = 1e-3;
 
-/// Least size of a glitch, m: two times may be nearer to each other than their samples.
+/// Least size of a glitch, m. Smaller steps may be fast because of errors of their times.
 const GLITCH_M: f64 = 0.2;
 
-/// Least acceleration of a single sample that leaves and returns, m/s²: more than any drone has.
+/// Least acceleration of a spike, a single sample that leaves the path and returns, m/s²: more than
+/// any drone has.
 const SPIKE_M_S2: f64 = 40.0;
 
-/// Least distance of such a sample from its neighbors' middle, m, and their largest distance from
-/// each other, relative to it.
+/// Least distance of a spike from its neighbors' middle, m, and largest distance between these,
+/// relative to it.
 const SPIKE_M: f64 = 0.1;
-const RETURN: f64 = 0.5;
+const RETURN_FRACTION: f64 = 0.5;
 
 /// Least number of fast steps that are more than glitches, and their fraction of all moving steps.
-const FEWEST: usize = 3;
-const FRACTION: f64 = 0.1;
+const MIN_FAST_STEPS: usize = 3;
+const MIN_FAST_FRACTION: f64 = 0.1;
 
-/// Refuses a position that moves too fast throughout. A warning of one that does in places.
+/// Refuses a position of which many steps are too fast. Returns a warning if only a few are, or for
+/// spikes, else `None`.
 pub(super) fn check(
     position: &[Channel],
     options: &ImportOptions,
@@ -35,8 +37,8 @@ pub(super) fn check(
     let (mut n_moving, mut fast) = (0, Vec::new());
     for channel in position {
         let pairs = channel.time_s.windows(2).zip(channel.values.windows(2));
-        for (time_s, place_m) in pairs {
-            let step_m = (place_m[1] - place_m[0]).abs();
+        for (time_s, position_m) in pairs {
+            let step_m = (position_m[1] - position_m[0]).abs();
             let speed_m_s = step_m / (time_s[1] - time_s[0]);
             n_moving += usize::from(step_m > STEP_M);
             if step_m > STEP_M && speed_m_s > options.max_speed_m_s {
@@ -48,12 +50,12 @@ pub(super) fn check(
     else {
         return Ok(spikes(position));
     };
-    // Few of many steps are glitches, of which small ones are noise of the times.
+    // A few fast steps are glitches. Small ones are errors of the times.
     let (n, most_m_s) = (fast.len(), options.max_speed_m_s);
     let seen = format!(
         "{n} of {n_moving} steps faster than {most_m_s} m/s (at {time_s:.2} s {fastest_m_s:.0} m/s)"
     );
-    if n < FEWEST || (n as f64) < FRACTION * n_moving as f64 {
+    if n < MIN_FAST_STEPS || (n as f64) < MIN_FAST_FRACTION * n_moving as f64 {
         let is_far = fast.iter().any(|(.., step_m)| *step_m > GLITCH_M);
         let text = format!("the position has {seen}: glitches of its sensor?");
         return Ok(is_far.then(|| Diagnostic::warning(GLITCHES, text)));
@@ -64,22 +66,22 @@ pub(super) fn check(
         .in_file(file, None))
 }
 
-/// A warning of single samples that leave the path and return at once.
+/// Returns a warning if single samples leave the path and return at once.
 fn spikes(position: &[Channel]) -> Option<Diagnostic> {
     let (mut n, mut first_s, mut farthest_m) = (0, f64::INFINITY, 0.0_f64);
     for channel in position {
         let pairs = channel.time_s.windows(3).zip(channel.values.windows(3));
-        for (time_s, place_m) in pairs {
-            let aside_m = (place_m[1] - f64::midpoint(place_m[0], place_m[2])).abs();
+        for (time_s, position_m) in pairs {
+            let distance_m = (position_m[1] - f64::midpoint(position_m[0], position_m[2])).abs();
             let step_s = 0.5 * (time_s[2] - time_s[0]);
-            // It leaves, it returns, and x = ½ a t² asks for more than a drone has.
-            if aside_m > SPIKE_M
-                && (place_m[2] - place_m[0]).abs() < RETURN * aside_m
-                && 2.0 * aside_m > SPIKE_M_S2 * step_s * step_s
+            // The sample leaves and returns with a = 2 x / t², more than a drone has.
+            if distance_m > SPIKE_M
+                && (position_m[2] - position_m[0]).abs() < RETURN_FRACTION * distance_m
+                && 2.0 * distance_m > SPIKE_M_S2 * step_s * step_s
             {
                 n += 1;
                 first_s = first_s.min(time_s[1] - channel.start_s());
-                farthest_m = farthest_m.max(aside_m);
+                farthest_m = farthest_m.max(distance_m);
             }
         }
     }

@@ -1,9 +1,8 @@
-//! Subjects of titles: a position whose columns are named after what they are of (`drone_x`,
-//! `tracker_x`), or after the directions of the compass (`PN`, `PE`, `PD`).
+//! Subjects in titles: a position whose columns are named after a subject (`drone_x`, `tracker_x`),
+//! or after compass directions (`PN`, `PE`, `PD`).
 //!
-//! They are read if no other column is a position and one known subject has all three. A table
-//! with several such subjects, or an unknown one, is refused by the names of its columns: no flight
-//! would be left.
+//! Such columns are read if no other column is a position and one known subject has all three. A
+//! table with several subjects, or an unknown one, is refused, since it would have no position.
 
 use std::collections::BTreeMap;
 
@@ -14,14 +13,14 @@ use super::titles::{Title, in_si_units};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::files::simplified;
 
-/// What flies, is tracked, or tells a place.
+/// Known subjects: names of vehicles, tracked bodies, and sources of positions.
 const SUBJECTS: &str = "drone uav quad quadrotor quadcopter copter multirotor crazyflie cf vehicle \
     aircraft robot agent body base base_link baselink rigid_body rigidbody rb object tracker marker \
     center com cog odom odometry local local_position world pose measured measurement meas vicon \
     optitrack mocap qualisys vive lighthouse uwb lps dwm kalman ekf ekf2 filtered fused slam vio \
     state current position pos global self ego actual";
 
-/// Positions by the directions of the compass, in meters, and where they point.
+/// Titles of positions by compass directions, in meters, and their axes.
 const COMPASS: [(&str, Axes); 8] = [
     ("pn pe pd", Axes::ZDown),
     ("pos_n pos_e pos_d", Axes::ZDown),
@@ -33,23 +32,24 @@ const COMPASS: [(&str, Axes); 8] = [
     ("x_enu y_enu z_enu", Axes::ZUp),
 ];
 
-/// Parts of names that are no position.
+/// Parts of names that show that a column is not a position.
 const OTHERS: &str = "acc accel acceleration gyro gyr mag magnetometer magnetic vel velocity speed \
     linear angular rate rates omega force torque thrust target goal ref reference cmd command des \
     desired sp setpoint set error err bias cov covariance var variance std sigma imu quat rot wind \
     dir axis jerk moment current_a gravity lin ang joy stick rc light led color integral pid";
 
-const PLACE: [&str; 3] = ["x_m", "y_m", "z_m"];
+const POSITION: [&str; 3] = ["x_m", "y_m", "z_m"];
 
-/// Gives the columns of the only position of a table our names, if it has none under its own.
+/// Renames the columns of a position with a subject or compass directions, unless a column is
+/// already a position.
 pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()> {
-    if PLACE.iter().any(|name| has(columns, name))
+    if POSITION.iter().any(|name| has(columns, name))
         || columns.iter().any(|column| is_position(&column.name))
     {
         return Ok(());
     }
-    // The directions of the compass are surer than a subject.
-    let renamed = match of_compass(columns) {
+    // Compass directions are less ambiguous than a subject.
+    let renamed = match compass_position(columns) {
         Some((renamed, axes)) => {
             (log.axes, log.in_format) = (axes, Some("a table of north, east and down"));
             if axes == Axes::ZUp {
@@ -57,7 +57,7 @@ pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()>
             }
             renamed
         }
-        None => of_subject(columns).map_err(|error| error.in_file(&log.file, None))?,
+        None => subject_position(columns).map_err(|error| error.in_file(&log.file, None))?,
     };
     let mut named = Vec::new();
     for (index, title) in renamed {
@@ -75,72 +75,76 @@ pub(super) fn resolve(log: &mut Recording, columns: &mut [Column]) -> Result<()>
     Ok(())
 }
 
-/// Columns by their indices, and the titles that they get.
+/// Indices of columns, with their new titles.
 type Renamed = Vec<(usize, Title)>;
 
+/// True if a column has this name.
 fn has(columns: &[Column], name: &str) -> bool {
     columns.iter().any(|column| column.name == name)
 }
 
-/// The position by the directions of the compass, and its axes.
-fn of_compass(columns: &[Column]) -> Option<(Renamed, Axes)> {
+/// Returns the columns of a position by compass directions, and its axes.
+fn compass_position(columns: &[Column]) -> Option<(Renamed, Axes)> {
     COMPASS.iter().find_map(|(names, axes)| {
         let indices = names
             .split(' ')
             .map(|name| columns.iter().position(|column| simplified(&column.name) == name));
         let indices: Vec<usize> = indices.collect::<Option<_>>()?;
         let titles =
-            PLACE.map(|name| Title { name: name.into(), is_known: true, ..Title::default() });
+            POSITION.map(|name| Title { name: name.into(), is_known: true, ..Title::default() });
         Some((indices.into_iter().zip(titles).collect(), *axes))
     })
 }
 
-/// The columns of the one known subject with a position. None if no subject has one.
-fn of_subject(columns: &[Column]) -> Result<Renamed> {
+/// Returns the columns of the only known subject with a position, or none if no subject has one.
+/// Several known subjects, or only unknown ones, are an error.
+fn subject_position(columns: &[Column]) -> Result<Renamed> {
     let mut subjects: BTreeMap<String, Renamed> = BTreeMap::new();
     for (index, column) in columns.iter().enumerate() {
-        if let Some((subject, title)) = parted(&column.name) {
+        if let Some((subject, title)) = split_subject(&column.name) {
             subjects.entry(subject).or_default().push((index, title));
         }
     }
-    // A part of the position of another known subject is a second body.
+    // Another known subject counts as a second body even with only a part of a position.
     subjects.retain(|subject, parts| {
         let n = n_coordinates(parts);
-        n == PLACE.len() || n > 0 && is_known(subject)
+        n == POSITION.len() || n > 0 && is_known(subject)
     });
-    if !subjects.values().any(|parts| n_coordinates(parts) == PLACE.len()) {
+    if !subjects.values().any(|parts| n_coordinates(parts) == POSITION.len()) {
         return Ok(Vec::new());
     }
-    let mut known = subjects.iter().filter(|(subject, _)| is_known(subject));
-    if let (Some((_, parts)), None) = (known.next(), known.next())
-        && n_coordinates(parts) == PLACE.len()
+    let mut known_subjects = subjects.iter().filter(|(subject, _)| is_known(subject));
+    if let (Some((_, parts)), None) = (known_subjects.next(), known_subjects.next())
+        && n_coordinates(parts) == POSITION.len()
     {
         return Ok(parts.clone());
     }
     let parts = subjects.values().flatten();
-    let parts = parts.filter(|(_, title)| PLACE.contains(&&*title.name));
+    let parts = parts.filter(|(_, title)| POSITION.contains(&&*title.name));
     let names: Vec<&str> = parts.map(|(index, _)| &*columns[*index].name).collect();
     let hint = "name the columns of the drone's position x, y and z";
     let wanted = "the position of one drone, under a name that is known";
     Err(Error::input("columns", format!("the columns {}", names.join(", ")), wanted, hint))
 }
 
+/// True for one of [`SUBJECTS`], with or without a number.
 fn is_known(subject: &str) -> bool {
     let plain = simplified(subject);
     let plain = plain.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
-    SUBJECTS.split(' ').any(|known| known == plain)
+    SUBJECTS.split(' ').any(|subject| subject == plain)
 }
 
+/// Returns the number of coordinates of a position among new titles.
 fn n_coordinates(parts: &[(usize, Title)]) -> usize {
-    PLACE.iter().filter(|name| parts.iter().any(|(_, title)| title.name == **name)).count()
+    POSITION.iter().filter(|name| parts.iter().any(|(_, title)| title.name == **name)).count()
 }
 
-/// The subject of a title, and the title of its quantity. `None` for an unknown quantity, and for a
-/// subject without a position.
-fn parted(title: &str) -> Option<(String, Title)> {
+/// Splits a title into its subject and the title of a quantity. `None` for an unknown quantity, and
+/// for one of [`OTHERS`].
+fn split_subject(title: &str) -> Option<(String, Title)> {
     let signs = title.char_indices().skip(1);
     let mut breaks = signs.filter_map(|(place, sign)| {
-        // A sign is dropped, the capital of droneX stays.
+        // A sign is dropped. A capital, as in droneX, stays.
         let is_camel = sign.is_uppercase() && title[..place].ends_with(char::is_lowercase);
         let is_sign = "_./ :-".contains(sign);
         (is_camel || is_sign).then_some((place, place + usize::from(is_sign)))
@@ -165,7 +169,8 @@ mod tests {
 
     #[test]
     fn a_title_is_parted_before_what_is_known() {
-        let parts = |title: &str| parted(title).map(|(subject, title)| (subject, title.name));
+        let parts =
+            |title: &str| split_subject(title).map(|(subject, title)| (subject, title.name));
         let wanted = |subject: &str, name: &str| Some((subject.to_owned(), name.to_owned()));
         assert_eq!(parts("drone_x"), wanted("drone", "x_m"));
         assert_eq!(parts("droneX"), wanted("drone", "x_m"));

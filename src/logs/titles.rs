@@ -1,10 +1,10 @@
-//! Titles of columns: our name, and the unit, of the usual ones.
+//! Titles of columns: the standard name and the unit for each usual title.
 
 use super::recording::Column;
 use noctograph_core::files::{bracketed, simplified, unit};
 
-/// Our name of a column and its usual names, in lower case and without unit. `*` is each of the
-/// letters before them.
+/// Letters, standard name and usual names of columns, in lower case and without unit. `*` stands
+/// for each of the letters.
 const NAMES: [(&str, &str, &str); 18] = [
     (
         " ",
@@ -37,26 +37,27 @@ const NAMES: [(&str, &str, &str); 18] = [
 
 pub(super) const ANGLES: [&str; 3] = ["yaw_rad", "pitch_rad", "roll_rad"];
 
+/// A parsed title.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Title {
-    /// Our name, or an unknown title unchanged.
+    /// Standard name, or an unknown title unchanged.
     pub(super) name: String,
     pub(super) is_known: bool,
-    /// Size of the unit that it names.
+    /// Factor from the title's unit to SI units, if it names one.
     pub(super) unit: Option<f64>,
     /// The path before the quantity.
     pub(super) body: String,
-    /// A unit in brackets that is not known.
+    /// An unknown unit in brackets.
     pub(super) other_unit: Option<String>,
 }
 
-/// The column of a title under our name, in SI units if the title names one.
+/// Returns a column with the standard name of its title, in SI units if the title names a unit.
 pub(super) fn column_of(title: &str, values: Vec<f64>) -> Column {
     let Title { name, unit, .. } = Title::parse(title);
     in_si_units(name, unit, values)
 }
 
-/// A column in SI units, from one of some size.
+/// Returns a column in SI units, from values in `unit` if that is known.
 pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>) -> Column {
     let is_rate = name.starts_with('w') && name.ends_with("_body_rad_s");
     let is_open_angle = unit.is_none() && (is_rate || ANGLES.contains(&&*name));
@@ -64,32 +65,36 @@ pub(super) fn in_si_units(name: String, unit: Option<f64>, mut values: Vec<f64>)
     Column { name, values, is_open_angle, unknown: None }
 }
 
-/// Our name of a title, and the size of its unit if it names one. An unknown title stays unchanged.
+/// Returns the standard name of a title, and the factor to SI units if it names a unit. An unknown
+/// title stays unchanged.
 pub(super) fn meaning(title: &str) -> (String, Option<f64>) {
     let Title { name, unit, .. } = Title::parse(title);
     (name, unit)
 }
 
-fn known(name: &str) -> Option<String> {
-    NAMES.iter().find_map(|(letters, ours, names)| {
+/// Returns the standard name of a usual name without unit, `None` for any other.
+fn standard_name(name: &str) -> Option<String> {
+    NAMES.iter().find_map(|(letters, standard, names)| {
         letters.chars().map(String::from).find_map(|letter| {
             let mut names = names.split(' ');
             let is_usual = names.any(|usual| usual.replace('*', &letter) == name);
-            is_usual.then(|| ours.replace('*', &letter))
+            is_usual.then(|| standard.replace('*', &letter))
         })
     })
 }
 
 impl Title {
+    /// Returns a known title.
     fn known(name: String, unit: Option<f64>, body: String) -> Self {
         Self { name, is_known: true, unit, body, other_unit: None }
     }
 
+    /// Parses a title with a unit in brackets, without unit, or with a unit after `_`.
     pub(super) fn parse(title: &str) -> Self {
         let (bare, bracket) = bracketed(title);
-        let (body, bare) = path_end(bare);
+        let (body, bare) = split_path(bare);
         if let Some(bracket) = bracket
-            && let Some(name) = known(&simplified(&bare))
+            && let Some(name) = standard_name(&simplified(&bare))
         {
             let plain = simplified(bracket);
             let unit = unit(&plain, name == "t");
@@ -97,13 +102,13 @@ impl Title {
                 .filter(|_| unit.is_none() && !["", "utc"].contains(&&*plain));
             return Self { other_unit, ..Self::known(name, unit, body) };
         }
-        let simple = simplified(&path_end(title).1);
-        if let Some(name) = known(&simple) {
+        let simple = simplified(&split_path(title).1);
+        if let Some(name) = standard_name(&simple) {
             return Self::known(name, None, body);
         }
-        // A name that ends in its unit.
+        // Try each underscore as the start of a unit.
         match simple.match_indices('_').find_map(|(place, _)| {
-            let name = known(&simple[..place])?;
+            let name = standard_name(&simple[..place])?;
             let unit = unit(&simple[place + 1..], name == "t")?;
             Some((name, Some(unit)))
         }) {
@@ -113,15 +118,16 @@ impl Title {
     }
 }
 
-/// The path before a quantity of a pose, and the quantity's name. Another title stays unchanged.
-fn path_end(title: &str) -> (String, String) {
+/// Splits a path to a quantity of a pose into the part before it and the quantity's name. Another
+/// title stays unchanged, without a part before it.
+fn split_path(title: &str) -> (String, String) {
     let parts: Vec<&str> = title.split(['/', '.']).collect();
     if let [before @ .., group, axis] = &parts[..] {
         match &*group.to_lowercase() {
             "position" | "translation" => return (before.join("/"), format!("pos_{axis}")),
             "attitude" => return (before.join("/"), (*axis).to_owned()),
             "orientation" | "rotation" => return (before.join("/"), format!("q_{axis}")),
-            // The time of a message belongs to all that is in it.
+            // The time of a message is that of all its bodies.
             "header" => return (String::new(), format!("header_{axis}")),
             "stamp" => return (String::new(), format!("stamp_{axis}")),
             _ => {}

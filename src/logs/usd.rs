@@ -1,13 +1,14 @@
 //! Binary logs of the µSD-card deck, versions 1 and 2.
 //!
-//! `0xBC`, u16 version, u16 number of event types. Per type u16 id, name, u16 number of variables
-//! and each as `name(type)`, texts ending in a zero byte. Then records of u16 id, time (version 1:
-//! u32 ms, version 2: u64 µs) and the variables, packed. At the end the CRC32 of everything before.
-//! All little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of crazyflie-firmware.
+//! Header: `0xBC`, u16 version, u16 number of event types. For each type: u16 id, name, u16 number
+//! of variables, and each of these as `name(type)`. Texts end in a zero byte. Records: u16 id, time
+//! (version 1: u32 ms, version 2: u64 µs) and the variables, packed. End: CRC32 of the rest.
+//! All numbers are little-endian. Sources: `usddeck.c` and `tools/usdlog/cfusdlog.py` of
+//! crazyflie-firmware.
 //!
-//! A drone that is switched off while it logs leaves half a record and no CRC: such a file is read
-//! up to there, with a warning. A whole file that does not match its CRC is refused, except with
-//! [`Damaged::Recover`].
+//! A drone that is switched off while it logs leaves half a record and no CRC. Such a file is read
+//! up to that record, with a warning. A complete file that does not match its CRC is refused,
+//! except with [`Damaged::Recover`].
 
 use std::collections::BTreeMap;
 
@@ -18,12 +19,13 @@ use noctograph_core::files::{Budget, push};
 
 pub(super) const MAGIC: u8 = 0xBC;
 
-/// The times of version 1 have 32 bits of milliseconds.
+/// Version 1 has 32-bit times in milliseconds.
 const WRAP_V1_S: f64 = 4_294_967.296;
 
 const HINT: &str =
     "copy the file from the card again; if it is still damaged, recover its whole part";
 
+/// Reads a µSD log: a block for each event.
 pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     let Job { file, options, budget } = job;
     let mut cursor = Cursor { bytes, offset: 1, file };
@@ -32,12 +34,12 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         return Err(cursor.error(1, format_args!("version {version}"), "version 1 or 2"));
     }
     let mut events = cursor.header()?;
-    // The CRC decides how much of the rest is records, and what a broken one means.
+    // With a right CRC, its four bytes are not records.
     let body = &bytes[cursor.offset..];
-    let whole = bytes.split_last_chunk::<4>().is_some_and(|(before, crc)| {
+    let is_crc_right = bytes.split_last_chunk::<4>().is_some_and(|(before, crc)| {
         before.len() >= cursor.offset && crc32fast::hash(before) == u32::from_le_bytes(*crc)
     });
-    let end = if whole { body.len() - 4 } else { body.len() };
+    let end = if is_crc_right { body.len() - 4 } else { body.len() };
     let (length, is_cut_off, damage) = records(&body[..end], version, &mut events, budget)?;
     let n: usize = events.values().map(|event| event.block.time_s.len()).sum();
     let mut log = Recording {
@@ -45,9 +47,9 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
         is_on_card: true,
         ..Recording::new(file)
     };
-    if !whole || length < end {
+    if !is_crc_right || length < end {
         let byte = cursor.offset + length;
-        if (whole || !is_cut_off) && options.damaged == Damaged::Refuse {
+        if (is_crc_right || !is_cut_off) && options.damaged == Damaged::Refuse {
             let wanted = "records of known events, then the CRC32 of all bytes before it";
             return Err(cursor.error(byte, damage, wanted));
         }
@@ -57,16 +59,18 @@ pub(super) fn read(bytes: &[u8], job: Job<'_>) -> Result<Recording> {
     Ok(log)
 }
 
+/// An event type, with the records read so far.
 struct Event {
     decoders: Vec<Decoder>,
     n_bytes: usize,
     block: Block,
 }
 
+/// Steps of reading a number.
 const STEPS: usize = 5;
 
-/// Reads records as long as there are any. Returns their bytes, true if the log may be cut off
-/// there, and why they end before its CRC.
+/// Reads records up to the first that is incomplete or unknown. Returns the number of bytes read,
+/// true if the log may be cut off there, and the reason.
 fn records(
     body: &[u8],
     version: u16,
@@ -74,7 +78,7 @@ fn records(
     budget: &Budget,
 ) -> Result<(usize, bool, String)> {
     const SHORT: &str = "the log is cut off within a record";
-    let n_head = if version == 1 { 6 } else { 10 };
+    let n_header_bytes = if version == 1 { 6 } else { 10 };
     let zeros_from = body.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
     let mut offset = 0;
     loop {
@@ -84,13 +88,13 @@ fn records(
             return Ok((offset, true, if rest.is_empty() { between } else { SHORT }.into()));
         };
         let id = u16::from_le_bytes(*id);
-        // A record of zeros has no time: the drone's counter runs since it was switched on. They
-        // are clusters of the card that the file was given, and that were never written.
+        // Zeros are not a record, since the drone's counter is never zero. They are clusters of the
+        // card that were allocated and never written.
         if id == 0 && rest.len() > 4 && offset >= zeros_from {
             return Ok((offset, true, "zeros up to the end: the log was cut off".into()));
         }
         let Some(event) = events.get_mut(&id) else {
-            // Four bytes that begin no record are probably a CRC.
+            // Four bytes that are not the start of a record are probably a CRC.
             let damage = match rest.len() {
                 4 => {
                     "the CRC does not match: bytes were changed after they were written".to_owned()
@@ -99,24 +103,24 @@ fn records(
             };
             return Ok((offset, false, damage));
         };
-        if rest.len() < n_head + event.n_bytes {
+        if rest.len() < n_header_bytes + event.n_bytes {
             return Ok((offset, true, SHORT.into()));
         }
         let n_numbers = 1 + event.decoders.len();
         budget.bytes(size_of::<f64>() * n_numbers)?;
         budget.steps(STEPS * n_numbers)?;
-        push(&mut event.block.time_s, stamp_s(&rest[2..n_head]));
-        let mut values = &rest[n_head..];
+        push(&mut event.block.time_s, stamp_s(&rest[2..n_header_bytes]));
+        let mut values = &rest[n_header_bytes..];
         for ((n_bytes, number), column) in event.decoders.iter().zip(&mut event.block.columns) {
             let (value, after) = values.split_at(*n_bytes);
             push(&mut column.values, number(value));
             values = after;
         }
-        offset += n_head + event.n_bytes;
+        offset += n_header_bytes + event.n_bytes;
     }
 }
 
-/// Four bytes of ms or eight bytes of µs.
+/// Returns the seconds in four bytes of ms or eight bytes of µs.
 fn stamp_s(bytes: &[u8]) -> f64 {
     let mut wide = [0; 8];
     wide[..bytes.len()].copy_from_slice(bytes);
@@ -124,10 +128,10 @@ fn stamp_s(bytes: &[u8]) -> f64 {
     if bytes.len() == 4 { count / 1e3 } else { count / 1e6 }
 }
 
-/// The number of bytes of a type, and the number that they hold.
+/// Number of bytes of a type, and the function that decodes them.
 type Decoder = (usize, fn(&[u8]) -> f64);
 
-/// The decoder of a type, by its letter in Python's `struct`.
+/// Returns the decoder of a type, given by its letter in Python's `struct`.
 fn decoder(kind: &str) -> Option<Decoder> {
     macro_rules! decoder {
         ($type:ty, $number:expr) => {
@@ -154,6 +158,7 @@ fn decoder(kind: &str) -> Option<Decoder> {
     }
 }
 
+/// A reading position in a log.
 struct Cursor<'a> {
     bytes: &'a [u8],
     offset: usize,
@@ -161,7 +166,7 @@ struct Cursor<'a> {
 }
 
 impl Cursor<'_> {
-    /// Reads the header of a µSD log: its events by number.
+    /// Reads the header of a µSD log. Returns its events by number.
     fn header(&mut self) -> Result<BTreeMap<u16, Event>> {
         let n_events = self.u16("the number of event types")?;
         let (mut events, mut n_all) = (BTreeMap::new(), 0);
@@ -189,14 +194,14 @@ impl Cursor<'_> {
                     let wanted = "name(type) with a type of b B h H i I q Q e f d";
                     return Err(self.error(start, format!("{text:?}"), wanted));
                 };
-                // Variables of the log table have a group, those of other events have none.
-                let full = match variable.contains('.') {
+                // Variables of the log table have a group. Others get the event's name.
+                let full_name = match variable.contains('.') {
                     true => variable.to_owned(),
                     false => format!("{name}.{variable}"),
                 };
                 event.n_bytes += decoder.0;
                 event.decoders.push(decoder);
-                event.block.columns.push(Column::new(full, Vec::new()));
+                event.block.columns.push(Column::new(full_name, Vec::new()));
             }
             if events.insert(id, event).is_some() {
                 return Err(self.error(start, format!("event {id} twice"), "one event per number"));
@@ -205,27 +210,30 @@ impl Cursor<'_> {
         Ok(events)
     }
 
-    fn u16(&mut self, what: &str) -> Result<u16> {
+    /// Reads two bytes. `wanted_item` names them in the error.
+    fn u16(&mut self, wanted_item: &str) -> Result<u16> {
         let Some((number, _)) = self.bytes[self.offset..].split_first_chunk::<2>() else {
-            return Err(self.error(self.offset, "the end of the file", what));
+            return Err(self.error(self.offset, "the end of the file", wanted_item));
         };
         self.offset += 2;
         Ok(u16::from_le_bytes(*number))
     }
 
-    fn text(&mut self, what: &str) -> Result<String> {
+    /// Reads a text up to its zero byte. `wanted_item` names it in the error.
+    fn text(&mut self, wanted_item: &str) -> Result<String> {
         let rest = &self.bytes[self.offset..];
         let Some(length) = rest.iter().take(256).position(|byte| *byte == 0) else {
-            let wanted = format!("{what}, which ends in one");
+            let wanted = format!("{wanted_item}, which ends in one");
             return Err(self.error(self.offset, "no zero byte", wanted));
         };
         let Ok(text) = std::str::from_utf8(&rest[..length]) else {
-            return Err(self.error(self.offset, "bytes that are no text", what));
+            return Err(self.error(self.offset, "bytes that are no text", wanted_item));
         };
         self.offset += length + 1;
         Ok(text.to_owned())
     }
 
+    /// Returns an error at a byte of the log.
     fn error(&self, byte: usize, text: impl std::fmt::Display, wanted: impl Into<String>) -> Error {
         Error::input(format!("byte {byte}"), text, wanted, HINT).in_file(self.file, None)
     }

@@ -1,4 +1,4 @@
-//! Characters and the net's classes: which classes count as a character.
+//! Characters and classes of the net: which classes count as a character.
 //!
 //! The net has 62 characters: A–Z, a–z and 0–9. Characters that look the same count as one: the
 //! cases of a letter, O and 0, I and i and l and 1, a letter with and without its accent, and
@@ -19,7 +19,7 @@ pub(super) const NAMES: &[u8; 36] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789";
 /// A set of classes, one bit for each.
 pub(super) type Classes = u64;
 
-/// Nothing between two letters.
+/// The blank between two letters.
 pub(super) const BLANK: Classes = 1;
 
 /// Light that no letter explains.
@@ -34,6 +34,7 @@ const SHAPES: &str = "AÀÁÂÃÄÅĀĂĄǍАΑ BВΒƁ CÇĆĈĊČСϹ DĎĐÐ�
 const LATIN_WITH_MARKS: [core::ops::RangeInclusive<char>; 3] =
     ['\u{c0}'..='\u{259}', '\u{1e00}'..='\u{1e99}', '\u{1ea0}'..='\u{1ef9}'];
 
+/// True of a Latin letter with a mark, such as an accent, or another letter of these blocks.
 fn has_mark(character: char) -> bool {
     LATIN_WITH_MARKS.iter().any(|block| block.contains(&character))
 }
@@ -44,7 +45,7 @@ const OTHER_LETTERS: &str = "ßẞ:B ÆæǼǽ:AE Œœ:OE Ĳĳ:IJ Þþ:P Ŋŋ:N �
 /// Sharp s, small and capital.
 const SHARP_S: [char; 2] = ['ß', 'ẞ'];
 
-/// The Latin letter or digit of a character's shape, in its case, or `None` if there is none.
+/// Returns the Latin letter or digit that a character looks like, in the character's case.
 pub(super) fn latin(character: char) -> Option<char> {
     if character.is_ascii_alphanumeric() {
         return Some(character);
@@ -67,13 +68,13 @@ pub(super) fn latin(character: char) -> Option<char> {
     Some(with_case_of(shape.chars().next()?, character))
 }
 
-/// The letters near the shape of a letter of [`OTHER_LETTERS`].
+/// Returns the letters that a letter of [`OTHER_LETTERS`] looks like, `None` for other characters.
 fn near_shapes(character: char) -> Option<&'static str> {
     let mut rows = OTHER_LETTERS.split(' ').filter_map(|row| row.split_once(':'));
     rows.find_map(|(letters, near)| letters.contains(character).then_some(near))
 }
 
-/// The two letters of a ligature, in its case.
+/// Returns the two letters of a ligature, in its case, or `None` for other characters.
 pub(super) fn ligature(character: char) -> Option<[char; 2]> {
     let mut letters = near_shapes(character)?.chars().map(|near| with_case_of(near, character));
     Some([letters.next()?, letters.next()?])
@@ -84,12 +85,12 @@ pub(super) fn is_untrained(character: char) -> bool {
     has_mark(character) || near_shapes(character).is_some()
 }
 
-/// The class of a character of the net.
+/// Returns the class of a character, or `None` if it is not one of the net's.
 pub(super) fn class_of(character: char) -> Option<usize> {
-    CHARACTERS.iter().position(|known| char::from(*known) == character).map(|index| index + 1)
+    CHARACTERS.iter().position(|listed| char::from(*listed) == character).map(|index| index + 1)
 }
 
-/// The classes that count as a character, or `None` if the net does not know it.
+/// Returns the classes that count as a character, or `None` if the net has none for it.
 pub(super) fn classes_of(character: char) -> Option<Classes> {
     let mark = if is_untrained(character) { NO_LETTER } else { 0 };
     let classes = match latin(character)? {
@@ -106,13 +107,13 @@ pub(super) fn classes_of(character: char) -> Option<Classes> {
     Some(classes | mark)
 }
 
-/// True of a letter or digit that nobody can judge. A modifier letter, as in Uzbek, is punctuation.
+/// True of a letter or digit without classes. A modifier letter, as in Uzbek, is punctuation.
 pub(super) fn is_foreign(character: char) -> bool {
     let is_modifier = ('\u{2b0}'..='\u{2ff}').contains(&character);
     character.is_alphanumeric() && !is_modifier && classes_of(character).is_none()
 }
 
-/// The classes of the same shape as a character, whatever its size.
+/// Returns the classes with the shape of a character, whatever their size.
 pub(super) fn alike(character: char) -> Classes {
     match character {
         'O' | 'o' | '0' => set_of("Oo0"),
@@ -124,18 +125,19 @@ pub(super) fn alike(character: char) -> Classes {
     }
 }
 
-/// A letter in the case of another one.
+/// Returns `letter` in the case of `other`.
 pub(super) fn with_case_of(letter: char, other: char) -> char {
     if other.is_lowercase() { letter.to_ascii_lowercase() } else { letter }
 }
 
-/// Names with their classes: no class twice, and none of `taken`.
+/// Returns letters and digits with their classes. A class in `taken`, or of an earlier name, is
+/// left out, and so is a name without classes.
 pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classes)> {
     let (letters, digits) = NAMES.split_at(26);
     let order = if digits_first { [digits, letters] } else { [letters, digits] };
     let mut names = Vec::new();
     for name in order.into_iter().flatten().map(|name| char::from(*name)) {
-        let free = classes_of(name).expect("the net knows its names") & !taken;
+        let free = classes_of(name).expect("names are characters of the net") & !taken;
         taken |= free;
         if free != 0 {
             names.push((name, free));
@@ -145,7 +147,7 @@ pub(super) fn names(mut taken: Classes, digits_first: bool) -> Vec<(char, Classe
 }
 
 /// True if a reading spells a word. Characters of equal shape are equal. Cases, marks, punctuation
-/// and spaces do not count. A small l has the shape of an I, and is the small letter of L.
+/// and spaces are ignored. A small l equals both I and L.
 pub(super) fn spells(reading: &str, word: &str) -> bool {
     let read = reading.chars().filter(|c| !c.is_whitespace()).map(shape);
     let wanted = word.chars().filter(|c| classes_of(*c).is_some()).map(shape);
@@ -153,7 +155,7 @@ pub(super) fn spells(reading: &str, word: &str) -> bool {
         && read.zip(wanted).all(|(read, wanted)| read & wanted != 0)
 }
 
-/// The capitals and digits whose shape is that of a character.
+/// Returns the capitals and digits that have the shape of a character.
 fn shape(character: char) -> Classes {
     let mark = if has_mark(character) { NO_LETTER } else { 0 };
     mark | match latin(character) {
@@ -166,15 +168,17 @@ fn shape(character: char) -> Classes {
     }
 }
 
-/// Classes of a character of a reading. `?` is light that no letter explains.
+/// Returns the classes of a character in a reading. `?` is light that no letter explains.
 pub(super) fn seen_as(character: char) -> Classes {
     classes_of(character).unwrap_or(NO_LETTER)
 }
 
+/// Returns the class of a character as a set, empty if the net lacks it.
 fn bit(character: char) -> Classes {
     class_of(character).map_or(0, |class| 1 << class)
 }
 
+/// Returns the classes of several characters.
 fn set_of(characters: &str) -> Classes {
     characters.chars().fold(0, |set, character| set | bit(character))
 }

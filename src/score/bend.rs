@@ -1,8 +1,6 @@
 //! Strokes and their light. Each intended stroke is moved sideways onto its light, so that the
-//! stroke of a drone off its path is not missing. Parts without light then are gaps, and lines
-//! without a stroke are extra.
-//!
-//! Strokes only move across their own direction: along it, light may be missing.
+//! stroke of a drone beside its path is not missing. Parts without light are gaps then, and lines
+//! without a stroke are extra. Strokes only move sideways, since light may be missing along them.
 
 use std::ops::Range;
 
@@ -18,17 +16,20 @@ use noctograph_core::statistics::median;
 /// Turns sharper than this end a stroke: 40 degrees. Polygons for round letters turn by less.
 const CORNER_RAD: f64 = 40.0 * core::f64::consts::PI / 180.0;
 
-/// Farthest that a stroke is moved: 0.25 H, as far as a letter may be shifted.
+/// Largest sideways move of a stroke: 0.25 H, like the largest shift of a letter.
 const REACH_PX: i32 = 8;
 
-/// Light that is wider than this across a stroke is another stroke's, or a blot: 0.2 H.
+/// Light that is wider than this across a stroke belongs to another stroke, or is a spot: 0.2 H.
 const WIDEST_PX: i32 = 6;
 
 /// Half-width of the running median over the offsets, in points: 0.2 H.
 const AROUND: usize = 6;
 
-/// How far from its stroke light may be: 0.10 H.
+/// Largest distance between a stroke and its light: 0.10 H.
 const TOLERANCE_PX: f64 = 0.1 * PX_PER_H as f64;
+
+/// Largest distance between a neighbor's stroke and its light, since that stroke is not moved.
+const BESIDE_PX: f64 = 1.5 * TOLERANCE_PX;
 
 /// Least length of a gap, without `CLOSE_PX` at each end: 0.12 H. A cut corner leaves as much.
 const LEAST_GAP_PX: f64 = 0.12 * PX_PER_H as f64;
@@ -39,32 +40,32 @@ const CUT_PX: usize = 6;
 /// Least length of a line of extra light: 0.1 H.
 const LEAST_EXTRA_PX: f64 = 3.2;
 
-/// Strokes of a letter where their light is.
+/// Strokes of a letter, moved onto their light.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bent {
     /// The runs of the pen.
     pub(super) runs: Vec<Run>,
     /// Mean distance of the light from the intended strokes, where there is light.
-    pub(super) off_px: f64,
+    pub(super) mean_offset_px: f64,
 }
 
 /// A run of the pen.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Run {
-    /// Its points as intended, a pixel apart.
+    /// Intended points, a pixel apart.
     pub(super) intended: Vec<Point>,
-    /// The same where the light is.
+    /// The same points, moved onto the light.
     pub(super) on_light: Vec<Point>,
-    /// Indices of the points at which it turns a corner.
+    /// Indices of the points at corners.
     corners: Vec<usize>,
 }
 
 /// A part of the intended strokes that has no light.
 #[derive(Clone, Debug)]
 pub(super) struct Gap {
-    /// Which run of the pen, from 0.
+    /// Index of the run of the pen.
     pub(super) stroke: usize,
-    /// Its start and end along the run.
+    /// Start and end of the gap along the run.
     pub(super) along_px: [f64; 2],
     /// The points of the gap, a pixel apart.
     pub(super) points: Vec<Point>,
@@ -73,14 +74,14 @@ pub(super) struct Gap {
 /// A line of light without an intended stroke.
 #[derive(Clone, Debug)]
 pub(super) struct ExtraLine {
-    /// Its pixels' middles.
+    /// Centers of the line's pixels.
     pub(super) points: Vec<Point>,
-    /// Lit pixels within reach of the line, by its length: how thick it is.
+    /// Lit pixels near the line, divided by its length.
     pub(super) thick_px: f64,
 }
 
 impl Bent {
-    /// The strokes on their light as segments.
+    /// Returns the segments of the strokes on their light.
     pub(super) fn segments(&self) -> Vec<Line> {
         let pairs = self.runs.iter().flat_map(|run| run.on_light.windows(2));
         pairs.map(|pair| Line::new(pair[0], pair[1])).collect()
@@ -88,7 +89,7 @@ impl Bent {
 }
 
 impl Run {
-    /// True if dark points are a corner that a trailing drone has cut: nothing is missing there.
+    /// True if a dark stretch is a corner that a lagging drone has cut: nothing is missing there.
     fn is_cut_corner(&self, dark: &Range<usize>) -> bool {
         let mut corners = self.corners.iter();
         dark.start > 0
@@ -99,32 +100,34 @@ impl Run {
             })
     }
 
-    /// The gap of some dark points.
+    /// Returns the gap at a dark stretch, with the tolerance at its ends added.
     fn gap(&self, stroke: usize, dark: Range<usize>) -> Gap {
-        // Light ends a bit before the first point that it is no longer near.
+        // Points near the last light count as lit, so that the light ends before the dark points.
         let reach = whole(CLOSE_PX);
         let from = dark.start.saturating_sub(reach);
         let to = (dark.end + reach).min(self.on_light.len());
-        // The missing part went on where the light before it ended, or after it begins.
-        let beside = if from > 0 { from - 1 } else { to.min(self.on_light.len() - 1) };
-        let offset = self.on_light[beside] - self.intended[beside];
+        // The missing part is drawn with the offset of the light before it, or else after it.
+        let neighbor = if from > 0 { from - 1 } else { to.min(self.on_light.len() - 1) };
+        let offset = self.on_light[neighbor] - self.intended[neighbor];
         let points = self.intended[from..to].iter().map(|point| *point + offset).collect();
         Gap { stroke, along_px: [from as f64, to as f64], points }
     }
 }
 
 impl LightLines {
-    /// Moves runs of the pen onto their light.
+    /// Moves runs of the pen sideways onto their light.
     pub(super) fn bend(&self, runs: &[Vec<Line>]) -> Bent {
         let mut bent = Bent::default();
         let (mut sum_px, mut n_lit) = (0.0, 0);
         for segments in runs {
             let mut run = Run::default();
-            // Offsets are smoothed within a stroke: behind a corner, they have another direction.
+            // Offsets are smoothed between corners, since they have another direction after one.
             for stroke in segments.chunk_by(|a, b| turn(*a, *b) < CORNER_RAD) {
                 run.corners.push(run.on_light.len());
-                let points: Vec<(Point, Vec2)> =
-                    stroke.iter().flat_map(|s| walk(*s).map(|point| (point, normal(*s)))).collect();
+                let points: Vec<(Point, Vec2)> = stroke
+                    .iter()
+                    .flat_map(|s| pixel_steps(*s).map(|point| (point, normal(*s))))
+                    .collect();
                 let offsets: Vec<Option<f64>> =
                     points.iter().map(|(point, across)| self.offset(*point, *across)).collect();
                 sum_px += offsets.iter().flatten().map(|offset| offset.abs()).sum::<f64>();
@@ -136,11 +139,11 @@ impl LightLines {
             }
             bent.runs.push(run);
         }
-        bent.off_px = sum_px / n_lit.max(1) as f64;
+        bent.mean_offset_px = sum_px / n_lit.max(1) as f64;
         bent
     }
 
-    /// Offset of the nearest light across a stroke, or `None` if there is none.
+    /// Returns the offset from a stroke to the nearest narrow light across it, if there is any.
     fn offset(&self, point: Point, across: Vec2) -> Option<f64> {
         let mut nearest: Option<f64> = None;
         let mut first_lit = None;
@@ -163,13 +166,15 @@ impl LightLines {
         nearest
     }
 
+    /// True if the pixel at a point is lit, false outside the page.
     fn is_lit(&self, Point { x, y }: Point) -> bool {
         let height = self.lit.len() / self.width;
         let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < height as f64;
         inside && self.lit[whole(y) * self.width + whole(x)]
     }
 
-    /// Gaps in runs of the pen, except those that `is_lost` explains, and the fraction with light.
+    /// Returns the gaps in runs of the pen, and the fraction of points with light. A small gap is
+    /// left out unless `is_lost` is true of its points.
     pub(super) fn gaps(&self, bent: &Bent, is_lost: impl Fn(&[Point]) -> bool) -> (Vec<Gap>, f64) {
         let (mut gaps, mut n_points, mut n_lit) = (Vec::new(), 0, 0);
         for (stroke, run) in bent.runs.iter().enumerate() {
@@ -192,7 +197,8 @@ impl LightLines {
         (gaps, n_lit as f64 / n_points.max(1) as f64)
     }
 
-    /// Lines away from the intended strokes, and the fraction of the letter's lines near them.
+    /// Returns the lines of light away from the strokes `own` and `beside`, those of the letter and
+    /// of its neighbors, and the fraction of the letter's light that is near `own`.
     pub(super) fn extra_lines(&self, own: &[Line], beside: &[Line]) -> (Vec<ExtraLine>, f64) {
         let mut far = vec![false; self.thin.len()];
         let (mut n_own, mut n_far) = (0_u32, 0_u32);
@@ -201,7 +207,7 @@ impl LightLines {
             far[index] = distance(point, own) > TOLERANCE_PX;
             if !far[index] {
                 n_own += 1;
-            } else if distance(point, beside) > 1.5 * TOLERANCE_PX {
+            } else if distance(point, beside) > BESIDE_PX {
                 n_far += 1;
             } else {
                 far[index] = false;
@@ -227,33 +233,33 @@ impl LightLines {
     }
 }
 
-/// Distance of a point from the nearest of some segments.
+/// Returns the distance from a point to the nearest segment.
 pub(super) fn distance(point: Point, segments: &[Line]) -> f64 {
     let ends = segments.iter().map(|segment| [xy(segment.p0), xy(segment.p1)]);
     ends.map(|ends| segment_distance(xy(point), ends)).fold(f64::INFINITY, f64::min)
 }
 
-/// Middles of the parts of a segment, which are a pixel long at most.
-fn walk(segment: Line) -> impl Iterator<Item = Point> {
+/// Cuts a segment into equal parts of at most a pixel, and returns their middles.
+fn pixel_steps(segment: Line) -> impl Iterator<Item = Point> {
     let Vec2 { x, y } = segment.p1 - segment.p0;
     let n_steps = whole(libm::hypot(x, y).ceil());
     (0..n_steps).map(move |step| segment.p0.lerp(segment.p1, (step as f64 + 0.5) / n_steps as f64))
 }
 
-/// Angle between two segments of a run of the pen, 0 to π.
+/// Returns the angle between two segments, 0 to π.
 fn turn(a: Line, b: Line) -> f64 {
     let [a, b] = [a, b].map(|line| line.p1 - line.p0);
     libm::atan2(a.cross(b), a.dot(b)).abs()
 }
 
-/// Unit vector across a segment, to its left on the page.
+/// Returns the unit vector across a segment.
 fn normal(segment: Line) -> Vec2 {
     let Vec2 { x, y } = segment.p1 - segment.p0;
     let length = libm::hypot(x, y);
     Vec2::new(-y / length, x / length)
 }
 
-/// The median of the offsets around a point, over a wider range if there is no light.
+/// Returns the median of the offsets around a point, over a wider range if there is no light.
 fn smooth(offsets: &[Option<f64>], index: usize) -> f64 {
     let mut reach = AROUND;
     loop {
@@ -283,7 +289,7 @@ mod tests {
         let bent = trace.bend(&[vec![Line::new((10.0, 9.5), (60.0, 9.5))]]);
         let on_light = &bent.runs[0].on_light;
         assert!(on_light.iter().all(|point| (point.y - 13.5).abs() < 1.0), "{bent:?}");
-        assert!((bent.off_px - 4.0).abs() < 1.0, "{}", bent.off_px);
+        assert!((bent.mean_offset_px - 4.0).abs() < 1.0, "{}", bent.mean_offset_px);
         let (gaps, recall) = trace.gaps(&bent, |_| false);
         let [from, to] = gaps[0].along_px;
         assert!((from - 30.0).abs() <= 1.0 && to == 50.0, "{from} to {to}");

@@ -4,24 +4,24 @@ use serde::Serialize;
 
 use super::lattice::Choice;
 
-/// Range of a letter's log-odds. One letter that is surely wrong, or surely right, counts no more.
+/// Range of a letter's log-odds, which limits the weight of one letter.
 const LOG_ODDS: [f64; 2] = [-9.0, 8.0];
 
-/// Least probability against the expected letter, in its log-odds.
+/// Least probability of other letters, so that log-odds stay finite.
 const LEAST_REST: f64 = 5e-4;
 
 /// Largest log-odds against the rival word, either way.
 const MOST_RIVAL: f64 = 9.0;
 
-/// Least mean of ln p of the spelling, and the mean of words and names.
+/// Least mean of ln p of the spelling, and its mean over words and names.
 const LEAST_SPELLING: f64 = -4.0;
 const MEAN_SPELLING: f64 = -2.2;
 
-/// Method of a verdict's readability:
-/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))` of the mean log-odds
-/// `m` of the letters, the log-odds `r` of the word against its rival, and how usual its spelling
-/// `s` is: the mean of ln p over its letters, each after the four before it, above −2.2, times 1 −
-/// m / 8, for m from 0 to 8.
+/// Logistic regression of the readability:
+/// `1 / (1 + exp(−(constant + mean_log_odds · m + rival · r + spelling · s)))`.
+/// `m` is the mean log-odds of the letters, and `r` the log-odds of the word against its rival.
+/// `s` says how usual the spelling is: the mean over its letters of ln p, each after the four
+/// before it, plus 2.2, times 1 − m / 8 for m from 0 to 8.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Calibration {
     /// Readers whose reading it predicts.
@@ -46,18 +46,18 @@ pub const CALIBRATION: Calibration = Calibration {
     spelling: 1.192,
 };
 
-/// Probability that a viewer reads a word, from the choices in its places, ln of its odds against
-/// the likeliest other word, and the mean of ln p of its spelling.
+/// Returns the probability that a viewer reads a word. `choices` has one for each letter, and
+/// `ln_odds_of_word` is against the likeliest other word.
 pub(super) fn readability(choices: &[Choice], ln_odds_of_word: f64, ln_p_of_spelling: f64) -> f64 {
     let odds = choices.iter().map(|choice| choice.p / (1.0 - choice.p).max(LEAST_REST));
     let log_odds = odds.map(|odds| libm::log(odds).clamp(LOG_ODDS[0], LOG_ODDS[1]));
     let mean = log_odds.sum::<f64>() / choices.len().max(1) as f64;
-    let against = ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
+    let rival_log_odds = ln_odds_of_word.clamp(-MOST_RIVAL, MOST_RIVAL);
     // Clear letters are read, however unusual the word is.
     let unclear = 1.0 - mean.clamp(0.0, LOG_ODDS[1]) / LOG_ODDS[1];
-    let usual = unclear * (ln_p_of_spelling.max(LEAST_SPELLING) - MEAN_SPELLING);
+    let usualness = unclear * (ln_p_of_spelling.max(LEAST_SPELLING) - MEAN_SPELLING);
     let Calibration { constant, mean_log_odds, rival, spelling, .. } = CALIBRATION;
-    let sum = constant + mean_log_odds * mean + rival * against + spelling * usual;
+    let sum = constant + mean_log_odds * mean + rival * rival_log_odds + spelling * usualness;
     1.0 / (1.0 + libm::exp(-sum))
 }
 

@@ -5,32 +5,32 @@ use serde::{Deserialize, Serialize};
 use noctograph_core::error::{Error, Result};
 use noctograph_core::geometry::distance;
 
-/// A fault in the photo, and the letter's gain without it.
+/// A fault in the photo, and the gain from mending it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cause {
-    /// Its kind.
+    /// Kind of the fault.
     pub kind: CauseKind,
-    /// Index of the letter, from 0, or `None` if it concerns the whole word.
+    /// Index of the letter, from 0, or `None` if the fault concerns the whole word.
     pub letter: Option<usize>,
     /// Length, distance or width in the plane of the word.
     pub length_mm: Option<f64>,
-    /// Its middle in the plane of the word, to the right and up.
+    /// Middle of the fault in the plane of the word, to the right and up.
     pub at_m: Option<[f64; 2]>,
     /// The part of a stroke that is missing.
     pub missing: Option<MissingRun>,
     /// Delay of the lamp, if light leads from stroke to stroke and the speed is known.
     pub lamp_delay_s: Option<f64>,
-    /// First and last moment of the gap in the log that a part of a stroke is missing for.
+    /// Start and end of the log gap in which a part of a stroke is missing.
     pub log_gap_s: Option<[f64; 2]>,
-    /// The letter that it looks like, for a fault of design.
+    /// The letter that this one looks like, for a fault of design.
     pub reads_as: Option<char>,
     /// Gain in the letter's probability, −1 to 1, when the photo is read without the fault. `None`
-    /// if the fault cannot be taken out.
+    /// if the fault cannot be removed.
     pub gain: Option<f64>,
 }
 
 impl Cause {
-    /// A fault of a kind, without measures.
+    /// Returns a fault of `kind` without measures.
     pub(super) fn new(kind: CauseKind, letter: Option<usize>) -> Self {
         Self { kind, letter, ..Self::default() }
     }
@@ -39,11 +39,11 @@ impl Cause {
 /// A part of an intended stroke without light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MissingRun {
-    /// The run of the pen within the letter, from 0.
+    /// Index of the run of the pen within the letter.
     pub stroke: usize,
-    /// Start along the run.
+    /// Start of the missing part along the run.
     pub from_mm: f64,
-    /// End along the run.
+    /// End of the missing part along the run.
     pub to_mm: f64,
 }
 
@@ -58,7 +58,7 @@ pub enum CauseKind {
     LogGap,
     /// Light leads from one stroke to the next, where it should be off.
     LitTransit,
-    /// Light comes from the floor or goes there.
+    /// Light leads from the floor or to it.
     Streak,
     /// A spot of light beside the strokes, where the drone waited.
     DwellBlob,
@@ -66,7 +66,7 @@ pub enum CauseKind {
     Overlap,
     /// Other light beside the strokes.
     OtherStray,
-    /// The letter is beside its place.
+    /// The letter is beside its intended position.
     Shifted,
     /// Lines are much wider than a pen.
     Glow,
@@ -74,7 +74,7 @@ pub enum CauseKind {
     FewPixels,
     /// The light is hardly brighter than the noise.
     Dim,
-    /// Even drawn without fault, the letter looks like another one: a flaw of its font.
+    /// The font's letter looks like another one, even when drawn without fault.
     Design,
     /// Light runs beside the intended strokes: the drone flew beside its path.
     OffPath,
@@ -83,29 +83,29 @@ pub enum CauseKind {
 /// A sentence of advice.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Advice {
-    /// The kind of fault that it removes.
+    /// The kind of fault that the advice removes.
     pub kind: CauseKind,
     /// A sentence for people.
     pub text: String,
     /// Gain in readability, 0 to 1, when the photo is read without any fault of the kind. `None` if
-    /// these cannot be taken out.
+    /// these cannot be removed.
     pub gain: Option<f64>,
 }
 
-/// A gap in the log of a flight. Its photo is dark there: the place of the lamps is unknown.
+/// A gap in the log of a flight. The photo is dark there, since the lamps' position is unknown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogGap {
-    /// Last moment before it and first one after it, on the clock of the flight.
+    /// Times of the last sample before the gap and the first after it, on the flight's clock.
     pub span_s: [f64; 2],
-    /// Where the drone was then, in the plane of the word, to the right and up.
+    /// Positions of the drone at these times, in the plane of the word, to the right and up.
     pub ends_m: [[f64; 2]; 2],
-    /// Longest path that the lamps can have taken from the one to the other.
+    /// Longest path that the lamps can have taken between these positions.
     pub way_m: f64,
 }
 
 impl LogGap {
-    /// Gaps from the JSON in a photo of a log. `place` is their place in messages.
+    /// Parses the gaps in a photo's metadata. `place` names these in error messages.
     ///
     /// # Errors
     ///
@@ -117,30 +117,31 @@ impl LogGap {
         })
     }
 
-    /// True if the lamps can have been at a point then: within the ellipse about the ends.
-    pub(super) fn may_hold(&self, at_m: [f64; 2]) -> bool {
-        let away_m = self.ends_m.iter().map(|end| distance(*end, at_m));
-        away_m.sum::<f64>() <= self.way_m
+    /// True if the lamps can have been at a point during the gap. These points are an ellipse whose
+    /// foci are the ends.
+    pub(super) fn may_hold(&self, point_m: [f64; 2]) -> bool {
+        let distances_m = self.ends_m.iter().map(|end| distance(*end, point_m));
+        distances_m.sum::<f64>() <= self.way_m
     }
 }
 
-/// Facts of the flight, as far as they are known.
+/// Known facts about the flight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Known {
     /// Speed along the strokes.
     pub speed_m_s: Option<f64>,
-    /// Mean distance off the path.
+    /// Mean distance from the path.
     pub contour_m: Option<f64>,
     /// Lag of the drone behind its setpoints.
     pub lag_s: Option<f64>,
-    /// Gaps of its log that the photo leaves dark, in order of time.
+    /// Gaps in the log that are dark in the photo, sorted by time.
     pub gaps: Vec<LogGap>,
 }
 
-/// Shorter lags of a drone behind its setpoints are not named.
+/// Least lag behind the setpoints that a sentence mentions.
 const LEAST_LAG_S: f64 = 0.02;
 
-/// The sentence for all faults of a kind.
+/// Returns the sentence of advice for all faults of a kind.
 pub(super) fn sentence(
     kind: CauseKind,
     causes: &[&Cause],
@@ -149,54 +150,54 @@ pub(super) fn sentence(
 ) -> String {
     use CauseKind as Kind;
 
-    // Lengths of missing or extra light add up. Of distances and widths, the greatest is named.
-    let named = named(causes, letters);
+    // Lengths of missing or extra light add up, and the greatest distance or width counts.
+    let named_letters = named_letters(causes, letters);
     let length_mm: f64 = causes.iter().filter_map(|cause| cause.length_mm).sum();
     let most_mm = causes.iter().filter_map(|cause| cause.length_mm).fold(0.0, f64::max);
     let delays = causes.iter().filter_map(|cause| cause.lamp_delay_s).fold(0.0, f64::max);
     let lag_s = known.lag_s.filter(|lag_s| *lag_s >= LEAST_LAG_S);
     match kind {
         Kind::MissingRun => format!(
-            "Keep the light on to the end of the stroke in {named}: {length_mm:.0} mm are missing{}.",
+            "Keep the light on to the end of the stroke in {named_letters}: {length_mm:.0} mm are missing{}.",
             lag_s.map_or(String::new(), |lag_s| format!(
                 "; the drone lags by {lag_s:.2} s, so switch that much later"
             ))
         ),
         Kind::LogGap => format!(
-            "{length_mm:.0} mm of {named} are missing because the log of the flight has a gap there \
+            "{length_mm:.0} mm of {named_letters} are missing because the log of the flight has a gap there \
              ({}), not because of the lamps: log fewer variables, or on the \u{b5}SD card.",
-            spans(causes)
+            gap_times(causes)
         ),
-        // Behind a loop that lags, light between strokes says nothing about the lamp.
+        // If the drone lags, light between strokes says nothing about the lamp's delay.
         Kind::LitTransit if delays > 0.0 && lag_s.is_none() => format!(
-            "Switch the light off earlier between strokes of {named}: {length_mm:.0} mm of transit are \
+            "Switch the light off earlier between strokes of {named_letters}: {length_mm:.0} mm of transit are \
              lit, as by a lamp {:.0} ms late.",
             1000.0 * delays
         ),
         Kind::LitTransit => format!(
-            "Switch the light off between strokes of {named}: {length_mm:.0} mm of transit are lit."
+            "Switch the light off between strokes of {named_letters}: {length_mm:.0} mm of transit are lit."
         ),
         Kind::Streak => format!(
-            "Keep the light off while the drone comes and goes: a streak of {length_mm:.0} mm at {named}."
+            "Keep the light off while the drone comes and goes: a streak of {length_mm:.0} mm at {named_letters}."
         ),
-        Kind::DwellBlob => format!("Do not wait with the light on: a spot beside {named}."),
-        Kind::Overlap => format!("Leave more room beside {named}: a neighbor reaches in."),
+        Kind::DwellBlob => format!("Do not wait with the light on: a spot beside {named_letters}."),
+        Kind::Overlap => format!("Leave more room beside {named_letters}: a neighbor reaches in."),
         Kind::OtherStray => format!(
-            "Take out stray light at {named}: {length_mm:.0} mm of it (status lights, the ring, a lamp \
+            "Take out stray light at {named_letters}: {length_mm:.0} mm of it (status lights, the ring, a lamp \
              in the room)."
         ),
-        Kind::Shifted => format!("Bring {named} into place: up to {most_mm:.0} mm away."),
+        Kind::Shifted => format!("Bring {named_letters} into place: up to {most_mm:.0} mm away."),
         Kind::Glow => format!(
-            "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {named}."
+            "Expose less, or focus: lines up to {most_mm:.0} mm wide close the shapes of {named_letters}."
         ),
         Kind::FewPixels => "Come nearer or take a longer lens: letters have few pixels.".into(),
         Kind::Dim => "Expose more, or darken the room: light hardly stands out.".into(),
         Kind::Design => format!(
-            "Choose another font, or draw {named} otherwise: this font's {}.",
-            alike(causes, letters)
+            "Choose another font, or draw {named_letters} otherwise: this font's {}.",
+            confused_letters(causes, letters)
         ),
         Kind::OffPath => format!(
-            "Fly nearer the path in {named}: light runs up to {most_mm:.0} mm beside the strokes{}.",
+            "Fly nearer the path in {named_letters}: light runs up to {most_mm:.0} mm beside the strokes{}.",
             known.contour_m.map_or(String::new(), |contour_m| format!(
                 "; the log says {:.0} mm on average",
                 1000.0 * contour_m
@@ -205,17 +206,17 @@ pub(super) fn sentence(
     }
 }
 
-/// The times of the gaps in the log, each once.
-fn spans(causes: &[&Cause]) -> String {
-    let mut spans: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
-    spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    spans.dedup();
-    let spans = spans.iter().map(|[from, to]| format!("{from:.2} to {to:.2} s"));
-    spans.collect::<Vec<_>>().join(", ")
+/// Returns the text of the log gaps' times, without duplicates.
+fn gap_times(causes: &[&Cause]) -> String {
+    let mut gap_times: Vec<[f64; 2]> = causes.iter().filter_map(|cause| cause.log_gap_s).collect();
+    gap_times.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    gap_times.dedup();
+    let gap_times = gap_times.iter().map(|[from, to]| format!("{from:.2} to {to:.2} s"));
+    gap_times.collect::<Vec<_>>().join(", ")
 }
 
-/// The letters that causes are about, with their places from 1, each once.
-fn named(causes: &[&Cause], letters: &[char]) -> String {
+/// Returns the text of the causes' letters with their positions from 1, without duplicates.
+fn named_letters(causes: &[&Cause], letters: &[char]) -> String {
     let mut names: Vec<String> = Vec::new();
     for index in causes.iter().filter_map(|cause| cause.letter) {
         let name = format!("{} ({})", letters[index], index + 1);
@@ -226,12 +227,12 @@ fn named(causes: &[&Cause], letters: &[char]) -> String {
     names.join(", ")
 }
 
-/// The letters whose design resembles others, and which.
-fn alike(causes: &[&Cause], letters: &[char]) -> String {
-    let alike = causes.iter().filter_map(|cause| {
+/// Returns the text of which letters are read as which others.
+fn confused_letters(causes: &[&Cause], letters: &[char]) -> String {
+    let confused_letters = causes.iter().filter_map(|cause| {
         Some(format!("{} is read as {}", letters[cause.letter?], cause.reads_as?))
     });
-    let mut alike: Vec<String> = alike.collect();
-    alike.dedup();
-    alike.join(", ")
+    let mut confused_letters: Vec<String> = confused_letters.collect();
+    confused_letters.dedup();
+    confused_letters.join(", ")
 }

@@ -1,20 +1,20 @@
-//! Ink by its color: light in the color of the strokes is ink, other light is not.
+//! Separation of ink by its color: light in the color of the strokes is ink, other light is not.
 //!
-//! A Crazyflie's status lights draw along with the headlights. People tell the blue and red lines
-//! from the white ones. Luminance does not if these are overexposed.
+//! A Crazyflie's status lights draw along with the headlights. People can tell their blue and red
+//! lines from the white ones. Luminance cannot if these are overexposed.
 
 use std::cmp::Ordering;
 
 use super::light::{Rgb, luminance};
 
-/// Channels with less of the ink's light, by its strongest channel, are too dark to be compared.
+/// Least ratio of a channel to the ink's strongest one. Weaker channels are not compared.
 const MIN_CHANNEL: f32 = 0.3;
 
 /// Factor by which light of another color is subtracted from ink. An overexposed blue lamp is white
 /// by three quarters. The white of a trail differs from place to place by a tenth.
 const FOREIGN: f32 = 3.0;
 
-/// Mean color of the brightest pixels.
+/// Returns the mean color of the `n_pixels` brightest pixels.
 pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     // Integers are half as wide as pixels, of which there are half a million. Equal luminances are
     // ordered by color, so that the same pixels are chosen for any order of them.
@@ -33,34 +33,36 @@ pub(super) fn of_brightest(light: &[Rgb], n_pixels: usize) -> Rgb {
     sum.map(|sum| sum / n_pixels as f32)
 }
 
-/// An integer that rises with a value, as [`f32::total_cmp`] orders them.
+/// Returns an integer with the order of [`f32::total_cmp`], by the same bit operations.
 fn rank(value: f32) -> i32 {
     let bits = value.to_bits().cast_signed();
     bits ^ ((bits >> 31).cast_unsigned() >> 1).cast_signed()
 }
 
-/// Luminance of the light of a color that a pixel holds: that of its scarcest channel.
-fn holds(color: Rgb) -> impl Fn(Rgb) -> f32 {
+/// Returns a function for the luminance of the greatest amount of `color` that fits into a pixel's
+/// light: its scarcest channel is the limit.
+fn luminance_of_color(color: Rgb) -> impl Fn(Rgb) -> f32 {
     let strongest = color.iter().copied().fold(0.0, f32::max);
     let scale = luminance(color);
-    // Weak channels hold any amount: without a branch, so that a row of pixels is vectorized.
+    // Channels of which the color has little are no limit: 0 · light + ∞. Without a branch, a row
+    // of pixels is vectorized.
     let terms = color.map(|c| match c >= MIN_CHANNEL * strongest && c > 0.0 {
         true => (scale / c, 0.0),
         false => (0.0, f32::INFINITY),
     });
     move |light| {
-        let held = [0, 1, 2].map(|channel| light[channel] * terms[channel].0 + terms[channel].1);
-        let scarcest = held[0].min(held[1]).min(held[2]);
+        let limits = [0, 1, 2].map(|channel| light[channel] * terms[channel].0 + terms[channel].1);
+        let scarcest = limits[0].min(limits[1]).min(limits[2]);
         if scarcest.is_finite() { scarcest.max(0.0) } else { 0.0 }
     }
 }
 
-/// The light of a color in a pixel, less the light of other colors there: a status light that is
-/// overexposed nearly to white is not a stroke.
+/// Returns a function for the light of `color` in a pixel, minus light of other colors: a status
+/// light that is overexposed nearly to white is not a stroke.
 pub(super) fn pure(color: Rgb) -> impl Fn(Rgb) -> f32 {
-    let holds = holds(color);
+    let luminance_of_color = luminance_of_color(color);
     move |light| {
-        let ink = holds(light);
+        let ink = luminance_of_color(light);
         (ink - FOREIGN * (luminance(light) - ink).max(0.0)).max(0.0)
     }
 }

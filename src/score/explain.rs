@@ -1,6 +1,6 @@
-//! Causes: what is missing in each letter, what is too much, and the gain of mending it.
+//! Explanation of a verdict: the faults of each letter, and the gain from mending each.
 //!
-//! Each fault is taken out of the photo by itself, and the word is read again. The difference is
+//! Each fault is removed from the photo separately, and the word is read again. The difference is
 //! the cost of the fault.
 
 use kurbo::Point;
@@ -21,37 +21,37 @@ use noctograph_core::photo::Photo;
 /// Cap height in the photo, in pixels, below which letters have few pixels.
 const FEW_PX: f64 = 30.0;
 
-/// Full light by the least light that stands out, below which a photo is dim.
+/// Ratio of full light to the least visible light below which a photo is dim.
 const DIM: f32 = 2.0;
 
 /// Probability below which a faultless drawing is a flaw of its font.
 const STRANGE: f64 = 0.5;
 
-/// Probability of another letter in a faultless drawing from which the font is to blame if the
-/// photo is read as that letter: the team's J, whose hook is small, has it for T.
+/// Probability of another letter in a faultless drawing from which the font is the cause if the
+/// photo is read as that letter. An example is the team's J with its small hook, read as T.
 const AMBIGUOUS: f64 = 0.01;
 
-/// Probability from which a letter is sure: mending it gains nothing.
+/// Probability from which mending a letter gains nothing.
 const SURE: f64 = 0.97;
 
 /// Least gain of readability that is advised.
 const LEAST_GAIN: f64 = 0.005;
 
-/// Letters whose faults are taken out, the least probable ones. Each fault is one reading.
+/// Number of letters whose faults are mended, the least probable first. Each fault is one reading.
 const MOST_MENDED: usize = 12;
 
-/// Longest word, in letters, whose faults are taken out. Longer ones have no gains.
+/// Longest word, in letters, whose faults are mended. Longer ones have no gains.
 const LONGEST_MENDED: usize = 32;
 
 /// Most sentences of advice.
 const MAX_ADVICE: usize = 3;
 
-/// The findings of a verdict as lines on the photo, in its pixels.
+/// The faults of a verdict as lines on the photo, in its pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Marks {
     /// Intended strokes, moved to where their letters were found.
     pub intended: Vec<Vec<[f64; 2]>>,
-    /// Parts of them that have no light.
+    /// Parts of the intended strokes that have no light.
     pub missing: Vec<Vec<[f64; 2]>>,
     /// Points of light where none was intended.
     pub stray: Vec<Vec<[f64; 2]>>,
@@ -66,13 +66,12 @@ impl Reader {
     ///
     /// As [`Self::score`].
     pub fn explain(&self, photo: &Photo, view: &View, known: &Known) -> Result<(Verdict, Marks)> {
-        let (mut verdict, seen) = self.sight(photo, view)?;
+        let (mut verdict, seen) = self.score_with_light(photo, view)?;
         let mut marks = Marks::default();
         let Some(seen) = &seen else { return Ok((verdict, marks)) };
         let sketches: Vec<Sketch> =
             (0..self.pages.len()).map(|index| self.sketch(index, seen, view)).collect();
-        // Faults of letters first, with their gains, then those of the font and of the photo, which
-        // cannot be mended.
+        // Faults of letters have gains. Those of the font and of the photo cannot be mended.
         let mut faults = self.compare(&sketches, (seen, view), known, &mut verdict, &mut marks);
         let in_place = self.gains(seen, &sketches, &mut faults);
         self.flaws_of_design(&verdict, &mut faults);
@@ -88,8 +87,8 @@ impl Reader {
         Ok((verdict, marks))
     }
 
-    /// Reads each letter again without each of its faults, for their gains, and returns the
-    /// judgment with all faults. Faults of letters that are not read again lose their mending.
+    /// Sets the gain of each fault by reading its letter again without the fault. Faults of letters
+    /// that are not read again lose their mending. Returns the judgment with all faults.
     fn gains(&self, seen: &Seen, sketches: &[Sketch], faults: &mut [Fault]) -> Judgment {
         let columns = Columns::joined(seen.columns.iter().cloned());
         let in_place = self.expected.judge(&columns);
@@ -121,7 +120,8 @@ impl Reader {
         in_place
     }
 
-    /// Compares the light of each letter with its strokes, for measures, marks and faults.
+    /// Compares the light of each letter with its strokes. Sets the letters' measures in the
+    /// verdict and adds marks. Returns the faults.
     fn compare(
         &self,
         sketches: &[Sketch],
@@ -132,8 +132,8 @@ impl Reader {
     ) -> Vec<Fault> {
         let placed = &seen.placed;
         let mut faults: Vec<Fault> = Vec::new();
-        // Length of all strokes, of those with light, and of the light that is theirs.
-        let [mut length, mut lit, mut own] = [0.0; 3];
+        // Segments of all strokes, and those weighted by recall and precision of their letter.
+        let [mut length, mut recalled, mut precise] = [0.0; 3];
         for (index, sketch) in sketches.iter().enumerate() {
             let page = &self.pages[index];
             let (gaps, recall) = sketch
@@ -143,8 +143,8 @@ impl Reader {
             extra.retain(|line| line.points.iter().any(|point| page.holds(*point)));
             let n_segments = sketch.own.len() as f64;
             length += n_segments;
-            lit += recall * n_segments;
-            own += precision * n_segments;
+            recalled += recall * n_segments;
+            precise += precision * n_segments;
 
             // Measures of the letter, in millimeters and meters of the word's plane.
             let pitch_mm = 1000.0 * page.grid.pitch_m;
@@ -152,13 +152,13 @@ impl Reader {
             let extra_px = extra.iter().map(|line| line.points.len()).sum::<usize>() as f64;
             let letter = &mut verdict.letters[index];
             (letter.recall, letter.precision) = (Some(recall), Some(precision));
-            // The sum of nothing is -0.
+            // An empty sum is -0.
             letter.missing_mm = Some(missing_px.abs() * pitch_mm);
             letter.stray_mm = Some(extra_px * pitch_mm);
             let [right, down] = sketch.shift.map(|px| px as f64 * page.grid.pitch_m);
             letter.shift_m = Some([right, -down]);
 
-            // The same as lines on the photo.
+            // The letter's faults as lines on the photo.
             let on_photo = |points: &[Point]| -> Vec<[f64; 2]> {
                 let in_plane = points.iter().map(|point| page.grid.plane_from_page(*point));
                 in_plane.filter_map(|point_m| placed.image_point(view, point_m)).collect()
@@ -172,13 +172,13 @@ impl Reader {
             faults.extend(self.faults(index, sketch, (gaps, extra), (placed, known)));
         }
         // The harmonic mean, F1, of both fractions.
-        let [recall, precision] = [lit, own].map(|part| part / length.max(1e-9));
+        let [recall, precision] = [recalled, precise].map(|sum| sum / length.max(1e-9));
         verdict.faithfulness = Some(2.0 * recall * precision / (recall + precision).max(1e-9));
         faults
     }
 
-    /// Sentences for kinds of faults: first those whose mending gains readability, the most gainful
-    /// first. If the word is not legible, those that cannot be mended follow.
+    /// Returns sentences for kinds of faults, sorted by their gain in readability. Kinds that
+    /// cannot be mended come last, and only if the word is not legible.
     fn advise(
         &self,
         (seen, in_place): (&Seen, &Judgment),
@@ -196,9 +196,10 @@ impl Reader {
             }
             kinds.push(*kind);
             // All faults of a kind are mended at once: one change to the flight mends them all.
-            let alike = faults.iter().filter(|(cause, _)| cause.kind == *kind);
-            let (causes, mendings): (Vec<&Cause>, Vec<_>) =
-                alike.map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref()))).unzip();
+            let same_kind = faults.iter().filter(|(cause, _)| cause.kind == *kind);
+            let (causes, mendings): (Vec<&Cause>, Vec<_>) = same_kind
+                .map(|(cause, mending)| (cause, cause.letter.zip(mending.as_ref())))
+                .unzip();
             let mendings: Vec<(usize, &Mending)> = mendings.into_iter().flatten().collect();
             let mut letters_p = mendings.iter().map(|(index, _)| verdict.letters[*index].p);
             let gain = if mendings.is_empty() {
@@ -219,11 +220,11 @@ impl Reader {
         advice
     }
 
-    /// The columns of the word with faults taken out of letters.
+    /// Returns the columns of the word after mending faults, each given with its letter.
     fn mended(&self, seen: &Seen, sketches: &[Sketch], mendings: &[(usize, &Mending)]) -> Columns {
         let (mut strips, mut columns) = (seen.strips.clone(), seen.columns.clone());
         let mut changed = vec![Vec::new(); strips.len()];
-        // The letter's picture is mended on its page, and the strip takes over the difference.
+        // A letter is mended on its page. The strip is then changed by the difference.
         for letters in mendings.chunk_by(|a, b| a.0 == b.0) {
             let (index, line) = (letters[0].0, self.line_of[letters[0].0]);
             let (sketch, page) = (&sketches[index], &self.pages[index].grid);

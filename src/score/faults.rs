@@ -1,5 +1,5 @@
-//! Faults of a letter: missing strokes, extra light and its kind, shift, glow. Each can be taken
-//! out of the letter's picture, so that the letter is read without it.
+//! Faults of a letter: missing strokes, extra light and its kind, shift, glow. Each can be removed
+//! from the letter's picture, so that the letter is read without it.
 
 use kurbo::{Point, Vec2};
 
@@ -12,58 +12,59 @@ use super::sketch::Sketch;
 use super::trace::{self, LightLines};
 use super::{PEN_H, PX_PER_H};
 
-/// A cap height in pixels.
+/// One cap height in pixels, H.
 const H_PX: f64 = PX_PER_H as f64;
 
-/// Letters farther from their place than this are shifted: 0.06 H. Clean letters are within half.
+/// Shift of a letter from which it is a fault: 0.06 H. Clean letters are within half of it.
 const SHIFTED_PX: f64 = 0.06 * H_PX;
 
-/// Extra light leads along a dark move if this fraction of it is within `NEAR_MOVE_PX`.
+/// Fraction of extra light within `NEAR_MOVE_PX` of a dark move from which it belongs to the move.
 const ALONG_MOVE: f64 = 0.6;
 
-/// How near: 0.15 H.
+/// Largest distance of light that belongs to a dark move: 0.15 H.
 const NEAR_MOVE_PX: f64 = 0.15 * H_PX;
 
-/// Light this far below or above the letters comes from the floor or goes there: 0.12 H.
+/// Distance below or above the letters from which light leads to or from the floor: 0.12 H.
 const OUTSIDE_PX: f64 = 0.12 * H_PX;
 
-/// Spots are shorter and thicker than this: 0.35 H, and four pens.
-const SPOT_PX: [f64; 2] = [0.35 * H_PX, 4.0 * PEN_H * H_PX];
+/// Largest length and least thickness of a spot: 0.35 H, and four pens.
+const MAX_SPOT_LENGTH_PX: f64 = 0.35 * H_PX;
+const MIN_SPOT_THICKNESS_PX: f64 = 4.0 * PEN_H * H_PX;
 
-/// Lines wider than this glow: 0.16 H, more than twice the pen.
+/// Width of lines from which they glow: 0.16 H, more than twice the pen.
 const GLOWING_PX: f64 = 0.16 * H_PX;
 
 /// Mean distance of a letter's light from its strokes from which it is a fault: 0.05 H.
 const OFF_PATH_PX: f64 = 0.05 * H_PX;
 
-/// A part of a stroke is lost in a gap of the log if this fraction of it can have been flown then:
-/// the lamps' own faults may lengthen it.
+/// Fraction of a missing part that must lie in a log gap. It is not all, since faults of the lamps
+/// may lengthen the part.
 const LOST_IN_LOG: f64 = 0.5;
 
-/// Light within this distance of extra light, or of a stroke, belongs to it: 0.12 H.
+/// Largest distance of light that belongs to a line of extra light or to a stroke: 0.12 H.
 const BELONGS_PX: f64 = 0.12 * H_PX;
 
-/// Extra light so close to a stroke stays: it is the stroke's own.
+/// Extra light that is so close to a stroke is not erased, since it may be the stroke's.
 const OWN_PX: f64 = 0.06 * H_PX;
 
-/// A fault, and how it is taken out of a picture, if it can be.
+/// A fault, and how it is removed from a picture, if it can be.
 pub(super) type Fault = (Cause, Option<Mending>);
 
-/// How a fault is taken out of a picture.
+/// How a fault is removed from a picture.
 pub(super) enum Mending {
-    /// The light at these points is taken away.
+    /// Erases the light at these points.
     Erase(Vec<Point>),
-    /// Light is added at these points.
+    /// Adds light at these points.
     Draw(Vec<Point>),
-    /// The letter is moved back by this number of pixels, right and down.
+    /// Moves the letter back by this number of pixels, right and down.
     Move([isize; 2]),
-    /// The light of the strokes is drawn at these points instead.
+    /// Erases the light of the strokes and draws it at these points.
     Straighten(Vec<Point>),
-    /// The lines are drawn thin, without glow.
+    /// Draws the lines thin, without glow.
     Redraw,
 }
 
-/// Takes a fault out of a picture.
+/// Removes a fault from a picture.
 pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
     match mending {
         Mending::Straighten(points) => {
@@ -76,7 +77,7 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
         }),
         Mending::Draw(points) => draw(picture, points),
         Mending::Move([right, down]) => {
-            // Each pixel takes the light of the one that the shift has moved it to.
+            // A pixel gets the light from right of it and below it.
             let (width, height) = (picture.width, picture.height);
             let mut moved = Raster::dark(width, height);
             for (index, value) in moved.values.iter_mut().enumerate() {
@@ -92,26 +93,27 @@ pub(super) fn mend(picture: &mut Raster, mending: &Mending, sketch: &Sketch) {
     }
 }
 
-/// Draws with the pen at points.
+/// Lights the pixels within half a pen of the points.
 fn draw(picture: &mut Raster, points: &[Point]) {
+    // A little more, since points are up to a pixel apart.
     let reach_px = 0.5 * PEN_H * H_PX + 0.2;
     paint(picture, 1.0, |pixel| {
         points.iter().any(|point| trace::distance(*point, pixel) <= reach_px)
     });
 }
 
-/// Lights, or darkens, the pixels whose middles fulfill a condition.
-fn paint(picture: &mut Raster, light: f32, is_meant: impl Fn(Point) -> bool) {
+/// Sets pixels to `light` if `is_painted` is true of their centers.
+fn paint(picture: &mut Raster, light: f32, is_painted: impl Fn(Point) -> bool) {
     let width = picture.width;
     for (index, value) in picture.values.iter_mut().enumerate() {
-        if is_meant(Point::new((index % width) as f64 + 0.5, (index / width) as f64 + 0.5)) {
+        if is_painted(Point::new((index % width) as f64 + 0.5, (index / width) as f64 + 0.5)) {
             *value = light;
         }
     }
 }
 
 impl Reader {
-    /// The faults of a letter.
+    /// Returns the faults of a letter, given its gaps and its lines of extra light.
     pub(super) fn faults(
         &self,
         index: usize,
@@ -121,7 +123,7 @@ impl Reader {
     ) -> Vec<Fault> {
         let page = &self.pages[index];
         let mut faults: Vec<Fault> = Vec::new();
-        // A part of a stroke without light is the log's fault, or the lamp's.
+        // A part of a stroke lacks light because of a log gap or of the lamp.
         for gap in gaps {
             let log_gap_s = lost_in(&gap.points, page, placed, known).map(|log| log.span_s);
             let [from_mm, to_mm] = gap.along_px.map(|px| px * 1000.0 * page.grid.pitch_m);
@@ -138,24 +140,29 @@ impl Reader {
         }
         // Light beside the strokes.
         faults.extend(extra.into_iter().map(|line| self.extra_light(index, line, sketch, known)));
-        // A letter beside its place.
+        // A letter beside its intended position.
         let [right, down] = sketch.shift.map(|px| px as f64);
-        let away_px = libm::hypot(right, down);
-        if away_px >= SHIFTED_PX {
+        let shift_px = libm::hypot(right, down);
+        if shift_px >= SHIFTED_PX {
             faults.push(self.measured(
                 index,
                 CauseKind::Shifted,
-                away_px,
+                shift_px,
                 Mending::Move(sketch.shift),
             ));
         }
-        // Light beside its strokes, apart from the shift.
-        if sketch.bent.off_px > OFF_PATH_PX {
+        // Light beside the strokes after the shift.
+        if sketch.bent.mean_offset_px > OFF_PATH_PX {
             let runs = sketch.bent.runs.iter();
             let pairs = runs.flat_map(|run| run.intended.iter().zip(&run.on_light));
             let lit = pairs.filter(|(_, on_light)| sketch.trace.is_drawn(**on_light));
             let straight = Mending::Straighten(lit.map(|(intended, _)| *intended).collect());
-            faults.push(self.measured(index, CauseKind::OffPath, sketch.bent.off_px, straight));
+            faults.push(self.measured(
+                index,
+                CauseKind::OffPath,
+                sketch.bent.mean_offset_px,
+                straight,
+            ));
         }
         if sketch.trace.thickness() > GLOWING_PX {
             faults.push(self.measured(
@@ -168,13 +175,13 @@ impl Reader {
         faults
     }
 
-    /// A fault of a length on the letter's page.
+    /// Returns a fault with a length, given in pixels of the letter's page.
     fn measured(&self, index: usize, kind: CauseKind, length_px: f64, mending: Mending) -> Fault {
         let length_mm = Some(1000.0 * length_px * self.pages[index].grid.pitch_m);
         (Cause { length_mm, ..Cause::new(kind, Some(index)) }, Some(mending))
     }
 
-    /// Light beside the strokes, with its kind.
+    /// Returns the fault of a line of extra light.
     fn extra_light(&self, index: usize, line: ExtraLine, sketch: &Sketch, known: &Known) -> Fault {
         let kind = self.kind_of(index, &line, sketch);
         let page = &self.pages[index];
@@ -189,12 +196,12 @@ impl Reader {
         (cause, Some(Mending::Erase(line.points)))
     }
 
-    /// The kind of extra light, by its place and shape.
+    /// Returns the kind of a line of extra light, by its position and shape.
     fn kind_of(&self, index: usize, line: &ExtraLine, sketch: &Sketch) -> CauseKind {
         let [left, top, right, bottom] = self.pages[index].cell();
         let [is_first, is_last] = [index == 0, index + 1 == self.pages.len()];
         let n_points = line.points.len() as f64;
-        // Points outside the word, along a dark move, and in a neighbor's cell.
+        // Numbers of points outside the word, along a dark move, and in a neighbor's cell.
         let [mut outside, mut along_move, mut beside] = [0.0; 3];
         for point in &line.points {
             let is_outside = point.y > bottom + OUTSIDE_PX
@@ -210,14 +217,16 @@ impl Reader {
         match () {
             () if outside / n_points > 0.5 => CauseKind::Streak,
             () if along_move / n_points >= ALONG_MOVE => CauseKind::LitTransit,
-            () if n_points < SPOT_PX[0] && line.thick_px > SPOT_PX[1] => CauseKind::DwellBlob,
+            () if n_points < MAX_SPOT_LENGTH_PX && line.thick_px > MIN_SPOT_THICKNESS_PX => {
+                CauseKind::DwellBlob
+            }
             () if beside / n_points > 0.5 => CauseKind::Overlap,
             () => CauseKind::OtherStray,
         }
     }
 }
 
-/// The first gap of the flight's log that may explain why most of some points lack light.
+/// Returns the first log gap during which the lamps can have been at most of these points.
 pub(super) fn lost_in<'a>(
     points: &[Point],
     page: &LetterPage,
@@ -226,12 +235,12 @@ pub(super) fn lost_in<'a>(
 ) -> Option<&'a LogGap> {
     let points_m = points.iter().map(|point| placed.apply(page.grid.plane_from_page(*point)));
     known.gaps.iter().find(|gap| {
-        let held = points_m.clone().filter(|point_m| gap.may_hold(xy(*point_m))).count();
-        held as f64 >= LOST_IN_LOG * points.len() as f64
+        let n_in_gap = points_m.clone().filter(|point_m| gap.may_hold(xy(*point_m))).count();
+        n_in_gap as f64 >= LOST_IN_LOG * points.len() as f64
     })
 }
 
-/// The middle of points of a page, in the plane of the word, or `None` without points.
+/// Returns the mean of points of a page, in the plane of the word, or `None` without points.
 fn middle_m(page: &LetterPage, points: &[Point]) -> Option<[f64; 2]> {
     let n_points = points.len() as f64;
     let sum: Vec2 = points.iter().map(|point| point.to_vec2()).sum();

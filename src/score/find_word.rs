@@ -1,8 +1,8 @@
-//! Location of a word in a photo without a known camera, from its light.
+//! Finds the position of a word in a photo without a known camera.
 //!
 //! The letters that [`read`](super::read) finds are matched with the word's cells, one by one if
 //! their numbers agree, else from the first to the last. The plane is assumed to be seen square on,
-//! with separate scales across and down and a slope of the line.
+//! with separate scales across and down and with a sloping line.
 
 use super::reader::lit_bounds_m;
 use super::reading::Reading;
@@ -15,17 +15,18 @@ use noctograph_core::strokes::Strokes;
 /// Largest ratio of the two scales.
 const MAX_STRETCH: f64 = 2.5;
 
-/// Steepest line: rise by run.
+/// Steepest slope of a line.
 const MAX_SLOPE: f64 = 0.3;
 
-/// The view that places a word on the writing in a photo, or `None` if there is too little.
+/// Returns the view that maps a word onto the writing in a photo. `None` if there is no writing, or
+/// its scales differ too much.
 pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<View> {
     let boxes = strokes.glyphs.chunks(1).map(lit_bounds_m);
     let boxes: Vec<[f64; 4]> = boxes.filter(|[left, _, right, _]| left <= right).collect();
     let letters = &reading.letters;
     let [first_box, last_box] = [boxes.first()?, boxes.last()?];
     let [first, last] = [letters.first()?, letters.last()?];
-    // Across: a line through the edges of letters, or of the word, in the plane and in the picture.
+    // Horizontally, edges of letters or of the word in the picture are linear in the plane's.
     let mut edges: Vec<[f64; 2]> = Vec::new();
     if letters.len() == boxes.len() {
         for (plane, letter) in boxes.iter().zip(letters) {
@@ -34,13 +35,13 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
     } else {
         edges.extend([[first_box[0], first.box_px[0]], [last_box[2], last.box_px[2]]]);
     }
-    let (at_zero, across) = line_through(&edges)?;
-    // Down: the median height of the letters is that of the word.
+    let (x_px_at_zero, px_per_m_across) = line_through(&edges)?;
+    // Vertically, the median height of the letters is the word's height.
     let corners = boxes.iter().flat_map(|plane| [[plane[0], plane[1]], [plane[2], plane[3]]]);
     let [_, bottom, _, top] = bounds(corners);
-    let high_px =
+    let letter_height_px =
         median(letters.iter().map(|letter| letter.box_px[3] - letter.box_px[1])).expect("letters");
-    let down = high_px / (top - bottom);
+    let px_per_m_down = letter_height_px / (top - bottom);
     // The slope of the line, and its height in the picture at x = 0.
     let middles = letters.iter().map(|letter| {
         let [left, top, right, bottom] = letter.box_px;
@@ -49,30 +50,32 @@ pub fn find_word(photo: &Photo, reading: &Reading, strokes: &Strokes) -> Option<
     let middles: Vec<[f64; 2]> = middles.collect();
     let slope = if letters.len() < 3 { 0.0 } else { median_slope(&middles) };
     let slope = slope.clamp(-MAX_SLOPE, MAX_SLOPE);
-    let height_px = median(middles.iter().map(|[x, y]| y - slope * x)).expect("letters");
+    let line_y_px = median(middles.iter().map(|[x, y]| y - slope * x)).expect("letters");
 
-    let stretch = (across / down).max(down / across);
-    if !(across > 0.0 && down > 0.0 && stretch <= MAX_STRETCH) {
+    let stretch = (px_per_m_across / px_per_m_down).max(px_per_m_down / px_per_m_across);
+    if !(px_per_m_across > 0.0 && px_per_m_down > 0.0 && stretch <= MAX_STRETCH) {
         return None;
     }
     let [left, right] = [first_box[0], last_box[2]];
     let corners = [(left, 1.0), (right, 1.0), (right, -1.0), (left, -1.0)].map(|(x, above)| {
-        let x = at_zero + across * x;
-        [x, height_px + slope * x - 0.5 * above * high_px]
+        let x = x_px_at_zero + px_per_m_across * x;
+        [x, line_y_px + slope * x - 0.5 * above * letter_height_px]
     });
     let size_px = [photo.width_px, photo.height_px];
     // A single I has no width, and no view.
     Homography::from_corners([left, bottom, right, top], corners, size_px).ok().map(View::Plane)
 }
 
-/// The median gradient between all points (Theil 1950, Sen 1968). A tail is an outlier.
+/// Returns the median slope between all pairs of points (Theil 1950, Sen 1968). The tail of a
+/// letter is an outlier.
 fn median_slope(points: &[[f64; 2]]) -> f64 {
     let pairs = (0..points.len()).flat_map(|a| (0..a).map(move |b| (points[a], points[b])));
     let apart = pairs.filter(|(a, b)| a[0] != b[0]);
     median(apart.map(|(a, b)| (a[1] - b[1]) / (a[0] - b[0]))).unwrap_or(0.0)
 }
 
-/// The straight line through points with the least squares: height at zero and slope.
+/// Fits a line by least squares and returns its value at zero and its slope. `None` if all points
+/// have the same x.
 fn line_through(points: &[[f64; 2]]) -> Option<(f64, f64)> {
     let n = points.len() as f64;
     let [x, y] = [0, 1].map(|axis| points.iter().map(|p| p[axis]).sum::<f64>() / n);

@@ -14,22 +14,22 @@ use super::spelling;
 use super::verdict::{LetterVerdict, Rival, RivalWord};
 use noctograph_core::strokes::Strokes;
 
-/// Probabilities below this are left out of a letter's row of confusions.
+/// Least probability in a letter's list of confusions.
 const LEAST_CONFUSION: f64 = 0.001;
 
-/// Rivals that a letter names.
+/// Number of rivals in the verdict on a letter.
 const N_RIVALS: usize = 3;
 
-/// Least probability of a letter, in a drawing of one without training, from which it counts as it.
+/// Probability of a class in the drawing of an untrained letter from which it counts as the letter.
 const LEAST_TAKEN: f64 = 0.02;
 
-/// Letters to either side that decide the choice in the place of one.
+/// Number of letters to either side that influence the choice for one letter.
 const NEAR: usize = 4;
 
 /// Greatest readability if a word of another length is likelier: an even chance.
 const MOST_OF_OTHER_LENGTH: f64 = 0.5;
 
-/// Free readings that are tried as rivals.
+/// Number of free readings that are tried as rivals.
 const N_FREE: usize = 2;
 
 /// A word that columns are expected to show, without its punctuation.
@@ -40,15 +40,15 @@ pub(super) struct Expected {
     characters: Vec<char>,
     /// The classes that count as each character.
     classes: Vec<Classes>,
-    /// Mean of ln p over its letters.
+    /// Mean of ln p over the word's letters.
     ln_p_of_spelling: f64,
-    /// Number of judged characters before the begin of each line and before its end.
+    /// Number of judged characters before each start and end of a line, without duplicates.
     line_ends: Vec<usize>,
 }
 
 /// Evidence for a word in columns.
 pub(super) struct Judgment {
-    /// By judged character.
+    /// One choice for each judged character.
     pub(super) choices: Vec<Choice>,
     pub(super) rival: Option<RivalWord>,
     pub(super) readability: f64,
@@ -65,7 +65,7 @@ impl Odds {
         Self { word: word.into_iter().collect(), ln_odds }
     }
 
-    /// The first of the likeliest.
+    /// Returns the likeliest, the first of equal ones, or `None` of none.
     fn likeliest(odds: impl IntoIterator<Item = Self>) -> Option<Self> {
         odds.into_iter().reduce(|a, b| if b.ln_odds > a.ln_odds { b } else { a })
     }
@@ -82,13 +82,15 @@ struct LineEnd {
 }
 
 impl LineEnd {
+    /// Returns ln of the odds of other letters against the expected ones.
     fn ln_odds(&self, classes: &[Classes]) -> f64 {
         self.columns.ln_p(classes) - self.ln_p
     }
 }
 
 impl Judgment {
-    /// Takes another word into account that may be likelier.
+    /// Replaces the rival by `other` if that is likelier. A likelier word of another length limits
+    /// the readability.
     pub(super) fn against(mut self, other: Option<Odds>) -> Self {
         let other = other.map(|odds| (1.0 / (1.0 + libm::exp(-odds.ln_odds)), odds.word));
         let words =
@@ -108,10 +110,11 @@ impl Judgment {
 }
 
 impl Expected {
+    /// Reads the judged characters and line ends from the strokes of a word.
     pub(super) fn new(strokes: &Strokes) -> Self {
         let characters = strokes.glyphs.iter().map(|glyph| glyph.character).enumerate();
-        let known = characters.filter_map(|(index, c)| Some((index, (c, classes_of(c)?))));
-        let (indices, (characters, classes)): (Vec<usize>, (_, _)) = known.unzip();
+        let judged = characters.filter_map(|(index, c)| Some((index, (c, classes_of(c)?))));
+        let (indices, (characters, classes)): (Vec<usize>, (_, _)) = judged.unzip();
         let ends = strokes.lines().into_iter().map(|line| line.end);
         let ends = ends.map(|end| indices.iter().filter(|index| **index < end).count());
         let mut line_ends: Vec<usize> = [0].into_iter().chain(ends).collect();
@@ -125,8 +128,8 @@ impl Expected {
         self.characters.iter().any(|character| is_untrained(*character))
     }
 
-    /// Widens the classes of Latin letters that the net was not trained on by what it takes a
-    /// faultless drawing of them for: people read them by an alphabet that the net lacks.
+    /// Adds classes to the Latin letters that the net was not trained on: those that it reads in a
+    /// faultless drawing of them, whose columns are `drawn`.
     pub(super) fn learn(&mut self, drawn: &Columns) {
         for place in (0..self.characters.len()).rev() {
             if let Some(pair) = ligature(self.characters[place]) {
@@ -144,19 +147,19 @@ impl Expected {
         }
     }
 
-    /// Replaces a ligature by its two letters if a faultless drawing shows them.
+    /// Replaces the ligature at `place` by its two letters if these are likelier in its drawing.
     fn split(&mut self, place: usize, pair: [char; 2], drawn: &Columns) {
-        let mut apart = self.classes.clone();
-        apart.splice(place..=place, pair.map(seen_as));
-        if drawn.ln_p(&apart) > drawn.ln_p(&self.classes) {
-            self.classes = apart;
+        let mut separate = self.classes.clone();
+        separate.splice(place..=place, pair.map(seen_as));
+        if drawn.ln_p(&separate) > drawn.ln_p(&self.classes) {
+            self.classes = separate;
             self.characters.splice(place..=place, pair);
             self.indices.insert(place, self.indices[place]);
             self.line_ends.iter_mut().filter(|end| **end > place).for_each(|end| *end += 1);
         }
     }
 
-    /// One choice for each judged character. Both letters of a ligature have to be right.
+    /// Merges choices into one for each judged character: both letters of a ligature must be right.
     pub(super) fn by_character(&self, choices: Vec<Choice>) -> Vec<Choice> {
         let mut merged: Vec<(usize, Choice)> = Vec::new();
         for (index, choice) in self.indices.iter().zip(choices) {
@@ -168,16 +171,17 @@ impl Expected {
         merged.into_iter().map(|(_, choice)| choice).collect()
     }
 
+    /// Judges columns: the choices, the likeliest other word, and the readability.
     pub(super) fn judge(&self, columns: &Columns) -> Judgment {
         let choices = self.choices(columns);
         let rival = self.rival(columns, &choices);
-        let against = rival.as_ref().map_or(f64::INFINITY, |rival| -rival.ln_odds);
-        let readability = readability(&choices, against, self.ln_p_of_spelling);
+        let ln_odds = rival.as_ref().map_or(f64::INFINITY, |rival| -rival.ln_odds);
+        let readability = readability(&choices, ln_odds, self.ln_p_of_spelling);
         Judgment { choices, rival: None, readability }.against(rival)
     }
 
-    /// The choice in the place of each judged character. All letters of a short word decide. The
-    /// time would grow with the square of the length, so that in a long word those near by decide.
+    /// Returns the choice for each letter. In a long word each depends only on nearby letters, or
+    /// the time would grow with the square of the length.
     pub(super) fn choices(&self, columns: &Columns) -> Vec<Choice> {
         if self.is_short() {
             return columns.choices(&self.classes, &self.characters);
@@ -186,7 +190,8 @@ impl Expected {
         (0..self.classes.len()).map(|place| self.choice_near(columns, &middles, place)).collect()
     }
 
-    /// The choice in the place of one judged character, by the letters around it.
+    /// Returns the choice for the letter at `place`, by the letters around it. `middles` are the
+    /// mean columns of all letters.
     pub(super) fn choice_near(&self, columns: &Columns, middles: &[f64], place: usize) -> Choice {
         let letters = self.near(place);
         let part = columns_of(columns, middles, &letters);
@@ -194,26 +199,28 @@ impl Expected {
         part.choices(classes, &self.characters[letters]).swap_remove(place - start)
     }
 
+    /// True if some letter is near all others.
     fn is_short(&self) -> bool {
         self.classes.len() <= 2 * NEAR + 1
     }
 
-    /// The letters around a place.
+    /// Returns the range of letters around a place.
     fn near(&self, place: usize) -> Range<usize> {
         place.saturating_sub(NEAR)..(place + NEAR + 1).min(self.classes.len())
     }
 
-    /// The mean column of each judged character.
+    /// Returns the mean column of each letter.
     pub(super) fn middles(&self, columns: &Columns) -> Vec<f64> {
         columns.middles(&self.classes)
     }
 
-    /// Letters and digits with their classes. Shapes that both have are digits in a number.
+    /// Returns letters and digits with their classes. In a number, shapes of both are digits.
     fn names(&self) -> Vec<(char, Classes)> {
         names(0, self.characters.iter().all(char::is_ascii_digit))
     }
 
-    /// The likeliest word with one letter more or less at an end of a line, if it is likelier.
+    /// Returns the likeliest word with one letter more or less at an end of a line, or `None` if
+    /// the expected word is likelier.
     pub(super) fn at_ends(&self, columns: &Columns) -> Option<Odds> {
         let n_letters = self.classes.len();
         let middles = self.middles(columns);
@@ -227,7 +234,7 @@ impl Expected {
         let line_ends: Vec<LineEnd> = line_ends.collect();
         let names = self.names();
         let mut odds = Vec::new();
-        // One letter more. Each one is only tried if all of them together are likelier.
+        // One letter more. Letters are tried only if any letter, as a set of all, is likelier.
         for end in &line_ends {
             let mut classes = self.classes[end.letters.clone()].to_vec();
             let added = end.index - end.letters.start;
@@ -253,7 +260,7 @@ impl Expected {
         Odds::likeliest(odds).filter(|odds| odds.ln_odds > 0.0)
     }
 
-    /// True if a free reading is the expected word.
+    /// True if a free reading spells the expected word, or classes that count as its letters.
     fn is_spelled(&self, text: &str, word: &str) -> bool {
         let same_length = text.chars().count() == self.characters.len();
         let letters = text.chars().zip(&self.characters).zip(&self.classes);
@@ -264,13 +271,14 @@ impl Expected {
         spells(text, word) || same_length && are_same.all(|is_same| is_same)
     }
 
-    /// The likeliest other word: one letter is replaced, or the columns are read freely.
+    /// Returns the likeliest other word: one with another letter, or a free reading.
     fn rival(&self, columns: &Columns, choices: &[Choice]) -> Option<Odds> {
         let mut odds = Vec::new();
         for (index, choice) in choices.iter().enumerate() {
             if let Some(&(letter, p)) = choice.others.first() {
                 let mut word = self.characters.clone();
                 word[index] = with_case_of(letter, word[index]);
+                // A letter of probability 0 gets finite odds.
                 odds.push(Odds::new(word, libm::log(p / choice.p.max(1e-300))));
             }
         }
@@ -278,7 +286,7 @@ impl Expected {
         let ln_p = columns.ln_p(&self.classes);
         let names = self.names();
         let free = search(columns, &names, &names).into_iter();
-        // Light beside a word that no letter explains makes no other word.
+        // Unexplained light beside a word does not make another word.
         let free = free.map(|(text, _)| text.trim_matches('?').to_owned());
         let free = free.filter(|text| !text.is_empty() && !self.is_spelled(text, &word));
         for text in free.take(N_FREE) {
@@ -292,7 +300,8 @@ impl Expected {
     }
 }
 
-/// The columns from halfway to the letter before some letters to halfway to the one behind them.
+/// Returns the columns of some letters, from halfway to the letter before them to halfway to the
+/// one after them.
 fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Columns {
     let ends = [letters.start, letters.end];
     let [from, to] = ends.map(|letter| match (letter.checked_sub(1), middles.get(letter)) {
@@ -303,7 +312,7 @@ fn columns_of(columns: &Columns, middles: &[f64], letters: &Range<usize>) -> Col
     columns.part(from..to.max(from + 1))
 }
 
-/// The verdict on one letter.
+/// Returns the verdict on one letter.
 pub(super) fn letter_verdict(choice: &Choice, expected: char) -> LetterVerdict {
     let others = choice.others.iter();
     let rivals = others.map(|(c, p)| Rival { letter: with_case_of(*c, expected), p: *p });

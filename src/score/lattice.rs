@@ -13,7 +13,7 @@ use super::alphabet::{BLANK, Classes, NO_LETTER, names, with_case_of};
 use super::net::{self, N_CLASSES};
 use super::strip::Strip;
 
-/// Least probability of a class at a column. Lower ones are noise of the training.
+/// Least probability of a class at a column. Lower ones are noise from the training.
 const LEAST: f64 = 1e-6;
 
 /// Probabilities of the classes at each column.
@@ -21,25 +21,25 @@ const LEAST: f64 = 1e-6;
 pub(super) struct Columns(pub(super) Vec<[f64; N_CLASSES]>);
 
 impl Columns {
-    /// Probabilities along a strip.
+    /// Computes the probabilities along a strip by the net.
     pub(super) fn along(strip: &Strip) -> Self {
         Self(net::logits(strip).iter().map(softmax).collect())
     }
 
-    /// The mean with the neighbors of the strip. A letter that only some of them show stays likely.
+    /// Averages the probabilities with those of the strip's neighbors.
     pub(super) fn agreed(mut self, strip: &Strip) -> Self {
-        let beside: Vec<Self> = strip.neighbors().par_iter().map(Self::along).collect();
-        let part = 1.0 / (beside.len() + 1) as f64;
+        let neighbors: Vec<Self> = strip.neighbors().par_iter().map(Self::along).collect();
+        let weight = 1.0 / (neighbors.len() + 1) as f64;
         for (index, column) in self.0.iter_mut().enumerate() {
             for (class, p) in column.iter_mut().enumerate() {
-                let sum = beside.iter().map(|columns| columns.0[index][class]).sum::<f64>();
-                *p = part * (*p + sum);
+                let sum = neighbors.iter().map(|columns| columns.0[index][class]).sum::<f64>();
+                *p = weight * (*p + sum);
             }
         }
         self
     }
 
-    /// Computes the probabilities anew that depend on some columns of a strip.
+    /// Recomputes the probabilities that depend on some columns of a strip.
     pub(super) fn replace(&mut self, strip: &Strip, part: Range<usize>) {
         let (first, logits) = net::logits_around(strip, part);
         for (column, logits) in self.0[first..].iter_mut().zip(&logits) {
@@ -47,7 +47,7 @@ impl Columns {
         }
     }
 
-    /// The same with unexplained light as darkness: trails to the floor pass beside every word.
+    /// Counts unexplained light as blank, since trails to the floor pass beside every word.
     pub(super) fn unexplained_as_dark(mut self) -> Self {
         for column in &mut self.0 {
             column[0] += std::mem::replace(&mut column[N_CLASSES - 1], LEAST) - LEAST;
@@ -55,41 +55,41 @@ impl Columns {
         self
     }
 
-    /// Some of the columns.
+    /// Returns a range of the columns.
     pub(super) fn part(&self, columns: Range<usize>) -> Self {
         Self(self.0[columns].to_vec())
     }
 
-    /// Several lines, one after another.
+    /// Joins the columns of several lines.
     pub(super) fn joined(lines: impl IntoIterator<Item = Self>) -> Self {
         Self(lines.into_iter().flat_map(|line| line.0).collect())
     }
 
-    /// Probability of a set of classes at each column.
+    /// Returns the probability of a set of classes at each column.
     pub(super) fn of_set(&self, set: Classes) -> Vec<f64> {
         let members: Vec<usize> = (0..N_CLASSES).filter(|class| set >> class & 1 == 1).collect();
         self.0.iter().map(|column| members.iter().map(|class| column[*class]).sum()).collect()
     }
 
-    /// ln of the probability that the columns spell a word.
+    /// Returns ln of the probability that the columns spell a word.
     pub(super) fn ln_p(&self, word: &[Classes]) -> f64 {
         let lattice = Lattice::new(self, word);
         libm::log(lattice.total()) + lattice.ln_scale()
     }
 
-    /// The mean column of each letter of a word.
+    /// Returns the mean column of each letter of a word.
     pub(super) fn middles(&self, word: &[Classes]) -> Vec<f64> {
         let lattice = Lattice::new(self, word);
         (0..word.len()).map(|index| lattice.middle(index, &self.of_set(word[index]))).collect()
     }
 
-    /// The choice in the place of each letter of a word, given with its classes.
+    /// Returns the choice for each letter of a word, given with its classes.
     pub(super) fn choices(&self, word: &[Classes], letters: &[char]) -> Vec<Choice> {
         let lattice = Lattice::new(self, word);
         let total = lattice.total();
         let mut choices = Vec::with_capacity(word.len());
         for (index, &expected) in word.iter().enumerate() {
-            // All words that differ in this place only, in the lattice's unit.
+            // Probabilities of all words with another letter here, in units of the lattice.
             let no_letter = NO_LETTER & !expected;
             let none = lattice.replaced(index, &self.of_set(no_letter), no_letter)
                 + lattice.without(index);
@@ -99,7 +99,7 @@ impl Columns {
             let mut others: Vec<(char, f64)> = others.collect();
             let sum = total + none + others.iter().map(|(_, p)| p).sum::<f64>();
             if sum <= 0.0 {
-                // Every path through the columns is too unlikely for a number.
+                // The probability of every path underflows to 0.
                 choices.push(Choice { p: 0.0, none: 1.0, others: Vec::new() });
                 continue;
             }
@@ -111,7 +111,7 @@ impl Columns {
     }
 }
 
-/// Probabilities of logits, each at least [`LEAST`].
+/// Returns the probabilities of logits, each at least [`LEAST`].
 fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     let most = logits.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let weights = logits.map(|logit| libm::exp(logit - most));
@@ -119,7 +119,7 @@ fn softmax(logits: &[f64; N_CLASSES]) -> [f64; N_CLASSES] {
     weights.map(|weight| (weight / sum).max(LEAST))
 }
 
-/// The choice in the place of one letter, the others being right. Probabilities add up to 1.
+/// Probabilities for the position of one letter if the others are right. They add up to 1.
 pub(super) struct Choice {
     /// Probability of the expected letter.
     pub(super) p: f64,
@@ -130,13 +130,14 @@ pub(super) struct Choice {
 }
 
 impl Choice {
-    /// The choice between a pair of letters and others: that of its less certain one.
+    /// Combines the choices for two letters that must both be right: other letters are those of the
+    /// less certain one.
     pub(super) fn and(&self, second: &Self) -> Self {
         let worse = if self.p <= second.p { self } else { second };
         Self { p: self.p * second.p, none: worse.none, others: worse.others.clone() }
     }
 
-    /// The likeliest letter in the place, `None` for no letter, and its probability.
+    /// Returns the likeliest letter, `None` for no letter, and its probability.
     pub(super) fn best(&self, expected: char) -> (Option<char>, f64) {
         let other = self.others.first().filter(|(_, p)| *p > self.p);
         let (letter, most) =
@@ -145,7 +146,8 @@ impl Choice {
     }
 }
 
-/// Sums over the paths to each state from the left and from the right.
+/// Sums over the paths to each state from the left and from the right (forward and backward
+/// variables).
 pub(super) struct Lattice<'a> {
     word: &'a [Classes],
     /// By column and state: blank, first letter, blank, second letter … blank. Both sums include
@@ -157,6 +159,7 @@ pub(super) struct Lattice<'a> {
 }
 
 impl<'a> Lattice<'a> {
+    /// Computes the sums for a word, letter by letter a set of classes.
     pub(super) fn new(columns: &Columns, word: &'a [Classes]) -> Self {
         // Each column is divided by its greatest probability among the states.
         let mut letters: Vec<Vec<f64>> = word.iter().map(|set| columns.of_set(*set)).collect();
@@ -180,23 +183,24 @@ impl<'a> Lattice<'a> {
         Self { word, forward, backward, scales }
     }
 
-    /// Probability of the word, in units of [`Self::ln_scale`].
+    /// Returns the probability of the word, in units of [`Self::ln_scale`].
     pub(super) fn total(&self) -> f64 {
         self.ends(2 * self.word.len())
     }
 
-    /// ln of the unit of all probabilities here.
+    /// Returns ln of the unit of all probabilities here.
     pub(super) fn ln_scale(&self) -> f64 {
         self.scales.iter().map(|scale| libm::log(*scale)).sum()
     }
 
-    /// Probability of the word with another letter in one place, which is `p` at each column.
+    /// Returns the probability of the word with another letter at `index`: the classes `set`, of
+    /// probability `p` at each column.
     #[expect(clippy::needless_range_loop, reason = "the columns before and after")]
     pub(super) fn replaced(&self, index: usize, p: &[f64], set: Classes) -> f64 {
         let (before, after) = (2 * index, 2 * index + 2);
-        // Without a blank, the letter only follows another one, and only another one follows it.
-        let [from_letter, to_letter] = [index.checked_sub(1), Some(index + 1)].map(|beside| {
-            beside.and_then(|beside| self.word.get(beside)).is_some_and(|letter| letter & set == 0)
+        // Equal letters in a row need a blank between them.
+        let [from_letter, to_letter] = [index.checked_sub(1), Some(index + 1)].map(|near| {
+            near.and_then(|near| self.word.get(near)).is_some_and(|letter| letter & set == 0)
         });
         // Paths that are in the letter at a column come from it, from the blank, or from the letter
         // before. The total sums those that leave it there, so that each path counts once.
@@ -218,7 +222,7 @@ impl<'a> Lattice<'a> {
         total
     }
 
-    /// Probability of the word without one letter.
+    /// Returns the probability of the word without one letter.
     pub(super) fn without(&self, index: usize) -> f64 {
         let blank = 2 * index;
         let Some(next) = self.word.get(index + 1) else { return self.ends(blank) };
@@ -233,8 +237,8 @@ impl<'a> Lattice<'a> {
         first + later.sum::<f64>()
     }
 
-    /// The mean column of a letter, which is `p` at each column, weighted with the paths through
-    /// it.
+    /// Returns the mean column of a letter of probability `p` at each column, weighted with the
+    /// paths through it.
     #[expect(clippy::needless_range_loop, reason = "one index for four tables")]
     pub(super) fn middle(&self, index: usize, p: &[f64]) -> f64 {
         let state = 2 * index + 1;
@@ -248,14 +252,14 @@ impl<'a> Lattice<'a> {
         if sum > 0.0 { moment / sum } else { 0.0 }
     }
 
-    /// Sum over the paths that end in a blank or in the letter before it.
+    /// Returns the sum over the paths that end in a blank or in the letter before it.
     fn ends(&self, blank: usize) -> f64 {
         let last = self.forward.last().expect("a strip has columns");
         last[blank] + blank.checked_sub(1).map_or(0.0, |letter| last[letter])
     }
 }
 
-/// Sums over the paths to each state (forward variables), by column in the order given.
+/// Returns the sums over the paths to each state, by column in the order of `columns`.
 fn path_sums(
     word: &[Classes],
     states: &[&[f64]],

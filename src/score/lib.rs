@@ -13,7 +13,7 @@
 //! 4. The light is compared with the intended strokes for faithfulness, causes and advice.
 //!
 //! [`read`] uses the same net without knowledge of the word. Not modeled: a dictionary, and
-//! characters other than Latin letters and digits. Score knows no plan, no flight and no lamp.
+//! characters other than Latin letters and digits. Plans, flights and lamps are not used.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they wrote"))]
@@ -84,13 +84,13 @@ const SCALES: [f64; 2] = [0.85, 1.17];
 /// Largest rotation of the word, either way: 8 degrees.
 const MAX_ROTATION_RAD: f64 = 8.0 * core::f64::consts::PI / 180.0;
 
-/// Cap height in the photo, in pixels, below which few pixels are named as the reason.
+/// Cap height in the photo, in pixels, below which the reason is [`Reason::TooSmall`].
 const MIN_CAP_HEIGHT_PX: f64 = 20.0;
 
-/// Widths of cells that can be read, by cap height. The team's are 0.6 wide.
+/// Least and greatest readable ratio of a cell's width to its cap height. The team's is 0.6.
 const ASPECTS: [f64; 2] = [0.05, 5.0];
 
-/// Longest word, in cap heights: 256 of the team's letters with spaces between them are 400.
+/// Longest word, in cap heights: 256 of the team's letters with spaces between them have 400.
 const MAX_LENGTH_H: f64 = 1000.0;
 
 settings! {
@@ -101,7 +101,7 @@ settings! {
     }
 }
 
-/// True if strokes can be judged: a word with letters or digits, all of which the reader knows.
+/// True if strokes can be judged: a word with letters or digits, all of which the reader can read.
 pub fn is_judged(strokes: &Strokes) -> bool {
     let mut characters = strokes.glyphs.iter().map(|glyph| glyph.character);
     strokes.font.is_some()
@@ -109,7 +109,7 @@ pub fn is_judged(strokes: &Strokes) -> bool {
         && characters.any(|character| classes_of(character).is_some())
 }
 
-/// Refuses everything but a word of letters that the reader knows and that leave light.
+/// Refuses strokes unless they are a word of letters that the reader can read and that are lit.
 fn check(strokes: &Strokes) -> Result<()> {
     let hint = "write the word with Latin letters and digits, or look at the photo yourself";
     if strokes.glyphs.is_empty() {
@@ -143,6 +143,7 @@ fn check(strokes: &Strokes) -> Result<()> {
     within("length of the word by its height", length, 0.0, MAX_LENGTH_H)
 }
 
+/// Refuses a photo whose size is not that of the view's camera.
 fn check_size(photo: &Photo, view: &View) -> Result<()> {
     let PhotoData { width_px, height_px, .. } = **photo;
     let [width, height] = view.size_px();
@@ -155,6 +156,7 @@ fn check_size(photo: &Photo, view: &View) -> Result<()> {
     Ok(())
 }
 
+/// Returns the cap height of a word's first letter.
 fn cap_height_m(strokes: &Strokes) -> f64 {
     strokes.glyphs[0].cell.cap_height_m
 }

@@ -3,44 +3,42 @@
 use super::raster::{Raster, narrow, overlaps, whole};
 use noctograph_core::photo::Photo;
 use noctograph_core::srgb::linear_from_level;
-/// Brightness for a reader. An even mean of the channels makes the blue power LEDs, which shine on
-/// every transit, as much a part of a letter as its strokes.
+/// Brightness for a reader. With an unweighted mean of the channels the blue power LEDs, which
+/// shine on every transit, would be as much a part of a letter as its strokes.
 pub(super) use noctograph_core::srgb::luminance_f32 as luminance;
 use noctograph_core::statistics::median;
 
-/// Photo pixels to one pixel of the plane, after the photo was made smaller by whole steps.
+/// Least number of pixels along a pixel of the plane after the photo was reduced by whole steps.
 const SAMPLES_PER_PIXEL: f64 = 2.0;
 
-/// Largest step. Its sums fit into 32 bits: 128² pixels of 16 bits.
+/// Largest step whose sums fit into 32 bits: 128² pixels of 16 bits.
 const MAX_STEP: f64 = 128.0;
 
 /// Side of the blocks of the sky, in pixels of the plane: an eighth of a cap height.
 const BLOCK_PLANE_PX: f64 = 4.0;
 
-/// Most blocks of a photo. A word has fewer, unless the camera sees it edge-on: then its pixels are
-/// next to nothing, and the whole photo may show it.
+/// Largest number of blocks. A word has more only if the camera sees it nearly edge-on.
 const MAX_BLOCKS: f64 = 131_072.0;
 
-/// Blocks to either side that decide a block's sky: about a cap height in all, so that a letter's
-/// strokes are a minority and the glow of a floor or a window is not.
+/// Blocks to either side whose quantile is a block's sky: about a cap height in total. There a
+/// letter's strokes are a minority, and the glow of a floor or a window is not.
 const BLOCKS_AROUND: usize = 4;
 
-/// Fraction of the blocks around that is darker than the sky. Half would subtract a bold letter's
-/// own light. Much less would leave half of a glow's slope.
+/// Quantile of the blocks that is the sky. The median would include a bold letter's own light. A
+/// much lower one would leave half of a glow's gradient.
 const SKY_RANK: f64 = 0.4;
 
-/// Brightest sky under which white stays white, if the place of the word is known.
+/// Largest sky up to which white stays white, if the position of the word is known.
 const MAX_SKY: f32 = 0.9;
 
-/// The same if writing is looked for in the whole photo: more would raise a floor's glow to ink.
+/// The same for reading the whole photo. A larger value would amplify a floor's glow to ink.
 const MAX_SKY_OF_WHOLE: f32 = 0.3;
 
-/// How far above the sky light must be, in standard deviations of the sky.
+/// Least light above the sky, in standard deviations of the sky.
 const LIGHT_SIGMAS: f32 = 5.0;
 
-/// Fraction of the intended ink's area that is brighter than the level that counts as fully lit.
-/// The 99.5th percentile of a word's frame is about this, but shifts with the frame. Too small a
-/// fraction lets one glaring spot darken the word.
+/// Fraction of the intended ink's area that is brighter than the fully lit level. With too small a
+/// fraction, a single glaring spot would darken the word.
 const GLARE_RANK: f64 = 0.1;
 
 /// Fraction of the intended ink's area that must stand out from the sky. Hot pixels are fewer.
@@ -51,13 +49,13 @@ pub(super) type Rgb = [f32; 3];
 
 /// The part of a photo that shows the word, in linear light above the sky. Outside is sky.
 pub(super) struct Light {
-    /// Photo pixels to one of ours.
+    /// Photo pixels along one pixel of this picture.
     step: usize,
-    /// Our first column and row, in our pixels.
+    /// First column and row, in pixels of this picture.
     origin: [usize; 2],
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Of every pixel, row by row.
+    /// Light of every pixel, row by row.
     pub(super) values: Vec<Rgb>,
 }
 
@@ -65,8 +63,8 @@ pub(super) struct Light {
 pub(super) type Frame = [f64; 4];
 
 impl Light {
-    /// Decodes a part of the photo, if it shows the part, with the median luminance of its sky. A
-    /// pixel of the plane is `pixel_px` wide there.
+    /// Decodes a part of the photo and returns it with the median luminance of its sky, or `None`
+    /// if `frame` is outside the photo. A pixel of the plane is `pixel_px` wide in the photo.
     pub(super) fn decode(
         photo: &Photo,
         frame: Option<Frame>,
@@ -84,23 +82,26 @@ impl Light {
         let least = (area / MAX_BLOCKS).sqrt().ceil().max(1.0);
         let block = whole((BLOCK_PLANE_PX * pixel_px / step as f64).max(least));
         let mut light = Self::with_sky(photo, [left, top, right, bottom], step);
-        let sky = median_size(&map(&light.values, luminance));
+        let sky = median_abs(&map(&light.values, luminance));
         light.subtract_sky(block, MAX_SKY);
         Some((light, sky))
     }
 
-    /// Decodes the whole photo, `step` pixels to one. Letters are about `letter_px` high.
+    /// Decodes the whole photo, reduced by `step`. Letters are about `letter_px` high.
     pub(super) fn of_whole(photo: &Photo, step: usize, letter_px: f64) -> Self {
-        let block = whole((BLOCK_PLANE_PX / 32.0 * letter_px / step as f64).max(1.0));
+        let plane_px = letter_px / f64::from(super::PX_PER_H);
+        let block = whole((BLOCK_PLANE_PX * plane_px / step as f64).max(1.0));
         let mut light = Self::with_sky(photo, frame_of(photo), step);
         light.subtract_sky(block, MAX_SKY_OF_WHOLE);
         light
     }
 
+    /// Decodes a part of the photo without subtracting the sky.
     fn with_sky(photo: &Photo, [left, top, right, bottom]: Frame, step: usize) -> Self {
         let origin = [left, top].map(|px| whole(px) / step);
         let [right, bottom] = [right, bottom].map(|px| whole(px.ceil()).div_ceil(step));
         let (width, height) = (right - origin[0], bottom - origin[1]);
+        // Constant steps are compiled to faster code.
         let values = match step {
             1 => means::<1>(photo, origin, [width, height], 1),
             2 => means::<2>(photo, origin, [width, height], 2),
@@ -109,7 +110,7 @@ impl Light {
         Self { step, origin, width, height, values }
     }
 
-    /// Mean of a measure of the light in a rectangle of the photo.
+    /// Returns the mean of a measure of the light in a rectangle of the photo.
     pub(super) fn mean_of(&self, frame: Frame, measure: impl Fn(Rgb) -> Rgb) -> Rgb {
         let per_px = 1.0 / self.step as f64;
         let [left, top] = self.origin.map(|origin| origin as f64);
@@ -135,7 +136,7 @@ impl Light {
         sum.map(|sum| sum * per_area)
     }
 
-    /// Light of the pixels in a rectangle of the photo.
+    /// Returns the light of the pixels in a rectangle of the photo.
     pub(super) fn within(&self, [left, top, right, bottom]: Frame) -> Vec<Rgb> {
         let sides = [(left, 0), (right, 0), (top, 1), (bottom, 1)].map(|(px, axis)| {
             let place = px / self.step as f64 - self.origin[axis] as f64;
@@ -145,7 +146,7 @@ impl Light {
         (top..bottom).flat_map(|y| &self.values[y * self.width..][left..right]).copied().collect()
     }
 
-    /// Subtracts the sky around each pixel, bilinear between the middles of blocks.
+    /// Subtracts the sky at each pixel, interpolated between the middles of blocks.
     fn subtract_sky(&mut self, block: usize, max_sky: f32) {
         let Self { width: n_columns, height: n_rows, ref mut values, .. } = *self;
         let size = [n_columns.div_ceil(block), n_rows.div_ceil(block)];
@@ -154,8 +155,8 @@ impl Light {
             let means: Vec<f32> = means.iter().map(|mean| mean[channel]).collect();
             sky_around(&means, size)
         });
-        // Rows of blocks are interpolated along x once, and kept while rows of pixels lie between
-        // the same two of them.
+        // Rows of blocks are interpolated along x only once, and used for all rows of pixels
+        // between them.
         let columns: Vec<_> = (0..n_columns).map(|x| blocks_beside(x, block, size[0])).collect();
         let mut rows = [(usize::MAX, Vec::new()), (usize::MAX, Vec::new())];
         for (y, values) in values.chunks_exact_mut(n_columns).enumerate() {
@@ -163,13 +164,13 @@ impl Light {
             if rows[0].0 != above {
                 rows.swap(0, 1);
             }
-            for (known, wanted) in rows.iter_mut().zip([above, below]) {
-                if known.0 != wanted {
+            for (cached, wanted) in rows.iter_mut().zip([above, below]) {
+                if cached.0 != wanted {
                     let sky = sky.each_ref().map(|sky| &sky[wanted * size[0]..][..size[0]]);
                     let along_x = columns.iter().map(|(left, right, part)| {
                         sky.map(|sky| sky[*left] + part * (sky[*right] - sky[*left]))
                     });
-                    *known = (wanted, along_x.collect());
+                    *cached = (wanted, along_x.collect());
                 }
             }
             let [above, below] = rows.each_ref().map(|(_, row): &(_, Vec<Rgb>)| row.as_flattened());
@@ -185,12 +186,12 @@ impl Light {
     }
 }
 
-/// A whole photo.
+/// Returns the rectangle of a whole photo.
 fn frame_of(photo: &Photo) -> Frame {
     [0.0, 0.0, photo.width_px.into(), photo.height_px.into()]
 }
 
-/// Means over blocks of `step` pixels by `step`. `STEP` is the same for the compiler, or 0.
+/// Returns the means over blocks of `step` × `step` pixels. `STEP` is `step` as a constant, or 0.
 #[inline(always)]
 fn means<const STEP: usize>(
     photo: &Photo,
@@ -208,7 +209,7 @@ fn means<const STEP: usize>(
         let n_rows = rows.len();
         sums.fill([0; 3]);
         for bytes in rows {
-            // Whole blocks first, of a length that the compiler may know, then what is left.
+            // Whole blocks, whose length may be a constant, then the remaining pixels.
             let blocks = bytes[3 * left * step..].chunks_exact(3 * step);
             let (rest, n) = (blocks.remainder(), blocks.len());
             sums.iter_mut().zip(blocks).for_each(|(sum, block)| add(sum, block, &light_of_level));
@@ -223,7 +224,7 @@ fn means<const STEP: usize>(
     values
 }
 
-/// Adds up the light of pixels.
+/// Adds the light of pixels to `sum`.
 #[inline(always)]
 fn add(sum: &mut [u32; 3], pixels: &[u8], light_of_level: &[u32; 256]) {
     for pixel in pixels.as_chunks::<3>().0 {
@@ -233,7 +234,7 @@ fn add(sum: &mut [u32; 3], pixels: &[u8], light_of_level: &[u32; 256]) {
     }
 }
 
-/// Mean light of the blocks of a picture, row by row.
+/// Returns the mean light of the blocks of a picture, row by row.
 fn block_means(values: &[Rgb], width: usize, block: usize) -> Vec<Rgb> {
     let mut means = Vec::new();
     for rows in values.chunks(block * width) {
@@ -251,14 +252,15 @@ fn block_means(values: &[Rgb], width: usize, block: usize) -> Vec<Rgb> {
     means
 }
 
-/// The blocks whose middles lie around that of a pixel, of `n`, and its place between them, 0 to 1.
-fn blocks_beside(pixel: usize, block: usize, n: usize) -> (usize, usize, f32) {
-    let place = ((pixel as f32 + 0.5) / block as f32 - 0.5).clamp(0.0, (n - 1) as f32);
-    let first = whole(f64::from(place));
-    (first, (first + 1).min(n - 1), place - first as f32)
+/// Returns the two of `n_blocks` blocks whose middles are nearest to a pixel, and the pixel's
+/// position between them, 0 to 1.
+fn blocks_beside(pixel: usize, block: usize, n_blocks: usize) -> (usize, usize, f32) {
+    let position = ((pixel as f32 + 0.5) / block as f32 - 0.5).clamp(0.0, (n_blocks - 1) as f32);
+    let first = whole(f64::from(position));
+    (first, (first + 1).min(n_blocks - 1), position - first as f32)
 }
 
-/// The sky of each block: a quantile of the means around it.
+/// Returns the sky of each block: a quantile of the means around it.
 fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     let near = |place: usize, end: usize| {
         place.saturating_sub(BLOCKS_AROUND)..(place + BLOCKS_AROUND + 1).min(end)
@@ -278,7 +280,7 @@ fn sky_around(means: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
     sky
 }
 
-/// A measure of every pixel, in the widest registers of this processor, with the same bits in all.
+/// Returns a measure of every pixel. It uses the processor's widest registers, with equal results.
 pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     let mut values = vec![0.0; light.len()];
     noctograph_core::dispatch!(|| {
@@ -287,21 +289,21 @@ pub(super) fn map(light: &[Rgb], measure: impl Fn(Rgb) -> f32) -> Vec<f32> {
     values
 }
 
-/// Median of the sizes of values, compared by their bits, which is faster and gives the same order.
-pub(super) fn median_size(values: &[f32]) -> f32 {
+/// Returns the median absolute value, compared by bits, which is faster and gives the same order.
+pub(super) fn median_abs(values: &[f32]) -> f32 {
     let sizes = values.iter().map(|value| value.abs().to_bits());
     f32::from_bits(median(sizes).expect("a picture has pixels"))
 }
 
-/// The level that counts as fully lit, for a word whose ink should cover `ink_px`, and its ratio to
-/// the least that stands out. `None` if next to nothing does.
+/// Returns the fully lit level of a word whose ink should cover `ink_px`, and its ratio to the
+/// least visible level. `None` if too few pixels are visible.
 pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f32)> {
-    // A Gaussian's standard deviation is 1.4826 median deviations. An 8-bit code is off by its step
-    // over the root of 12.
-    let noise = 1.4826 * median_size(&seen.values);
+    // A normal distribution's standard deviation is 1.4826 median absolute deviations. That of
+    // rounding to 8 bits is a step over √12.
+    let noise = 1.4826 * median_abs(&seen.values);
     let sigma = noise.max(code_step(sky) / 12.0_f32.sqrt());
     let lit = LIGHT_SIGMAS * sigma;
-    // Levels that a part of the intended ink reaches.
+    // Levels that a fraction of the intended ink reaches.
     let mut values = seen.values.clone();
     let [least, glare] = [MIN_INK_RANK, GLARE_RANK].map(|part| {
         let rank = whole(part * ink_px).min(values.len() - 1);
@@ -311,14 +313,15 @@ pub(super) fn full_light(seen: &Raster, sky: f32, ink_px: f64) -> Option<(f32, f
     (least > lit).then_some((full, full / lit))
 }
 
-/// Step of an 8-bit sRGB code at a light level, in linear light: the light of one code more.
+/// Returns the step of an 8-bit sRGB code at a light level, in linear light.
 fn code_step(level: f32) -> f32 {
     let linear = linear_from_level();
     let code = linear.partition_point(|value| *value < level).clamp(1, 255);
     linear[code] - linear[code - 1]
 }
 
-/// Light that each sRGB level gives, 65535 is white. Integers add up to the same sum in any order.
+/// Returns the light of each sRGB level, 65535 for white. Sums of integers have the same bits in
+/// any order.
 #[expect(clippy::cast_possible_truncation, reason = "0 to 65535")]
 fn light_of_level() -> [u32; 256] {
     linear_from_level().map(|linear| (65535.0 * linear).round() as u32)

@@ -6,37 +6,37 @@
 use std::sync::Arc;
 
 use super::color;
-use super::light::{Light, luminance, map, median_size};
+use super::light::{Light, luminance, map, median_abs};
 use super::raster::{Raster, narrow, whole};
 use super::strip::{CAP_PX, HEAD_ROW, HEIGHT, MARGIN_PX, Strip};
 use noctograph_core::photo::Photo;
 
-/// Longest side at which a photo is searched. Letters of half its height have hundreds of pixels.
+/// Longest side of the searched picture. Letters half as high still have hundreds of pixels.
 const MAX_SIDE: u32 = 1200;
 
-/// Height of letters by which the sky is judged, by the photo's height.
+/// Assumed height of letters, as a fraction of the photo's, when the sky is subtracted.
 const LETTER_PART: f64 = 0.3;
 
-/// How far above the sky ink must be, in standard deviations of the sky.
+/// Least ink above the sky, in standard deviations of the sky, and least standard deviation.
 const LIT_SIGMAS: f32 = 5.0;
 
 /// Fewest lit pixels of writing.
 const MIN_LIT_PX: usize = 16;
 
-/// Fractions of the lit pixels below full light: for dim streaks, and for uneven strokes.
+/// Quantiles of the lit pixels that are full light: with dim streaks, and with uneven strokes.
 const FULL_RANKS: [f64; 2] = [0.95, 0.6];
 
-/// Light of ink, of full light.
+/// Least ink as a fraction of full light.
 const INK_LEVEL: f32 = 0.3;
 
-/// Rows that cross the letters have at least this fraction of the most crossings of a row. A streak
+/// Rows through the letters have at least this fraction of the most crossings in a row. A streak
 /// to the landing place has one or two.
 const MIN_CROSSINGS: f64 = 0.4;
 
-/// How far above and below the line a letter's ink may reach, in its height.
+/// Largest reach of a letter's ink above and below the line, in heights of the line.
 const SLACK_H: f64 = 0.25;
 
-/// Fraction of its line's height from which a letter's ink in the ink's color is the whole letter.
+/// Fraction of the line's height from which the part in the ink's color is the whole letter.
 const WHOLE_LETTER: f64 = 0.7;
 
 /// Least height of a letter with a level bar, in widths of its stroke.
@@ -48,20 +48,20 @@ const MAX_LINES: usize = 4;
 /// Largest ratio of the letters' heights of two lines.
 const MAX_RATIO: f64 = 1.8;
 
-/// Height from which a line is the writing, and a smaller one a credit, by the height of that.
+/// Ratio of the heights of two lines from which the smaller one is only a credit.
 const LARGER: f64 = 3.0;
 
-/// Largest height of a line that is looked for beside a smaller one, by the photo's.
+/// Largest height of a line beside a credit, as a fraction of the photo's.
 const ROOM: f64 = 0.6;
 
 /// Light of a photo in which lines are looked for.
 #[derive(Clone)]
 pub(super) struct Ink {
-    /// Photo pixels to one.
+    /// Photo pixels along one pixel of the rasters.
     step: f64,
-    /// Light in any color and in the color of the brightest pixels, 1 is fully lit.
+    /// Light of any color, and light of the color of the brightest pixels (1 = fully lit).
     light: [Arc<Raster>; 2],
-    /// Which of the two is the ink.
+    /// Index of the raster that is the ink.
     which: usize,
 }
 
@@ -72,20 +72,20 @@ pub(super) struct Line {
     pub(super) letter_px: f64,
     /// Width of a stroke.
     stroke_px: f64,
-    /// Upper and lower end of most letters, along the middles of their strokes.
+    /// Top and bottom of most letters, at the middles of their strokes.
     extent: [f64; 2],
-    /// Rows that the letters' ink may take.
+    /// Rows that the letters' ink may reach.
     rows: [usize; 2],
-    /// First and last column of the ink.
+    /// First column of the ink, and the one after its last.
     columns: [usize; 2],
 }
 
-/// The inks of a photo, or none if nothing shines.
+/// Returns the light of a photo by each rule for ink, or nothing if too few pixels are lit.
 pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
     let step = photo.width_px.max(photo.height_px).div_ceil(MAX_SIDE).max(1) as usize;
     let light = Light::of_whole(photo, step, LETTER_PART * f64::from(photo.height_px));
     let bright = map(&light.values, luminance);
-    let lit = LIT_SIGMAS * (1.4826 * median_size(&bright)).max(1e-4);
+    let lit = LIT_SIGMAS * (1.4826 * median_abs(&bright)).max(1e-4);
     let mut levels: Vec<f32> = bright.iter().copied().filter(|value| *value > lit).collect();
     let mut inks = Vec::new();
     if levels.len() < MIN_LIT_PX {
@@ -105,16 +105,17 @@ pub(super) fn inks(photo: &Photo) -> Vec<Ink> {
 }
 
 impl Ink {
+    /// Returns the raster that is the ink.
     fn raster(&self) -> &Raster {
         &self.light[self.which]
     }
 
-    /// True of each pixel that is ink.
+    /// Returns a mask that is true of ink.
     fn mask(&self) -> Vec<bool> {
         self.raster().values.iter().map(|value| *value > INK_LEVEL).collect()
     }
 
-    /// Lines by their crossings, the most first: the rows of each are blank for the next.
+    /// Returns lines, those with the most crossings first. The rows of each are blank for the next.
     fn by_crossings(&self) -> impl Iterator<Item = Line> {
         let mut mask = self.mask();
         let lines = std::iter::from_fn(move || {
@@ -126,7 +127,7 @@ impl Ink {
         lines.take(MAX_LINES)
     }
 
-    /// The lines of one text, from the top.
+    /// Returns the lines of one text, from the top.
     pub(super) fn lines(&self) -> Vec<Line> {
         let mut lines: Vec<Line> = Vec::new();
         for line in self.by_crossings() {
@@ -139,13 +140,13 @@ impl Ink {
         lines
     }
 
-    /// The line of all ink, for a single letter, in which the ragged edge of a stroke crosses most.
+    /// Returns one line with all ink, for a single letter, where crossings do not show the line.
     pub(super) fn line_of_any(&self) -> Option<Line> {
         Line::from_mask(self, &self.mask(), Band::OfAny)
     }
 
-    /// The line with the most crossings among those that are several times as high as some letters:
-    /// a credit or a date has more than the writing beside it.
+    /// Returns the line with the most crossings among those that are [`LARGER`] times as high as
+    /// `than_px`. A credit or a date has more crossings than the writing beside it.
     pub(super) fn larger(&self, than_px: f64) -> Option<Line> {
         let least_px = LARGER * than_px;
         if least_px > ROOM * self.raster().height as f64 {
@@ -156,7 +157,8 @@ impl Ink {
 }
 
 impl Line {
-    /// The line of writing in a mask of inked pixels, unless it is as low as its strokes are wide.
+    /// Returns the line of writing in a mask of ink, or `None` if it is as low as its strokes are
+    /// wide.
     fn from_mask(ink: &Ink, mask: &[bool], by: Band) -> Option<Self> {
         let Raster { width, height, .. } = *ink.raster();
         let [top, bottom] = band(mask, width, by)?;
@@ -175,7 +177,7 @@ impl Line {
         (letter_px >= 1.0).then_some(Self { ink, letter_px, stroke_px, extent, rows, columns })
     }
 
-    /// True if the ink is that of another line, or a part of it, or of letters of another height.
+    /// True if the line is a part of another line, or has letters of another height.
     pub(super) fn adds_nothing_to(&self, other: &Self) -> bool {
         let slack = whole(self.stroke_px.ceil());
         let [first, last] = other.columns;
@@ -188,13 +190,14 @@ impl Line {
         (1.0 / MAX_RATIO..=MAX_RATIO).contains(&(self.letter_px / other.letter_px))
     }
 
-    /// Columns of the line as a strip, for a cap height.
+    /// Returns the number of columns of the line's strip, for a cap height.
     pub(super) fn strip_width(&self, cap_px: f64) -> usize {
         let [first, last] = self.columns.map(|column| column as f64);
         (whole((last - first) * CAP_PX as f64 / cap_px) + 2 * MARGIN_PX).next_multiple_of(2)
     }
 
-    /// The line as a strip, for a cap height, with its left end and pitch in pixels of the photo.
+    /// Cuts the line out as a strip, for a cap height. Returns the strip, its left end and the size
+    /// of its pixels, both in pixels of the photo.
     pub(super) fn strip(&self, cap_px: f64) -> (Strip, f64, f64) {
         let pitch = cap_px / CAP_PX as f64;
         let left = self.columns[0] as f64 - MARGIN_PX as f64 * pitch;
@@ -208,7 +211,7 @@ impl Line {
         (Strip::of_light(width, bright, pure), left * self.ink.step, pitch * self.ink.step)
     }
 
-    /// The boxes of letters whose middles are given, in pixels of the photo.
+    /// Returns the boxes of the letters with these middles, in pixels of the photo.
     pub(super) fn boxes(&self, middles_px: &[f64]) -> Vec<[f64; 4]> {
         let [first, end] = self.columns;
         let middles = middles_px.iter().map(|px| whole((px / self.ink.step).max(0.0)));
@@ -216,7 +219,7 @@ impl Line {
         let Raster { width, ref values, .. } = *self.ink.raster();
         let column = |x| (self.rows[0]..self.rows[1]).map(|y| values[y * width + x]).sum();
         let ink: Vec<f32> = (0..width).map(column).collect();
-        // Two letters part where there is the least ink between their middles.
+        // Letters are separated at the column with the least ink between their middles.
         let between = middles.windows(2).map(|pair| {
             let (from, to) = (pair[0], pair[1].max(pair[0] + 1));
             (from..to).min_by(|a, b| ink[*a].total_cmp(&ink[*b])).unwrap_or(to)
@@ -230,17 +233,16 @@ impl Line {
         boxes.map(|sides| sides.map(|side| side * self.ink.step)).collect()
     }
 
-    /// The box of the ink between two columns, along the middles of its strokes.
+    /// Returns the box of the ink between two columns, at the middles of its strokes.
     fn ink_box(&self, from: usize, to: usize) -> Option<[f64; 4]> {
-        // A letter in the color of the ink ends where that color does: trails of other lamps lead
-        // to it and from it.
+        // Trails of other lamps may lead to a letter, so that its own color decides its box.
         let colored = self.box_of(&self.ink.light[1], from, to);
         let whole =
             colored.filter(|[_, top, _, bottom]| bottom - top >= WHOLE_LETTER * self.letter_px);
         whole.or_else(|| self.box_of(self.ink.raster(), from, to))
     }
 
-    /// Bounding box of the ink between two columns of the line.
+    /// Returns the box of the ink between two columns of the line in one raster.
     fn box_of(&self, ink: &Raster, from: usize, to: usize) -> Option<[f64; 4]> {
         let width = ink.width;
         let (mut left, mut right, mut top, mut bottom) = (usize::MAX, 0, usize::MAX, 0);
@@ -297,7 +299,7 @@ fn band(mask: &[bool], width: usize, by: Band) -> Option<[usize; 2]> {
     (bottom - top >= 8).then_some([top, bottom])
 }
 
-/// Width of strokes: twice the area by the length of the edge.
+/// Returns the width of strokes: twice their area by the length of their edge.
 fn stroke_width(mask: &[bool], width: usize) -> f64 {
     let area = mask.iter().filter(|ink| **ink).count();
     let differing = |a: &[bool], b: &[bool]| -> u32 {

@@ -22,10 +22,10 @@ pub(super) const N_CLASSES: usize = 64;
 /// Columns of a strip for one column of logits.
 pub(super) const COLUMN_PX: usize = 2;
 
-/// Columns of a strip to either side of a logit's own. If all are dark, there is no letter.
+/// Columns of a strip to either side of a logit's own that must be dark for a blank.
 const DARK_PX: usize = 2;
 
-/// A unit of logits.
+/// Logit of one unit of the last layer's sums.
 const LOGIT: f64 = 1.0 / 256.0;
 
 /// The net of this program.
@@ -35,26 +35,26 @@ static NET: LazyLock<Vec<Layer>> = LazyLock::new(|| layers(WEIGHTS));
 struct Layer {
     /// Kernel: rows and columns.
     kernel: [usize; 2],
-    /// Channels in and out.
+    /// Numbers of input and output channels.
     channels: [usize; 2],
     /// Rows and columns that are pooled to their maximum.
     pool: [usize; 2],
-    /// Dilation: columns from one of the kernel's to the next, or `None` for neighbors.
-    apart: Option<usize>,
-    /// By group of channels that are summed at once, kernel row, kernel column and pair of input
-    /// channels: the weights of eight of the group's channels, those of the pair side by side.
+    /// Dilation: columns between neighbors in the kernel, or `None` if these touch.
+    dilation: Option<usize>,
+    /// Weights sorted by group of output channels, kernel row, kernel column, pair of input
+    /// channels and eight of the group's channels. Each vector has the pair's weights side by side.
     weights: Vec<i16x16>,
-    /// Eights of channels in a group.
+    /// Number of eights of channels in a group, which are summed at once.
     eights: usize,
-    /// Padded to whole eights.
+    /// Multiplier and bias of each channel, padded to whole eights.
     multipliers: Vec<i32>,
     biases: Vec<i32>,
 }
 
-/// Channels that are summed at once.
+/// Channels in a vector.
 const LANES: usize = 8;
 
-/// Most eights of channels that are summed at once: they stay in registers.
+/// Largest number of vectors of sums that stay in registers.
 const MOST_EIGHTS: usize = 8;
 
 /// Activations, row by row, the channels of a pixel together.
@@ -65,24 +65,24 @@ struct Map {
     values: Vec<i16>,
 }
 
-/// Receptive field of a logit to either side, in columns of a strip.
+/// Reach of a logit's receptive field to either side, in columns of a strip.
 static REACH_PX: LazyLock<usize> = LazyLock::new(|| {
     let reach = NET.iter().scan(1, |step, layer| {
-        let reach = layer.kernel[1] / 2 * layer.apart.unwrap_or(1) * *step;
+        let reach = layer.kernel[1] / 2 * layer.dilation.unwrap_or(1) * *step;
         *step *= layer.pool[1];
         Some(reach + *step)
     });
     reach.sum::<usize>().next_multiple_of(COLUMN_PX)
 });
 
-/// Logits of each class at every second column of a strip that is read.
+/// Returns the logits of each class at every second column that is read of a strip.
 pub(super) fn logits(strip: &Strip) -> Vec<[f64; N_CLASSES]> {
     logits_of(strip, strip.read.clone())
 }
 
-/// The logits of the columns that depend on a part of a strip, and the index of the first.
+/// Returns the logits that depend on a part of a strip, and the index of the first.
 pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f64; N_CLASSES]>) {
-    // Logits within reach of the part change, and columns within reach of these decide them.
+    // Logits within reach of the part change. They need the columns within their own reach.
     let [wanted, needed] = [*REACH_PX, 2 * *REACH_PX].map(|reach| {
         let [first, end] = [part.start.saturating_sub(reach), part.end + reach]
             .map(|column| column.clamp(strip.read.start, strip.read.end));
@@ -93,7 +93,7 @@ pub(super) fn logits_around(strip: &Strip, part: Range<usize>) -> (usize, Vec<[f
     (wanted.start, wanted_logits.to_vec())
 }
 
-/// Logits of all classes for columns of a strip.
+/// Returns the logits of all classes for columns of a strip.
 fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let values = strip.bytes(columns.clone()).into_iter().map(i16::from).collect();
     let mut map = Map { height: HEIGHT, width: columns.len(), channels: 2, values };
@@ -104,7 +104,7 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     let sums = last.sums(&map);
     let logits = sums.as_chunks().0.iter().map(|sums| sums.map(|sum| f64::from(sum) * LOGIT));
     let mut logits: Vec<[f64; N_CLASSES]> = logits.collect();
-    // A dark column is a blank, never "no letter", which the net reads in a gap between words.
+    // A dark column is a blank. The net would read "no letter" in a gap between words.
     for (column, logits) in columns.step_by(COLUMN_PX).zip(&mut logits) {
         if strip.is_dark(column.saturating_sub(DARK_PX)..column + COLUMN_PX + DARK_PX) {
             logits[N_CLASSES - 1] = f64::NEG_INFINITY;
@@ -113,12 +113,13 @@ fn logits_of(strip: &Strip, columns: Range<usize>) -> Vec<[f64; N_CLASSES]> {
     logits
 }
 
-/// Reads the layers from the file.
+/// Reads the layers from a file of weights.
 fn layers(mut bytes: &[u8]) -> Vec<Layer> {
     let mut layers = Vec::new();
     while let Some((head, rest)) = bytes.split_at_checked(6) {
-        // A head of six bytes, weights by channel, then multipliers and biases of 32 bits.
-        let [kh, kw, ci, co, pool, apart] = [0, 1, 2, 3, 4, 5].map(|byte| usize::from(head[byte]));
+        // A header of six bytes, weights by channel, then 32-bit multipliers and biases.
+        let [kh, kw, ci, co, pool, dilation] =
+            [0, 1, 2, 3, 4, 5].map(|byte| usize::from(head[byte]));
         let (weights, rest) = rest.split_at(kh * kw * ci * co);
         let (multipliers, rest) = rest.split_at(4 * co);
         let (biases, rest) = rest.split_at(4 * co);
@@ -127,7 +128,7 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
             let numbers = bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b));
             numbers.chain(std::iter::repeat_n(0, padded - co)).collect()
         });
-        // Channels are summed in equal groups, as large as registers allow.
+        // Groups have equal numbers of channels, as many as registers allow.
         let eights = (1..=MOST_EIGHTS).rev().find(|n| (padded / LANES).is_multiple_of(*n));
         let eights = eights.expect("1 divides every number");
         let weight = |channel: usize, place: usize| {
@@ -145,7 +146,7 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
             kernel: [kh, kw],
             channels: [ci, co],
             pool: [pool / 16, pool % 16],
-            apart: (apart > 0).then_some(apart),
+            dilation: (dilation > 0).then_some(dilation),
             weights: groups.collect(),
             eights,
             multipliers,
@@ -157,7 +158,8 @@ fn layers(mut bytes: &[u8]) -> Vec<Layer> {
 }
 
 impl Layer {
-    /// Scaled sums, row by row. Zeros pad columns, and rows if the kernel is lower than the map.
+    /// Returns the scaled sums, row by row. Columns are padded with zeros, and rows too if the
+    /// kernel is lower than the map.
     fn sums(&self, map: &Map) -> Vec<i32> {
         let [kh, kw] = self.kernel;
         let [ci, co] = self.channels;
@@ -165,12 +167,12 @@ impl Layer {
         let above = if kh == map.height { 0 } else { kh / 2 };
         let height = map.height + 2 * above + 1 - kh;
         // A row of the map between columns of zeros.
-        let beside = kw / 2 * self.apart.unwrap_or(1) * ci / 2;
+        let padding = kw / 2 * self.dilation.unwrap_or(1) * ci / 2;
         let row_length = map.width * ci / 2;
-        let mut rows = vec![vec![[0; 2]; row_length + 2 * beside]; map.height + 2 * above];
+        let mut rows = vec![vec![[0; 2]; row_length + 2 * padding]; map.height + 2 * above];
         let pairs = map.values.as_chunks().0;
         for (row, values) in rows[above..].iter_mut().zip(pairs.chunks_exact(row_length)) {
-            row[beside..beside + row_length].copy_from_slice(values);
+            row[padding..padding + row_length].copy_from_slice(values);
         }
         let mut sums = vec![0; height * map.width * co];
         let work = Sums { layer: self, width: map.width, rows, sums: &mut sums };
@@ -186,10 +188,10 @@ impl Layer {
         sums
     }
 
-    /// The sums clamped to bytes.
+    /// Returns the sums clamped to bytes. A dilated layer adds its input to them.
     fn activations(&self, map: &Map) -> Map {
         let mut sums = self.sums(map);
-        if self.apart.is_some() {
+        if self.dilation.is_some() {
             sums.iter_mut().zip(&map.values).for_each(|(sum, before)| *sum += i32::from(*before));
         }
         let values: Vec<i16> = sums.iter().map(|sum| (*sum).clamp(0, 255) as i16).collect();
@@ -198,7 +200,7 @@ impl Layer {
     }
 }
 
-/// The sums of a layer, eight channels in a register: of integers, so in the same bits.
+/// The sums of a layer, eight channels in a register. Sums of integers have the same bits anyhow.
 struct Sums<'a> {
     layer: &'a Layer,
     width: usize,
@@ -207,13 +209,13 @@ struct Sums<'a> {
     sums: &'a mut [i32],
 }
 
-/// Registers of a processor.
+/// Vector registers of a processor.
 trait Registers: Copy {
     /// Adds the products of a pair of activations and its weights.
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8;
 }
 
-/// Those of every processor.
+/// Plain arrays, for every processor.
 impl Registers for () {
     #[inline(always)]
     fn add(self, sums: i32x8, pair: [i16; 2], weights: i16x16) -> i32x8 {
@@ -236,7 +238,7 @@ impl Registers for pulp::x86::V3 {
     }
 }
 
-/// Registers of 128 bits of WebAssembly.
+/// 128-bit registers of WebAssembly.
 #[cfg(all(target_family = "wasm", target_feature = "simd128"))]
 #[derive(Clone, Copy)]
 struct Simd128;
@@ -259,7 +261,7 @@ impl Registers for Simd128 {
     }
 }
 
-/// Sums, and the registers for them.
+/// A call that computes sums with the given registers.
 struct With<'a, R>(R, Sums<'a>);
 
 impl<R: Registers> NullaryFnOnce for With<'_, R> {
@@ -269,27 +271,34 @@ impl<R: Registers> NullaryFnOnce for With<'_, R> {
     fn call(self) {
         let Self(registers, mut sums) = self;
         match sums.layer.eights {
-            1 => sums.take::<1>(registers),
-            2 => sums.take::<2>(registers),
-            3 => sums.take::<3>(registers),
-            4 => sums.take::<4>(registers),
-            5 => sums.take::<5>(registers),
-            6 => sums.take::<6>(registers),
-            7 => sums.take::<7>(registers),
-            _ => sums.take::<MOST_EIGHTS>(registers),
+            1 => sums.add_groups::<1>(registers),
+            2 => sums.add_groups::<2>(registers),
+            3 => sums.add_groups::<3>(registers),
+            4 => sums.add_groups::<4>(registers),
+            5 => sums.add_groups::<5>(registers),
+            6 => sums.add_groups::<6>(registers),
+            7 => sums.add_groups::<7>(registers),
+            _ => sums.add_groups::<MOST_EIGHTS>(registers),
         }
     }
 }
 
 impl Sums<'_> {
+    /// Computes all sums, in groups of `N` eights of channels.
     #[inline(always)]
-    fn take<const N: usize>(&mut self, registers: impl Registers) {
+    fn add_groups<const N: usize>(&mut self, registers: impl Registers) {
         let Layer {
-            kernel: [kh, kw], channels: [ci, co], apart, weights, biases, multipliers, ..
+            kernel: [kh, kw],
+            channels: [ci, co],
+            dilation,
+            weights,
+            biases,
+            multipliers,
+            ..
         } = self.layer;
         let run = kw * ci / 2;
-        // Columns of the kernel that are neighbors lie side by side.
-        let (piece, step) = apart.map_or((run, run), |apart| (ci / 2, apart * ci / 2));
+        // Without dilation, a row of the kernel is one piece of consecutive columns.
+        let (piece, step) = dilation.map_or((run, run), |dilation| (ci / 2, dilation * ci / 2));
         let groups = weights.chunks_exact(kh * run * N);
         for (y, sums) in self.sums.chunks_exact_mut(self.width * co).enumerate() {
             for (x, sums) in sums.chunks_exact_mut(*co).enumerate() {
@@ -315,11 +324,11 @@ impl Sums<'_> {
                     let group_sums = sums[first..].chunks_mut(LANES).take(N);
                     for (n, (sums, total)) in group_sums.zip(totals).enumerate() {
                         let totals: [i32; LANES] = cast(total);
-                        let by = multipliers[first + n * LANES..].first_chunk::<LANES>();
-                        let by = by.expect("multipliers of whole eights");
+                        let factors = multipliers[first + n * LANES..].first_chunk::<LANES>();
+                        let factors = factors.expect("multipliers of whole eights");
                         #[expect(clippy::cast_possible_truncation, reason = "logits are small")]
                         let scaled: [i32; LANES] = std::array::from_fn(|lane| {
-                            ((i64::from(totals[lane]) * i64::from(by[lane])) >> 24) as i32
+                            ((i64::from(totals[lane]) * i64::from(factors[lane])) >> 24) as i32
                         });
                         match sums.as_chunks_mut().0.first_mut() {
                             Some(sums) => *sums = scaled,
@@ -333,7 +342,7 @@ impl Sums<'_> {
 }
 
 impl Map {
-    /// Maxima over blocks of rows and columns. Rows and columns that are left over are dropped.
+    /// Returns the maxima over blocks of rows and columns. Incomplete blocks are dropped.
     fn pooled(self, [rows, columns]: [usize; 2]) -> Self {
         if [rows, columns] == [1, 1] {
             return self;

@@ -1,4 +1,4 @@
-//! The plane of the word: grids of square pixels on it, and their light in the photo.
+//! Grids of square pixels in the plane of the word, and their light in the photo.
 
 use kurbo::{Point, Vec2};
 use tiny_skia::Transform;
@@ -10,7 +10,7 @@ use super::{PX_PER_H, cap_height_m};
 use noctograph_core::geometry::bounds;
 use noctograph_core::strokes::{Cell, Strokes};
 
-/// Farthest shift that is searched, in cap heights. A word a little out of range is still found.
+/// Farthest shift that is searched, in cap heights: somewhat more than what counts as legible.
 pub(super) const SEARCH_H: f64 = 0.75;
 
 /// Largest scale that is tried. The smallest is its inverse.
@@ -28,10 +28,10 @@ const PEN_PX: f64 = 3.0;
 /// A grid of square pixels in the plane of the word.
 #[derive(Clone, Debug)]
 pub(super) struct Grid {
-    /// Upper left corner: x and height, meters.
+    /// Position of the upper left corner: x and height.
     pub(super) left_m: f64,
     pub(super) top_m: f64,
-    /// Edge of a pixel.
+    /// Side of a pixel.
     pub(super) pitch_m: f64,
     pub(super) width: usize,
     pub(super) height: usize,
@@ -44,44 +44,44 @@ pub(super) struct Placed {
     pub(super) center_m: Point,
     pub(super) shift_m: Vec2,
     pub(super) scale: f64,
-    /// Counterclockwise.
+    /// Rotation, counterclockwise.
     pub(super) rotation_rad: f64,
 }
 
 impl Placed {
-    /// The word in its intended place.
+    /// Returns the intended placement.
     pub(super) fn home(strokes: &Strokes) -> Self {
         let [left, bottom, right, top] = strokes.bounds_m();
         let center_m = Point::new(0.5 * (left + right), 0.5 * (bottom + top));
         Self { center_m, shift_m: Vec2::ZERO, scale: 1.0, rotation_rad: 0.0 }
     }
 
-    /// First column of `scale · R(rotation)`. The second is `[−y, x]`.
+    /// Returns the first column `[x, y]` of `scale · R(rotation)`. The second is `[−y, x]`.
     fn column(&self) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.rotation_rad);
         [self.scale * cos, self.scale * sin]
     }
 
-    /// Where a point of the intended word is found.
+    /// Moves a point of the intended word to where it is found.
     pub(super) fn apply(&self, point_m: Point) -> Point {
         let [a, b] = self.column();
         let Vec2 { x, y } = point_m - self.center_m;
         self.center_m + self.shift_m + Vec2::new(a * x - b * y, b * x + a * y)
     }
 
-    /// Where the photo shows a point of the intended word, or `None` if it cannot.
+    /// Returns the photo's pixel of a point of the intended word, or `None` if it cannot show it.
     pub(super) fn image_point(&self, view: &View, point_m: Point) -> Option<[f64; 2]> {
         view.image_from_plane(xy(self.apply(point_m)))
     }
 }
 
-/// A point as other crates take it.
+/// Returns the coordinates of a point.
 pub(super) fn xy(point: Point) -> [f64; 2] {
     [point.x, point.y]
 }
 
 impl Grid {
-    /// A grid with room for every place that is searched for the word.
+    /// Returns a grid with room for all placements that are searched.
     pub(super) fn around(strokes: &Strokes, home: &Placed) -> Self {
         let [left, bottom, right, top] = strokes.bounds_m();
         let pitch_m = cap_height_m(strokes) / f64::from(PX_PER_H);
@@ -96,24 +96,24 @@ impl Grid {
         Self { left_m, top_m, pitch_m, width, height }
     }
 
-    /// The same with more columns on both sides.
+    /// Adds columns on both sides.
     pub(super) fn widened(&self, columns: usize) -> Self {
         let left_m = self.left_m - columns as f64 * self.pitch_m;
         Self { left_m, width: self.width + 2 * columns, ..self.clone() }
     }
 
-    /// A point of the page (pixels, y down) in the plane of the word (meters, y up).
+    /// Converts a point of the page (pixels, y down) to the plane of the word (meters, y up).
     pub(super) fn plane_from_page(&self, point: Point) -> Point {
         Point::new(self.left_m + point.x * self.pitch_m, self.top_m - point.y * self.pitch_m)
     }
 
-    /// A point of the plane of the word on the page.
+    /// Converts a point of the plane of the word to the page.
     pub(super) fn page_from_plane(&self, point_m: Point) -> Point {
         let Point { x, y } = point_m;
         Point::new((x - self.left_m) / self.pitch_m, (self.top_m - y) / self.pitch_m)
     }
 
-    /// [`Self::page_from_plane`] as a transform, with the word as placed.
+    /// Returns [`Self::page_from_plane`] after [`Placed::apply`] as a transform.
     pub(super) fn transform(&self, placed: &Placed) -> Transform {
         let [a, b] = placed.column().map(|part| part / self.pitch_m);
         let Point { x, y } = self.page_from_plane(placed.apply(Point::ZERO));
@@ -121,7 +121,7 @@ impl Grid {
         Transform::from_row(a, -b, -b, -a, x, y)
     }
 
-    /// The mean at each pixel of the grid, moved along with the word, of a measure of the light.
+    /// Returns the mean of a measure of the light at each pixel of the grid, placed like the word.
     pub(super) fn resample(
         &self,
         light: &Light,
@@ -129,8 +129,7 @@ impl Grid {
         placed: &Placed,
         measure: impl Fn(Rgb) -> Rgb,
     ) -> Vec<Rgb> {
-        // Each row of corners is computed once: it is the lower one of a row of pixels, then the
-        // upper one of the next.
+        // The lower corners of a row of pixels are the upper corners of the next.
         let mut rows = (0..=self.height).map(|y| {
             (0..=self.width).map(|x| self.image_point(view, placed, [x, y])).collect::<Vec<_>>()
         });
@@ -149,7 +148,8 @@ impl Grid {
         values
     }
 
-    /// The rectangle of the photo that shows the grid, or `None` if a corner is behind the camera.
+    /// Returns the rectangle of the photo that shows the grid, or `None` if a corner is behind the
+    /// camera.
     pub(super) fn frame(&self, view: &View, placed: &Placed) -> Option<Frame> {
         let (right, bottom) = (self.width, self.height);
         let [a, b, c, d] = [[0, 0], [right, 0], [0, bottom], [right, bottom]]
@@ -157,7 +157,7 @@ impl Grid {
         Some(bounds([a?, b?, c?, d?]))
     }
 
-    /// Edge of the middle pixel in the photo, or `None` if it is behind the camera.
+    /// Returns the side of the middle pixel in the photo, or `None` if it is behind the camera.
     pub(super) fn pixel_px(&self, view: &View, placed: &Placed) -> Option<f64> {
         let middle = [self.width / 2, self.height / 2];
         let [x, y] = self.image_point(view, placed, middle)?;
@@ -165,7 +165,7 @@ impl Grid {
         Some(((right - x).abs() * (below - y).abs()).sqrt())
     }
 
-    /// Where the photo shows the upper left corner of pixel `x, y`.
+    /// Returns the photo's pixel of the upper left corner of the grid's pixel `x, y`.
     fn image_point(&self, view: &View, placed: &Placed, [x, y]: [usize; 2]) -> Option<[f64; 2]> {
         placed.image_point(view, self.plane_from_page(Point::new(x as f64, y as f64)))
     }
@@ -180,6 +180,7 @@ pub(super) struct LetterPage {
 }
 
 impl LetterPage {
+    /// Centers a page on a cell, with a margin and room for shifts.
     pub(super) fn new(cell: &Cell) -> Self {
         let pitch_m = cell.cap_height_m / f64::from(PX_PER_H);
         let cell_px = [cell.width_m / pitch_m, f64::from(PX_PER_H)];
@@ -195,14 +196,14 @@ impl LetterPage {
         Self { grid, cell_px }
     }
 
-    /// The cell on the page: left, top, right, bottom.
+    /// Returns the left, top, right and bottom of the cell on the page.
     pub(super) fn cell(&self) -> [f64; 4] {
         let [x, y] = [self.grid.width, self.grid.height].map(|side| 0.5 * side as f64);
         let [half_width, half_height] = self.cell_px.map(|side| 0.5 * side);
         [x - half_width, y - half_height, x + half_width, y + half_height]
     }
 
-    /// The page's columns of the cell: beside it, other letters may shine brighter.
+    /// Returns the page's columns of the cell, without brighter letters beside it.
     pub(super) fn columns_of_cell(&self) -> Grid {
         let [left, _, right, _] = self.cell();
         let [from, to] = [(left - PEN_PX).floor(), (right + PEN_PX).ceil()];
@@ -217,7 +218,7 @@ impl LetterPage {
             && (top - MARGIN_PX[1]..=bottom + MARGIN_PX[1]).contains(&point.y)
     }
 
-    /// True if a cell has a part on the page.
+    /// True if a part of a cell is on the page.
     pub(super) fn is_near(&self, cell: &Cell) -> bool {
         let Cell { left_m, baseline_m, width_m, cap_height_m } = *cell;
         let lower_left = self.grid.page_from_plane(Point::new(left_m, baseline_m));

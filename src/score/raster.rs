@@ -18,17 +18,19 @@ pub(super) struct Raster {
 }
 
 impl Raster {
+    /// Returns a raster of zeros.
     pub(super) fn dark(width: usize, height: usize) -> Self {
         Self { width, height, values: vec![0.0; width * height] }
     }
 
-    /// Light by the level that counts as fully lit, clipped: from 0 to 1.
+    /// Returns the light relative to the fully lit level, clipped to 0 to 1.
     pub(super) fn exposed(&self, full_light: f32) -> Self {
         let values = self.values.iter().map(|value| (value / full_light).clamp(0.0, 1.0));
         Self { values: values.collect(), ..*self }
     }
 
-    /// Light in the squares of a grid, given by its upper left corner and its side in pixels.
+    /// Returns the light in each square of a grid, which has the corner `left`, `top` and squares
+    /// of `side` pixels.
     pub(super) fn sums(
         &self,
         [left, top]: [f64; 2],
@@ -37,9 +39,9 @@ impl Raster {
         n_rows: usize,
     ) -> Vec<f32> {
         // Pixels that each column and each row of squares touches, once for all squares.
-        let columns = touched(left, side, columns, self.width);
+        let columns = overlaps_of_squares(left, side, columns, self.width);
         let mut sums = Vec::with_capacity(n_rows * columns.len());
-        for rows in touched(top, side, 0..n_rows, self.height) {
+        for rows in overlaps_of_squares(top, side, 0..n_rows, self.height) {
             for columns in &columns {
                 let mut sum = 0.0;
                 for (y, high) in &rows {
@@ -52,7 +54,7 @@ impl Raster {
         sums
     }
 
-    /// Gaussian blur, cut off at 3 σ. Outside is dark.
+    /// Blurs by a Gaussian that is cut off at 3 σ. Outside is dark.
     pub(super) fn blur(&self, sigma_px: f32) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "a few pixels")]
         let reach = (3.0 * sigma_px).ceil() as usize;
@@ -85,7 +87,7 @@ impl Raster {
         blurred
     }
 
-    /// Half the resolution: means of 2 × 2 pixels. Both sides must be even.
+    /// Returns the raster at half the resolution: means of 2 × 2 pixels. Both sides must be even.
     pub(super) fn half(&self) -> Self {
         assert_eq!([self.width % 2, self.height % 2], [0; 2], "even sides can be halved");
         let (width, height) = (self.width / 2, self.height / 2);
@@ -103,6 +105,7 @@ impl Raster {
 pub(super) struct Page(Mask);
 
 impl Page {
+    /// Returns an empty page.
     pub(super) fn blank(width: usize, height: usize) -> Self {
         let [width, height] = [width, height]
             .map(|side| u32::try_from(side).expect("pages are some hundred pixels wide"));
@@ -124,7 +127,8 @@ impl Page {
         }
     }
 
-    pub(super) fn dry(self) -> Raster {
+    /// Returns the coverage as a raster.
+    pub(super) fn into_raster(self) -> Raster {
         Raster {
             width: self.0.width() as usize,
             height: self.0.height() as usize,
@@ -133,7 +137,7 @@ impl Page {
     }
 }
 
-/// The lit moves as a path, or `None` if nothing is lit.
+/// Returns the lit moves as a path, or `None` if nothing is lit.
 fn path_of(moves: &[Move]) -> Option<Path> {
     let mut builder = PathBuilder::new();
     let mut pen_at = None;
@@ -148,12 +152,13 @@ fn path_of(moves: &[Move]) -> Option<Path> {
     builder.finish()
 }
 
+/// Adds `weight` times the values of `from`.
 fn add_scaled(to: &mut [f32], from: &[f32], weight: f32) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to += weight * from);
 }
 
-/// For each square of a row, or of a column, the pixels that it touches.
-fn touched(
+/// Returns the pixels, of `n_pixels`, that each square of a row or column overlaps.
+fn overlaps_of_squares(
     first: f64,
     side: f64,
     squares: Range<usize>,
@@ -163,7 +168,7 @@ fn touched(
     starts.map(|from| overlaps(from, from + side, n_pixels).collect()).collect()
 }
 
-/// The pixels of `n` that an interval touches, each with the length of the overlap.
+/// Returns the pixels, of `n`, that an interval overlaps, with the lengths of the overlaps.
 pub(super) fn overlaps(from: f64, to: f64, n: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
     let first = whole(from.clamp(0.0, n as f64));
     let end = whole(to.ceil().clamp(first as f64, n as f64));
@@ -173,19 +178,20 @@ pub(super) fn overlaps(from: f64, to: f64, n: usize) -> impl Iterator<Item = (us
     })
 }
 
-/// Whole pixels of a length or an area in pixels.
+/// Rounds a number of pixels down.
 #[expect(clippy::cast_possible_truncation, reason = "pixels of a photo, rounded down")]
 pub(super) fn whole(pixels: f64) -> usize {
     pixels as usize
 }
 
-/// Light as rasters hold it.
+/// Converts light to the precision of rasters.
 #[expect(clippy::cast_possible_truncation, reason = "light needs no more than f32")]
 pub(super) fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// Scalar products of several rows with one. The order of the lanes is fixed, and so are the bits.
+/// Returns the scalar products of several rows with one. The order of the sums is fixed, so that
+/// their bits are.
 pub(super) fn dots<const N: usize>(rows: [&[f32]; N], with: &[f32]) -> [f32; N] {
     let (with, with_rest) = with.as_chunks::<8>();
     let rows = rows.map(|row| row.as_chunks::<8>());

@@ -25,21 +25,21 @@ use noctograph_core::photo::Photo;
 use noctograph_core::settings::Described;
 use noctograph_core::strokes::{Glyph, Strokes};
 
-/// Fraction of the word's ink whose mean is its color. Letters that are half missing have no more.
+/// Fraction of the word's ink whose mean is its color. Half-missing letters have no more ink.
 const INK_PART: f64 = 0.5;
 
-/// Least light in a letter's cell of the color of its page, else it has another color. White that
-/// an overexposed blue line tints has 0.5 of it.
+/// Least fraction of a cell's light that has the color of its page. With less, the letter has
+/// another color. White tinted by an overexposed blue line has 0.5.
 const LEAST_OF_COLOR: f32 = 0.25;
 
-/// Probability from which a letter that is read beside the place of the word counts as one.
+/// Probability from which a letter that is read beside the word counts.
 const CLEAR_P: f64 = 0.6;
 
-/// Ratio of the odds of being read in the line found blindly to those in the word's place from
-/// which the two views contradict each other: the outline of a white patch is an O in only one.
+/// Ratio of the odds in the line found blindly to those at the word's position from which the two
+/// views contradict each other. The outline of a white patch is an O in only one of them.
 const CONTRADICTION: f64 = 20.0;
 
-/// Letters of a word that is not read blindly by chance.
+/// Number of letters from which a word is not read blindly by chance.
 const MANY_LETTERS: usize = 3;
 
 /// Reads photos of one word.
@@ -49,11 +49,11 @@ pub struct Reader {
     pub(super) home: Placed,
     finder: Finder,
     pub(super) expected: Expected,
-    /// Where each line of the word is cut out.
+    /// The grid of each line's strip.
     pub(super) lines: Vec<Grid>,
     /// The line of each letter.
     pub(super) line_of: Vec<usize>,
-    /// One for each letter.
+    /// One page for each letter.
     pub(super) pages: Vec<LetterPage>,
     /// Pixels of a page that each letter's ink should cover.
     pub(super) ink_px: Vec<f64>,
@@ -65,13 +65,13 @@ pub(super) struct Seen {
     pub(super) placed: Placed,
     /// Level of light that counts as fully lit.
     pub(super) full_light: f32,
-    /// The same by the least light that stands out.
+    /// Ratio of that level to the least visible light.
     pub(super) contrast: f32,
-    /// One for each line of the word.
+    /// One strip for each line of the word.
     pub(super) strips: Vec<Strip>,
     /// The columns of each strip.
     pub(super) columns: Vec<Columns>,
-    /// The letters of all lines, and those beside them.
+    /// The columns of all lines, with those beside them.
     around: Columns,
 }
 
@@ -82,18 +82,18 @@ impl std::fmt::Debug for Reader {
 }
 
 impl Reader {
-    /// Prepares for a word.
+    /// Prepares the reading of a word.
     ///
     /// # Errors
     ///
     /// [`Error::Input`](noctograph_core::error::Error::Input) for an empty word or a drawing, a
-    /// letter that the reader does not know or that leaves no light, letters too narrow or too
-    /// wide, or an option out of range.
+    /// letter that the reader cannot read or that is not lit, letters too narrow or too wide, or an
+    /// option out of range.
     pub fn new(strokes: &Strokes, options: &ScoreOptions) -> Result<Self> {
         options.check("score", None)?;
         check(strokes)?;
         let home = Placed::home(strokes);
-        // Area of the ink: length by width of the pen.
+        // Area of the ink: length of the strokes by width of the pen.
         let ink_px = strokes.glyphs.iter().map(|glyph| {
             let lit = glyph.moves.iter().filter(|step| step.lit);
             let length_m: f64 = lit.map(|step| distance(step.from_m, step.to_m)).sum();
@@ -120,42 +120,47 @@ impl Reader {
         Ok(reader)
     }
 
-    /// The columns of a faultless drawing of the word.
+    /// Returns the columns of a faultless drawing of the word.
     pub(super) fn drawn_columns(&self) -> Columns {
         let drawn = self.lines.iter().map(|grid| {
             let light = draw(grid, &self.home, &self.strokes.glyphs, CAP_PX as f32).values;
+            // The blur halves the light of thin strokes.
             let light: Vec<f32> = light.iter().map(|value| (2.0 * value).min(1.0)).collect();
             Columns::along(&Strip::drawn(grid.width, light))
         });
         Columns::joined(drawn)
     }
 
-    /// Reads a photo.
+    /// Returns the verdict on a photo, without causes.
     ///
     /// # Errors
     ///
     /// [`Error::Input`](noctograph_core::error::Error::Input) for a photo of another size.
     pub fn score(&self, photo: &Photo, view: &View) -> Result<Verdict> {
-        Ok(self.sight(photo, view)?.0)
+        Ok(self.score_with_light(photo, view)?.0)
     }
 
-    /// The strip of each line for the training of the net: its columns, and the bytes of 40 rows of
-    /// them, two channels a pixel.
+    /// Returns the strip of each line for training the net: its number of columns, and the bytes
+    /// of its 40 rows with two channels per pixel.
     ///
     /// # Errors
     ///
     /// As [`Self::score`].
     pub fn strips(&self, photo: &Photo, view: &View) -> Result<Vec<(usize, Vec<u8>)>> {
         check_size(photo, view)?;
-        let seen = self.see(photo, view);
+        let seen = self.find_light(photo, view);
         let strips = seen.iter().flat_map(|seen| &seen.strips);
         Ok(strips.map(|strip| (strip.width, strip.bytes(0..strip.width))).collect())
     }
 
-    /// The verdict without causes, and its light, if any shines in the place of the word.
-    pub(super) fn sight(&self, photo: &Photo, view: &View) -> Result<(Verdict, Option<Seen>)> {
+    /// Returns the verdict without causes, and the light at the position of the word, if any.
+    pub(super) fn score_with_light(
+        &self,
+        photo: &Photo,
+        view: &View,
+    ) -> Result<(Verdict, Option<Seen>)> {
         check_size(photo, view)?;
-        let (reading, seen) = rayon::join(|| read(photo), || self.see(photo, view));
+        let (reading, seen) = rayon::join(|| read(photo), || self.find_light(photo, view));
         // `None` if the photo cannot show a capital.
         let pixel_px = self.finder.grid.pixel_px(view, &self.home);
         let cap_height_px = pixel_px.map(|px| f64::from(PX_PER_H) * px);
@@ -167,10 +172,9 @@ impl Reader {
                 return Ok((Verdict { second_opinion, ..verdict }, None));
             }
         };
-        // The word is judged in its place and in the lines that blind recognition finds: two views
-        // of the same light. The one that shows the word better counts, unless it contradicts the
-        // other.
-        let in_place = (!self.has_more(&reading, &seen, view))
+        // The word is judged at its position and in the lines that blind recognition finds. The
+        // view with the better odds counts, unless it contradicts the other.
+        let in_place = (!self.has_letters_elsewhere(&reading, &seen, view))
             .then(|| Columns::joined(seen.columns.iter().cloned()));
         let blind = (!reading.letters.is_empty()).then(|| reading.columns.clone());
         let views = [in_place, blind].into_iter().flatten();
@@ -189,7 +193,7 @@ impl Reader {
     }
 
     /// True if blind recognition clearly reads letters outside the strips of the word.
-    fn has_more(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
+    fn has_letters_elsewhere(&self, reading: &Reading, seen: &Seen, view: &View) -> bool {
         let frames: Vec<Frame> =
             self.lines.iter().filter_map(|grid| around(grid).frame(view, &seen.placed)).collect();
         is_clear(&reading.letters)
@@ -203,9 +207,9 @@ impl Reader {
             })
     }
 
-    /// Finds the word's light in a photo of the size that the view gives, or why there is none.
-    fn see(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
-        // Light of the part of the photo that may show the word, and its exposure.
+    /// Finds the word's light in a photo of the view's size, or returns why there is none.
+    fn find_light(&self, photo: &Photo, view: &View) -> std::result::Result<Seen, Reason> {
+        // The part of the photo that may show the word, and its exposure.
         let grid = &self.finder.grid;
         let frame = grid.widened(SIDE_PX * usize::from(PX_PER_H) / CAP_PX).frame(view, &self.home);
         let decoded =
@@ -217,7 +221,7 @@ impl Reader {
         let (full_light, contrast) = full_light(&bright, sky, ink_px).ok_or(Reason::NoLight)?;
         let color = color::of_brightest(&colors, whole(INK_PART * ink_px));
 
-        // The place of the word, then a strip of each line, and a wider one with what is beside it.
+        // A strip of each line, then a wider one that includes what is beside it.
         let placed = self.finder.place(&bright.exposed(full_light));
         let wide: Vec<Grid> = self.lines.iter().map(around).collect();
         let grids = self.lines.iter().enumerate().chain(wide.iter().enumerate());
@@ -239,6 +243,7 @@ impl Reader {
         Ok(Seen { light, placed, full_light, contrast, strips, columns, around })
     }
 
+    /// Words a judgment as a verdict, with its reason.
     fn verdict(
         &self,
         judgment: Judgment,
@@ -263,10 +268,10 @@ impl Reader {
         let has_few_px = cap_height_px.is_some_and(|px| px < MIN_CAP_HEIGHT_PX);
         let is_likeliest = rival.as_ref().is_none_or(|rival| rival.p <= 0.5);
         let is_read = letters.iter().all(|letter| letter.best == Some(letter.expected));
-        // Of letters that are one glyph the others were not judged.
+        // If letters are joined in one glyph, the others were not judged.
         let is_whole = !self.is_joined();
         let legible = is_whole && is_likeliest && readability >= self.options.legible_probability;
-        // The first of the reasons that hold: the photo comes before the letters.
+        // The first reason that applies. Reasons of the photo come before those of letters.
         let reason = match () {
             () if legible => None,
             () if has_few_px => Some(Reason::TooSmall),
@@ -288,25 +293,26 @@ impl Reader {
         }
     }
 
-    /// True if letters touch, as by a bar through them: they are one glyph, that of the first.
+    /// True if letters that touch, for example by a bar through them, are one glyph.
     fn is_joined(&self) -> bool {
         let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
-        judged(glyphs).len() != judged(self.strokes.word.chars()).len()
+        judged_characters(glyphs).len() != judged_characters(self.strokes.word.chars()).len()
     }
 
-    /// The likeliest spelling of each word, with the word's spaces, line ends and punctuation.
+    /// Returns the likeliest spelling of each word, with the spaces, line ends and punctuation of
+    /// the expected text.
     fn spelled(&self, choices: &[Choice]) -> String {
         if self.is_joined() {
             let glyphs = self.strokes.glyphs.iter().map(|glyph| glyph.character);
-            return likeliest(choices, &judged(glyphs)).into_iter().collect();
+            return likeliest(choices, &judged_characters(glyphs)).into_iter().collect();
         }
         let mut rest = choices;
         let mut read = String::new();
         for word in self.strokes.word.split_inclusive(char::is_whitespace) {
-            let expected = judged(word.chars());
+            let expected = judged_characters(word.chars());
             let choices;
             (choices, rest) = rest.split_at(expected.len());
-            // Letters that the light already shows as expected are not spelled otherwise.
+            // Letters that are read as expected without the spelling stay as they are.
             let is_read =
                 choices.iter().zip(&expected).all(|(choice, c)| choice.best(*c).0 == Some(*c));
             let letters = if is_read { expected } else { likeliest(choices, &expected) };
@@ -319,17 +325,17 @@ impl Reader {
     }
 }
 
-/// The characters that are letters or digits.
-fn judged(characters: impl Iterator<Item = char>) -> Vec<char> {
+/// Returns the characters that are letters or digits.
+fn judged_characters(characters: impl Iterator<Item = char>) -> Vec<char> {
     characters.filter(|character| classes_of(*character).is_some()).collect()
 }
 
-/// Where a line is cut out together with its sides.
+/// Returns the grid of a line together with its sides.
 fn around(line: &Grid) -> Grid {
     line.widened(SIDE_PX - MARGIN_PX)
 }
 
-/// Where a line of letters is cut out of the word's plane.
+/// Returns the grid of a line of letters in the word's plane.
 fn strip_grid(glyphs: &[Glyph]) -> Grid {
     let cell = glyphs[0].cell;
     let pitch_m = cell.cap_height_m / CAP_PX as f64;
@@ -344,17 +350,17 @@ fn strip_grid(glyphs: &[Glyph]) -> Grid {
     }
 }
 
-/// The box of the lit moves of letters: left, bottom, right, top.
+/// Returns the box of the lit moves of letters: left, bottom, right, top.
 pub(super) fn lit_bounds_m(glyphs: &[Glyph]) -> [f64; 4] {
     let lit = glyphs.iter().flat_map(|glyph| &glyph.moves).filter(|step| step.lit);
     bounds(lit.flat_map(|step| [step.from_m, step.to_m]))
 }
 
-/// Light in only the color of the strokes, on a letter's page.
+/// Returns the light on a letter's page that has the color of the strokes.
 pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View) -> Raster {
     let grid = &page.grid;
-    // The color is taken from the photo's pixels: one of ours holds a stroke and the status light
-    // beside it.
+    // The color comes from the photo's pixels. A pixel of the page may contain both a stroke and
+    // the status light beside it.
     let [mut color, cell_color] = [grid, &page.columns_of_cell()].map(|part| {
         let frame = part.frame(view, &seen.placed);
         let pixels = frame.map_or(Vec::new(), |frame| seen.light.within(frame));
@@ -362,29 +368,30 @@ pub(super) fn pure_ink(page: &LetterPage, ink_px: f64, seen: &Seen, view: &View)
         let n_brightest = whole(fraction * pixels.len() as f64);
         if pixels.is_empty() { [0.0; 3] } else { color::of_brightest(&pixels, n_brightest) }
     });
-    // Letters beside it may be brighter, and of another color.
+    // Neighboring letters may be brighter and of another color.
     if color::pure(color)(cell_color) < LEAST_OF_COLOR * luminance(cell_color) {
         color = cell_color;
     }
     let pure = color::pure(color);
     let pure = grid.resample(&seen.light, view, &seen.placed, |light| [pure(light); 3]);
     let pure = brightness(grid, &pure);
-    // Thin strokes fill half of our pixels: half of the ink is full light, whatever the word's is.
+    // Thin strokes fill half of a pixel, so that full light is at most the median of the ink.
     let mut levels = pure.values.clone();
     let rank = whole(INK_PART * ink_px).min(levels.len() - 1);
     let level = *levels.select_nth_unstable_by(rank, |a, b| b.total_cmp(a)).1;
     pure.exposed(seen.full_light.min(level))
 }
 
+/// Returns the luminance at each pixel of a grid.
 fn brightness(grid: &Grid, light: &[Rgb]) -> Raster {
     Raster { width: grid.width, height: grid.height, values: map(light, luminance) }
 }
 
-/// Letters as the trail should draw them on a grid of `cap_px` pixels to a cap height, blurred.
+/// Draws intended letters, blurred, on a grid of `cap_px` pixels per cap height.
 pub(super) fn draw(grid: &Grid, home: &Placed, glyphs: &[Glyph], cap_px: f32) -> Raster {
     let mut page = Page::blank(grid.width, grid.height);
     for glyph in glyphs {
         page.stroke(&glyph.moves, narrow(PEN_H) * cap_px, grid.transform(home));
     }
-    page.dry().blur(BLUR_H * cap_px)
+    page.into_raster().blur(BLUR_H * cap_px)
 }

@@ -3,8 +3,8 @@
 //! Lines of writing are found by their ink, and cut out as strips at several sizes. The net reads
 //! them as capitals, small letters, capitalized, digits, or capitals mixed with digits. The
 //! likeliest strip is read again with its neighbors, a little larger, smaller, higher, lower and
-//! darker: what they agree on hangs less on how the photo was scaled, exposed and compressed.
-//! Accents and punctuation are not read.
+//! darker. Their mean depends less on how the photo was scaled, exposed and compressed. Accents
+//! and punctuation are not read.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -18,30 +18,30 @@ use super::spelling::likeliest;
 use super::strip::CAP_PX;
 use noctograph_core::photo::Photo;
 
-/// Sizes at which a line is tried: cap height by letter height. Small letters are 2/3 of a capital.
+/// Ratios of cap height to letter height that are tried. Small letters are 2/3 of a capital.
 const SIZES: [f64; 3] = [1.0, 1.2, 1.5];
 
-/// ln of the frequency of words of capitals, small letters, capitalized, digits, capitals and
-/// digits.
+/// ln of the frequency of words in capitals, in small letters, capitalized, of digits, and of
+/// capitals mixed with digits.
 const LN_FREQUENCY: [f64; 5] = [0.0, -0.5, -0.5, -1.0, -2.5];
 
 /// Mean probability of the letters from which a line is clear.
 const LEAST_CLEAR: f64 = 0.6;
 
-/// Gap between two letters that is a space, in cap heights. Those of the shipped fonts are wider.
+/// Least gap that is a space, in cap heights. Spaces of the shipped fonts are wider.
 const SPACE_H: f64 = 0.65;
 
 /// Mean of ln p over the letters from which a line is sure.
 const SURE: f64 = -0.1;
 
-/// Probability of a letter from which reading it says more than leaving it out.
-const EVEN: f64 = 0.5;
+/// Probability of a letter that adds nothing to the worth of a reading.
+const NEUTRAL: f64 = 0.5;
 
-/// Most columns of strips that are read, all tries together: two of the longest word, or a second.
+/// Largest number of columns in all strips that are read: twice the longest word, or a second.
 const MOST_COLUMNS: usize = 12_000;
 
-/// Least mean probability of the letters of writing, and least one of a single letter. A heart is
-/// read as letters of less, a paw as 0990 of 0.69, a face as an O of 0.87.
+/// Least mean probability of letters that are writing, and least probability of a single letter. A
+/// heart has less, a paw is 0990 with 0.69, and a face an O with 0.87.
 const LEAST_WRITING: f64 = 0.72;
 const LEAST_LETTER: f64 = 0.9;
 
@@ -52,7 +52,7 @@ pub struct Reading {
     pub text: String,
     /// Letter by letter, from left to right and line by line.
     pub letters: Vec<ReadLetter>,
-    /// Much smaller writing beside it, such as a credit or a date, that is passed over.
+    /// Much smaller writing beside the text, such as a credit or a date, which is ignored.
     #[serde(skip)]
     pub smaller: String,
     /// The columns of the lines, one after another, each at the size at which it was read.
@@ -65,28 +65,28 @@ pub struct Reading {
 pub struct ReadLetter {
     /// The letter.
     pub letter: char,
-    /// Its probability in the choice among all, 0 to 1.
+    /// Probability of the letter in the choice among all, 0 to 1.
     pub p: f64,
-    /// Its box along the middles of its strokes: left, top, right, bottom, in pixels of the photo.
+    /// Left, top, right and bottom of the letter, at the middles of its strokes, in photo pixels.
     pub box_px: [f64; 4],
 }
 
 impl ReadLetter {
-    /// Its probability, or 0 for light that no letter explains.
+    /// Returns the letter's probability, or 0 for light that no letter explains.
     fn letter_p(&self) -> f64 {
         if self.letter == '?' { 0.0 } else { self.p }
     }
 }
 
 impl Reading {
-    /// The same if it is clear enough to be writing, else nothing.
+    /// Returns the reading if it is clear enough to be writing, else an empty one.
     #[must_use]
     pub fn of_writing(self) -> Self {
         let least = if self.letters.len() == 1 { LEAST_LETTER } else { LEAST_WRITING };
         if self.mean_p() >= least { self } else { Self::default() }
     }
 
-    /// Mean probability of its letters, or 0 without any.
+    /// Returns the mean probability of the letters, or 0 without any.
     pub(super) fn mean_p(&self) -> f64 {
         let sum: f64 = self.letters.iter().map(ReadLetter::letter_p).sum();
         sum / self.letters.len().max(1) as f64
@@ -108,23 +108,25 @@ struct ReadLine {
     columns: Columns,
 }
 
-/// Amount of writing in lines. A rule for ink that leaves out letters reads the others as clearly.
+/// Returns the worth of lines, which rises with the number of clear letters and falls with that of
+/// doubtful ones. A mean would not favor lines with all letters.
 fn worth(lines: &[ReadLine]) -> f64 {
     let letters = lines.iter().flat_map(|line| &line.letters);
-    letters.map(|letter| letter.letter_p() - EVEN).sum()
+    letters.map(|letter| letter.letter_p() - NEUTRAL).sum()
 }
 
-/// Reads a photo.
+/// Reads the text of a photo.
 pub fn read(photo: &Photo) -> Reading {
     let inks = inks(photo);
     let mut lines: Vec<ReadLine> = Vec::new();
-    let mut known: Vec<Line> = Vec::new();
+    let mut best_lines: Vec<Line> = Vec::new();
     let mut budget = MOST_COLUMNS;
-    // The lines of the ink that says most.
+    // The lines of the ink with the most worth.
     for ink in &inks {
         let inked = ink.lines();
         let is_sure = lines.iter().any(|line| line.ln_p > SURE);
-        let mut new = inked.iter().filter(|line| !known.iter().any(|k| line.adds_nothing_to(k)));
+        let mut new =
+            inked.iter().filter(|line| !best_lines.iter().any(|k| line.adds_nothing_to(k)));
         if is_sure && new.next().is_none() {
             continue;
         }
@@ -132,7 +134,7 @@ pub fn read(photo: &Photo) -> Reading {
         let read = inked.par_iter().zip(sizes);
         let read: Vec<ReadLine> = read.filter_map(|(line, sizes)| read_line(line, sizes)).collect();
         if lines.is_empty() || worth(&read) > worth(&lines) {
-            (lines, known) = (read, inked);
+            (lines, best_lines) = (read, inked);
         }
     }
     // A single letter has another rule for its rows.
@@ -148,9 +150,9 @@ pub fn read(photo: &Photo) -> Reading {
         let top = lines.iter().map(|line| line.ln_p).fold(f64::NEG_INFINITY, f64::max);
         lines.retain(|line| line.ln_p >= top || line.letters.len() > 1 && is_clear(&line.letters));
     }
-    // Much larger writing beside them is the writing, and they are a credit.
-    let small = known.iter().map(|line| line.letter_px).fold(0.0, f64::max);
-    let larger = inks.iter().filter(|_| !known.is_empty()).filter_map(|ink| ink.larger(small));
+    // If there is much larger writing, these lines are only a credit.
+    let small = best_lines.iter().map(|line| line.letter_px).fold(0.0, f64::max);
+    let larger = inks.iter().filter(|_| !best_lines.is_empty()).filter_map(|ink| ink.larger(small));
     let larger = clearest(larger, &mut budget, |line| line.letters.len() > 1 && line.ln_p > SURE);
     let mut smaller = String::new();
     if let Some(larger) = larger {
@@ -165,11 +167,12 @@ pub fn read(photo: &Photo) -> Reading {
     }
 }
 
+/// Joins the texts of lines.
 fn text(lines: &[ReadLine]) -> String {
     lines.iter().map(|line| &line.text[..]).collect::<Vec<_>>().join("\n")
 }
 
-/// The clearest of some lines that is wanted as it is read.
+/// Returns the clearest reading of some lines that is wanted.
 fn clearest(
     lines: impl Iterator<Item = Line>,
     budget: &mut usize,
@@ -182,7 +185,8 @@ fn clearest(
     read.filter(is_wanted).reduce(|a, b| if b.ln_p > a.ln_p { b } else { a })
 }
 
-/// Heights of capitals at which a line is read, as far as the columns that are left suffice.
+/// Returns the cap heights at which a line is read. Their columns reduce `columns_left`, and a
+/// size that needs more is left out.
 fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
     let mut sizes_px = Vec::new();
     for cap_px in SIZES.map(|size| size * line.letter_px) {
@@ -194,7 +198,7 @@ fn sizes_px(line: &Line, columns_left: &mut usize) -> Vec<f64> {
     sizes_px
 }
 
-/// Reads a line at the size at which it is clearest, and by its neighbors.
+/// Reads a line at its clearest size, averaged with its neighbors.
 fn read_line(line: &Line, sizes_px: Vec<f64>) -> Option<ReadLine> {
     let tries = sizes_px.into_par_iter().filter_map(|cap_px| {
         let (strip, left_px, pitch_px) = line.strip(cap_px);
@@ -242,9 +246,10 @@ fn spaced(letters: &[ReadLetter], space_px: f64) -> String {
     text
 }
 
-/// The likeliest text of some columns, and the mean of ln p over its letters.
+/// Returns the likeliest text of columns and the mean of ln p over its letters, or `None` if no
+/// letter is read.
 fn spell(columns: &Columns) -> Option<(String, f64)> {
-    // In a word of one kind, each character means all of its shape.
+    // In a word of one kind, each character stands for all characters of its shape.
     let [capitals, small, digits] = ['A'..='Z', 'a'..='z', '0'..='9']
         .map(|kind| kind.map(|c| (c, alike(c))).collect::<Vec<(char, Classes)>>());
     let mixed = ('A'..='Z').chain('0'..='9').filter_map(|c| Some((c, 1 << class_of(c)?)));

@@ -1,9 +1,9 @@
-//! Free reading of a strip: the likeliest words, none being expected.
+//! Free reading of a strip: the likeliest words, without an expected one.
 
 use super::alphabet::{BLANK, Classes, NO_LETTER};
 use super::lattice::Columns;
 
-/// Prefixes that are followed at once. More find no other words.
+/// Width of the beam, in prefixes. More find no other words.
 const N_PREFIXES: usize = 12;
 
 /// Probability of a character at a column from which it is tried there.
@@ -12,20 +12,20 @@ const LEAST_STEP: f64 = 0.003;
 /// Characters that a place may have, each with its classes.
 pub(super) type Symbols = [(char, Classes)];
 
-/// Probabilities that the columns so far spell a prefix, by what the last of them shows.
+/// Probabilities that the columns so far spell a prefix and the last one is a blank, or a letter.
 #[derive(Clone, Copy, Default)]
-struct Ends {
+struct PrefixP {
     p_blank: f64,
     p_nonblank: f64,
 }
 
-impl Ends {
+impl PrefixP {
     fn sum(self) -> f64 {
         self.p_blank + self.p_nonblank
     }
 }
 
-/// Names of some symbols and their probabilities at each column.
+/// Names of symbols and their probabilities at each column.
 struct Table {
     names: Vec<char>,
     probabilities: Vec<Vec<f64>>,
@@ -34,6 +34,7 @@ struct Table {
 }
 
 impl Table {
+    /// Computes the probabilities of symbols, and of `?` for light that no letter explains.
     fn new(columns: &Columns, symbols: &Symbols) -> Self {
         let symbols = symbols.iter().copied().chain([('?', NO_LETTER)]);
         let (names, probabilities): (_, Vec<Vec<f64>>) =
@@ -49,11 +50,11 @@ impl Table {
 /// A node of the tree of prefixes.
 #[derive(Default)]
 struct Prefix {
-    /// The one without its last symbol.
+    /// The prefix without the last symbol.
     parent: usize,
-    /// Index of its last symbol in its table.
+    /// Index of the last symbol in its table.
     symbol: usize,
-    /// Its newest child, and the next older child of its parent, or 0 for none.
+    /// The newest child, and the next older child of the parent, or 0 for none.
     child: usize,
     sibling: usize,
 }
@@ -62,7 +63,7 @@ struct Prefix {
 struct Prefixes(Vec<Prefix>);
 
 impl Prefixes {
-    /// A prefix with one more symbol.
+    /// Returns the prefix with one more symbol, added if it is new.
     fn child(&mut self, parent: usize, symbol: usize) -> usize {
         let mut child = self.0[parent].child;
         while child != 0 && self.0[child].symbol != symbol {
@@ -76,12 +77,13 @@ impl Prefixes {
         child
     }
 
-    /// The symbol that a prefix ends with, and true if it is the first.
+    /// Returns a prefix's last symbol, and true if it is also the first. `None` for the empty one.
     fn last(&self, prefix: usize) -> Option<(usize, bool)> {
         let Prefix { parent, symbol, .. } = self.0[prefix];
         (prefix != 0).then_some((symbol, parent == 0))
     }
 
+    /// Returns a prefix as text. Its first symbol is in the table `first`, the others in `rest`.
     fn text(&self, mut prefix: usize, first: &Table, rest: &Table) -> String {
         let mut reversed = Vec::new();
         while let Some((symbol, is_first)) = self.last(prefix) {
@@ -92,64 +94,63 @@ impl Prefixes {
     }
 }
 
-/// The likeliest words whose first character is of `first` and whose others are of `rest`, with ln
-/// of their probability, the likeliest first. `?` is light beside letters.
-///
-/// Prefix beam search (Hannun and others 2014).
+/// Finds the likeliest words by prefix beam search (Hannun and others 2014). Their first character
+/// is one of `first`, the others of `rest`, or `?` for light that no letter explains. Returns them
+/// with ln of their probability, the likeliest first.
 pub(super) fn search(columns: &Columns, first: &Symbols, rest: &Symbols) -> Vec<(String, f64)> {
     let [first, rest] = [first, rest].map(|symbols| Table::new(columns, symbols));
     let mut prefixes = Prefixes(vec![Prefix::default()]);
-    let mut beam = vec![(0, Ends { p_blank: 1.0, p_nonblank: 0.0 })];
+    let mut beam = vec![(0, PrefixP { p_blank: 1.0, p_nonblank: 0.0 })];
     let mut ln_scale = 0.0;
-    let mut steps: Vec<(usize, Ends)> = Vec::new();
+    let mut steps: Vec<(usize, PrefixP)> = Vec::new();
     for (column, p_blank) in columns.of_set(BLANK).into_iter().enumerate() {
         steps.clear();
-        for (prefix, ends) in &beam {
-            // The prefix stays what it is by a blank, or by its last symbol once more.
+        for (prefix, p) in &beam {
+            // The prefix stays the same by a blank, or by its last symbol once more.
             let last = prefixes.last(*prefix).map(|(symbol, is_first)| {
                 let table = if is_first { &first } else { &rest };
                 (table.names[symbol], table.probabilities[symbol][column])
             });
-            let stay = Ends {
-                p_blank: ends.sum() * p_blank,
-                p_nonblank: ends.p_nonblank * last.map_or(0.0, |(_, p)| p),
+            let stay = PrefixP {
+                p_blank: p.sum() * p_blank,
+                p_nonblank: p.p_nonblank * last.map_or(0.0, |(_, p_symbol)| p_symbol),
             };
             steps.push((*prefix, stay));
-            // It grows by a symbol. Its last one only follows after a blank.
+            // The prefix grows by a symbol. Its last symbol can only follow a blank.
             let table = if last.is_none() { &first } else { &rest };
             for &symbol in &table.likely[column] {
                 let repeats = last.is_some_and(|(name, _)| name == table.names[symbol]);
-                let before = if repeats { ends.p_blank } else { ends.sum() };
+                let before = if repeats { p.p_blank } else { p.sum() };
                 let p_nonblank = before * table.probabilities[symbol][column];
                 let grown = prefixes.child(*prefix, symbol);
-                steps.push((grown, Ends { p_blank: 0.0, p_nonblank }));
+                steps.push((grown, PrefixP { p_blank: 0.0, p_nonblank }));
             }
         }
         merge(&mut steps, &mut beam);
         // The likeliest prefixes stay, divided by the first so that products stay in range.
         beam.sort_by(|a, b| b.1.sum().total_cmp(&a.1.sum()));
         beam.truncate(N_PREFIXES);
-        let most = beam.first().map_or(1.0, |(_, ends)| ends.sum());
-        for (_, ends) in &mut beam {
-            (ends.p_blank, ends.p_nonblank) = (ends.p_blank / most, ends.p_nonblank / most);
+        let most = beam.first().map_or(1.0, |(_, p)| p.sum());
+        for (_, p) in &mut beam {
+            (p.p_blank, p.p_nonblank) = (p.p_blank / most, p.p_nonblank / most);
         }
         ln_scale += libm::log(most);
     }
     let words = beam.iter().map(|(prefix, _)| prefixes.text(*prefix, &first, &rest));
-    words.zip(beam.iter().map(|(_, ends)| libm::log(ends.sum()) + ln_scale)).collect()
+    words.zip(beam.iter().map(|(_, p)| libm::log(p.sum()) + ln_scale)).collect()
 }
 
-/// Adds up the steps to the same prefix.
-fn merge(steps: &mut [(usize, Ends)], beam: &mut Vec<(usize, Ends)>) {
+/// Fills the beam with the sum of the steps to each prefix.
+fn merge(steps: &mut [(usize, PrefixP)], beam: &mut Vec<(usize, PrefixP)>) {
     steps.sort_by_key(|(prefix, _)| *prefix);
     beam.clear();
-    for &(prefix, ends) in &*steps {
+    for &(prefix, p) in &*steps {
         match beam.last_mut() {
             Some((last, sum)) if *last == prefix => {
-                sum.p_blank += ends.p_blank;
-                sum.p_nonblank += ends.p_nonblank;
+                sum.p_blank += p.p_blank;
+                sum.p_nonblank += p.p_nonblank;
             }
-            _ => beam.push((prefix, ends)),
+            _ => beam.push((prefix, p)),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Spelling: a viewer knows words and names, and guesses a half-seen one.
+//! Spelling: a viewer knows words and names, and guesses one that is seen in part.
 //!
 //! A model of letters, not a dictionary: the probability of a letter after the four before it, in
 //! words and names, interpolated over shorter runs of letters (Witten and Bell 1991). A table holds
@@ -9,29 +9,29 @@ use std::sync::LazyLock;
 use super::alphabet::{class_of, latin, with_case_of};
 use super::lattice::Choice;
 
-/// Letters of the Latin alphabet, and the begin or end of a word, which is 0.
+/// Number of symbols: 0 for the start or end of a word, then the letters of the Latin alphabet.
 const N_SYMBOLS: usize = 27;
 
-/// Letters before one that its probability depends on.
+/// Number of letters before a letter on which its probability depends.
 const N_BEFORE: usize = 4;
 
-/// ln of the backoff factor, for a run that the table lacks: it is taken without its first letter.
+/// ln of the backoff factor for each letter that is dropped from a run which the table lacks.
 const LN_BACKOFF: f64 = -0.916;
 
-/// A unit of the table's ln p.
+/// Unit of the table's costs, in ln p.
 const LN_UNIT: f64 = -0.05;
 
-/// Weight of the spelling beside the light, and fraction of words spelled at random.
+/// Weight of the spelling relative to the light, and fraction of words spelled at random.
 const WEIGHT: f64 = 0.6;
 const RANDOM: f64 = 0.2;
 
 /// Probability of a letter from which it is tried.
 const LEAST: f64 = 0.001;
 
-/// Probability of no letter from which a place is a gap, whose letter is a guess.
+/// Probability of no letter from which the letter is only a guess, and `?` is read.
 const GAP: f64 = 0.75;
 
-/// Words that are followed at once.
+/// Width of the beam, in words.
 const N_WORDS: usize = 64;
 
 /// Mean of ln p over the letters of a word with a digit, as of one character of 36.
@@ -46,7 +46,7 @@ struct Runs {
     costs: &'static [u8],
 }
 
-/// Costs of three letters, and the runs of four and of five.
+/// Costs of all runs of three letters, and the listed runs of four and of five.
 static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
     let bytes: &'static [u8] = include_bytes!("spelling.bin");
     let (triples, mut bytes) = bytes.split_at(N_SYMBOLS * N_SYMBOLS * N_SYMBOLS);
@@ -62,6 +62,7 @@ static TABLE: LazyLock<(&[u8], [Runs; 2])> = LazyLock::new(|| {
 });
 
 impl Runs {
+    /// Returns the cost of a run, or `None` if the table lacks it.
     fn cost(&self, number: usize) -> Option<u8> {
         let index = self.numbers.binary_search_by_key(&number, |[a, b, c]| {
             u32::from_le_bytes([*a, *b, *c, 0]) as usize
@@ -70,12 +71,12 @@ impl Runs {
     }
 }
 
-/// ln p of a symbol after the four before it.
+/// Returns ln p of the symbol `next` after the four symbols before it.
 fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
     fn number(run: &[usize]) -> usize {
         run.iter().fold(0, |number, symbol| N_SYMBOLS * number + symbol)
     }
-    // The longest run in the table counts: each letter that it lacks costs a backoff.
+    // The longest run in the table counts. Each letter less costs a backoff.
     let [a, b, c, d] = before;
     let run = [a, b, c, d, next];
     let (triples, [fours, fives]) = &*TABLE;
@@ -87,12 +88,12 @@ fn ln_p(before: [usize; N_BEFORE], next: usize) -> f64 {
     LN_UNIT * f64::from(cost) + LN_BACKOFF * backoffs
 }
 
-/// The symbol of a letter, without its marks, cases aside.
+/// Returns the symbol of a letter, whatever its marks and case, or `None` for other characters.
 fn symbol(letter: char) -> Option<usize> {
     class_of(latin(letter)?.to_ascii_uppercase()).filter(|class| *class < N_SYMBOLS)
 }
 
-/// Mean of ln p over the letters of a text's words and their ends.
+/// Returns the mean of ln p over the letters and ends of a text's words.
 pub(super) fn mean_ln_p(text: &str) -> f64 {
     let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
     let (sum, n) = words.fold((0.0, 0.0), |(sum, n), word| {
@@ -111,7 +112,7 @@ pub(super) fn mean_ln_p(text: &str) -> f64 {
     sum / n.max(1.0)
 }
 
-/// The begin of a word: its symbols, and ln p of its light and of its spelling.
+/// Start of a word: its symbols, and ln p of its light and of its spelling.
 #[derive(Clone, Default)]
 struct Spelled {
     symbols: Vec<usize>,
@@ -120,11 +121,12 @@ struct Spelled {
 }
 
 impl Spelled {
+    /// Returns ln p of light and spelling together.
     fn ln_p(&self) -> f64 {
         self.light + WEIGHT * self.spelling
     }
 
-    /// The same with one more symbol, or its end.
+    /// Returns the word with one more symbol, 0 for its end.
     fn and(&self, symbol: usize, ln_light: f64) -> Self {
         let n = self.symbols.len();
         let before = std::array::from_fn(|place| {
@@ -140,8 +142,8 @@ impl Spelled {
     }
 }
 
-/// The likeliest word for the choices in its places: the letters that the light shows, or a usual
-/// word that it may show. `?` is light that no letter explains.
+/// Returns the likeliest word for the choices of its letters: either each likeliest letter, or a
+/// usual word that the light may show. `?` is light that no letter explains.
 pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let seen: Vec<(Option<char>, f64)> =
         choices.iter().zip(expected).map(|(choice, expected)| choice.best(*expected)).collect();
@@ -149,8 +151,7 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     let Some(spelled) = spell(choices, expected).filter(|_| choices.len() > 1) else {
         return light;
     };
-    // Either the word is one of letters at random (each one of 36), and its light decides, or it is
-    // spelled as usual.
+    // Hypotheses: random letters, each one of 36, for which only the light counts, or a usual word.
     let n_letters = choices.len() as f64;
     let ln_p_of_light: f64 = seen.iter().map(|(_, p)| libm::log(p.max(LEAST))).sum();
     let as_light = libm::log(RANDOM) + ln_p_of_light - WEIGHT * n_letters * libm::log(36.0);
@@ -169,11 +170,11 @@ pub(super) fn likeliest(choices: &[Choice], expected: &[char]) -> Vec<char> {
     letters.collect()
 }
 
-/// The likeliest spelling of the choices, only by letters, by beam search (Lowerre 1976).
+/// Finds the likeliest spelling of the choices, only of letters, by beam search (Lowerre 1976).
 fn spell(choices: &[Choice], expected: &[char]) -> Option<Spelled> {
     let mut words = vec![Spelled::default()];
     for (choice, expected) in choices.iter().zip(expected) {
-        // Probability of each symbol in this place: a letter with a mark counts as its letter.
+        // Probability of each symbol here. A letter with a mark counts as its base letter.
         let mut light = [0.0; N_SYMBOLS];
         for (letter, p) in choice.others.iter().chain([&(*expected, choice.p)]) {
             if let Some(symbol) = symbol(*letter) {

@@ -1,4 +1,4 @@
-//! A strip: one line of writing, upright and of fixed size, as the net reads it.
+//! Strip: the net's input, one line of writing, upright and of fixed height.
 
 use std::ops::Range;
 
@@ -10,58 +10,58 @@ use super::plane::{Grid, Placed};
 use super::raster::{Raster, narrow, whole};
 use super::view::View;
 
-/// Pixels to a cap height.
+/// Cap height in pixels.
 pub(super) const CAP_PX: usize = 22;
 
 /// Rows of a strip.
 pub(super) const HEIGHT: usize = 40;
 
-/// Row of the capitals' upper ends. Their feet are at row 30.
+/// Row of the tops of capitals. Their baseline is row 30.
 pub(super) const HEAD_ROW: usize = 8;
 
 /// Columns beside the first and the last letter, as in most strips that the net was trained on.
 pub(super) const MARGIN_PX: usize = 13;
 
-/// Columns beside a word in which more letters are looked for: 1.5 H, room for one of any width.
+/// Columns searched for extra letters on each side of a word: 1.5 H, wide enough for any letter.
 pub(super) const SIDE_PX: usize = 33;
 
 /// Light that is darkened beside punctuation: 0.1 H, as wide as a pen.
 const BESIDE_PX: f64 = 2.2;
 
-/// Neighbors of a strip: height by its own, rows farther down, and exposure.
+/// Neighbors of a strip: relative height, shift down in pixels, and relative exposure.
 const NEIGHBORS: [(f64, f64, f32); 4] =
     [(1.1, -1.0, 0.7), (0.9, 1.0, 0.7), (1.05, 0.0, 0.45), (0.95, 0.0, 1.0)];
 
-/// Light of a pixel of a letter, and fewest such pixels of a column: hot pixels are single ones.
+/// Least light of a lit pixel, and least number of these in a lit column: hot pixels are single.
 const LIT: (f32, usize) = (0.15, 2);
 
 /// Light from which a pixel counts for the width of strokes.
 const STROKE_LIT: f32 = 0.4;
 
-/// Fraction of the lit pixels that is narrower than a stroke: corners, blots and a wall are wider.
+/// Quantile of the lit pixels' widths that is the stroke's: corners, spots and walls are wider.
 const STROKE_RANK: f64 = 0.2;
 
-/// Half of the square of the opening, in widths of a stroke, and at least this many pixels.
+/// Half the side of the opening's square, in stroke widths, and its least value in pixels.
 const SOFT_REACH: (f64, usize) = (1.5, 3);
 
-/// Factor at which wide light is subtracted: its wider foot was already subtracted with the sky.
+/// Factor of wide light when it is subtracted, since a part of it was subtracted with the sky.
 const SUBTRACTED: f32 = 3.0;
 
 /// A line of writing: light from 0 to 1.
 #[derive(Clone, Debug)]
 pub(super) struct Strip {
-    /// Columns: an even number.
+    /// Number of columns, which is even.
     pub(super) width: usize,
-    /// How bright the light looks.
+    /// Luminance.
     pub(super) bright: Vec<f32>,
     /// Light in the color of the strokes.
     pub(super) pure: Vec<f32>,
-    /// The columns that are read, from an even one to an even one.
+    /// Columns that are read. Start and end are even.
     pub(super) read: Range<usize>,
 }
 
 impl Strip {
-    /// The strip that a photo shows at a grid of [`HEIGHT`] rows.
+    /// Cuts the strip out of a photo at a grid of [`HEIGHT`] rows.
     pub(super) fn cut(
         grid: &Grid,
         light: &Light,
@@ -78,18 +78,18 @@ impl Strip {
         Self::of_light(grid.width, bright, pure)
     }
 
-    /// A strip of light that was seen, without its soft part.
+    /// Makes a strip of a photo's light, without soft light.
     pub(super) fn of_light(width: usize, mut bright: Vec<f32>, mut pure: Vec<f32>) -> Self {
         subtract_soft_light(width, [&mut bright, &mut pure]);
         Self { width, bright, pure, read: 0..width }
     }
 
-    /// A strip of drawn light.
+    /// Makes a strip of drawn light.
     pub(super) fn drawn(width: usize, light: Vec<f32>) -> Self {
         Self { width, bright: light.clone(), pure: light, read: 0..width }
     }
 
-    /// The same, read only where it has light, and a margin: the net sees letters in wide darkness.
+    /// Limits reading to lit columns and a margin, since the net reads letters in wide darkness.
     pub(super) fn where_lit(mut self) -> Self {
         let mut lit = (0..self.width).filter(|x| {
             let column = self.bright.iter().skip(*x).step_by(self.width);
@@ -103,7 +103,7 @@ impl Strip {
         self
     }
 
-    /// Removes the light of a box in the plane of the word, and a little beside it.
+    /// Removes the light of columns in the plane of the word, and a little beside them.
     pub(super) fn darken(&mut self, grid: &Grid, [left_m, _, right_m, _]: [f64; 4]) {
         let beside_m = BESIDE_PX * grid.pitch_m;
         let [first, end] = [left_m - beside_m, right_m + beside_m]
@@ -115,7 +115,7 @@ impl Strip {
         }
     }
 
-    /// Adds the difference of two pictures of a part of the plane, and returns its columns.
+    /// Adds the difference of two pictures of the grid `part`, and returns the changed columns.
     pub(super) fn change(
         &mut self,
         grid: &Grid,
@@ -123,13 +123,13 @@ impl Strip {
         before: &Raster,
         after: &Raster,
     ) -> Range<usize> {
-        // The strip's grid in pixels of the pictures.
+        // Position and pixel size of the strip's grid, in pixels of the pictures.
         let ratio = grid.pitch_m / part.pitch_m;
         let Point { x: left, y: top } = part.page_from_plane(Point::new(grid.left_m, grid.top_m));
         let per_area = narrow(1.0 / (ratio * ratio));
         let mut change = after.clone();
         change.values.iter_mut().zip(&before.values).for_each(|(after, before)| *after -= before);
-        // Columns of the strip that the pictures reach.
+        // Columns of the strip that overlap the pictures.
         let [first, last] =
             [0.0, part.width as f64].map(|x| whole(((x - left) / ratio).max(0.0)).min(self.width));
         let columns = first..(last + 1).min(self.width);
@@ -145,14 +145,14 @@ impl Strip {
         columns
     }
 
-    /// True if no pixel of some columns is lit.
+    /// True if no pixel of the columns is lit.
     pub(super) fn is_dark(&self, columns: Range<usize>) -> bool {
         let columns = columns.start..columns.end.min(self.width);
         let mut rows = self.bright.chunks_exact(self.width);
         rows.all(|row| row[columns.clone()].iter().all(|light| *light < LIT.0))
     }
 
-    /// The same light a little larger or smaller, higher or lower, and exposed less.
+    /// Returns strips that are a little larger or smaller, higher or lower, and darker.
     pub(super) fn neighbors(&self) -> [Self; 4] {
         NEIGHBORS.map(|(height, down_px, exposure)| {
             let [bright, pure] = [&self.bright, &self.pure].map(|light| {
@@ -164,7 +164,7 @@ impl Strip {
         })
     }
 
-    /// The net's input, of some columns: both channels of each pixel, as square roots.
+    /// Returns the net's input for columns: square roots of both channels of each pixel.
     #[expect(clippy::cast_possible_truncation, reason = "0 to 255")]
     pub(super) fn bytes(&self, columns: Range<usize>) -> Vec<u8> {
         let rows = self.bright.chunks_exact(self.width).zip(self.pure.chunks_exact(self.width));
@@ -179,7 +179,7 @@ impl Strip {
     }
 }
 
-/// Light stretched about the middle of the capitals and moved down. Outside is dark.
+/// Stretches light about the middle of the capitals and moves it down. Outside is dark.
 fn stretched(light: &[f32], width: usize, height: f64, down_px: f64) -> Vec<f32> {
     let middle = HEAD_ROW as f64 + 0.5 * CAP_PX as f64 - 0.5;
     let mut moved = vec![0.0; light.len()];
@@ -212,10 +212,11 @@ fn subtract_soft_light(width: usize, channels: [&mut Vec<f32>; 2]) {
     }
 }
 
-/// Width of most strokes: the shorter of the lit runs along the row and the column of a pixel.
+/// Returns the width of strokes: a low quantile of the shorter lit run through each lit pixel,
+/// along its row or column.
 fn stroke_px(light: &[f32], width: usize) -> f64 {
     let height = light.len() / width;
-    // Runs along all rows, then along all columns. A pixel keeps the shorter one.
+    // Pixels of all rows, then of all columns.
     let mut run = vec![usize::MAX; light.len()];
     let rows = (0..height).map(|y| (y * width..(y + 1) * width).step_by(1));
     for line in rows.chain((0..width).map(|x| (x..light.len()).step_by(width))) {
@@ -238,7 +239,7 @@ fn stroke_px(light: &[f32], width: usize) -> f64 {
     *runs.select_nth_unstable(rank).1 as f64
 }
 
-/// The least or the greatest of the pixels in the square around each.
+/// Returns the least or the greatest value in the square around each pixel, by `pick`.
 #[inline(always)]
 fn over_squares(
     light: &[f32],
@@ -246,21 +247,21 @@ fn over_squares(
     reach: usize,
     pick: impl Fn(f32, f32) -> f32,
 ) -> Vec<f32> {
-    let take = |values: &mut [f32], near: &[f32]| {
+    let pick_neighbors = |values: &mut [f32], near: &[f32]| {
         values.iter_mut().zip(near).for_each(|(value, near)| *value = pick(*value, *near));
     };
     // A square is separable: along rows first, then along columns.
     let mut rows = light.to_vec();
     for (row, light) in rows.chunks_exact_mut(width).zip(light.chunks_exact(width)) {
         for away in 1..(reach + 1).min(width) {
-            take(&mut row[away..], light);
-            take(row, &light[away..]);
+            pick_neighbors(&mut row[away..], light);
+            pick_neighbors(row, &light[away..]);
         }
     }
     let mut squares = rows.clone();
     for away in (1..=reach).map(|rows| rows * width).take_while(|away| *away < light.len()) {
-        take(&mut squares[away..], &rows);
-        take(&mut squares, &rows[away..]);
+        pick_neighbors(&mut squares[away..], &rows);
+        pick_neighbors(&mut squares, &rows[away..]);
     }
     squares
 }

@@ -1,4 +1,4 @@
-//! Lines of light: a letter's light thinned to lines a pixel wide (Zhang and Suen 1984).
+//! Lines of light: a letter's light, thinned to lines of one pixel (Zhang and Suen 1984).
 
 use kurbo::Point;
 
@@ -7,11 +7,14 @@ use super::plane::xy;
 use super::raster::{Raster, whole};
 use noctograph_core::geometry;
 
-/// Light that counts as a line, of full light.
+/// Least light of a line, as a fraction of full light.
 const LIT: f32 = 0.4;
 
-/// How far from its stroke, moved onto its light, light may be and fill a gap: 0.05 H.
+/// Distance from a moved stroke within which light fills a gap: 0.05 H.
 pub(super) const CLOSE_PX: f64 = 0.05 * PX_PER_H as f64;
+
+/// Distance within which light counts for the thickness of a line.
+const NEAR_PX: f64 = 6.0;
 
 /// Light of one letter as lines.
 pub(super) struct LightLines {
@@ -21,21 +24,21 @@ pub(super) struct LightLines {
 }
 
 impl LightLines {
-    /// The lines of a picture.
+    /// Thins the lit pixels of a picture to lines.
     pub(super) fn new(picture: &Raster) -> Self {
         let lit: Vec<bool> = picture.values.iter().map(|value| *value > LIT).collect();
         let thin = thinned(lit.clone(), picture.width);
         Self { width: picture.width, lit, thin }
     }
 
-    /// Width of the lines, in pixels.
+    /// Returns the width of the lines, in pixels.
     pub(super) fn thickness(&self) -> f64 {
         let [lit, thin] =
             [&self.lit, &self.thin].map(|mask| mask.iter().filter(|lit| **lit).count());
         lit as f64 / thin.max(1) as f64
     }
 
-    /// True if light is within reach.
+    /// True if a lit pixel is within `reach_px` of a point.
     pub(super) fn has_light_near(&self, point: Point, reach_px: f64) -> bool {
         let height = self.lit.len() / self.width;
         let reach = reach_px.ceil();
@@ -51,28 +54,28 @@ impl LightLines {
         })
     }
 
-    /// True if light is close to a point.
+    /// True if a lit pixel is within [`CLOSE_PX`] of a point.
     pub(super) fn is_drawn(&self, point: Point) -> bool {
         self.has_light_near(point, CLOSE_PX)
     }
 
-    /// Number of lit pixels near some points.
+    /// Returns the number of lit pixels near any of the points.
     pub(super) fn lit_near(&self, points: &[Point]) -> usize {
         let lit = (0..self.lit.len()).filter(|n| self.lit[*n]).map(|n| self.middle(n));
-        lit.filter(|lit| points.iter().any(|point| distance(*point, *lit) < 6.0)).count()
+        lit.filter(|lit| points.iter().any(|point| distance(*point, *lit) < NEAR_PX)).count()
     }
 
-    /// The middle of a pixel.
+    /// Returns the middle of a pixel.
     pub(super) fn middle(&self, index: usize) -> Point {
         Point::new((index % self.width) as f64 + 0.5, (index / self.width) as f64 + 0.5)
     }
 
-    /// Only the lines, three pixels wide: the picture without glow and noise.
+    /// Draws only the lines, three pixels wide, without glow and noise.
     pub(super) fn redrawn(&self, picture: &Raster) -> Raster {
         let mut clean = Raster::dark(picture.width, picture.height);
         for (index, _) in self.thin.iter().enumerate().filter(|(_, line)| **line) {
             clean.values[index] = 1.0;
-            // Pixels beside the line get less light, those across a corner the least.
+            // Neighbors of the line get less light, diagonal ones the least.
             for beside in around(index, self.width, self.thin.len()) {
                 let is_above_or_below = beside % self.width == index % self.width;
                 let is_left_or_right = beside / self.width == index / self.width;
@@ -84,12 +87,12 @@ impl LightLines {
     }
 }
 
-/// Distance of two points.
+/// Returns the distance between two points.
 pub(super) fn distance(a: Point, b: Point) -> f64 {
     geometry::distance(xy(a), xy(b))
 }
 
-/// Neighbors of a pixel on a page.
+/// Returns the neighbors of a pixel, up to eight.
 pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (index % width, index / width);
     let rows = y.saturating_sub(1)..(y + 2).min(n_pixels / width);
@@ -99,13 +102,13 @@ pub(super) fn around(index: usize, width: usize, n_pixels: usize) -> impl Iterat
     .filter(move |beside| *beside != index)
 }
 
-/// Thins areas to lines a pixel wide (Zhang and Suen 1984).
+/// Thins areas to lines of one pixel (Zhang and Suen 1984).
 fn thinned(mut ink: Vec<bool>, width: usize) -> Vec<bool> {
     let height = ink.len() / width;
     loop {
         let mut changed = false;
         // The first pass of an iteration removes edges at the lower right, the second at the upper
-        // left. All pixels of a pass are judged before any of them goes, so that the lines stay in
+        // left. All pixels of a pass are judged before any is removed, so that the lines stay in
         // the middle.
         for pass in 0..2 {
             let inner = (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| y * width + x));
@@ -128,7 +131,7 @@ fn is_removable(ink: &[bool], width: usize, pixel: usize, pass: usize) -> bool {
     let ring = [up, up + 1, pixel + 1, down + 1, down, down - 1, pixel - 1, up - 1];
     let ring = ring.map(|beside| ink[beside]);
     let n_ink = ring.iter().filter(|ink| **ink).count();
-    // One step from dark to ink around the pixel: it connects nothing.
+    // With one step from dark to ink around the pixel, it connects nothing.
     let n_starts = (0..8).filter(|i| !ring[*i] && ring[(i + 1) % 8]).count();
     let [up, _, right, _, down, _, left, _] = ring;
     let is_at_edge = match pass {

@@ -1,25 +1,26 @@
-//! The way up of a photo: writing that is turned on its side, upside down, or mirrored.
+//! Orientation of a photo: writing that is on its side, upside down, or mirrored.
 
 use super::reading::{Reading, read};
 use noctograph_core::photo::{Photo, PhotoData};
 
-/// Mean probability of letters that are the right way up. NOOR upside down is HOON of 0.87.
+/// Mean probability of letters from which they are upright. NOOR upside down is HOON with 0.87.
 const UPRIGHT: f64 = 0.92;
 
-/// Least lead of a photo upside down over the photo as it is: a poor MOON of 0.9 is NOOW of 0.98.
+/// Least lead in mean probability of a photo upside down: a poor MOON of 0.9 is NOOW of 0.98.
 const LEAD: f64 = 0.1;
 
-/// Level of white paper, in daylight.
+/// Least level of white paper in daylight, and how many bright pixels an edge has per dark one.
 const BRIGHT: u8 = 190;
+const BRIGHT_PER_DARK: usize = 9;
 
-/// Fewest letters that tell the way up: turned, a heart or an arrow may be one or two.
+/// Fewest letters that show the orientation: a turned heart or arrow may be read as one or two.
 const LEAST_LETTERS: usize = 3;
 
-/// The reading of a photo, turned by quarters if its writing reads clearly only so, with the number
-/// of these turns, clockwise. The letters' boxes are those in the turned photo.
+/// Reads a photo, turned by quarters if only then its writing is clear. Returns the reading and the
+/// number of quarter turns, clockwise. The letters' boxes are those in the turned photo.
 ///
-/// A turned photo reads more clearly than the photo as it is. It also reads as `word`, or the photo
-/// as it is does not read clearly. An empty `word` is any.
+/// A turned photo must be clearer than the original. It must also read as `word`, unless the
+/// original is unclear. An empty `word` stands for any.
 pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     let upright = read(photo);
     if is_right(&upright, word) {
@@ -34,12 +35,13 @@ pub fn read_any_way_up(photo: &Photo, word: &str) -> (Reading, usize) {
     best.unwrap_or((upright, 0))
 }
 
-/// [`read_any_way_up`] of the photo flipped from left to right.
+/// Reads the mirrored photo, as [`read_any_way_up`] does. `None` if the original, with its reading
+/// `upright`, is as clear.
 pub fn read_mirrored(photo: &Photo, upright: &Reading, word: &str) -> Option<(Reading, usize)> {
     if is_right(upright, word) {
         return None;
     }
-    // From behind, or in water, below the mirrored thing.
+    // Seen from behind, or as a reflection in water, which is also upside down.
     let [left, down] =
         [0, 2].map(|quarters| (read(&quarter_turned(&mirrored(photo), quarters)), quarters));
     let is_down = down.0.mean_p() > left.0.mean_p() + LEAD;
@@ -52,12 +54,12 @@ fn is_clear(reading: &Reading) -> bool {
     reading.letters.len() >= LEAST_LETTERS && reading.mean_p() >= UPRIGHT
 }
 
-/// True if a photo as it is reads as the word, or reads clearly and any word will do.
+/// True if a photo reads as the word, or reads clearly and `word` is empty.
 fn is_right(upright: &Reading, word: &str) -> bool {
     upright.text.eq_ignore_ascii_case(word) || is_clear(upright) && word.is_empty()
 }
 
-/// True if a turned photo reads clearly, and more so than the photo as it is.
+/// True if a turned photo reads clearly, and more so than the original.
 fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bool {
     let is_word = reading.text.eq_ignore_ascii_case(word);
     let lead = if is_word { 0.0 } else { lead };
@@ -66,7 +68,7 @@ fn is_clearer(reading: &Reading, upright: &Reading, word: &str, lead: f64) -> bo
         && (is_word || !is_clear(upright))
 }
 
-/// A photo that is flipped from left to right.
+/// Flips a photo from left to right.
 pub fn mirrored(photo: &Photo) -> Photo {
     let mut photo = PhotoData::clone(photo);
     let width = photo.width_px as usize;
@@ -75,7 +77,7 @@ pub fn mirrored(photo: &Photo) -> Photo {
     Photo::made(photo)
 }
 
-/// True if a photo is bright all along its edge: it has a white border, or its writing is dark.
+/// True if a photo is bright along its edge: it has a white border, or dark writing.
 pub fn has_bright_edge(photo: &Photo) -> bool {
     let [width, height] = [photo.width_px, photo.height_px].map(|px| px as usize);
     let [mut n_bright, mut n_dark] = [0, 0];
@@ -85,10 +87,10 @@ pub fn has_bright_edge(photo: &Photo) -> bool {
             *(if is_bright { &mut n_bright } else { &mut n_dark }) += 1;
         }
     }
-    n_bright > 9 * n_dark
+    n_bright > BRIGHT_PER_DARK * n_dark
 }
 
-/// A photo that is turned clockwise by quarters.
+/// Turns a photo clockwise by quarters.
 pub fn quarter_turned(photo: &Photo, quarters: usize) -> Photo {
     let mut photo = PhotoData::clone(photo);
     for _ in 0..quarters % 4 {

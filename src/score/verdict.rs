@@ -14,14 +14,14 @@ use noctograph_core::strokes::Strokes;
 pub struct Verdict {
     /// The expected word.
     pub word: String,
-    /// The likeliest letter in the place of each, `?` for none. Punctuation is copied.
+    /// The likeliest letter for each expected one, `?` for none. Punctuation is copied.
     pub read: String,
     /// True if the readability reaches [`super::ScoreOptions::legible_probability`], and no other
     /// word is likelier.
     pub legible: bool,
     /// Probability that a viewer reads the word at first sight, 0 to 1.
     pub readability: f64,
-    /// The likeliest other word, or `None` if nothing can be seen.
+    /// The likeliest other word, or `None` if nothing is visible.
     pub rival: Option<RivalWord>,
     /// Agreement of light and intended strokes, 0 to 1: harmonic mean of the fraction of the
     /// strokes that has light and the fraction of the light that has strokes. `None` if it was not
@@ -31,17 +31,17 @@ pub struct Verdict {
     pub calibration: Calibration,
     /// Placement of the word, or `None` if there is no light.
     pub placement: Option<Placement>,
-    /// Height of a capital in the photo, pixels, or `None` if the photo does not show the place.
+    /// Height of a capital in the photo, pixels, or `None` if the word is outside the photo.
     pub cap_height_px: Option<f64>,
-    /// One for each letter of the word, in its order.
+    /// One verdict for each letter of the word, in its order.
     pub letters: Vec<LetterVerdict>,
     /// Why the word is not legible, or `None` if it is.
     pub reason: Option<Reason>,
-    /// The text that is read without knowledge of the word, or `None` if nothing can be seen.
+    /// The text that is read without knowledge of the word, or `None` if nothing is visible.
     pub second_opinion: Option<String>,
-    /// Faults, the most costly first, or empty if they were not looked for.
+    /// Faults, the most costly first, or empty if not computed.
     pub causes: Vec<Cause>,
-    /// At most three changes, the most gainful first, or empty if faults were not looked for.
+    /// At most three changes, those with the largest gain first, or empty if not computed.
     pub advice: Vec<Advice>,
 }
 
@@ -50,18 +50,18 @@ pub struct Verdict {
 pub struct RivalWord {
     /// The word.
     pub word: String,
-    /// Its probability in the choice between it and the expected word, 0 to 1.
+    /// Probability of the word in the choice between it and the expected one, 0 to 1.
     pub p: f64,
 }
 
 /// Placement of the word against the intended one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Placement {
-    /// To the right and up, in the plane of the word.
+    /// Shift to the right and up, in the plane of the word.
     pub shift_m: [f64; 2],
-    /// Size by intended size, about the middle of the word.
+    /// Ratio of the size to the intended size.
     pub scale: f64,
-    /// Counterclockwise, about the middle of the word.
+    /// Rotation about the middle of the word, counterclockwise.
     pub rotation_rad: f64,
 }
 
@@ -70,7 +70,7 @@ pub struct Placement {
 pub struct LetterVerdict {
     /// The expected letter.
     pub expected: char,
-    /// The likeliest letter, or `None` if no letter is likelier than each letter.
+    /// The likeliest letter, or `None` if light that is no letter is likelier.
     pub best: Option<char>,
     /// Probability of the expected letter in the choice among all, the other letters being right, 0
     /// to 1, or `None` for punctuation, which is not judged.
@@ -80,8 +80,8 @@ pub struct LetterVerdict {
     /// The three likeliest other letters, the likeliest first.
     #[serde(default)]
     pub rivals: Vec<Rival>,
-    /// Offset of the letter from its place in the word, to the right and up. This and the next four
-    /// are `None` if faults were not looked for.
+    /// Offset of the letter from its position in the word, to the right and up. This and the next
+    /// four fields are `None` if not computed.
     pub shift_m: Option<[f64; 2]>,
     /// Fraction of the intended strokes, moved onto their light, with light within 0.1 cap heights.
     pub recall: Option<f64>,
@@ -96,12 +96,12 @@ pub struct LetterVerdict {
     pub confusion: Vec<Rival>,
 }
 
-/// Another letter that a place resembles.
+/// Another letter that this one resembles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rival {
     /// The letter.
     pub letter: char,
-    /// Its probability in the choice among all, 0 to 1.
+    /// Probability of the letter in the choice among all, 0 to 1.
     pub p: f64,
 }
 
@@ -109,9 +109,9 @@ pub struct Rival {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
-    /// The place of the word is not in the photo.
+    /// The position of the word is outside the photo.
     NotInPhoto,
-    /// Nothing in the place of the word is brighter than the sky.
+    /// Nothing at the position of the word is brighter than the sky.
     NoLight,
     /// Capitals are less than 20 pixels high in the photo.
     TooSmall,
@@ -122,13 +122,13 @@ pub enum Reason {
     OtherLength,
     /// Another word is likelier, or a letter looks like another one or like none.
     Misread,
-    /// Every letter is the likeliest in its place, but the readability is too low.
+    /// Every letter is the likeliest, but the readability is too low.
     Unsure,
 }
 
 impl Verdict {
-    /// Probability that a viewer reads this word and no other, by which studies rank and tune: the
-    /// readability, and at most the word's own probability against a likelier rival.
+    /// Returns the probability that a viewer reads this word and no other, by which studies rank
+    /// and tune: the readability, limited by the probability against a likelier rival.
     pub fn read_probability(&self) -> f64 {
         let likelier = self.rival.as_ref().filter(|rival| rival.p > 0.5);
         likelier.map_or(self.readability, |rival| self.readability.min(1.0 - rival.p))
@@ -139,12 +139,12 @@ impl Verdict {
         (self.legible, self.readability, self.reason) = (false, 0.0, Some(reason));
     }
 
-    /// True if blind recognition reads another text than the word. Equal shapes are equal.
+    /// True if blind recognition reads another text than the word, apart from equal shapes.
     pub fn is_contradicted(&self) -> bool {
         self.second_opinion.as_deref().is_some_and(|read| !spells(read, &self.word))
     }
 
-    /// Nothing of the word can be seen.
+    /// Returns the verdict on a photo without the word's light.
     pub(super) fn unseen(
         strokes: &Strokes,
         reason: Option<Reason>,
@@ -186,12 +186,12 @@ impl Placement {
 }
 
 impl LetterVerdict {
-    /// Punctuation.
+    /// Returns the verdict on punctuation.
     pub(super) fn not_judged(expected: char) -> Self {
         Self { expected, best: Some(expected), ..Self::default() }
     }
 
-    /// A letter without light.
+    /// Returns the verdict on a letter without light.
     pub(super) fn unseen(expected: char) -> Self {
         Self { expected, p: Some(0.0), no_letter: Some(0.0), ..Self::default() }
     }

@@ -10,13 +10,13 @@ use noctograph_core::photo::{Photo, PhotoData};
 /// The projection of the word's plane (x and height, meters) onto the picture.
 #[derive(Clone, Debug)]
 pub enum View {
-    /// Through a camera whose place and lens are known.
+    /// Projection by a camera with known position and lens.
     Camera(Box<Camera>),
-    /// By a homography: the plane in perspective, without a lens's distortion.
+    /// Projection by a homography, without lens distortion.
     Plane(Homography),
 }
 
-/// A plane in perspective.
+/// Perspective projection of the word's plane onto a photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Homography {
     image_from_plane: Matrix3<f64>,
@@ -33,7 +33,8 @@ impl From<&Camera> for View {
 }
 
 impl View {
-    /// Pixels from the left and upper edge, or `None` if the photo cannot show the point.
+    /// Projects a point of the plane. Returns pixels from the left and upper edge, or `None` if the
+    /// photo cannot show the point.
     pub fn image_from_plane(&self, [x_m, height_m]: [f64; 2]) -> Option<[f64; 2]> {
         let [x, y] = match self {
             Self::Camera(camera) => {
@@ -51,7 +52,8 @@ impl View {
         (x.is_finite() && y.is_finite()).then_some([x, y])
     }
 
-    /// A part of the plane (`[left, bottom, right, top]`) seen square on, by nearest pixels.
+    /// Renders a part of the plane (`[left, bottom, right, top]`) seen square on, by nearest
+    /// pixels.
     pub fn square_on(&self, photo: &Photo, bounds_m: [f64; 4], px_per_m: f64) -> Photo {
         let [left, bottom, right, top] = bounds_m;
         #[expect(clippy::cast_possible_truncation, reason = "at most some thousand")]
@@ -72,8 +74,8 @@ impl View {
         Photo::made(PhotoData { width_px, height_px, rgb8, scene_toml: None })
     }
 
-    /// A photo of a line of writing seen square on, with a margin for letters that leave its box.
-    /// The box is given by its four corners in the photo, clockwise from the upper left.
+    /// Renders a line of writing seen square on, with a margin for letters that leave its box.
+    /// `corners_px` are the box's corners in the photo, clockwise from the upper left.
     ///
     /// # Errors
     ///
@@ -89,7 +91,7 @@ impl View {
         Ok(Self::Plane(plane).square_on(photo, bounds, 1.0))
     }
 
-    /// A photo of the word's plane seen square on, from the camera that took it.
+    /// Renders the word's plane seen square on, from a photo that `camera` took.
     ///
     /// # Errors
     ///
@@ -105,7 +107,7 @@ impl View {
         Ok(Self::from(camera).square_on(photo, bounds_m, px_per_m))
     }
 
-    /// Size of the photo that it was made for.
+    /// Returns width and height of the photo.
     pub fn size_px(&self) -> [u32; 2] {
         match self {
             Self::Camera(camera) => [camera.width_px, camera.height_px],
@@ -120,7 +122,7 @@ const CORNERS_MARGIN: f64 = 0.5;
 /// Longest side of a picture seen square on.
 const MAX_SQUARE_ON_PX: f64 = 4096.0;
 
-/// The pixel at a place. Outside is black.
+/// Returns the color of a photo at a point, black outside.
 fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
     let inside =
         x >= 0.0 && y >= 0.0 && x < f64::from(photo.width_px) && y < f64::from(photo.height_px);
@@ -130,8 +132,8 @@ fn pixel(photo: &Photo, [x, y]: [f64; 2]) -> [u8; 3] {
 }
 
 impl Homography {
-    /// The view that shows a box of the plane (`[left, bottom, right, top]`) at four corners of the
-    /// picture: upper left, upper right, lower right, lower left.
+    /// Returns the view that shows a box of the plane (`[left, bottom, right, top]`) at four
+    /// corners of the photo: upper left, upper right, lower right, lower left.
     ///
     /// # Errors
     ///

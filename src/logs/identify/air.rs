@@ -1,8 +1,8 @@
-//! Uneven air, from the torque with which the motors answer it over seconds.
+//! Estimate of uneven air, from the motor torque that balances it over seconds.
 //!
-//! A body in flight does not keep turning: over a second the motors' torque balances that of the
-//! air, of the displaced center of mass, and a moment proportional to the velocity. With the last
-//! two fitted, the residual means are the air's torque.
+//! A body in flight does not keep rotating: over a second the motors' torque balances that of the
+//! air, that of the displaced center of mass, and a torque proportional to the velocity. After a
+//! fit of the last two, the residuals of the means are the air's torque.
 
 use nalgebra::Vector2;
 
@@ -10,22 +10,23 @@ use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 use noctograph_sim::vehicle::TORQUE_TIME_S;
 
+/// Length of a window, and least fraction of it that its samples must cover.
 const WINDOW_S: f64 = 1.0;
-/// Time after take-off in which the controller finds its trim, and before landing.
+const LEAST_COVERED: f64 = 0.8;
+/// Time after take-off, in which the controller finds its trim, and before landing.
 const ENDS_S: f64 = 2.0;
 const FEWEST: usize = 6;
 
-/// Torque of uneven air, and the doubt that it causes in a flight's mean torque.
+/// Torque of uneven air, and the error that it causes in a flight's mean torque.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnevenAir {
     /// Standard deviation about body x and y, N m.
     pub torque_sigma_n_m: [f64; 2],
-    /// That of the flight's mean torque, N m: the doubt of the center of mass.
+    /// Standard deviation of the flight's mean torque, N m.
     pub mean_sigma_n_m: [f64; 2],
 }
 
-/// Estimates it from the samples in the air and the torque of a motor's unit of command. `None` if
-/// the flight is too short.
+/// Estimates uneven air from the airborne samples. Returns `None` if the flight is too short.
 pub(super) fn uneven_air(
     flight: &Flight,
     samples: &[FlightSample],
@@ -43,7 +44,7 @@ pub(super) fn uneven_air(
             a == b
         }) {
             let lasts_s = part[part.len() - 1].time_s - part[0].time_s;
-            if lasts_s < 0.8 * WINDOW_S {
+            if lasts_s < LEAST_COVERED * WINDOW_S {
                 continue;
             }
             #[expect(clippy::cast_precision_loss, reason = "samples of a second")]
@@ -51,7 +52,7 @@ pub(super) fn uneven_air(
             let torques =
                 part.iter().map(|s| Vector2::from_fn(|axis, _| signed_sum(axis, &s.motors)));
             let torque_n_m = torques.sum::<Vector2<f64>>() * torque_per_command_n_m;
-            // Moving along x the air turns the drone about y, and the other way around.
+            // The air turns a drone that moves along x about y, and one that moves along y about x.
             let moving_m_s: Vector2<f64> = part.iter().map(|s| s.velocity_body_m_s.yx()).sum();
             windows.push([torque_n_m / n, moving_m_s / n]);
         }
@@ -59,7 +60,7 @@ pub(super) fn uneven_air(
     if windows.len() < FEWEST {
         return None;
     }
-    // About each axis: the spread that the velocity does not explain. A mean of a second varies
+    // The spread about each axis that the velocity does not explain. A mean over a window varies
     // less than the torque itself.
     #[expect(clippy::cast_precision_loss, reason = "seconds of a flight")]
     let n = windows.len() as f64;
@@ -72,7 +73,7 @@ pub(super) fn uneven_air(
         let [tt, tm, mm] = deviations
             .fold([0.0; 3], |sum, [t, m]| [sum[0] + t * t, sum[1] + t * m, sum[2] + m * m]);
         let explained = if mm > 0.0 { tm * tm / mm } else { 0.0 };
-        // Two figures are fitted beside the spread.
+        // The fit of mean and slope takes two degrees of freedom.
         ((tt - explained).max(0.0) / (n - 2.0)).sqrt() / mean_variance_frac(WINDOW_S).sqrt()
     });
     let mean_sigma_n_m =
@@ -80,7 +81,8 @@ pub(super) fn uneven_air(
     Some(UnevenAir { torque_sigma_n_m, mean_sigma_n_m })
 }
 
-/// Variance of the mean of an Ornstein–Uhlenbeck process over a time, relative to its variance.
+/// Returns the variance of an Ornstein–Uhlenbeck process's mean over `time_s`, relative to the
+/// variance of the process.
 fn mean_variance_frac(time_s: f64) -> f64 {
     let ratio = TORQUE_TIME_S / time_s;
     2.0 * ratio * (1.0 - ratio * (1.0 - libm::exp(-1.0 / ratio)))

@@ -1,9 +1,9 @@
-//! The rotors' lag, from how the body's roll and pitch answer the motors:
-//! `J Δ²w = k Δ(∫ torque of motors that follow in τ)`, over spans of equal length.
+//! Estimate of the rotors' lag, from the response of the body's roll and pitch to the motors:
+//! `J Δ²w = k Δ(∫ torque of motors that lag by τ)`, over spans of equal length.
 //!
-//! Uneven air turns a drone, its controller answers, and a plain fit takes the answer for the
-//! cause: its lags are 20 to 70 ms too long. Both sides are therefore projected onto the design's
-//! acceleration around the moment, which neither the air nor the gyroscope changes (two-stage least
+//! Uneven air turns a drone and its controller responds. A plain fit confuses response and cause:
+//! its lags are 20 to 70 ms too long. Both sides are therefore projected onto the design's
+//! acceleration at nearby times, which neither the air nor the gyroscope changes (two-stage least
 //! squares: Söderström, Stoica, Instrumental Variable Methods for System Identification, 1983, and
 //! in closed loop Gilson, Van den Hof, Automatica 41, 2005). The lag is the one with the best fit.
 //! Its confidence comes from leaving out one stretch of the flight after the other (jackknife over
@@ -17,17 +17,17 @@ use super::rotors::impulses;
 use super::{runs, signed_sum};
 use noctograph_core::flight::{Flight, FlightSample};
 
-/// Stretches of the flight that are left out in turn.
+/// Number of stretches of the flight that are left out in turn.
 const STRETCHES: usize = 20;
 /// Student's t of 95 % with nineteen degrees of freedom.
 pub const T_95: f64 = 2.093;
-/// Length of a span: two or more samples of a log of 50 Hz, short against the lag.
+/// Length of a span: two or more samples of a 50 Hz log, and shorter than the lag.
 const SPAN_S: f64 = 0.04;
 /// Lags that are tried: up to twice the longest published one, in steps.
 const LONGEST_S: f64 = 0.35;
 const STEP_S: f64 = 0.005;
-/// Spans before and after a moment of the design in which the drone answers it: 0.4 s, by which a
-/// plan leads its controller, and 0.8 s, in which a slow one settles.
+/// Spans before and after a time of the design in which the drone responds to it: 0.4 s, by which a
+/// plan leads its controller, and 0.8 s, in which a slow controller settles.
 const SPANS_BEFORE: usize = 10;
 const SPANS_AFTER: usize = 20;
 /// Fewest pairs of spans of a fit: ten to a stretch.
@@ -50,7 +50,8 @@ pub struct RotorLag {
 }
 
 impl RotorLag {
-    /// True if the flight shows a lag, and to 100 ms. A log that is slow or full of holes does not.
+    /// True if the flight shows the lag with an error below 100 ms. Slow logs, or those with many
+    /// gaps, do not.
     pub fn is_identifiable(&self) -> bool {
         self.half_width_s < LARGEST_DOUBT_S.min(self.lag_s) && self.explained > LEAST_EXPLAINED
     }
@@ -64,7 +65,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     if n < FEWEST {
         return None;
     }
-    // Instruments, response, and the regressor of each lag that is tried.
+    // Instruments, response, and the regressor for each lag.
     let designs = instruments(&runs)?;
     let turns = changes(&runs, |run| run.iter().map(|s| s.rate_body_rad_s.xy().into()).collect());
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "seventy")]
@@ -82,7 +83,7 @@ pub(super) fn lag(flight: &Flight, samples: &[FlightSample]) -> Option<RotorLag>
     Some(RotorLag { lag_s, half_width_s, explained: fit.fraction })
 }
 
-/// Standard deviation of an estimate, from those that leave out one stretch each.
+/// Returns the standard deviation of an estimate, from estimates that leave out one stretch each.
 fn jackknife_sigma(estimates: &[f64]) -> f64 {
     let n = estimates.len() as f64;
     let middle = estimates.iter().sum::<f64>() / n;
@@ -90,7 +91,7 @@ fn jackknife_sigma(estimates: &[f64]) -> f64 {
     (square * (n - 1.0) / n).sqrt()
 }
 
-/// Changes from span to span, a row each, about body x and y.
+/// Changes from span to span: a row for each pair of spans, with a column for each axis.
 type Changes = DMatrix<f64>;
 
 /// Products over one stretch of the flight: the design's columns with the rotation and with the
@@ -106,15 +107,15 @@ struct Stretch {
 
 /// How well the motors explain the rotation with each lag.
 struct Explained {
-    /// The log-likelihood, but for a constant.
+    /// Log-likelihood of each lag, apart from a constant.
     curve: Vec<f64>,
     /// Fraction of all changes of rotation that the motors explain at best, 0 to 1.
     fraction: f64,
 }
 
 impl Stretch {
-    /// Sums of products over one stretch of the flight: instruments (designs), response (turns) and
-    /// regressors (pushes).
+    /// Sums the products over one stretch of the flight: instruments (designs), response (turns)
+    /// and regressors (pushes).
     fn new(index: usize, designs: &Changes, turns: &Changes, pushes: &[Changes]) -> Self {
         let [from, to] = [index, index + 1].map(|index| index * turns.nrows() / STRETCHES);
         let rows = to - from;
@@ -141,7 +142,8 @@ impl Stretch {
     }
 }
 
-/// The curve over the lags, without one stretch. `None` for a design whose columns are alike.
+/// Returns how well each lag explains the rotation, without one stretch. `None` if the columns of
+/// the design are dependent.
 fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained> {
     let kept = stretches.iter().enumerate().filter(|(index, _)| Some(*index) != without);
     let kept: Vec<&Stretch> = kept.map(|(_, stretch)| stretch).collect();
@@ -152,7 +154,7 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
         kept.iter().map(|stretch| stretch.rows).sum::<usize>() as f64,
         square.trace() / columns as f64,
     );
-    // Columns of a word may be alike: a billionth keeps their matrix invertible.
+    // A billionth keeps the matrix invertible if columns are nearly dependent.
     for k in 0..columns {
         square[(k, k)] += 1e-9 * mean;
     }
@@ -182,8 +184,8 @@ fn explained(stretches: &[Stretch], without: Option<usize>) -> Option<Explained>
     Some(Explained { curve, fraction: most })
 }
 
-/// The design's acceleration along world x and y, at each pair of spans and those around it, a
-/// column each. `None` if it never moves.
+/// Returns the design's acceleration along world x and y, at each pair of spans and at those around
+/// it, in a column each. `None` if the design never moves.
 fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     let moves = changes(runs, |run| run.iter().map(|s| s.design_m.xy().into()).collect());
     let axes: Vec<usize> = (0..2).filter(|axis| moves.column(*axis).amax() > 1e-9).collect();
@@ -195,7 +197,7 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
         for row in run.clone() {
             for (block, axis) in axes.iter().enumerate() {
                 for around in 0..n_around {
-                    // The answer follows its cause, or leads it by what a plan knows.
+                    // The response may precede the design, since a plan leads its controller.
                     let cause = (row + SPANS_BEFORE).checked_sub(around);
                     if let Some(cause) = cause.filter(|cause| run.contains(cause)) {
                         columns[(row, block * n_around + around)] = moves[(cause, *axis)];
@@ -208,6 +210,7 @@ fn instruments(runs: &[(&[FlightSample], Vec<[usize; 3]>)]) -> Option<Changes> {
     (!axes.is_empty()).then_some(columns)
 }
 
+/// Returns the changes of a quantity's mean rate from each span to the next.
 fn changes(
     runs: &[(&[FlightSample], Vec<[usize; 3]>)],
     quantity: impl Fn(&[FlightSample]) -> Vec<[f64; 2]>,
@@ -227,7 +230,8 @@ fn changes(
     DMatrix::from_row_slice(rows.len() / 2, 2, &rows)
 }
 
-/// Integral, up to each sample, of the roll and pitch of motors that follow in a time.
+/// Returns the integral, up to each sample, of roll and pitch torques of motors that lag by
+/// `lag_s`.
 fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0; 2]];
     for impulse in impulses(run, lag_s) {
@@ -237,7 +241,7 @@ fn torques(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 2]> {
     sums
 }
 
-/// Where a curve over the lags is highest, by a parabola through the highest point and its
+/// Returns the lag at the peak of a curve, by a parabola through the highest point and its
 /// neighbors.
 fn peak(curve: &[f64]) -> f64 {
     let highest = (0..curve.len()).max_by(|a, b| curve[*a].total_cmp(&curve[*b])).unwrap_or(0);
@@ -255,7 +259,7 @@ fn peak(curve: &[f64]) -> f64 {
     (index + shift) * STEP_S
 }
 
-/// Three samples each a span apart, by their indices.
+/// Returns indices of three samples each, which are a span apart.
 fn pairs(run: &[FlightSample]) -> impl Iterator<Item = [usize; 3]> + '_ {
     // The first sample at least a span after the one before.
     let ends = std::iter::successors((!run.is_empty()).then_some(0), |from: &usize| {

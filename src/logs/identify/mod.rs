@@ -1,4 +1,4 @@
-//! Identify: figures of a drone and weights of its observer, from the log of a flight.
+//! Identification of a drone's parameters and its observer's weights, from the log of a flight.
 //!
 //! In: a [`Flight`], and the vehicle's mass, arm and motor lag, which a log does not show. Out:
 //! [`Identified`]. The method is the reference team's (AE483, 2022).
@@ -53,19 +53,19 @@ const FEWEST_SAMPLES: usize = 100;
 /// Properties of a drone, estimated from a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identified {
-    /// Airborne samples that were used.
+    /// Number of airborne samples.
     pub n_samples: usize,
     /// Mean motor commands m1…m4.
     pub mean_motors: [f64; 4],
     /// Thrust of one motor per unit of its command, N: fitted to the accelerometer, or to hovering
     /// without one.
     pub k_f_n: f64,
-    /// Mean torque that the motors gave about body x and y, N m. The body met its opposite.
+    /// Mean torque of the motors about body x and y, N m. An opposite torque acts on the body.
     pub motor_torque_n_m: [f64; 2],
     /// The center of mass that explains that torque, in body x and y.
     pub center_of_mass_m: [f64; 2],
-    /// Half the width of its confidence interval of 95 %, from the torque of uneven air. `None` if
-    /// the flight is too short.
+    /// Half the width of the 95 % confidence interval of the center of mass, from the torque of
+    /// uneven air. `None` if the flight is too short.
     pub center_of_mass_half_width_m: Option<[f64; 2]>,
     /// The rotors' lag. `None` if no body rate is logged.
     pub lag: Option<RotorLag>,
@@ -82,25 +82,25 @@ pub struct Identified {
 }
 
 impl Identified {
-    /// The observer's Q: `1/σ²` of the three measurements, 1/m².
+    /// Returns the observer's Q: `1/σ²` of the three measurements, 1/m².
     pub fn observer_q(&self) -> Option<[f64; 3]> {
         self.measurement_sigma_m.map(|sigma| sigma.map(weight))
     }
 
-    /// The observer's R: `1/σ²` of the eight model errors without ψ, which nothing observes.
+    /// Returns the observer's R: `1/σ²` of the eight model errors without ψ, which is unobservable.
     pub fn observer_r(&self) -> Option<[f64; 8]> {
         let [x, y, z, _psi, theta, phi, vx, vy, vz] = self.model_sigma?;
         Some([x, y, z, theta, phi, vx, vy, vz].map(weight))
     }
 }
 
-/// Weight of an error of spread σ: `1/σ²`.
+/// Returns the weight `1/σ²` of an error with the standard deviation σ.
 pub fn weight(sigma: f64) -> f64 {
     1.0 / (sigma * sigma)
 }
 
-/// Moment of inertia about an axis from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body
-/// that swings with period T about a pivot at distance r from its center of mass.
+/// Returns the moment of inertia from a pendulum test: `J = m (g r (T/2π)² − r²)`, for a body that
+/// swings with period T about a pivot at distance r from its center of mass.
 ///
 /// # Errors
 ///
@@ -205,10 +205,12 @@ pub fn is_frozen(samples: &[FlightSample]) -> bool {
     turns.all(|turn| (turn - first).amax() < SAME)
 }
 
+/// Returns the warning of a source that never changes.
 fn frozen(names: &str) -> Diagnostic {
     Diagnostic::warning("source-frozen", format!("{names}: frozen, as if it was not logged"))
 }
 
+/// Returns the airborne values of an extra column.
 fn column<'a>(flight: &'a Flight, air: &Range<usize>, name: &str) -> Option<&'a [f64]> {
     flight.extra.get(name).map(|column| &column[air.clone()])
 }
@@ -223,7 +225,7 @@ fn are_figures(sigma: &[f64]) -> bool {
     sigma.iter().all(|sigma| sigma.is_finite() && *sigma > 0.0)
 }
 
-/// The vertical acceleration in m/s² of the first source that changes.
+/// Returns the vertical acceleration in m/s² of the first source that changes.
 fn accelerations(
     flight: &Flight,
     air: &Range<usize>,
@@ -240,7 +242,7 @@ fn accelerations(
     None
 }
 
-/// Standard deviation about the estimate of the first raw position that changes.
+/// Returns the standard deviation, about the estimate, of the first raw position that changes.
 fn measurement_sigma_m(
     flight: &Flight,
     air: &Range<usize>,
@@ -255,15 +257,15 @@ fn measurement_sigma_m(
         }
         let places = flight.samples[air.clone()].iter().zip(x).zip(y).zip(z);
         let errors = places.map(|(((s, x), y), z)| Vector3::new(*x, *y, *z) - s.position_m);
-        let sigma: [f64; 3] = spread(&errors.collect::<Vec<_>>()).into();
+        let sigma: [f64; 3] = standard_deviation(&errors.collect::<Vec<_>>()).into();
         // The estimate may be this raw position itself: then the deviations are zero.
         return Some(sigma).filter(|sigma| are_figures(sigma));
     }
     None
 }
 
-/// Spread of `ẋ − (A x + B u)` with the model linearized at hover, over pairs of neighbors without
-/// a gap between them.
+/// Returns the standard deviation of `ẋ − (A x + B u)` with the model linearized at hover, over
+/// pairs of neighbors without a gap between them.
 fn model_sigma(
     flight: &Flight,
     samples: &[FlightSample],
@@ -274,33 +276,36 @@ fn model_sigma(
         let dt_s = pair[1].time_s - pair[0].time_s;
         let acceleration = accelerations.map_or(GRAVITY_M_S2, |column| column[index]);
         let error = (state(&pair[1]) - state(&pair[0])) / dt_s - model(&pair[0], acceleration);
-        (dt_s > 0.0 && !ends_at_hole(flight, pair[0].time_s)).then_some(error)
+        (dt_s > 0.0 && !ends_at_gap(flight, pair[0].time_s)).then_some(error)
     });
-    spread(&pairs.collect::<Vec<_>>()).into()
+    standard_deviation(&pairs.collect::<Vec<_>>()).into()
 }
 
+/// Splits samples into runs without gaps.
 fn runs<'a>(
     flight: &Flight,
     samples: &'a [FlightSample],
 ) -> impl Iterator<Item = &'a [FlightSample]> {
-    samples.chunk_by(|a, b| a.time_s < b.time_s && !ends_at_hole(flight, a.time_s))
+    samples.chunk_by(|a, b| a.time_s < b.time_s && !ends_at_gap(flight, a.time_s))
 }
 
-/// Sum over the four motors about an axis of the body, with the sign of each.
+/// Returns the sum of the motors' values with their signs about an axis of the body.
 fn signed_sum(axis: usize, motors: &[f64; 4]) -> f64 {
     (0..4).map(|motor| MOTOR_SIGNS[(axis, motor)] * motors[motor]).sum()
 }
 
-fn ends_at_hole(flight: &Flight, time_s: f64) -> bool {
+/// True if a gap follows a sample.
+fn ends_at_gap(flight: &Flight, time_s: f64) -> bool {
     flight.gaps.iter().any(|gap| gap[0] <= time_s && time_s < gap[1])
 }
 
+/// Returns the nine states of a sample, [`MODEL_STATES`].
 fn state(sample: &FlightSample) -> SVector<f64, 9> {
     let (o, a, v) = (sample.position_m, sample.attitude, sample.velocity_body_m_s);
     SVector::from([o.x, o.y, o.z, a.yaw_rad, a.pitch_rad, a.roll_rad, v.x, v.y, v.z])
 }
 
-/// `A x + B u` of the observer's model at hover.
+/// Returns `A x + B u` of the observer's model at hover.
 fn model(sample: &FlightSample, acceleration_z_m_s2: f64) -> SVector<f64, 9> {
     let (a, v, w) = (sample.attitude, sample.velocity_body_m_s, sample.rate_body_rad_s);
     let g = GRAVITY_M_S2;
@@ -308,6 +313,7 @@ fn model(sample: &FlightSample, acceleration_z_m_s2: f64) -> SVector<f64, 9> {
     SVector::from([v.x, v.y, v.z, w.z, w.y, w.x, g * a.pitch_rad, -g * a.roll_rad, lift])
 }
 
+/// Returns the mean of vectors.
 fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVector<f64, N> {
     let (mut sum, mut n) = (SVector::zeros(), 0.0);
     for value in values {
@@ -317,7 +323,8 @@ fn mean<const N: usize>(values: impl Iterator<Item = SVector<f64, N>>) -> SVecto
     sum / n
 }
 
-fn spread<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
+/// Returns the standard deviation of vectors, by component.
+fn standard_deviation<const N: usize>(values: &[SVector<f64, N>]) -> SVector<f64, N> {
     let middle = mean(values.iter().copied());
     let squares = values.iter().map(|value| (value - middle).map(|x| x * x));
     mean(squares).map(f64::sqrt)

@@ -1,4 +1,4 @@
-//! Thrust of motors from their logged commands: the speed of the rotors follows with a lag.
+//! Thrust of motors from their logged commands, which the rotor speeds follow with a lag.
 
 use super::runs;
 use noctograph_core::crazyflie::GRAVITY_M_S2;
@@ -8,15 +8,15 @@ use noctograph_sim::vehicle::VehicleOptions;
 /// Half the time for which the firmware holds a command (500 Hz): the delay of the commands against
 /// a straight line between two logged ones.
 const HELD_S: f64 = 0.001;
-/// Longest step that is interpolated: longer ones hold the first command.
+/// Longest step that is interpolated. In longer ones the first command is held.
 const LONGEST_STEP_S: f64 = 0.04;
-/// Height above the floor beyond the ground effect.
+/// Least height above the floor without ground effect.
 const FREE_M: f64 = 0.15;
-/// Samples over which the climb is measured at either end.
+/// Number of samples to either side over which the climb rate is measured.
 const CLIMB: usize = 10;
 
-/// Thrust of each motor times time, from each sample to the next, in units of its command: the
-/// speed of the rotors follows the root of the command, thrust goes with its square.
+/// Returns the integral of each motor's thrust from each sample to the next, in units of commands.
+/// Rotor speeds follow the root of the command, and thrust is their square.
 pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     let wanted = roots(run);
     let Some(mut speed) = wanted.first().copied() else { return Vec::new() };
@@ -36,8 +36,7 @@ pub(super) fn impulses(run: &[FlightSample], lag_s: f64) -> Vec<[f64; 4]> {
     }))
 }
 
-/// Roots of the commands at each sample. Between two logged commands they are interpolated, not
-/// held.
+/// Returns the roots of the commands at each sample, interpolated between different commands.
 fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     let mut line = Vec::with_capacity(run.len());
     for held in run.chunk_by(|a, b| a.motors == b.motors) {
@@ -54,9 +53,9 @@ fn roots(run: &[FlightSample]) -> Vec<[f64; 4]> {
     line
 }
 
-/// Thrust per command that carries the drone, N: with the motors' lag, out of the ground effect.
-/// Against the accelerometer, by least squares of `m a = k ΣM`. Without one, against gravity and
-/// the climb, over the whole time.
+/// Returns the thrust per command, N, with the motors' lag and without ground effect. It is fitted
+/// to the accelerations by least squares of `m a = k ΣM`. Without these, it is fitted to gravity
+/// and the climb over the whole time.
 pub(super) fn thrust_per_command_n(
     flight: &Flight,
     samples: &[FlightSample],
@@ -69,7 +68,7 @@ pub(super) fn thrust_per_command_n(
     let free =
         (0..samples.len()).filter(|&i| !has_position || samples[i].position_m.z - floor_m > FREE_M);
     let free = free.clone().min().zip(free.max());
-    // A flight that stays low, or at one height, is taken whole.
+    // If half of the flight is in ground effect, all of it is used.
     let (from, to) =
         free.filter(|(from, to)| to - from > samples.len() / 2).unwrap_or((0, samples.len() - 1));
     let VehicleOptions { mass_kg, motor_rise_s, motor_fall_s, .. } = assumed;
@@ -105,6 +104,7 @@ pub(super) fn thrust_per_command_n(
     product / square
 }
 
+/// Returns the climb rate around a sample.
 fn climb_m_s(run: &[FlightSample], index: usize) -> f64 {
     let (before, after) = (index.saturating_sub(CLIMB), (index + CLIMB).min(run.len() - 1));
     let lasts_s = run[after].time_s - run[before].time_s;

@@ -1,5 +1,5 @@
 //! One flight in tables and JSON as they are generated: columns in any order and naming, with their
-//! units, separators, encodings, stamps, and the ids of drones.
+//! units, separators, encodings, timestamps, and the ids of drones.
 
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -52,7 +52,7 @@ const STAMPS: [(&str, Cells); 22] = [
     ("Time", |t, _| clock((t + 86_395.0) % 86_400.0, 0.0)),
 ];
 
-/// Coordinates in names and units; each title for x, y or z in place of `*`.
+/// Coordinates in names and units. Each title has x, y or z in place of `*`.
 const PLACES: [(&str, f64); 8] = [
     ("*", 1.0),
     ("pos_*", 1.0),

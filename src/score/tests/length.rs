@@ -5,7 +5,7 @@ use noctograph_core::strokes::StrokesData;
 use super::*;
 
 /// Words, each with words that have a letter more or less at the beginning, in the middle or at the
-/// end; real words among them.
+/// end. Some are real words.
 const PAIRS: [(&str, &[&str]); 10] = [
     ("PARIS", &["ARIS", "PAIS", "PARI", "SPARIS", "PARTIS", "PARISH"]),
     ("EAR", &["AR", "ER", "EA", "NEAR", "EVAR", "EARN"]),

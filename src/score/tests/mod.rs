@@ -35,7 +35,7 @@ fn simplex(text: &str) -> Strokes {
     write(text, &LetterOptions { font: "simplex".into(), ..Default::default() }).unwrap()
 }
 
-/// Whether every letter is right and no other word is likelier.
+/// True if every letter is right and no other word is likelier.
 fn is_read(verdict: &Verdict) -> bool {
     verdict.letters.iter().all(|letter| letter.best == Some(letter.expected))
         && verdict.rival.as_ref().is_none_or(|rival| rival.p < 0.5)

@@ -203,7 +203,7 @@ impl Shot {
         let px_per_m = (y - seen([0.0, 1.0])[1]) as f32;
         let mut page = Page::blank(camera.width_px as usize, camera.height_px as usize);
         page.stroke(&moves, 0.02 * px_per_m, Transform::identity());
-        let mut linear = page.dry().blur((0.006 * px_per_m).max(0.3));
+        let mut linear = page.into_raster().blur((0.006 * px_per_m).max(0.3));
         let (width, height) = (linear.width, linear.height);
         for (index, value) in linear.values.iter_mut().enumerate() {
             let above = (height - index / width) as f32 / height as f32;

@@ -162,7 +162,7 @@ fn gaps_of_a_log_are_read_back_and_foreign_text_is_refused() {
     }
 }
 
-/// A trailing drone cuts corners, which is not a fault; a corner that the log lost is named.
+/// A lagging drone cuts corners, which is not a fault. A corner that the log lost is named.
 #[test]
 fn a_corner_that_the_log_lost_is_not_one_that_was_cut() {
     let noor = word("NOOR");
