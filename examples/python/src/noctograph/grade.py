@@ -249,18 +249,18 @@ def _fly(
         estimator = process.estimator if process.estimates else None
         sessions = Sessions(scene, len(seeds), conditions, estimator, not process.controls)
         sessions.reset(list(seeds))
-        seen = sessions.look()
+        seen = sessions.observations()
         while not (over := seen["landed"] | seen["lost"]).all():
             if not process.controls:
                 sessions.step(None, [sessions.command_hz // 10] * len(seeds))
-                seen = sessions.look()
+                seen = sessions.observations()
                 continue
             flying = np.flatnonzero(~over)
             rows = [flying.astype(float), seen["state"][flying], seen["reference"][flying], seen["time_s"][flying]]
             motors[over] = 0
             motors[flying] = process.control(np.column_stack(rows))
             sessions.step(motors, [1] * len(seeds))
-            seen = sessions.look()
+            seen = sessions.observations()
     finally:
         process.end()
     return sessions.outcomes()[1], process.left

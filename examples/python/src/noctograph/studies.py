@@ -174,7 +174,7 @@ def _fly_controlled(
     each = [None if controller is None else _made(controller, scene) for _ in (seeds[:1] if vectorized else seeds)]
     timed = each[0] is not None and _takes_time(each[0])
     motors = np.zeros((n, 4))
-    while not (over := (seen := sessions.look())["landed"] | seen["lost"]).all():
+    while not (over := (seen := sessions.observations())["landed"] | seen["lost"]).all():
         rows = (seen["state"], seen["reference"], seen["time_s"])[: 3 if timed else 2]
         if controller is None:  # an estimator with the scene's controller
             sessions.step(None, [sessions.command_hz // 10] * n)
